@@ -46,7 +46,6 @@ class FolderSource(SourceBase):
     """
 
     def __init__(self, path: Path, *, rate_hz: float = 10.0) -> None:
-        """List the frames without reading them."""
         super().__init__()
         if not 0 < rate_hz < float("inf"):
             raise UsageError(f"the rate must be positive and finite, got {rate_hz} frames per second")
@@ -126,7 +125,6 @@ class FolderSource(SourceBase):
         return self._frames[0][0], self._frames[-1][0]
 
     def _index_at(self, time_ns: float) -> int:
-        """Return the index of the first frame with a stamp of at least ``time_ns``."""
         return bisect_left(self._frames, time_ns, key=itemgetter(0))
 
     def _message(self, index: int, stamp_ns: int, file: Path) -> Message:
@@ -169,7 +167,6 @@ def is_frame_folder(path: Path) -> bool:
 
 
 def _find_frames(path: Path) -> list[Path]:
-    """Return the frame files of a recording in natural order."""
     if path.is_file():
         if path.suffix.lower() not in FRAME_READERS:
             raise InputError(f"{path}: not a frame file; supported suffixes: {', '.join(FRAME_READERS)}")

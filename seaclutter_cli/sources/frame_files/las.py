@@ -238,7 +238,6 @@ def read_index(path: Path, header: Any) -> CopcIndex:
 
 
 def _copc_entries(path: Path, offset: int, size: int) -> NDArray[Any]:
-    """Return the entries of all pages of the index."""
     found, known = [np.empty(0, _COPC_ENTRY)], set()
     total, pages = path.stat().st_size, [(offset, size)]
     with path.open("rb") as file:

@@ -49,7 +49,6 @@ class LazBackend(AbstractContextManager["LazBackend"]):
         return self._reader
 
     def __exit__(self, *_: object) -> None:
-        """End the work of the other process."""
         if self._reader is not None:
             self._reader.release()
 

@@ -328,6 +328,5 @@ class McapContents:
         self._count(channel, 1)
 
     def _count(self, channel: int, messages: int) -> None:
-        """Count messages of a channel in the last chunk."""
         self.counts[channel] += messages
         self.first.setdefault(channel, len(self.chunks) - 1)

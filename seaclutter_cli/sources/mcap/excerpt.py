@@ -107,7 +107,6 @@ def _length(chunk: mcap_records.ChunkIndex) -> int:
 
 
 def _file(head: bytes, chunks: Iterable[bytes], declared: bytes) -> bytes:
-    """Return a closed MCAP file."""
     data = b"".join((head, *chunks, RECORD.pack(Opcode.DATA_END, 4), bytes(4)))
     footer = RECORD.pack(Opcode.FOOTER, _FOOTER.size) + struct.pack("<QQ", len(data), 0)
     return data + declared + footer + struct.pack("<I", crc32(footer, crc32(declared))) + MAGIC

@@ -128,7 +128,6 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
         return trust, has_valid_offset and trust > Trust.BROKEN
 
     def _summary(self, op: Opcode, read: Callable[[ReadDataStream], R]) -> list[R]:
-        """Return the records of a kind in the summary."""
         records = []
         for span in self._tail:
             if span.op == op:
@@ -209,7 +208,6 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
         self._chunks[number] = replace(chunk, start_ns=start_ns, end_ns=end_ns, messages=count, suspect=False)
 
     def _messages(self, chunk: McapChunk, unpacked: Callable[[], Buffer]) -> list[Message]:
-        """Return the messages of a chunk in file order, and report its damage."""
         try:
             return self._loaded(chunk, unpacked())
         except BrokenRecordError as error:
@@ -250,7 +248,6 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
                 self._declared.add(op, records[start:end], chunk.offset, Trust.BROKEN)
 
     def _unpack(self, chunk: McapChunk) -> Buffer:
-        """Return the records of a chunk."""
         if chunk.header is not None:
             return salvage(chunk.header, self._file) if self._is_cut(chunk) else unpack(chunk.header, self._file)
         if chunk.size > limits().chunk_bytes:

@@ -47,7 +47,6 @@ class Flow:
         return f"{self.address}:{self.source_port} to port {self.port}"
 
     def __str__(self) -> str:
-        """Return a description for the message that no sensor was found."""
         text = f"{count(self.count, 'UDP datagram')} of {count(self.length, 'byte')} from {self.ends}"
         return f"{text} ({self.unsupported}: not supported; {ADVICE})" if self.unsupported else text
 

@@ -151,7 +151,6 @@ class CaptureSource(SourceBase):
             self._count(channel, decoders[number].facts, int(cut[number]))
 
     def _add_facts(self, channel: Channel, facts: SensorFacts, partial: int = 0) -> None:
-        """Store the facts from a decoder, and add its warnings."""
         if partial:
             facts.details["partial revolutions"] = f"{partial}, where the capture begins or ends"
         self.facts[channel.topic] = facts

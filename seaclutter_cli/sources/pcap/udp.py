@@ -181,7 +181,6 @@ class Udp:
         return payloads
 
     def _gather(self, offsets: NDArray[np.int64], length: int) -> NDArray[np.uint8]:
-        """Return the bytes at offsets, shape (P, L)."""
         start, stop = int(offsets.min()), int(offsets.max()) + length
         block = self._file[start:stop]
         return np.ndarray((stop - start - length + 1, length), np.uint8, block, strides=(1, 1))[offsets - start]
@@ -336,5 +335,4 @@ def _network(link: int, heads: NDArray[np.uint8]) -> tuple[NDArray[np.int64], ND
 
 
 def _word(heads: NDArray[np.uint8], rows: NDArray[np.int64], at: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the two bytes at an offset of each row, as a number."""
     return heads[rows, at].astype(np.int64) << 8 | heads[rows, at + 1]

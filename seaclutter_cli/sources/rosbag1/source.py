@@ -98,7 +98,6 @@ class BagSource(ChunkedSource[Chunk, Content]):
                 self._counts.update(message.channel.id for message in messages)
 
     def _messages(self, chunk: Chunk, unpacked: Callable[[], Content]) -> list[Message]:
-        """Return the messages of a chunk, and report its damage."""
         content, size, problem = unpacked()
         gaps: list[tuple[int, int]] = []
         messages, unknown = self._parse(content, gaps)

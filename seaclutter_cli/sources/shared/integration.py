@@ -100,7 +100,6 @@ class Integrated(SourceWrapper):
         window.size += data
 
     def _join(self, channel: Channel, window: _Window, times: tuple[int, int]) -> Iterator[Message]:
-        """Yield the joined cloud of a window, if it has any."""
         clouds, window.clouds, window.size = window.clouds, [], 0
         if not clouds:
             return
@@ -120,7 +119,6 @@ def _joined(channel: Channel) -> Channel:
 
 
 def _fits(one: Cloud, other: Cloud) -> bool:
-    """Return whether the points of two clouds have the same layout and frame."""
     keys = [(cloud.fields, cloud.point_step, cloud.big_endian, cloud.frame_id) for cloud in (one, other)]
     return keys[0] == keys[1]
 

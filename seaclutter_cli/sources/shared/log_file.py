@@ -24,7 +24,6 @@ class LostDataError(InputError):
     """A part of an open file can no longer be read."""
 
     def __init__(self, path: Path, problem: str) -> None:
-        """Name the file and the problem."""
         super().__init__(f"{path}: {problem}")
         self.problem = problem
 
@@ -32,13 +31,9 @@ class LostDataError(InputError):
 class Bytes(Protocol[B_co]):
     """Data that is read by slices without a step: a `LogFile`, bytes or a memoryview."""
 
-    def __len__(self) -> int:
-        """Return the number of bytes."""
-        ...
+    def __len__(self) -> int: ...
 
-    def __getitem__(self, part: slice, /) -> B_co:
-        """Return the bytes of a slice."""
-        ...
+    def __getitem__(self, part: slice, /) -> B_co: ...
 
 
 def unpack(layout: Struct, data: Bytes[bytes | memoryview], at: int) -> tuple[Any, ...]:
@@ -115,11 +110,9 @@ class FilePart:
         self._file, self._start, self._stop = file, start, stop
 
     def __len__(self) -> int:
-        """Return the number of bytes."""
         return self._stop - self._start
 
     def __bytes__(self) -> bytes:
-        """Return all of the data."""
         return b"".join(self.pieces())
 
     def pieces(self) -> Iterator[bytes | memoryview]:

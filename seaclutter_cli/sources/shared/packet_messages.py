@@ -222,7 +222,6 @@ class PacketMessage:
         return sec * _NANO + nanosec
 
     def _read_reserved(self, layout: Layout, length: int, number: int) -> None:
-        """Read packets of a fixed size."""
         at = self._at + -(self._at - self._start) % self._align
         number_type = self.order + "u4"
         fields = [("sec", number_type), ("nanosec", number_type), ("data", "u1", (length,))]
@@ -243,7 +242,6 @@ class PacketMessage:
         self.payloads += [view[start : start + size] for start, size in spans]
 
     def _read_counted(self, layout: Layout, number: int, stamp_ns: int) -> None:
-        """Read packets whose lengths precede them."""
         view = memoryview(self._data)
         for _ in range(number):
             if layout.stamp:

@@ -55,7 +55,6 @@ class PacketTopics(SourceWrapper):
     """
 
     def __init__(self, inner: Source, families: Mapping[str, PacketFamily], options: DecoderOptions) -> None:
-        """Read the first scan of every packet topic."""
         super().__init__(inner)
         self._options = options
         self.facts: dict[str, SensorFacts] = dict(inner.facts)
@@ -91,7 +90,6 @@ class PacketTopics(SourceWrapper):
         self.warn(*(candidate.problems[0] for candidate in candidates.values() if candidate.problems))
 
     def _cloud_channel(self, packets: Channel) -> Channel:
-        """Return the channel of a packet topic's clouds."""
         channels = self.channels
         taken = {channel.id for channel in channels}
         number = next(id_ for id_ in range(_MAX_IDS, 0, -1) if id_ not in taken)
@@ -169,7 +167,6 @@ class PacketTopics(SourceWrapper):
             yield Message(channel, *stream.times, number, data)
 
     def _conclude(self, stream: _Stream) -> None:
-        """Report the facts and losses of a topic at its end."""
         topic, facts = stream.topic.clouds.topic, stream.decoder.facts
         if stream.partial:
             facts.details["partial revolutions"] = f"{stream.partial}, where the recording begins, pauses or ends"
