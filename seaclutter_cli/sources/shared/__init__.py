@@ -64,6 +64,10 @@ class SourceWrapper(SourceBase):
         """Log times of the first and the last message of the recording."""
         return self._inner.span_ns
 
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
+        """Return the last message before a time of each of some channels of the recording."""
+        return self._inner.latest(channels, before_ns)
+
     def close(self) -> None:
         """Close the recording."""
         self._inner.close()

@@ -59,7 +59,7 @@ class Integrated(SourceWrapper):
 
     def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
         """Return the last message before a time of each of some channels whose clouds are not joined."""
-        return self._inner.latest([number for number in channels if number not in self._clouds], before_ns)
+        return super().latest([number for number in channels if number not in self._clouds], before_ns)
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:  # noqa: ARG002
         """Yield the records before ``end_ns``, with joined clouds; can be called again."""

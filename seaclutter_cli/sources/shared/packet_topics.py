@@ -1,7 +1,7 @@
 """Point clouds from packet topics: packets that lidar drivers publish before they are decoded."""
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from seaclutter_cli.cloud import from_array
@@ -73,8 +73,9 @@ class PacketTopics(SourceWrapper):
     def counts(self) -> dict[int, int]:
         """Messages per channel id; each scan counts as one frame, and frames of single packets are not known."""
         counts = dict(self._inner.counts)
-        scans = {number: topic for number, topic in self._topics.items() if not topic.is_single and number in counts}
-        counts |= {topic.clouds.id: counts[number] for number, topic in scans.items()}
+        for number, topic in self._topics.items():
+            if number in counts and not topic.is_single:
+                counts[topic.clouds.id] = counts[number]
         return counts
 
     def _probe(self, undecoded: Sequence[Channel], families: Mapping[str, PacketFamily]) -> None:
@@ -90,17 +91,11 @@ class PacketTopics(SourceWrapper):
         self.warn(*(candidate.problems[0] for candidate in candidates.values() if candidate.problems))
 
     def _cloud_channel(self, packets: Channel) -> Channel:
-        channels = self.channels
-        taken = {channel.id for channel in channels}
+        taken = {channel.id for channel in self.channels}
         number = next(id_ for id_ in range(_MAX_IDS, 0, -1) if id_ not in taken)
         ros1 = packets.message_encoding == "ros1"
         schema = ros1_cloud_schema() if ros1 else ros2_schema("sensor_msgs/msg/PointCloud2")
-        topic = _points_topic(packets)
-        return Channel(number, topic, packets.message_encoding, schema)
-
-    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
-        """Return the last message before a time of each of some channels of the log."""
-        return self._inner.latest(channels, before_ns)
+        return Channel(number, _points_topic(packets), packets.message_encoding, schema)
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:  # noqa: ARG002
         """Yield the records of the log before ``end_ns``, and the clouds between them; can be called again."""
