@@ -34,18 +34,9 @@ def companion_format(
 ) -> tuple[str, Schema, Callable[[Companion], bytes]]:
     """Return the message encoding, schema and serialiser for a log, given the encoding of its clouds.
 
-    Messages in ROS logs must use a ROS encoding, otherwise players and readers reject the log; other logs get JSON.
-
-    Parameters
-    ----------
-    cloud_encoding : str
-        Encoding of the clouds.
-    kind : str
-        ROS name of the message type, as in ``package/msg/Name``.
-    typestore : callable
-        Returns the ``rosbags`` type store with this type.
-    json_schema : callable
-        Returns its JSON schema; the title is the name of the schema.
+    Messages in ROS logs must use a ROS encoding, otherwise players and readers reject the log; other logs get JSON. The
+    message has a ROS type (``package/msg/Name``) in a type store of ``rosbags``, and a JSON schema whose title is its
+    name.
     """
     if cloud_encoding not in ("cdr", "ros1"):
         schema = json_schema()

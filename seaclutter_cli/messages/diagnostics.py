@@ -149,21 +149,9 @@ def diagnostics_format(
 
 
 def read_diagnostics(data: Buffer, encoding: str, schema: str = PLAIN.name) -> Diagnostics:
-    """Return the statistics in a diagnostics message.
+    """Return the statistics in a message of an encoding, whose schema has a name that ends with that of its `Layout`.
 
-    Parameters
-    ----------
-    data : bytes or memoryview
-        Bytes of the message.
-    encoding : str
-        Its encoding: ``cdr``, ``ros1`` or ``json``.
-    schema : str, optional
-        Name of its schema, which ends with the name of its `Layout`.
-
-    Raises
-    ------
-    InputError
-        If the bytes are not a valid diagnostics message.
+    `InputError` if the bytes are not a valid diagnostics message.
     """
     layout = WATER if schema.endswith(WATER.name) else PLAIN
     try:

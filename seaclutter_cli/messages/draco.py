@@ -24,18 +24,7 @@ def unpack_draco(
     """Return the fields of a cloud that can be read, and the bytes of its points.
 
     The library reads float64 attributes in single precision, which is enough for coordinates. Other float64 fields,
-    such as times, are left out.
-
-    Parameters
-    ----------
-    packed : bytes or memoryview
-        Compressed data.
-    points, point_step : int
-        Number of points, and bytes of each.
-    fields : sequence of PointField
-        Fields of the cloud; the attribute of each has its index.
-    big_endian : bool
-        Byte order of the points.
+    such as times, are left out. The attribute of each field has its index.
 
     Raises
     ------

@@ -107,13 +107,7 @@ class ProtobufPointCloud:
     """Codec for protobuf; ``Cloud.extra`` contains the bytes of all fields that do not describe points."""
 
     def decode(self, data: Buffer) -> Cloud:
-        """Return a cloud whose points are a view of the message.
-
-        Raises
-        ------
-        CloudError
-            If the bytes are not a valid PointCloud.
-        """
+        """Return a cloud whose points are a view of the message; `CloudError` if it is not a valid PointCloud."""
         stamp_ns, frame_id, stride, points = 0, "", 0, memoryview(b"")
         fields: list[PointField] = []
         others: list[bytes] = []
@@ -163,13 +157,7 @@ class JsonPointCloud:
     """Codec for JSON with points in base64; ``Cloud.extra`` contains the object without its data."""
 
     def decode(self, data: Buffer) -> Cloud:
-        """Return the cloud in a message.
-
-        Raises
-        ------
-        CloudError
-            If the bytes are not a valid PointCloud.
-        """
+        """Return the cloud in a message; `CloudError` if it is not a valid PointCloud."""
         try:
             message = load_json(bytes(data), max_bytes=len(data))  # a message is bounded by its log
             points = base64.b64decode(message.pop("data"), validate=True)

@@ -298,16 +298,7 @@ def definition_of(types: Types, name: str, ros: Ros) -> tuple[Schema, str]:
 
 
 def layout_of(types: Types, name: str, *, merged: bool = True) -> Struct:
-    """Return the layout of the messages of a type.
-
-    Parameters
-    ----------
-    types : mapping
-        Types by name.
-    name : str
-        Full name of the type.
-    merged : bool, optional
-        Whether neighbouring numbers of one size become one block; otherwise every field keeps its name.
+    """Return the layout of the messages of a type; unless ``merged``, neighbouring numbers do not become one block.
 
     Raises
     ------

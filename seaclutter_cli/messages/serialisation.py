@@ -32,19 +32,9 @@ class Header:
 
 
 class Reader:
-    """Reader for the values of a message.
+    """Reader for the values of a message of a version of ROS.
 
-    Parameters
-    ----------
-    data : bytes or memoryview
-        The message.
-    ros : {1, 2}
-        Version of ROS.
-
-    Raises
-    ------
-    CloudError
-        If a ROS 2 message is not in plain CDR. Methods raise it if the message is truncated.
+    `CloudError` if a ROS 2 message is not in plain CDR, or if a message is truncated where it is read.
     """
 
     def __init__(self, data: Buffer, ros: Ros) -> None:
@@ -219,25 +209,13 @@ class Writer:
 
 
 class RosCodec(ABC):
-    """Base of the codecs for ROS messages.
-
-    Parameters
-    ----------
-    ros : {1, 2}
-        Version of ROS. ROS 2 messages are read in either byte order.
-    """
+    """Base of the codecs for messages of a version of ROS; those of ROS 2 are read in either byte order."""
 
     def __init__(self, ros: Ros) -> None:
         self._ros: Ros = ros
 
     def decode(self, data: Buffer) -> Cloud:
-        """Return the cloud in a message, a view of its points if they are not compressed.
-
-        Raises
-        ------
-        CloudError
-            If the bytes are not a valid message.
-        """
+        """Return the cloud in a message, a view of points that are not compressed; `CloudError` if it is not valid."""
         return self._read(Reader(data, self._ros))
 
     def encode(self, cloud: Cloud) -> bytes:

@@ -94,16 +94,8 @@ def guess_sensors(fields: Collection[str], rings: int | None, points: int) -> li
     """Return the names of the sensors that match a cloud, most likely first; several sensors share a layout.
 
     Beams that look at the sky or at calm water return nothing, so a cloud may lack rings: the sensors with the fewest
-    beams that suffice match.
-
-    Parameters
-    ----------
-    fields : collection of str
-        Field names of the cloud.
-    rings : int or None
-        Number of rings up to the last one seen; None without such a field.
-    points : int
-        Points per frame.
+    beams that suffice match. ``rings`` counts them up to the last one seen, None without such a field; ``points`` are
+    those of a frame.
 
     Examples
     --------
@@ -168,14 +160,7 @@ class RecognisedSensor:
 def recognise(
     fields: Collection[str], rings: int | None, points: int, facts: SensorFacts | None = None
 ) -> RecognisedSensor:
-    """Return the sensor of a topic, from the facts about it or, without any, from the layout of its clouds.
-
-    Parameters
-    ----------
-    fields, rings, points
-        As for `guess_sensors`.
-    facts : SensorFacts, optional
-        Facts from packets or metadata.
+    """Return the sensor of a topic, from the facts about it or, without any, from its clouds as in `guess_sensors`.
 
     Examples
     --------

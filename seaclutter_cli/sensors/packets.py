@@ -143,7 +143,7 @@ def point_dtype(*, returns: bool = False) -> np.dtype[Any]:
 
 
 class SensorClock:
-    """Correction of a sensor clock that is not set, which is noted among the facts about the sensor.
+    """Correction of a sensor clock that is not set, which is noted among facts about the sensor.
 
     A clock within a day of the recording time is used as it is. Otherwise, only time differences are used, relative to
     the recording time of a reference packet. A new reference is chosen if the clocks diverge by more than a second.
@@ -153,18 +153,12 @@ class SensorClock:
     State: the current correction.
     """
 
-    def __init__(self, facts: SensorFacts) -> None:
+    def __init__(self, facts: SensorFacts | None = None) -> None:
         self._facts = facts
         self._shift_ns: int | None = None
 
     def shifts(self, sensor_ns: NDArray[np.int64], recorded_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the corrections to add to the times of packets, shape (P,), in nanoseconds.
-
-        Parameters
-        ----------
-        sensor_ns, recorded_ns : ndarray, shape (P,), int64
-            Time of each packet by the sensor clock and by the recorder's clock.
-        """
+        """Return the corrections to add to the sensor's times of packets, given the recorder's, all in nanoseconds."""
         behind = recorded_ns - sensor_ns
         right = (behind > -DAY_NS) & (behind < DAY_NS)
         found = np.zeros(len(behind), np.int64)
@@ -176,7 +170,7 @@ class SensorClock:
             end = start + int(other.argmax()) if other.any() else len(behind)
             found[start : max(end, start + 1)] = shift or 0
             start = max(end, start + 1)
-        if self._shift_ns is not None:
+        if self._facts is not None and self._shift_ns is not None:
             self._facts.details["clock"] = "not synchronised, shifted to the recording time"
         return found
 
@@ -190,19 +184,9 @@ class SensorClock:
 
 
 class LossCounter:
-    """Counter of missing packets, based on a number that grows by a constant from packet to packet.
+    """Counter of missing packets, based on a number that grows by a constant from packet to packet and wraps to 0.
 
-    Late packets are not missing. A jump of more than 100,000 packets restarts the count.
-
-    Parameters
-    ----------
-    wrap : int, optional
-        Number at which counting wraps to 0.
-
-    Attributes
-    ----------
-    lost : int
-        Packets lost so far.
+    Late packets are not missing. A jump of more than 100,000 packets restarts the count. ``lost`` is the count so far.
     """
 
     def __init__(self, wrap: int = 1 << 62) -> None:

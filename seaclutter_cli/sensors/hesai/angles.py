@@ -23,22 +23,10 @@ _NOT_ANGLES = "{}: not a Hesai angle correction file (Laser id,Elevation,Azimuth
 
 
 def parse_angles(data: bytes, name: str, channels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the elevation and azimuth offset of each channel, shape (channels,), in degrees.
+    """Return elevation and azimuth offset of each channel, shape (channels,), in degrees, from a correction file.
 
-    Parameters
-    ----------
-    data : bytes
-        Content of an angle correction file: lines of ``Laser id,Elevation,Azimuth`` in degrees, with channels numbered
-        from 1.
-    name : str
-        Name of the file, for errors.
-    channels : int
-        Number of channels.
-
-    Raises
-    ------
-    InputError
-        If it is another file, or does not list exactly these channels.
+    It has lines of ``Laser id,Elevation,Azimuth`` in degrees, with channels numbered from 1; errors contain its name.
+    `InputError` if it is another file, or does not list exactly these channels.
     """
     try:
         lines = data.decode("utf-8-sig").splitlines()
@@ -58,16 +46,9 @@ def parse_angles(data: bytes, name: str, channels: int) -> tuple[NDArray[np.floa
 class MirrorAngles:
     """Angles of a sensor with M mirrors and C channels, as whole numbers in 1/25600 of a degree.
 
-    A mirror has a field: a range of positions of the motor, from its start to the start of the next one.
-
-    Parameters
-    ----------
-    starts : ndarray, shape (M,), int64
-        Positions at which fields start, ascending.
-    elevation, azimuth : ndarray, shape (C,), int64
-        Angles of each channel.
-    elevation_offsets, azimuth_offsets : ndarray, shape (C, 180), int64
-        Offsets of each channel every two degrees of the motor's position, in hundredths of a degree.
+    A mirror has a field: a range of positions of the motor, from its start to the start of the next one. ``starts``,
+    shape (M,), are ascending; offsets, shape (C, 180), are for every two degrees of the motor's position, in hundredths
+    of a degree.
     """
 
     starts: NDArray[np.int64]
@@ -106,21 +87,9 @@ def _rounded(values: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def parse_corrections(data: bytes, name: str, channels: int) -> MirrorAngles:
-    """Return the angles in the content of a binary angle correction file, version 1.5.
+    """Return the angles in a binary angle correction file, version 1.5; a prefix, as in a message, is skipped.
 
-    Parameters
-    ----------
-    data : bytes
-        The content; a prefix, as in a message of the sensor, is skipped.
-    name : str
-        Name of the file, for errors.
-    channels : int
-        Number of channels of the sensor.
-
-    Raises
-    ------
-    InputError
-        If it is another file, of another sensor, or damaged.
+    Errors contain its name. `InputError` if it is another file, of another sensor, or damaged.
     """
     data = data[max(data.find(_MARK), 0) :]
     if len(data) < _HEADER_BYTES or not data.startswith(_MARK):

@@ -80,19 +80,9 @@ def read_metadata(path: Path) -> OusterMetadata:
 
 
 def parse_metadata(data: bytes, name: str) -> OusterMetadata:
-    """Return metadata in the flat form of older firmware or the nested form of newer firmware.
+    """Return metadata from JSON in the flat form of older firmware or the nested form of newer firmware.
 
-    Parameters
-    ----------
-    data : bytes
-        JSON.
-    name : str
-        Where it comes from, for errors.
-
-    Raises
-    ------
-    InputError
-        If the metadata is incomplete.
+    Errors say where it comes from (``name``). `InputError` if the metadata is incomplete.
     """
     try:
         content = load_json(data)

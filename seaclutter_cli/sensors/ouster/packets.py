@@ -91,15 +91,7 @@ def first_columns(packets: NDArray[np.void]) -> NDArray[np.int64]:
 
 
 def valid_packets(packets: NDArray[np.void], columns: int) -> NDArray[np.bool_]:
-    """Return which packets, shape (P,), are valid: consecutive column ids, measured within one second.
-
-    Parameters
-    ----------
-    packets : ndarray, shape (P,)
-        Packets in the layout of `packet_layout`.
-    columns : int
-        Columns per revolution.
-    """
+    """Return which packets, shape (P,), are valid: consecutive ids among all columns, measured within one second."""
     ids = packets["columns"]["id"].astype(np.int64)
     count = ids.shape[1]
     valid = valid_columns(packets)
@@ -152,17 +144,9 @@ class FrameIdCheck:
         self._is_damaged = False
 
     def add(self, frame_ids: NDArray[np.int64], positions: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return which packets are intact.
+        """Return which packets are intact, given 16-bit frame ids and the packets' numbers in their revolutions, (P,).
 
-        Parameters
-        ----------
-        frame_ids, positions : ndarray, shape (P,)
-            16-bit frame ids, and the numbers of the packets in their revolutions; one or more.
-
-        Returns
-        -------
-        ndarray, shape (P,) or (P - 1,)
-            For the packet that waited for its successor, if there was one, and all of these but the last.
+        The result is for the packet that waited for its successor, if there was one, and all of these but the last.
         """
         known = np.concatenate([self._last, frame_ids * self._size + positions])
         before, these, after = known[:-2], known[1:-1], known[2:]

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
-from seaclutter_cli.sensors.packets import EXPERIMENTAL, DecoderOptions, PacketFrame, Packets
-from seaclutter_cli.sensors.robosense.clock import RobosenseClock, RobosenseLosses, header_times, wrong_times
+from seaclutter_cli.sensors.packets import DAY_NS, EXPERIMENTAL, DecoderOptions, PacketFrame, Packets, SensorClock
 from seaclutter_cli.sensors.robosense.device import Device, assumed_device, file_angles, read_device
 from seaclutter_cli.sensors.robosense.identity import find_model
 from seaclutter_cli.sensors.robosense.models import (
@@ -21,8 +20,15 @@ from seaclutter_cli.sensors.robosense.models import (
     INFO_BYTES,
     RobosenseModel,
 )
-from seaclutter_cli.sensors.robosense.packets import INFO_ID, data_packets, temperatures_degc
-from seaclutter_cli.sensors.robosense.points import Geometry, block_dtype, second_returns, steps, valid_blocks
+from seaclutter_cli.sensors.robosense.packets import INFO_ID, data_packets, header_times, temperatures_degc
+from seaclutter_cli.sensors.robosense.points import (
+    Geometry,
+    RobosenseLosses,
+    block_dtype,
+    second_returns,
+    steps,
+    valid_blocks,
+)
 
 _TOLERANCE = 100
 _MAX_WAITING = 512
@@ -53,20 +59,10 @@ class RoboSense:
         return _are(payloads, INFO_ID[:4], {INFO_BYTES})
 
     def decoder(self, packets: Packets, options: DecoderOptions) -> "RoboSenseDecoder":
-        """Return a decoder for the sensor that sent these packets.
+        """Return a decoder for the sensor that sent these packets: data, and device information from anywhere.
 
-        Parameters
-        ----------
-        packets : Packets
-            Data and device information packets, the latter from anywhere in the recording.
-        options : DecoderOptions
-            Device information packets, if data packets have another length; a file of angles, which override those in
-            the packets; the model, if packets do not identify it.
-
-        Raises
-        ------
-        InputError
-            If the model or the angles are unknown.
+        Options contain device information if data packets have another length, a file of angles, which overrides those
+        in the packets, and the model if packets do not identify it. `InputError` if model or angles are unknown.
         """
         info = packets.payloads[self.is_calibration(packets.payloads)] if options.info is None else options.info
         is_data = _are(packets.payloads, CLASSIC_ID, DATA_BYTES) | _are(packets.payloads, HELIOS_ID, DATA_BYTES)
@@ -138,7 +134,7 @@ class RoboSenseDecoder:
         self._device = device
         self._geometry = Geometry(device, device.angles)
         self._is_utc = device.model.format.is_utc
-        self._clock, self._losses = RobosenseClock(device.model.packet_ns), RobosenseLosses(device)
+        self._clock, self._losses = SensorClock(), RobosenseLosses(device)
         self._parts: list[NDArray[np.void]] = []
         self._waiting: list[tuple[NDArray[np.uint8], NDArray[np.int64]]] = []
         self._azimuth = self._last_azimuth = -1
@@ -147,7 +143,7 @@ class RoboSenseDecoder:
         self.facts = SensorFacts(device.model.name, dict(device.details), warnings=warnings)
         packets = data_packets(device.model, sample.payloads)
         header_ns = header_times(packets, is_utc=self._is_utc)
-        wrong = bool(wrong_times(header_ns, sample.times_ns).mean() > 0.5)
+        wrong = bool((np.abs(header_ns - self._sent_ns(header_ns, sample.times_ns)) > DAY_NS).mean() > 0.5)
         temperature = temperatures_degc(packets[:1], device.model.format)[0]
         self.facts.details["temperature"] = f"{temperature:.1f} °C at the start"
         self.facts.details["clock"] = "sensor time, shifted to the recording time" if wrong else "sensor time (UTC)"
@@ -221,9 +217,8 @@ class RoboSenseDecoder:
         second = second_returns(azimuth, self._device, self._azimuth)
         self._azimuth = int(used[-1])
         header_ns = header_times(packets, is_utc=self._is_utc)
-        before = np.cumsum(valid.sum(axis=1)) - valid.sum(axis=1)
-        first = revolution[np.minimum(before, len(revolution) - 1)]
-        times_ns = self._clock.times(header_ns, record_ns, first)[:, None] + after_ns
+        shifts_ns = self._clock.shifts(header_ns, self._sent_ns(header_ns, record_ns))
+        times_ns = (header_ns + shifts_ns)[:, None] + after_ns
         self._losses.add(header_ns, after_ns, azimuth)
         self.facts.lost_packets = self._losses.packets
         blocks = np.empty(len(used), block_dtype(self._device.model))
@@ -231,6 +226,10 @@ class RoboSenseDecoder:
             blocks[name] = values[valid]
         blocks["azimuth"] = used
         return blocks, revolution
+
+    def _sent_ns(self, header_ns: NDArray[np.int64], record_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return when the first lasers of packets fired by the recorder's clock, or else by the sensor's clock."""
+        return np.where(record_ns == 0, header_ns, record_ns - self._device.model.packet_ns)
 
     def _keep(self, blocks: NDArray[np.void]) -> None:
         if len(blocks):

@@ -33,20 +33,10 @@ _AIRY_48, _AIRY_192, _AIRY_MOUNTING_AT = 1, 3, 289
 def find_model(
     data: NDArray[np.uint8], info: NDArray[np.uint8], wanted: str | None, warnings: list[str], hint: str = ""
 ) -> RobosenseModel:
-    """Return the model of a sensor.
+    """Return the model of a sensor that sent a data packet, shape (L,), and device information, shape (I, 1248).
 
-    Parameters
-    ----------
-    data : ndarray, shape (L,), uint8
-        A data packet.
-    info : ndarray, shape (I, 1248), uint8
-        Device information packets.
-    wanted : str or None
-        The model that the user names.
-    warnings : list of str
-        Receives a warning if the device information is of another model.
-    hint : str, optional
-        What else the user has to pass; added to the error if the packets do not identify the model.
+    ``wanted`` is the model that the user names; there is a warning if the device information is of another one. The
+    hint says what else the user has to pass; the error has it if the packets do not identify the model.
 
     Raises
     ------

@@ -12,6 +12,7 @@ from seaclutter_cli.sensors.robosense.device import VERTICAL_AT, Angles
 from seaclutter_cli.sensors.robosense.models import CLASSIC_ID, INFO_BYTES, PacketFormat, RobosenseModel
 
 _HALF_HEADER = 4
+_MAX_S = 9_000_000_000
 DATA_PORT, INFO_PORT = 6699, 7788
 INFO_ID = bytes.fromhex("a5ff005a11115555")
 
@@ -20,6 +21,21 @@ _VERSIONS, _SERIAL, _CALIBRATED = bytes.fromhex("06020900000803010000"), bytes.f
 CHANNEL = np.dtype([("distance", ">u2"), ("intensity", "u1")])
 CLASSIC_TIME = np.dtype([("date", "u1", (6,)), ("milliseconds", ">u2"), ("microseconds", ">u2")])
 HELIOS_TIME = np.dtype([("high", ">u2"), ("low", ">u4"), ("microseconds", ">u4")])
+
+
+def header_times(packets: NDArray[Any], *, is_utc: bool) -> NDArray[np.int64]:
+    """Return the header times of data packets, shape (P,), in nanoseconds of UTC; 0 for invalid times."""
+    time = packets["time"]
+    if is_utc:
+        seconds = time["high"].astype(np.int64) << 32 | time["low"]
+        return np.where(seconds < _MAX_S, seconds, 0) * 10**9 + time["microseconds"].astype(np.int64) * 1000
+    year, month, day, hour, minute, second = time["date"].astype(np.int64).T
+    months = ((year + 30) * 12 + month - 1).astype("datetime64[M]")
+    days = months.astype("datetime64[D]").astype(np.int64) + day - 1
+    seconds = days * 86400 + hour * 3600 + minute * 60 + second
+    valid = (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31) & (hour < 24) & (minute < 60) & (second <= 60)
+    microseconds = time["milliseconds"].astype(np.int64) * 1000 + time["microseconds"]
+    return np.where(valid & (seconds < _MAX_S), seconds * 10**9 + microseconds * 1000, 0)
 
 
 @cache

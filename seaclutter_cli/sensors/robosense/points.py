@@ -1,4 +1,4 @@
-"""Blocks of RoboSense data packets: validity, firing times, rotation, and conversion to points.
+"""Blocks of RoboSense data packets: validity, firing times, rotation, lost packets, and conversion to points.
 
 Points are computed in single precision, in the order of operations of RoboSense's driver.
 """
@@ -19,6 +19,7 @@ BLIND = 100
 """Azimuth step between blocks, in hundredths of a degree, above which a blind sector separates them."""
 _MIN_AZIMUTH, _MAX_AZIMUTH = -9000, 45000
 _SWAPPED = 0x8000
+_CLOCK_JUMP_NS = 3600 * 10**9
 
 
 @cache
@@ -42,17 +43,7 @@ def valid_blocks(blocks: NDArray[Any], layout: PacketFormat) -> NDArray[np.bool_
 def steps(azimuth: NDArray[np.int64], device: Device) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the rotation during each block, and its start time relative to the first block of its packet.
 
-    Parameters
-    ----------
-    azimuth : ndarray, shape (P, B), int64
-        Azimuths of the blocks in hundredths of a degree.
-    device : Device
-        The sensor.
-
-    Returns
-    -------
-    step, time_ns : ndarray, shape (P, B), int64
-        Rotation in hundredths of a degree, and start time in nanoseconds.
+    Azimuths and rotations, shape (P, B), are in hundredths of a degree, times in nanoseconds.
     """
     if device.paired and azimuth.shape[1] % 2:
         return _steps_of_one_and_a_half(azimuth, device)
@@ -85,22 +76,40 @@ def _steps_of_one_and_a_half(azimuth: NDArray[np.int64], device: Device) -> tupl
 
 
 def second_returns(azimuth: NDArray[np.int64], device: Device, before: int) -> NDArray[np.bool_]:
-    """Return which blocks of P packets contain second returns, shape (P, B).
-
-    Parameters
-    ----------
-    azimuth : ndarray, shape (P, B), int64
-        Azimuths of the blocks in hundredths of a degree.
-    device : Device
-        The sensor.
-    before : int
-        Azimuth of the block before.
-    """
+    """Return which blocks contain second returns, shape (P, B), given their azimuths and that of the block before."""
     blocks = azimuth.shape[1]
     if device.paired and blocks % 2:
         # Pairs extend from one packet into the next.
         return np.asarray(np.diff(azimuth.ravel(), prepend=before) == 0).reshape(azimuth.shape)
     return np.broadcast_to((np.arange(blocks) % 2 == 1) & device.paired, azimuth.shape)
+
+
+class RobosenseLosses:
+    """Counter of lost packets. A gap of more than an hour is treated as a clock adjustment.
+
+    Notes
+    -----
+    State: time, duration and azimuths of the last packet.
+    """
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        self._period_ns = device.step_ns * device.model.blocks // (2 if device.paired else 1)
+        self._last: tuple[NDArray[np.int64], ...] | None = None
+        self.packets = 0
+
+    def add(self, times_ns: NDArray[np.int64], after_ns: NDArray[np.int64], azimuth: NDArray[np.int64]) -> None:
+        """Add packets in order: sensor times, shape (P,); times of blocks since, and azimuths, shape (P, B)."""
+        columns = (times_ns, after_ns[:, -1] + self._device.step_ns, azimuth[:, 0], azimuth[:, -1])
+        if self._last is not None:
+            columns = tuple(np.concatenate(pair) for pair in zip(self._last, columns, strict=True))  # type: ignore[assignment]
+        self._last = tuple(column[-1:].copy() for column in columns)
+        times_ns, length_ns, first, last = columns
+        excess = np.diff(times_ns) - length_ns[:-1]
+        blind = (first[1:] - last[:-1]) % 36000 > BLIND
+        excess -= np.where(blind, min(self._device.gap_ns, _CLOCK_JUMP_NS), 0)
+        counted = (excess > 0) & (excess < _CLOCK_JUMP_NS)
+        self.packets += int(((excess[counted] + self._period_ns // 2) // self._period_ns).sum())
 
 
 class Geometry:

@@ -18,8 +18,7 @@ from seaclutter_cli.sensors.packets import (
     point_dtype,
     view_packets,
 )
-from seaclutter_cli.sensors.robosense.clock import header_times
-from seaclutter_cli.sensors.robosense.packets import HELIOS_TIME
+from seaclutter_cli.sensors.robosense.packets import HELIOS_TIME, header_times
 
 _ID = bytes.fromhex("55aa5aa5")
 _HEADER: list[Any] = [

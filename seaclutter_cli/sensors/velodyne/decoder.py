@@ -85,16 +85,10 @@ def _library() -> Any:
 
 
 class VelodyneDecoder:
-    """Decoder for the packets of one sensor.
+    """Decoder for the packets of one sensor, whose model a factory byte identifies.
 
-    Revolutions are split at azimuth 0, or in the middle of a blind sector.
-
-    Parameters
-    ----------
-    factory : int
-        Factory byte of the packets, which identifies the model.
-    options : DecoderOptions
-        ``calibration`` is a YAML file in the format of velodyne-decoder and ROS; it replaces the model's usual angles.
+    Revolutions are split at azimuth 0, or in the middle of a blind sector. A file of angles in the format of
+    velodyne-decoder and ROS (YAML) replaces the model's usual ones.
 
     Notes
     -----

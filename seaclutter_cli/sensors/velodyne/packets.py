@@ -108,16 +108,9 @@ class VelodyneClock:
 
 @dataclass(frozen=True)
 class Cut:
-    """Azimuth at which revolutions are split.
+    """Azimuth at which revolutions are split, in 0.01°, and whether the sensor measures in each degree from there on.
 
-    Parameters
-    ----------
-    azimuth : int
-        Azimuth in 0.01°.
-    covered : ndarray, shape (360,), bool
-        Whether the sensor measures in each degree, counted from the cut.
-    blind : tuple of int or None
-        Start and end of the blind sector in 0.01°; None without one.
+    ``blind`` is start and end of the blind sector in 0.01°; None without one.
     """
 
     azimuth: int
