@@ -1,6 +1,7 @@
 """Clouds compressed with Draco: the attributes that ``draco_point_cloud_transport`` makes of the fields of a cloud."""
 
 from collections.abc import Sequence
+from io import SEEK_CUR, BytesIO
 from typing import Any
 
 import numpy as np
@@ -71,42 +72,6 @@ def _copy(values: NDArray[Any], field: PointField, out: NDArray[np.uint8], *, or
     out[:, field.offset : field.end] = raw
 
 
-class _Walk:
-    """Reader of the parts of Draco data before its points."""
-
-    def __init__(self, data: bytes, at: int) -> None:
-        self._data, self._at = data, at
-
-    def number(self, size: int) -> int:
-        if self._at + size > len(self._data):
-            raise CloudError("the Draco data are truncated")
-        self._at += size
-        return int.from_bytes(self._data[self._at - size : self._at], "little")
-
-    def varint(self) -> int:
-        value = shift = 0
-        while True:
-            byte = self.number(1)
-            value |= (byte & 127) << shift
-            shift += 7
-            if byte < 128 or shift > 35:
-                return value
-
-    def skip(self, size: int) -> None:
-        self._at = min(self._at + size, len(self._data))
-
-    def skip_metadata(self, depth: int = 0) -> None:
-        """Skip the named entries of an element, and those of its parts."""
-        if depth > _MAX_DEPTH:
-            raise CloudError("the metadata of the Draco data are nested too deeply")
-        for _ in range(self.varint()):
-            self.skip(self.number(1))
-            self.skip(self.varint())
-        for _ in range(self.varint()):
-            self.skip(self.number(1))
-            self.skip_metadata(depth + 1)
-
-
 def _declared_points(data: bytes) -> int:
     """Return the number of points that Draco data declare."""
     if data[: len(_MAGIC)] != _MAGIC or len(data) < _HEADER:
@@ -114,10 +79,40 @@ def _declared_points(data: bytes) -> int:
     kind, flags = data[7], int.from_bytes(data[9:11], "little")
     if kind != 0:
         raise CloudError("the Draco data are not those of a point cloud")
-    walk = _Walk(data, _HEADER)
+    stream = BytesIO(data)
+    stream.seek(_HEADER)
     if flags & _HAS_METADATA:
-        for _ in range(walk.varint()):
-            walk.varint()
-            walk.skip_metadata()
-        walk.skip_metadata()
-    return walk.number(4)
+        for _ in range(_varint(stream)):
+            _varint(stream)
+            _skip_metadata(stream)
+        _skip_metadata(stream)
+    return _number(stream, 4)
+
+
+def _number(stream: BytesIO, size: int) -> int:
+    raw = stream.read(size)
+    if len(raw) < size:
+        raise CloudError("the Draco data are truncated")
+    return int.from_bytes(raw, "little")
+
+
+def _varint(stream: BytesIO) -> int:
+    value = shift = 0
+    while True:
+        byte = _number(stream, 1)
+        value |= (byte & 127) << shift
+        shift += 7
+        if byte < 128 or shift > 35:
+            return value
+
+
+def _skip_metadata(stream: BytesIO, depth: int = 0) -> None:
+    """Skip the named entries of an element, and those of its parts."""
+    if depth > _MAX_DEPTH:
+        raise CloudError("the metadata of the Draco data are nested too deeply")
+    for _ in range(_varint(stream)):
+        stream.seek(_number(stream, 1), SEEK_CUR)
+        stream.seek(_varint(stream), SEEK_CUR)
+    for _ in range(_varint(stream)):
+        stream.seek(_number(stream, 1), SEEK_CUR)
+        _skip_metadata(stream, depth + 1)

@@ -136,6 +136,14 @@ def view_packets(payloads: NDArray[np.uint8], layout: np.dtype[Any]) -> NDArray[
     return np.ascontiguousarray(payloads).view(layout)[:, 0]
 
 
+def unix_seconds(*civil: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return seconds of Unix time, given arrays of years, months, days, hours, minutes and seconds."""
+    year, month, day, hour, minute, second = civil
+    months = ((year - 1970) * 12 + month - 1).astype("datetime64[M]")
+    days = months.astype("datetime64[D]").astype(np.int64) + day - 1
+    return np.asarray(days * 86_400 + hour * 3600 + minute * 60 + second)
+
+
 def point_dtype(*, returns: bool = False) -> np.dtype[Any]:
     """Return the dtype of decoded points: RoboSense's driver layout, plus ``return_number`` for two returns."""
     fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("timestamp", "<f8")]

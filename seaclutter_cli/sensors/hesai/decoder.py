@@ -204,6 +204,6 @@ def _matching(model: HesaiModel, payloads: NDArray[np.uint8]) -> NDArray[np.void
     """Return the payloads, shape (P, L), that are packets of a model."""
     layout = model.layout(payloads.shape[1])
     if layout is None:
-        return np.empty(0, next(iter(model.layouts().values())))
+        return np.empty(0, next(iter(model.layouts.values())))
     data = view_packets(payloads, layout)
     return data[model.matches(data)]

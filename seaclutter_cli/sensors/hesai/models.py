@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.sensors.hesai.packets import (
     DUAL_MODES,
+    FLAGGED,
+    MIRRORS,
+    PANDAR40,
+    PANDAR64,
+    PANDARQT,
     Layouts,
-    flagged_layouts,
-    mirror_layouts,
-    pandar40_layouts,
-    pandar64_layouts,
-    pandarqt_layouts,
     xt_layouts,
 )
 
@@ -36,7 +36,7 @@ class HesaiModel:
     """
 
     name: str
-    layouts: Callable[[], Layouts]
+    layouts: Layouts
     matches: PacketMask
     block_ns: int
     last_block_ns: int = 0
@@ -69,7 +69,7 @@ class HesaiModel:
 
     def layout(self, length: int) -> np.dtype[Any] | None:
         """Return the layout of packets of ``length`` bytes; None if no packet of the sensor has this length."""
-        return self.layouts().get(length)
+        return self.layouts.get(length)
 
     def unit_m(self, packets: NDArray[np.void]) -> NDArray[np.float64]:
         """Return the distance unit of each packet, shape (P,), in metres."""
@@ -152,27 +152,25 @@ def _pace_of_128(packets: NDArray[np.void]) -> NDArray[np.int64]:
 
 def _xt(name: str, blocks: int, lasers: int) -> HesaiModel:
     matches = partial(_has, lasers=lasers, blocks=blocks, version=(6,))
-    return HesaiModel(name, partial(xt_layouts, blocks, lasers), matches, block_ns=50_000, last_block_ns=5_632)
+    return HesaiModel(name, xt_layouts(blocks, lasers), matches, block_ns=50_000, last_block_ns=5_632)
 
 
 MODELS = (
     _xt("PandarXT-32", 8, 32),
     _xt("PandarXT-16", 8, 16),
     _xt("PandarXT-32M2X", 6, 32),
-    HesaiModel("Pandar40P", pandar40_layouts, _is_p40, block_ns=55_560, last_block_ns=-28_580),
-    HesaiModel(
-        "Pandar64", pandar64_layouts, partial(_has, lasers=64, blocks=6), block_ns=55_560, last_block_ns=-42_580
-    ),
+    HesaiModel("Pandar40P", PANDAR40, _is_p40, block_ns=55_560, last_block_ns=-28_580),
+    HesaiModel("Pandar64", PANDAR64, partial(_has, lasers=64, blocks=6), block_ns=55_560, last_block_ns=-42_580),
     HesaiModel(
         "PandarQT",
-        pandarqt_layouts,
+        PANDARQT,
         partial(_has, lasers=64, blocks=4, version=(3, 1)),
         block_ns=166_667,
         first_block_ns=25_710,
     ),
     HesaiModel(
         "PandarQT128",
-        partial(flagged_layouts, 2, 128),
+        FLAGGED,
         partial(_has, lasers=128, blocks=2, version=(3, 2)),
         block_ns=111_110,
         first_block_ns=9_000,
@@ -180,7 +178,7 @@ MODELS = (
     ),
     HesaiModel(
         "Pandar128",
-        partial(flagged_layouts, 2, 128),
+        FLAGGED,
         partial(_has, lasers=128, blocks=2, version=(1, 4), status=(0, 127)),
         block_ns=27_778,
         last_block_ns=3_148,
@@ -190,7 +188,7 @@ MODELS = (
     ),
     HesaiModel(
         "OT128",
-        partial(flagged_layouts, 2, 128),
+        FLAGGED,
         partial(_has, lasers=128, blocks=2, version=(1, 4), status=(128, 136)),
         block_ns=27_778,
         states=_states_of_128,
@@ -200,7 +198,7 @@ MODELS = (
     ),
     HesaiModel(
         "AT128",
-        mirror_layouts,
+        MIRRORS,
         partial(_has, lasers=128, blocks=2, version=(4, 3)),
         block_ns=41_666,
         last_block_ns=-50_915,

@@ -1,12 +1,13 @@
 """Layouts and times of Hesai packets."""
 
 from collections.abc import Mapping
-from functools import cache
-from itertools import product
+from itertools import chain, product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from seaclutter_cli.sensors.packets import unix_seconds
 
 Layouts = Mapping[int, np.dtype[Any]]
 """Layouts of packets by their length in bytes."""
@@ -40,96 +41,73 @@ _HEADER: list[Any] = [
     ("returns", "u1"),
     ("flags", "u1"),
 ]
-_MODE: list[Any] = [("mode", "u1")]
-_RPM: list[Any] = [("rpm", "<u2")]
-_UTC: list[Any] = [("utc", "u1", 6)]
-_MICROSECONDS: list[Any] = [("microseconds", "<u4")]
-_FACTORY: list[Any] = [("factory", "u1")]
-_SEQUENCE: list[Any] = [("sequence", "<u4")]
-_TAIL = [("status", "u1", 8), *_RPM, *_MICROSECONDS, *_MODE, *_FACTORY, *_UTC]
+_NONE: list[Any] = []
+_STATUS = [("status", "u1", 8)]
+_TAIL: list[Any] = [("rpm", "<u2"), ("microseconds", "<u4"), ("mode", "u1"), ("factory", "u1"), ("utc", "u1", 6)]
+_LATE_TAIL = [_TAIL[at] for at in (2, 0, 4, 1, 3)]
+_SEQUENCE, _CHECKSUM, _TAIL_CHECKSUM = [("sequence", "<u4")], [("checksum", "<u4")], [("tail_checksum", "<u4")]
+_SIGNATURE = [("signature", "u1", 32)]
 
 
 def _blocks(
     blocks: int, lasers: int, unit_bytes: int, mark: list[Any] | None = None, fine: list[Any] | None = None
 ) -> list[Any]:
     """Return the field of the blocks of a packet; ``fine`` is a field after the azimuth."""
-    unit: Any = {
-        "names": ["distance", "intensity"],
-        "formats": ["<u2", "u1"],
-        "offsets": [0, 2],
-        "itemsize": unit_bytes,
-    }
+    names, formats = ["distance", "intensity"], ["<u2", "u1"]
+    unit: Any = {"names": names, "formats": formats, "offsets": [0, 2], "itemsize": unit_bytes}
     fields = [*(mark or []), ("azimuth", "<u2"), *(fine or []), ("units", np.dtype(unit), lasers)]
     return [("blocks", np.dtype(fields), blocks)]
 
 
-def _by_length(*packets: list[Any]) -> Layouts:
-    layouts = [np.dtype(fields) for fields in packets]
+def _layouts(*parts: list[Any] | tuple[list[Any], ...]) -> Layouts:
+    """Return the layouts of packets of some parts; of a tuple, a packet has one of its alternatives."""
+    choices = [part if isinstance(part, tuple) else (part,) for part in parts]
+    layouts = [np.dtype(list(chain.from_iterable(packet))) for packet in product(*choices)]
     return {layout.itemsize: layout for layout in layouts}
 
 
-@cache
-def pandar40_layouts() -> Layouts:
-    """Return the layouts of a Pandar40P: with and without sequence number."""
-    fields = [*_blocks(10, 40, 3, _MARK), *_TAIL]
-    return _by_length(fields, [*fields, *_SEQUENCE])
+PANDAR40 = _layouts(_blocks(10, 40, 3, _MARK), _STATUS, _TAIL, (_SEQUENCE, _NONE))
+PANDAR64 = _layouts(
+    [*_MARK, *_HEADER[4:6], ("reserved", "u1"), ("unit_mm", "u1"), ("spare", "u1", 2)],
+    _blocks(6, 64, 3),
+    _STATUS,
+    _TAIL,
+    (_SEQUENCE, _NONE),
+)
+PANDARQT = _layouts(_HEADER, _blocks(4, 64, 4), [("status", "u1", 10)], _TAIL, _SEQUENCE)
+MIRRORS = _layouts(
+    _HEADER,
+    _blocks(2, 128, 4, fine=[("fine", "u1")]),
+    _CHECKSUM,
+    [("status", "u1", 18)],
+    _TAIL,
+    (_SEQUENCE, _NONE),
+    _TAIL_CHECKSUM,
+    (_SIGNATURE, _NONE),
+)
+"""Packets of protocol 4.3: with and without sequence number and signature."""
+FLAGGED = _layouts(
+    _HEADER,
+    tuple(_blocks(2, 128, unit_bytes) for unit_bytes in (3, 4, 5, 6)),
+    _CHECKSUM,
+    ([("safety", "u1", 17)], _NONE),
+    [("status", "u1", 5), ("mode_flag", "u1"), ("more_status", "u1", 3), ("azimuth_state", "<u2"), ("operation", "u1")],
+    _LATE_TAIL,
+    (_SEQUENCE, _NONE),
+    ([("inertial", "u1", 22)], _NONE),
+    _TAIL_CHECKSUM,
+    (_SIGNATURE, _NONE),
+)
+"""Packets of protocols 1.4 and 3.2, which have parts that flags announce and that their lengths determine.
+
+These are up to three bytes after distance and intensity, functional safety, sequence number, inertial measurements and
+signature.
+"""
 
 
-@cache
-def pandar64_layouts() -> Layouts:
-    """Return the layouts of a Pandar64: with and without sequence number."""
-    header = [*_MARK, *_HEADER[4:6], ("reserved", "u1"), ("unit_mm", "u1"), ("spare", "u1", 2)]
-    fields = [*header, *_blocks(6, 64, 3), *_TAIL]
-    return _by_length(fields, [*fields, *_SEQUENCE])
-
-
-@cache
-def pandarqt_layouts() -> Layouts:
-    """Return the layout of a PandarQT."""
-    tail = [("status", "u1", 10), *_TAIL[1:]]
-    return _by_length([*_HEADER, *_blocks(4, 64, 4), *tail, *_SEQUENCE])
-
-
-@cache
 def xt_layouts(blocks: int, lasers: int) -> Layouts:
     """Return the layout of a PandarXT."""
-    tail = [("status", "u1", 10), *_MODE, *_RPM, *_UTC, *_MICROSECONDS, *_FACTORY]
-    return _by_length([*_HEADER, *_blocks(blocks, lasers, 4), *tail, *_SEQUENCE])
-
-
-@cache
-def mirror_layouts() -> Layouts:
-    """Return the layouts of protocol 4.3: with and without sequence number and signature."""
-    body = [*_HEADER, *_blocks(2, 128, 4, fine=[("fine", "u1")]), ("checksum", "<u4"), ("status", "u1", 18)]
-    fields = [*body, *_TAIL[1:]]
-    parts = product(([], _SEQUENCE), ([], [("signature", "u1", 32)]))
-    return _by_length(*([*fields, *sequence, ("tail_checksum", "<u4"), *signature] for sequence, signature in parts))
-
-
-@cache
-def flagged_layouts(blocks: int, lasers: int) -> Layouts:
-    """Return the layouts of protocols 1.4 and 3.2, whose packets have parts that flags announce.
-
-    Lengths determine which parts there are: up to three bytes after distance and intensity, functional safety, sequence
-    number, inertial measurements and signature.
-    """
-    tail = [
-        ("status", "u1", 5),
-        ("mode_flag", "u1"),
-        ("more_status", "u1", 3),
-        ("azimuth_state", "<u2"),
-        ("operation", "u1"),
-        *(_MODE + _RPM + _UTC + _MICROSECONDS + _FACTORY),
-    ]
-    parts: list[list[Any]] = [[("safety", "u1", 17)], _SEQUENCE, [("inertial", "u1", 22)], [("signature", "u1", 32)]]
-    packets = []
-    for unit_bytes, *present in product((3, 4, 5, 6), *([True, False] for _ in parts)):
-        safety, sequence, inertial, signature = (
-            part if is_there else [] for part, is_there in zip(parts, present, strict=True)
-        )
-        begin = [*_HEADER, *_blocks(blocks, lasers, unit_bytes), ("checksum", "<u4"), *safety, *tail]
-        packets.append([*begin, *sequence, *inertial, ("tail_checksum", "<u4"), *signature])
-    return _by_length(*packets)
+    return _layouts(_HEADER, _blocks(blocks, lasers, 4), [("status", "u1", 10)], _LATE_TAIL, _SEQUENCE)
 
 
 def utc_ns(packets: NDArray[np.void]) -> NDArray[np.int64]:
@@ -141,10 +119,7 @@ def utc_ns(packets: NDArray[np.void]) -> NDArray[np.int64]:
     first byte of 0 means that the last four are seconds of Unix time, big-endian.
     """
     utc = packets["utc"].astype(np.int64)
-    year = utc[:, 0] + np.where(utc[:, 0] < 70, 2000, 1900)
-    months = ((year - 1970) * 12 + utc[:, 1] - 1).astype("datetime64[M]")
-    days = months.astype("datetime64[D]").astype(np.int64) + utc[:, 2] - 1
-    civil = days * 86_400 + utc[:, 3] * 3600 + utc[:, 4] * 60 + utc[:, 5]
+    civil = unix_seconds(utc[:, 0] + np.where(utc[:, 0] < 70, 2000, 1900), *utc[:, 1:].T)
     counted = utc[:, 2:] @ np.array([1 << 24, 1 << 16, 1 << 8, 1])
     seconds = np.where(utc[:, 0] == 0, counted, civil)
     return np.asarray(seconds * 1_000_000_000 + packets["microseconds"].astype(np.int64) * 1000)

@@ -20,7 +20,7 @@ from seaclutter_cli.sensors.robosense.models import (
     INFO_BYTES,
     RobosenseModel,
 )
-from seaclutter_cli.sensors.robosense.packets import INFO_ID, data_packets, header_times, temperatures_degc
+from seaclutter_cli.sensors.robosense.packets import INFO_ID, data_packets, header_times, temperature_degc
 from seaclutter_cli.sensors.robosense.points import (
     Geometry,
     RobosenseLosses,
@@ -144,7 +144,8 @@ class RoboSenseDecoder:
         packets = data_packets(device.model, sample.payloads)
         header_ns = header_times(packets, is_utc=self._is_utc)
         wrong = bool((np.abs(header_ns - self._sent_ns(header_ns, sample.times_ns)) > DAY_NS).mean() > 0.5)
-        temperature = temperatures_degc(packets[:1], device.model.format)[0]
+        raw, big_endian = packets["temperature"][0].tolist(), device.model.format.temperature_big_endian
+        temperature = temperature_degc(*raw, big_endian=big_endian)
         self.facts.details["temperature"] = f"{temperature:.1f} °C at the start"
         self.facts.details["clock"] = "sensor time, shifted to the recording time" if wrong else "sensor time (UTC)"
         self.facts.details |= EXPERIMENTAL if device.model.name not in CHECKED else {}

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.sensors.packets import view_packets
+from seaclutter_cli.sensors.packets import unix_seconds, view_packets
 from seaclutter_cli.sensors.robosense.device import VERTICAL_AT, Angles
-from seaclutter_cli.sensors.robosense.models import CLASSIC_ID, INFO_BYTES, PacketFormat, RobosenseModel
+from seaclutter_cli.sensors.robosense.models import CLASSIC_ID, INFO_BYTES, RobosenseModel
 
 _HALF_HEADER = 4
 _MAX_S = 9_000_000_000
@@ -30,9 +30,7 @@ def header_times(packets: NDArray[Any], *, is_utc: bool) -> NDArray[np.int64]:
         seconds = time["high"].astype(np.int64) << 32 | time["low"]
         return np.where(seconds < _MAX_S, seconds, 0) * 10**9 + time["microseconds"].astype(np.int64) * 1000
     year, month, day, hour, minute, second = time["date"].astype(np.int64).T
-    months = ((year + 30) * 12 + month - 1).astype("datetime64[M]")
-    days = months.astype("datetime64[D]").astype(np.int64) + day - 1
-    seconds = days * 86400 + hour * 3600 + minute * 60 + second
+    seconds = unix_seconds(year + 2000, month, day, hour, minute, second)
     valid = (month >= 1) & (month <= 12) & (day >= 1) & (day <= 31) & (hour < 24) & (minute < 60) & (second <= 60)
     microseconds = time["milliseconds"].astype(np.int64) * 1000 + time["microseconds"]
     return np.where(valid & (seconds < _MAX_S), seconds * 10**9 + microseconds * 1000, 0)
@@ -73,26 +71,16 @@ def channels(raw: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(raw).view(CHANNEL).reshape(len(raw), -1)
 
 
-def temperatures_degc(packets: NDArray[Any], layout: PacketFormat) -> NDArray[np.float64]:
-    """Return the temperature in each data packet, shape (P,), in degrees Celsius.
+def temperature_degc(first: int, second: int, *, big_endian: bool) -> float:
+    """Return the temperature in two bytes of a data packet, in degrees Celsius: a sign, and sixteenths.
 
     Examples
     --------
-    >>> from seaclutter_cli.sensors.robosense.models import CLASSIC, RUBY
-    >>> packets = np.zeros(2, [("temperature", "u1", (2,))])
-    >>> packets["temperature"] = (0x18, 0x01), (0x18, 0x81)
-    >>> temperatures_degc(packets, CLASSIC)
-    array([ 2.1875, -2.1875])
-    >>> temperatures_degc(packets, RUBY)
-    array([24. , 24.5])
+    >>> temperature_degc(0x18, 0x81, big_endian=False), temperature_degc(0x18, 0x81, big_endian=True)
+    (-2.1875, 24.5)
     """
-    first, second = packets["temperature"].astype(np.int64).T
-    if layout.temperature_big_endian:
-        high, low = first, (first & 0x7F) << 4 | second >> 4
-        return np.asarray(np.where(high & 0x80, -low, low) / 16)
-    low, high = first, second
-    sixteenths = (high & 0x7F) << 5 | low >> 3
-    return np.asarray(np.where(high & 0x80, -sixteenths, sixteenths) / 16)
+    size = (first & 0x7F) << 4 | second >> 4 if big_endian else (second & 0x7F) << 5 | first >> 3
+    return (-size if (first if big_endian else second) & 0x80 else size) / 16
 
 
 @dataclass(frozen=True)

@@ -50,31 +50,28 @@ class _Velodyne:
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
         """Return whether a UDP payload, shape (L,), is a data packet; position packets contain nothing useful."""
-        if len(payload) != PACKET.itemsize:
-            return False
-        record = payload.tobytes()
-        packet = np.frombuffer(record, PACKET)
-        return int(packet["model"][0]) in MODELS and bool(valid_packets(packet)[0])
+        return len(_known_models(payload[None])) > 0
 
     def decoder(self, packets: Packets, options: DecoderOptions) -> "VelodyneDecoder":
         """Return a decoder for the model that most of these packets name.
 
-        Raises
-        ------
-        InputError
-            If no packet is from a supported model, the model is ambiguous or the calibration cannot be read.
-        MissingExtraError
-            If ``velodyne-decoder`` is not installed.
+        `InputError` if no packet is from a supported model, the model is ambiguous or the calibration cannot be read;
+        `MissingExtraError` if ``velodyne-decoder`` is not installed.
         """
-        views = view_packets(packets.payloads)
-        models = views["model"][valid_packets(views)]
-        known = models[np.isin(models, list(MODELS))]
+        known = _known_models(packets.payloads)
         if not len(known):
             raise InputError("the packets are not from a supported Velodyne sensor")
         return VelodyneDecoder(int(np.bincount(known).argmax()), options)
 
 
 VELODYNE = _Velodyne()
+
+
+def _known_models(payloads: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the factory bytes of known models in valid packets among payloads, shape (P, L)."""
+    packets = view_packets(payloads)
+    models = packets["model"][valid_packets(packets)]
+    return np.asarray(models[np.isin(models, list(MODELS))])
 
 
 def _library() -> Any:
@@ -249,19 +246,15 @@ def _choose_model(factory: int, wanted: str | None) -> VelodyneModel:
     return named[wanted]
 
 
-def _usual_unit(library: Any, model: VelodyneModel) -> str:
-    """Return the distance unit of a model; the ROS drivers' calibration of the Alpha Prime states a wrong one."""
-    usual = library.Calibration.default_calibs[getattr(library.Model, model.library)].to_string()
-    return str(_UNIT.findall(usual)[0])
-
-
 def _read_calibration(library: Any, path: Path | None, model: VelodyneModel) -> Any:
     if path is None:
         return None
+    usual = library.Calibration.default_calibs[getattr(library.Model, model.library)].to_string()
     try:
         text = library.Calibration.read(str(path)).to_string()
         lasers = text.count("laser_id:")
-        calibration = library.Calibration.from_string(_UNIT.sub(_usual_unit(library, model), text))
+        # The ROS drivers' calibration of the Alpha Prime states a wrong distance unit.
+        calibration = library.Calibration.from_string(_UNIT.sub(_UNIT.findall(usual)[0], text))
     except Exception as error:  # the library does not wrap errors of its YAML parser
         raise InputError(f"{path}: not a valid Velodyne calibration ({error})") from error
     if lasers != model.lasers:  # not checked by the library
