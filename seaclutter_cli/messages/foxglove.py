@@ -25,7 +25,6 @@ _NANO = 1_000_000_000
 _MASK = 2**64 - 1
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 _TIMESTAMP, _FRAME_ID, _STRIDE, _FIELDS, _DATA = 1, 2, 4, 5, 6
-_MAX_FIELDS = 1024
 _POSE = "ddddddd"
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -193,8 +192,7 @@ class RosFoxglovePointCloud(RosCodec):
 
     def _read(self, read: Reader) -> Cloud:
         stamp_ns, frame_id, pose = read.time_ns(), read.text(), read.numbers(_POSE)
-        stride = read.number("I")
-        fields = tuple(self._field(read) for _ in range(read.length(_MAX_FIELDS, "field")))
+        stride, fields = read.number("I"), read.fields(_TYPES, counted=False)
         return _unorganised(stamp_ns, frame_id, stride, fields, read.blob(), pose)
 
     def _write(self, write: Writer, cloud: Cloud) -> None:
@@ -202,13 +200,5 @@ class RosFoxglovePointCloud(RosCodec):
         write.text(cloud.frame_id)
         write.numbers(_POSE, cloud.extra or (0, 0, 0, 0, 0, 0, 1))
         write.number("I", cloud.point_step)
-        write.number("I", len(cloud.fields))
-        for field in cloud.fields:
-            write.text(field.name)
-            write.number("I", field.offset)
-            write.number("B", _TYPES.index(field.type) + 1)
+        write.fields(cloud.fields, _TYPES, counted=False)
         write.blob(cloud.data)
-
-    def _field(self, read: Reader) -> PointField:
-        name, offset, kind = read.text(), read.number("I"), read.number("B")
-        return PointField(name, offset, _field_type(kind, name))

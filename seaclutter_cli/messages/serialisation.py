@@ -90,9 +90,9 @@ class Reader:
             raise CloudError(f"the message declares {count(number, what)}, at most {most} are supported")
         return number
 
-    def fields(self) -> tuple[PointField, ...]:
-        """Return a sequence of ``sensor_msgs/PointField``."""
-        return tuple(self._field() for _ in range(self.length(_MAX_FIELDS, "field")))
+    def fields(self, types: Sequence[str] = FIELD_TYPES, *, counted: bool = True) -> tuple[PointField, ...]:
+        """Return a sequence of fields, whose types have numbers from 1; without counts, each has one value."""
+        return tuple(self._field(types, counted=counted) for _ in range(self.length(_MAX_FIELDS, "field")))
 
     def structures(self, number: int, size: int, step: int) -> Buffer:
         """Return structures of ``step`` bytes: a view, or a copy if the padding of the last one is missing."""
@@ -121,11 +121,12 @@ class Reader:
         """Number of bytes that are not read yet."""
         return len(self._data) - self._at
 
-    def _field(self) -> PointField:
-        name, offset, datatype, number = self.text(), self.number("I"), self.number("B"), self.number("I")
-        if not 1 <= datatype <= len(FIELD_TYPES):
+    def _field(self, types: Sequence[str], *, counted: bool) -> PointField:
+        name, offset, datatype = self.text(), self.number("I"), self.number("B")
+        number = self.number("I") if counted else 1
+        if not 1 <= datatype <= len(types):
             raise CloudError(f"field {name!r} has unknown type {datatype}")
-        return PointField(name, offset, FIELD_TYPES[datatype - 1], number)
+        return PointField(name, offset, types[datatype - 1], number)
 
     def _take_declared(self, size: int) -> memoryview:
         if size > self.left:
@@ -183,14 +184,15 @@ class Writer:
         self.time_ns(header.stamp_ns)
         self.text(header.frame_id)
 
-    def fields(self, fields: Sequence[PointField]) -> None:
-        """Write a sequence of ``sensor_msgs/PointField``."""
+    def fields(self, fields: Sequence[PointField], types: Sequence[str] = FIELD_TYPES, *, counted: bool = True) -> None:
+        """Write a sequence of fields, as `Reader.fields` reads it."""
         self.number("I", len(fields))
         for field in fields:
             self.text(field.name)
             self.number("I", field.offset)
-            self.number("B", FIELD_TYPES.index(field.type) + 1)
-            self.number("I", field.count)
+            self.number("B", types.index(field.type) + 1)
+            if counted:
+                self.number("I", field.count)
 
     def raw(self, data: Buffer) -> None:
         """Write bytes as they are."""

@@ -90,37 +90,6 @@ SENSORS: Mapping[str, SensorModel] = {
 """Sensors by name. Register new ones here."""
 
 
-def guess_sensors(fields: Collection[str], rings: int | None, points: int) -> list[str]:
-    """Return the names of the sensors that match a cloud, most likely first; several sensors share a layout.
-
-    Beams that look at the sky or at calm water return nothing, so a cloud may lack rings: the sensors with the fewest
-    beams that suffice match. ``rings`` counts them up to the last one seen, None without such a field; ``points`` are
-    those of a frame.
-
-    Examples
-    --------
-    >>> guess_sensors(["x", "y", "z", "intensity", "ring", "time"], 16, 28000)
-    ['Puck Hi-Res', 'VLP-16']
-    >>> guess_sensors(["x", "y", "z", "intensity", "tag", "line", "timestamp"], 4, 20000)
-    ['Mid-360']
-    >>> guess_sensors(["x", "y", "z", "intensity"], None, 28000)
-    []
-    """
-    fitting = [
-        (sensor.beams, abs(sensor.beams * sensor.columns - points), name)
-        for name, sensor in SENSORS.items()
-        if _can_be(name, fields, rings)
-        and (not sensor.repeats or points <= _MOST_RETURNS * sensor.beams * sensor.columns)
-    ]
-    return [name for beams, _, name in sorted(fitting) if beams == min(fitting)[0]]
-
-
-def _can_be(model: str, fields: Collection[str], rings: int | None) -> bool:
-    """Return whether a cloud with these fields and rings can be of a sensor in the catalogue; see `guess_sensors`."""
-    sensor = SENSORS[model]
-    return rings is not None and rings <= sensor.beams and sensor.fields <= {name.lower() for name in fields}
-
-
 @dataclass(frozen=True)
 class RecognisedSensor:
     """The sensor of a cloud topic, as far as the recording shows it.
@@ -160,20 +129,44 @@ class RecognisedSensor:
 def recognise(
     fields: Collection[str], rings: int | None, points: int, facts: SensorFacts | None = None
 ) -> RecognisedSensor:
-    """Return the sensor of a topic, from the facts about it or, without any, from its clouds as in `guess_sensors`.
+    """Return the sensor of a topic, from the facts about it or, without any, from fields and points of its clouds.
+
+    ``rings`` counts those up to the last one seen; None without such a field.
 
     Examples
     --------
     >>> print(recognise(["x", "y", "z", "intensity", "ring", "time"], 16, 28000))
     resembles Puck Hi-Res or VLP-16
+    >>> print(recognise(["x", "y", "z", "intensity", "tag", "line", "timestamp"], 4, 20000))
+    resembles Mid-360
     >>> print(recognise([], None, 28000, SensorFacts("OS1-32")))
     OS1-32
     """
     if facts:
         return RecognisedSensor((facts.model,), frozenset({facts.model}), facts.details.get("intensity"), True)
-    models = guess_sensors(fields, rings, points)
+    models = _guess_sensors(fields, rings, points)
     possible = frozenset(model for model in SENSORS if _can_be(model, fields, rings))
     return RecognisedSensor(tuple(models), possible if models else frozenset())
+
+
+def _guess_sensors(fields: Collection[str], rings: int | None, points: int) -> list[str]:
+    """Return the names of the sensors that match a cloud, most likely first; several sensors share a layout.
+
+    Beams that look at the sky or at calm water return nothing, so a cloud may lack rings: the sensors with the fewest
+    beams that suffice match.
+    """
+    fitting = [
+        (sensor.beams, abs(sensor.beams * sensor.columns - points), name)
+        for name, sensor in SENSORS.items()
+        if _can_be(name, fields, rings)
+        and (not sensor.repeats or points <= _MOST_RETURNS * sensor.beams * sensor.columns)
+    ]
+    return [name for beams, _, name in sorted(fitting) if beams == min(fitting)[0]]
+
+
+def _can_be(model: str, fields: Collection[str], rings: int | None) -> bool:
+    sensor = SENSORS[model]
+    return rings is not None and rings <= sensor.beams and sensor.fields <= {name.lower() for name in fields}
 
 
 ADVICE = "record the sensor_msgs/PointCloud2 of the maker's driver"

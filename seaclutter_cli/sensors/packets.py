@@ -8,6 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 
 CALIBRATION_SUFFIXES: Mapping[str, str] = {"ouster": ".json"}
@@ -83,6 +84,14 @@ class DecoderOptions:
     model: str | None = None
     recorded: bytes | None = None
     info: NDArray[np.uint8] | None = None
+
+
+def read_calibration(path: Path) -> bytes:
+    """Return the content of a calibration file; `InputError` if it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
 
 
 def of_other_length(calibrations: Sequence[NDArray[np.uint8]], length: int) -> NDArray[np.uint8] | None:

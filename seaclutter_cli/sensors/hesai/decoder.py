@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
-from seaclutter_cli.sensors.hesai.models import MODELS, HesaiModel
-from seaclutter_cli.sensors.hesai.packets import DUAL_MODES, RETURN_MODES, utc_ns
+from seaclutter_cli.sensors.hesai.models import DUAL_MODES, MODELS, RETURN_MODES, HesaiModel, utc_ns
 from seaclutter_cli.sensors.hesai.scans import FULL_CIRCLE, Scan, make_scan
 from seaclutter_cli.sensors.packets import (
     EXPERIMENTAL,

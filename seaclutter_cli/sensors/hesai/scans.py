@@ -3,15 +3,13 @@
 A scan numbers the frames of firings: of P packets with F firings and C channels. `RotorScan` says what its methods do.
 """
 
-from pathlib import Path
-
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.hesai.angles import DEGREE, MirrorAngles, parse_angles, parse_corrections
 from seaclutter_cli.sensors.hesai.models import HesaiModel
-from seaclutter_cli.sensors.packets import DecoderOptions
+from seaclutter_cli.sensors.packets import DecoderOptions, read_calibration
 
 FULL_CIRCLE = 36_000
 """Hundredths of a degree in a revolution."""
@@ -194,14 +192,7 @@ def make_scan(model: HesaiModel, options: DecoderOptions) -> tuple[Scan, str]:
 def _corrections(options: DecoderOptions) -> tuple[bytes, str, str] | None:
     """Return the content of the angle correction file, its name for errors, and its name for display."""
     if options.calibration is not None:
-        return _read(options.calibration), str(options.calibration), options.calibration.name
+        return read_calibration(options.calibration), str(options.calibration), options.calibration.name
     if options.recorded is not None:
         return options.recorded, "recorded with the packets", "recorded with the packets"
     return None
-
-
-def _read(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error

@@ -2,10 +2,13 @@
 
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from seaclutter_cli.sensors.packets import view_packets
 
 _MAX_COLUMNS = 4096
 
@@ -62,14 +65,8 @@ def packet_layout(profile: str, rows: int, columns: int) -> np.dtype[Any]:
         column = np.dtype([*head, pixels, ("status", "<u4")])
         return np.dtype([("columns", column, columns)])
     column = np.dtype([("time_ns", "<u8"), ("id", "<u2"), ("status", "<u2"), pixels])
-    start: list[Any] = [
-        ("type", "<u2"),
-        ("frame", "<u2"),
-        ("alerts", "u1", 3),
-        ("serial", "u1", 5),
-        ("state", "u1", 20),
-    ]
-    return np.dtype([*start, ("columns", column, columns), ("footer", "u1", 32)])
+    head: list[Any] = [("type", "<u2"), ("frame", "<u2"), ("alerts", "u1", 3), ("serial", "u1", 5), ("state", "u1", 20)]
+    return np.dtype([*head, ("columns", column, columns), ("footer", "u1", 32)])
 
 
 def frame_ids(packets: NDArray[np.void]) -> NDArray[np.int64]:
@@ -116,14 +113,12 @@ def serial_number(packet: NDArray[np.void]) -> str | None:
 
 def is_data_packet(payload: NDArray[np.uint8]) -> bool:
     """Return whether a payload, shape (L,), is a data packet of any sensor and profile."""
-    for profile in PROFILES:
-        for rows in (128, 64, 32, 16):
-            for columns in (16, 8, 4):
-                layout = packet_layout(profile, rows, columns)
-                if layout.itemsize == len(payload):
-                    packet = np.ascontiguousarray(payload).view(layout)
-                    if valid_packets(packet, _MAX_COLUMNS)[0] and valid_columns(packet).any():
-                        return True
+    for shape in product(PROFILES, (128, 64, 32, 16), (16, 8, 4)):
+        layout = packet_layout(*shape)
+        if layout.itemsize == len(payload):
+            packet = view_packets(payload[None], layout)
+            if valid_packets(packet, _MAX_COLUMNS)[0] and valid_columns(packet).any():
+                return True
     return False
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.sensors.packets import read_calibration
 from seaclutter_cli.sensors.robosense.models import RUBY, RobosenseModel, with_old_firmware
 
 VERTICAL_AT = 468
@@ -70,19 +71,11 @@ def _packet_angles(model: RobosenseModel, packet: NDArray[np.uint8]) -> Angles |
 
 
 def file_angles(model: RobosenseModel, path: Path) -> Angles:
-    """Return the angles in a file that RoboSense ships with a unit.
+    """Return the angles in a file that RoboSense ships with a unit; `InputError` if it is not such a file.
 
-    The file has one line per laser: its elevation and, after a comma, its azimuth offset, in degrees.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or does not contain one line per laser.
+    It has one line per laser: its elevation and, after a comma, its azimuth offset, in degrees.
     """
-    try:
-        lines = path.read_text("utf-8", "replace").splitlines()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
+    lines = read_calibration(path).decode(errors="replace").splitlines()
     rows = [row for line in lines if (row := _numbers(line))]
     if len(rows) != model.lasers:
         raise InputError(f"{path}: expected {model.lasers} lines of angles for the {model.name}, got {len(rows)}")
