@@ -65,8 +65,8 @@ def packet_layout(profile: str, rows: int, columns: int) -> np.dtype[Any]:
         column = np.dtype([*head, pixels, ("status", "<u4")])
         return np.dtype([("columns", column, columns)])
     column = np.dtype([("time_ns", "<u8"), ("id", "<u2"), ("status", "<u2"), pixels])
-    head: list[Any] = [("type", "<u2"), ("frame", "<u2"), ("alerts", "u1", 3), ("serial", "u1", 5), ("state", "u1", 20)]
-    return np.dtype([*head, ("columns", column, columns), ("footer", "u1", 32)])
+    top: list[Any] = [("type", "<u2"), ("frame", "<u2"), ("alerts", "u1", 3), ("serial", "u1", 5), ("state", "u1", 20)]
+    return np.dtype([*top, ("columns", column, columns), ("footer", "u1", 32)])
 
 
 def frame_ids(packets: NDArray[np.void]) -> NDArray[np.int64]:
