@@ -1,139 +1,335 @@
-"""Frames and selections of a recording: frames keep their indices, and only the required parts are read."""
+"""Records that wait for filters which look ahead: their order, their number, and the results of their frames."""
+
+from collections import Counter
+from contextlib import closing
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from rosbags.rosbag1 import Writer as BagWriter
+from click.testing import CliRunner
 
+import seaclutter
+from seaclutter_cli import pipeline
+from seaclutter_cli.cloud import from_array
+from seaclutter_cli.commands import cli
+from seaclutter_cli.errors import FieldError
+from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.pipeline import RecordHolder, run, run_each
 from seaclutter_cli.reading import frames, read
-from seaclutter_cli.records import Attachment, Message, Metadata
+from seaclutter_cli.records import Attachment, Channel, Message, Metadata
 from seaclutter_cli.selection import Selection, cloud_channels
 from seaclutter_cli.sources import find_recordings, open_source
-from seaclutter_cli.sources.mcap.source import McapSource
-from seaclutter_cli.sources.rosbag1.source import BagSource
-from tests.logs import LAYOUTS, PERIOD_NS, Entry, Layout, cloud_log, cloud_topic, write_log
-from tests.paths import ROOT, shared
-from tests.test_formats import FORMATS, STORE, TYPE, message
+from tests.filters.seas import Body, sea_log
+from tests.logs import START_NS, Entry, Topic, cloud_message, cloud_topic, write_log
+from tests.paths import ROOT
+from tests.sinks.runs import contents
+from tests.test_formats import FORMATS
+
+SEA, LABELS = ROOT / "samples" / "sea.mcap", ROOT / "samples" / "sea.labels.csv"
+CLOUDS = {name: Channel(number, name, "cdr", None) for number, name in enumerate(("/bow", "/aft"))}
+NOTE = Channel(9, "/note", "json", None)
+MS = 1_000_000
 
 
-def split_log(folder):
-    """Return a recording of three files with two, one and three frames."""
-    for part, numbers in enumerate((range(2), range(2, 3), range(3, 6))):
-        entries = [Entry("/points", *message(number)) for number in numbers]
-        write_log(folder / f"log_{part}.mcap", [cloud_topic("/points")], entries, Layout(chunk_size=7000))
-    return folder
+class Ahead:
+    """Filter whose results are complete when the log has gone on for long enough; frames of odd size have no field."""
+
+    def __init__(self, look_ahead_s=0.5):
+        self.look_ahead_s = look_ahead_s
+        self.waiting = []
+        self.flushed = []
+
+    def process(self, frame):
+        if frame.size % 2:
+            raise FieldError("no field 'odd'")
+        self.waiting.append(frame)
+        known = [one for one in self.waiting if one.stamp_ns <= frame.stamp_ns - 1e9 * self.look_ahead_s]
+        return [self.result(one) for one in known]
+
+    def flush(self):
+        self.flushed.append([frame.index for frame in self.waiting])
+        return [self.result(frame) for frame in list(self.waiting)]
+
+    def result(self, frame):
+        self.waiting.remove(frame)
+        return FilterResult(frame, np.zeros(frame.size, np.uint8))
 
 
-def long_bag(path):
-    writer = BagWriter(path)
-    writer.set_compression(BagWriter.CompressionFormat.BZ2)
-    writer.chunk_threshold = 8000
-    with writer:
-        connection = writer.add_connection("/points", TYPE, typestore=STORE)
-        for number in range(40):
-            time_ns, data = message(number)
-            writer.write(connection, time_ns, STORE.cdr_to_ros1(data, TYPE))
-    return path
+def cloud(topic, time_ms, index, *, size=2):
+    """Return the record and the frame of a cloud."""
+    message = Message(CLOUDS[topic], time_ms * MS, time_ms * MS, index, bytes(4 * size))
+    return message, Frame.of_message(message, from_array(np.zeros(size, [("x", "f4")])), index)
 
 
-def opened(log):
+def note(time_ms):
+    return Message(NOTE, time_ms * MS, time_ms * MS, 0, b"{}"), None
+
+
+class Held:
+    """Records passed through a holder, with how long and how many bytes it held."""
+
+    def __init__(self, holder, records):
+        self.out, self.longest_ns, self.most_bytes = [], 0, 0
+        times = []
+        for record, frame in records:
+            times += [record.log_time_ns] if isinstance(record, Message) else times[-1:]
+            self.out += holder.add(record, frame)
+            if len(self.out) < len(times):
+                self.longest_ns = max(self.longest_ns, times[-1] - times[len(self.out)])
+            self.most_bytes = max(self.most_bytes, sum(one.nbytes for one in holder._held))
+        self.before_the_end = len(self.out)
+        self.out += holder.finish()
+        assert [id(one.record) for one in self.out] == [id(record) for record, _ in records], "order of the log"
+        for one in self.out:
+            if one.frame is not None:
+                own = [result for result in one.results if isinstance(result, FilterResult)]
+                assert None not in one.results, "complete"
+                assert all(result.frame is one.frame for result in own)
+
+
+def two_topics(bow=range(0, 4000, 100), aft=range(30, 4000, 100), notes=range(0, 4000, 20), size=2):
+    """Return records of two cloud topics and one other, in the order of their times."""
+    records = [(at, cloud("/bow", at, k, size=size)) for k, at in enumerate(bow)]
+    records += [(at, cloud("/aft", at, k, size=size)) for k, at in enumerate(aft)]
+    records += [(at, note(at)) for at in notes]
+    return [pair for _, pair in sorted(records, key=lambda one: one[0])]
+
+
+class TestHolder:
+    def test_the_order_is_that_of_the_log(self):
+        extras = [(Attachment(0, 0, "a", "", b"123"), None), (Metadata("m", {}), None)]
+        records = two_topics()
+        records[50:50] = extras
+        held = Held(RecordHolder({"/bow": [Ahead()], "/aft": [Ahead(0.2)]}), records)
+        assert 400 * MS <= held.longest_ns <= 600 * MS
+
+    def test_without_look_ahead_nothing_waits(self):
+        held = Held(RecordHolder({"/bow": [Ahead(0.0)], "/aft": [Ahead(0.0)]}), two_topics())
+        assert held.longest_ns == 0
+        assert held.before_the_end == len(held.out)
+
+    @pytest.mark.parametrize("early", ["/bow", "/aft"])
+    def test_a_topic_that_ends_early_holds_no_more_than_a_second(self, early):
+        name = early.strip("/")
+        methods = {"/bow": [Ahead()], "/aft": [Ahead()]}
+        held = Held(RecordHolder(methods), two_topics(**{name: range(0, 300, 100)}, notes=range(0, 20_000, 20)))
+        assert held.longest_ns <= 1020 * MS
+        assert methods[early][0].flushed[0] == [0, 1, 2]
+
+    def test_gaps_in_time(self):
+        gaps = [*range(0, 1000, 100), *range(1800, 2500, 100), *range(9000, 9500, 100)]
+        held = Held(
+            RecordHolder({"/bow": [Ahead()], "/aft": [Ahead()]}), two_topics(bow=gaps, notes=range(0, 9500, 20))
+        )
+        assert held.longest_ns <= 1020 * MS
+
+    def test_a_pause_of_the_whole_log(self):
+        """The first record behind the pause shows that the frames of both topics are late."""
+        records = two_topics(range(0, 500, 100), range(0, 500, 100), range(0, 500, 100))
+        held = Held(RecordHolder({"/bow": [Ahead()], "/aft": [Ahead()]}), [*records, note(60_000)])
+        assert held.before_the_end == len(held.out)
+
+    def test_memory_is_bounded(self, monkeypatch):
+        monkeypatch.setattr(pipeline, "_MAX_HELD_BYTES", 10_000)
+        method = Ahead(5.0)
+        held = Held(RecordHolder({"/bow": [method], "/aft": [Ahead(0.0)]}), two_topics(aft=[], size=500))
+        assert 8_000 <= held.most_bytes <= 12_000
+        assert len(method.flushed) >= 5
+
+    def test_a_single_message_beyond_the_limit(self, monkeypatch):
+        monkeypatch.setattr(pipeline, "_MAX_HELD_BYTES", 100)
+        held = Held(RecordHolder({"/bow": [Ahead()], "/aft": [Ahead()]}), two_topics(size=500))
+        assert held.most_bytes <= 100
+
+    def test_frames_with_errors_keep_their_places(self):
+        records = two_topics()
+        for at in (0, 51, 52, 53, len(records) - 1):
+            if records[at][1] is not None:
+                record, frame = records[at]
+                records[at] = cloud(record.channel.topic, record.log_time_ns // MS, frame.index, size=3)
+        held = Held(RecordHolder({"/bow": [Ahead(), Ahead(0.0)], "/aft": [Ahead()]}), records)
+        failed = [one for one in held.out if one.frame is not None and one.frame.size == 3]
+        assert len(failed) >= 2
+        for one in failed:
+            assert all(isinstance(result, FieldError) for result in one.results)
+
+    def test_several_methods_with_and_without_look_ahead(self):
+        methods = [Ahead(0.0), Ahead(0.3), Ahead(0.7)]
+        held = Held(RecordHolder({"/bow": methods}), two_topics(aft=[]))
+        assert 600 * MS <= held.longest_ns <= 800 * MS
+
+    def test_only_late_frames_are_decided_early(self):
+        """Otherwise other topics of the log change the results of this one, if it looks ahead for more than 0.5 s."""
+        method = Ahead(2.0)
+        pause = [*range(0, 2000, 100), *range(2700, 5000, 100)]
+        Held(RecordHolder({"/bow": [method]}), two_topics(bow=pause, aft=[], notes=range(0, 5000, 20)))
+        assert len(method.flushed) == 1, "at the end"
+
+
+class Recorder:
+    """Sink that stores what it receives, as it was then."""
+
+    def __init__(self):
+        self.records, self.results = [], []
+
+    def begin(self, source, clouds):
+        pass
+
+    def copy(self, record):
+        self.records.append(plain(record))
+
+    def write(self, result):
+        self.records.append(plain(result.frame.message))
+        self.results.append((result.frame.topic, result.frame.index, result.reason.tolist()))
+
+    def end(self):
+        pass
+
+
+def plain(record):
+    return astuple(replace(record, data=bytes(record.data))) if hasattr(record, "data") else astuple(record)
+
+
+def confirmed(**params):
+    return FILTERS["confirmed"](FILTERS["confirmed"].Params(**params))
+
+
+def filtered(log, *, topics=(), make=confirmed, **selection):
+    """Return what a sink receives of a log."""
+    sink = Recorder()
     (recording,) = find_recordings([str(log)])
-    return recording.open()
+    with closing(recording.open()) as source:
+        run(source, make, [sink], Selection(topics=topics, **selection))
+        assert not source.damage
+    return sink
 
 
-def plain(frame):
-    return frame.topic, frame.index, frame.stamp_ns, frame.log_time_ns, bytes(frame.message.data)
-
-
-OTHERS = ("two topics", "split", "capture")
-
-
-@pytest.fixture(scope="module", params=[*FORMATS, *(f"mcap {name}" for name in LAYOUTS), *OTHERS])
-def log(request, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("log")
-    if request.param in FORMATS:
-        return FORMATS[request.param](folder)
-    if request.param == "capture":
-        return ROOT / "samples" / "rs-lidar-32.pcap"
-    if request.param == "split":
-        return split_log(folder)
-    if request.param == "two topics":
-        return cloud_log(folder / "log.mcap", Layout(chunk_size=9000), frames=8, topics=("/points", "/aft"))
-    return cloud_log(folder / "log.mcap", LAYOUTS[request.param.removeprefix("mcap ")], frames=8)
-
-
-@pytest.fixture(scope="module")
-def whole(log):
-    """Return the topics of points of a log, and all of its frames."""
-    topics = {channel.topic for channel in cloud_channels(opened(log), ["/points"])}
-    return topics, [plain(frame) for frame in frames(opened(log), Selection(topics=topics))]
-
-
-@settings(max_examples=20)
-@given(start=st.integers(-2, 12), length=st.integers(0, 12), shift_ns=st.sampled_from([-1, 0, 1, 40_000_000]))
-def test_a_window_has_the_frames_and_indices_of_the_whole(log, whole, start, length, shift_ns):
-    topics, every = whole
-    start_s, end_s = (start * PERIOD_NS + shift_ns) / 1e9, ((start + length) * PERIOD_NS + shift_ns) / 1e9
-    seconds = [(frame[3] - every[0][3]) / 1e9 for frame in every]
-    for bounds in ((start_s, None), (None, end_s), (start_s, end_s)):
-        low, high = bounds
-        chosen = [
-            frame
-            for frame, at in zip(every, seconds, strict=True)
-            if (low is None or at >= low) and (high is None or at < high)
+def results_of(log, topic, make=confirmed, **selection):
+    """Return the results of one topic, with a filter alone."""
+    (recording,) = find_recordings([str(log)])
+    with closing(recording.open()) as source:
+        method = make()
+        found = [
+            (result.frame.topic, result.frame.index, result.reason.tolist())
+            for frame in frames(source, Selection(topics=[topic], **selection))
+            for result in method.process(frame)
         ]
-        selection = Selection(topics=topics, start_s=low, end_s=high)
-        source = opened(log)
-        assert [plain(frame) for frame in frames(source, selection)] == chosen
-        assert source.damage == []
-        two = Selection(topics=topics, start_s=low, end_s=high, frames=2)
-        assert [plain(frame) for frame in frames(opened(log), two)] == chosen[:2]
+        return found + [(one.frame.topic, one.frame.index, one.reason.tolist()) for one in method.flush()]
 
 
-def test_a_window_of_packet_topics():
-    log = shared("nebula/vlp16")
-    whole = [plain(frame) for frame in frames(opened(log), Selection())]
-    first_ns = next(record.log_time_ns for record in opened(log).records() if isinstance(record, Message))
-    for start_s, end_s in ((0.0, 0.15), (0.15, None), (0.1, 0.25)):
-        found = [plain(frame) for frame in frames(opened(log), Selection(start_s=start_s, end_s=end_s))]
-        chosen = [one for one in whole if start_s <= (one[3] - first_ns) / 1e9 < (end_s or 9)]
-        assert found == chosen != whole
-
-
-def test_attachments_and_metadata_are_in_every_window(tmp_path):
-    log = cloud_log(tmp_path / "log.mcap", frames=8)
-    source = open_source(log)
-    records = [record for record, _ in read(source, cloud_channels(source), Selection(start_s=0.3, end_s=0.4))]
-    assert {type(record) for record in records} >= {Attachment, Metadata}
-
-
-@pytest.mark.parametrize("name", ["mcap-zstd", "bag"])
-def test_chunks_outside_of_the_window_are_not_unpacked(name, tmp_path, monkeypatch):
-    if name == "bag":
-        log, kind = long_bag(tmp_path / "log.bag"), BagSource
-    else:
-        log, kind = cloud_log(tmp_path / "log.mcap", Layout(chunk_size=9000), frames=40), McapSource
-    unpacked = []
-    unpack = kind._unpack
-    monkeypatch.setattr(kind, "_unpack", lambda self, chunk: unpacked.append(chunk.offset) or unpack(self, chunk))
-    source = open_source(log)
-    chunks = len(source._chunks)
-    unpacked.clear()
-    list(frames(source, Selection()))
-    assert len(unpacked) == chunks
-    unpacked.clear()
-    count = len(list(frames(source, Selection())))
-    unpacked.clear()
-    (last,) = frames(source, Selection(start_s=(count - 1.5) * 0.1))
-    assert last.index == count - 1
-    assert len(set(unpacked)) <= 5 < chunks  # one for the time of the first message, and those unpacked in advance
-
-
-def test_frames_have_their_topics_and_arrays(tmp_path):
-    log = cloud_log(tmp_path / "log.mcap", frames=3, topics=("/points", "/aft"))
-    found = list(frames(open_source(log), Selection(topics=("/points", "/aft"))))
-    assert [(frame.topic, frame.index) for frame in found] == [
-        (topic, number) for number in range(3) for topic in ("/points", "/aft")
+def sea_entries(topic, seed, times_s):
+    """Return messages of a small sea at given times."""
+    log = sea_log(seed, [Body(20, 5), Body(-15, 20, height=0.3)], times_s, size=150)
+    stamps = [START_NS + round(1e9 * time_s) for time_s in times_s]
+    return [
+        Entry(topic, stamp, cloud_message("ros2", frame.cloud.points, stamp), sequence=number)
+        for number, (stamp, frame) in enumerate(zip(stamps, log, strict=True))
     ]
-    assert all(frame.xyz.dtype == np.float64 and frame.xyz.shape == (frame.size, 3) for frame in found)
+
+
+def sea_file(path, *, aft_frames=25):
+    """Write a log of two lidars, one of which may end early, and an IMU."""
+    entries = sea_entries("/bow", 1, 0.1 * np.arange(25)) + sea_entries("/aft", 2, 0.03 + 0.1 * np.arange(aft_frames))
+    entries += [Entry("/imu", START_NS + 10 * MS * number, b"\0" * 12) for number in range(250)]
+    topics = [cloud_topic("/bow"), cloud_topic("/aft"), Topic("/imu")]
+    return write_log(path, topics, sorted(entries, key=lambda entry: entry.log_time_ns))
+
+
+class TestLogs:
+    @pytest.mark.parametrize("aft_frames", [25, 4])
+    def test_two_lidars_and_an_imu(self, tmp_path, aft_frames):
+        log = sea_file(tmp_path / "log.mcap", aft_frames=aft_frames)
+        sink = filtered(log, topics=("/bow", "/aft"))
+        with closing(open_source(log)) as source:
+            assert sink.records == [plain(record) for record in source.records()]
+        for topic in ("/bow", "/aft"):
+            assert [one for one in sink.results if one[0] == topic] == results_of(log, topic)
+
+    @pytest.mark.parametrize("name", [*FORMATS, "capture"])
+    def test_what_waits_does_not_change(self, tmp_path, name):
+        """Messages may be views of buffers that a source reads into."""
+        log = ROOT / "samples" / "rs-lidar-32.pcap" if name == "capture" else FORMATS[name](tmp_path)
+        sink = filtered(log)
+        (recording,) = find_recordings([str(log)])
+        with closing(recording.open()) as source:
+            pairs = read(source, cloud_channels(source), Selection())
+            assert sink.records == [plain(frame.message if frame else record) for record, frame in pairs]
+        (topic,) = {topic for topic, _, _ in sink.results}
+        assert sink.results == results_of(log, topic)
+
+    @pytest.mark.parametrize(("start_s", "end_s"), [(0.5, 1.7), (None, 0.35), (2.0, None), (0.95, 1.0)])
+    def test_a_clip_has_the_results_of_a_log_of_its_own(self, tmp_path, start_s, end_s):
+        log = sea_file(tmp_path / "log.mcap")
+        clip = {"start_s": start_s, "end_s": end_s}
+        sink = filtered(log, topics=("/bow", "/aft"), **clip)
+        low, high = (-1 if start_s is None else start_s), (9 if end_s is None else end_s)
+        with closing(open_source(log)) as source:
+            whole = [plain(record) for record in source.records()]
+        assert sink.records == [one for one in whole if low <= (one[1] - START_NS) / 1e9 < high]
+        for topic in ("/bow", "/aft"):
+            assert [one for one in sink.results if one[0] == topic] == results_of(log, topic, **clip)
+
+    def test_a_number_of_frames(self, tmp_path):
+        sink = filtered(sea_file(tmp_path / "log.mcap"), topics=("/bow", "/aft"), frames=7)
+        assert Counter(topic for topic, _, _ in sink.results) == {"/bow": 7, "/aft": 7}
+
+    def test_frames_without_a_field_in_the_middle_are_damage(self, tmp_path):
+        entries = sea_entries("/points", 1, 0.1 * np.arange(20))
+        for number in (9, 10):
+            points = np.zeros(50, [("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
+            entries[number] = entries[number]._replace(data=cloud_message("ros2", points, entries[number].log_time_ns))
+        log = write_log(tmp_path / "log.mcap", [cloud_topic("/points")], entries)
+        sink = Recorder()
+        with closing(open_source(log)) as source:
+            run(source, confirmed, [sink], Selection())
+            assert ["no intensity field" in str(one) for one in source.damage] == [True, True]
+        assert [index for _, index, _ in sink.results] == [*range(9), *range(11, 20)]
+
+    def test_a_log_in_two_files_gives_the_same_bytes_as_one(self, tmp_path):
+        entries, topics = sea_entries("/points", 1, 0.1 * np.arange(16)), [cloud_topic("/points")]
+        for name, parts in (("one", [entries]), ("two", [entries[:9], entries[9:]])):
+            folder = tmp_path / name / "sea"
+            folder.mkdir(parents=True)
+            for number, part in enumerate(parts):
+                write_log(folder / f"sea_{number}.mcap", topics, part)
+            out = tmp_path / name / "out.mcap"
+            arguments = ["filter", folder, "-m", "confirmed", "-o", out, "--with-removed"]
+            done = CliRunner().invoke(cli, [str(argument) for argument in arguments])
+            assert done.exit_code == 0, done.output
+        one, two = ((tmp_path / name / "out.mcap").read_bytes() for name in ("one", "two"))
+        end = one.index(b"seaclutter.run")  # this record is about the files
+        assert one[:end] == two[:end]
+        found = contents(tmp_path / "two" / "out.mcap")
+        assert [message.sequence for message in found.topics["/points"]] == list(range(16))
+
+
+class TestSideBySide:
+    NAMES = ("confirmed", "joint", "none", "confirmed")
+
+    def test_each_method_has_the_results_of_a_run_of_its_own(self):
+        makers = [lambda own=FILTERS[name]: own(own.Params()) for name in self.NAMES]
+        makers[3] = lambda: confirmed(look_ahead_s=0.2)
+        found = [[] for _ in makers]
+
+        def on_frame(frame, results, seconds):
+            for own, result in zip(found, results, strict=True):
+                assert result.frame is frame
+                own.append((frame.topic, frame.index, result.reason.tolist()))
+            assert len(seconds) == len(makers)
+
+        with closing(open_source(SEA)) as source:
+            run_each(source, [make() for make in makers], Selection(frames=25), on_frame)
+        for make, own in zip(makers, found, strict=True):
+            assert own == results_of(SEA, "/points", make, frames=25)
+
+    def test_scores_are_those_of_separate_runs(self):
+        reading = seaclutter.ReadOptions(frames=25)
+        together = seaclutter.evaluate(SEA, LABELS, methods=["joint", "confirmed"], reading=reading).totals()
+        for name in ("joint", "confirmed"):
+            alone = seaclutter.evaluate(SEA, LABELS, methods=name, reading=reading).totals()
+            assert without_times(alone[name]) == without_times(together[name])
+
+
+def without_times(summary):
+    return {name: value for name, value in vars(summary).items() if name != "durations"}
