@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
-from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 
 Floats = NDArray[np.float64]

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.base import BaseFilter
+from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.beams import Beams, Sight
 from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, measure
 from seaclutter_cli.filters.confirmation.objects import DetectedObject, find_objects
-from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distances, within
 from seaclutter_cli.filters.zones import Zones

@@ -14,7 +14,7 @@ from seaclutter_cli.calibration import FILTER_RATE, Calibration, ClutterSelector
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import LabelError, UsageError
 from seaclutter_cli.filters import FILTERS
-from seaclutter_cli.filters.confirmation.params import ConfirmedParams
+from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmed import Confirmed
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import MAX_RINGS

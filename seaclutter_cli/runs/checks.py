@@ -13,7 +13,7 @@ from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.sensors.catalog import SENSORS, RecognisedSensor
 
 if TYPE_CHECKING:
-    from seaclutter_cli.filters.confirmation.params import ConfirmedParams
+    from seaclutter_cli.filters.confirmation import ConfirmedParams
     from seaclutter_cli.water import Mounting
 
 _FARTHEST_M = 10_000.0  # no lidar on a vessel measures farther

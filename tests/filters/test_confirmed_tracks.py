@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
-from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.confirmation.tracks import Tracker
 
 POSITION = np.array([[20.0, 0.0]])

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.filters.confirmation.params import ConfirmedParams
+from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.frame import Frame, Reason
 from seaclutter_cli.water import WaterSurface
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.clustering.euclidean import euclidean_clusters
+from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.beams import Beams
 from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights
-from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.groups import group_sizes, group_starts
 
 Floats = NDArray[np.float64]

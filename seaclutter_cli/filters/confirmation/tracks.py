@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.beams import Sight
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
-from seaclutter_cli.filters.confirmation.params import ConfirmedParams
 from seaclutter_cli.filters.neighbors import nearest
 
 Floats = NDArray[np.float64]

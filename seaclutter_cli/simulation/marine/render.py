@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
+from seaclutter_cli.simulation.lidar.echoes import Echoes, Receiver, Shots
 from seaclutter_cli.simulation.lidar.models import LIDARS
-from seaclutter_cli.simulation.lidar.receiver import Receiver
 from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody, add_body_echoes, box_of
 from seaclutter_cli.simulation.marine.motion import Pose, Ride
 from seaclutter_cli.simulation.marine.scene import Scene

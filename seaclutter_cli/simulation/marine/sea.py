@@ -8,7 +8,7 @@ from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 from scipy import fft
 
-from seaclutter_cli.simulation.lidar.receiver import extinction
+from seaclutter_cli.simulation.lidar.echoes import extinction
 from seaclutter_cli.validation import renamed
 
 GRAVITY = 9.81

@@ -8,8 +8,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
-from seaclutter_cli.simulation.lidar.receiver import extinction
+from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots, extinction
 from seaclutter_cli.simulation.marine.motion import Pose
 from seaclutter_cli.simulation.marine.sea import SeaParams
 from seaclutter_cli.simulation.marine.water import SeaTerrain
