@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
+from seaclutter_cli.jobs.cluster.connection import connection_to
 from seaclutter_cli.jobs.cluster.engine import Cluster
-from seaclutter_cli.jobs.cluster.place import place_of
 from seaclutter_cli.jobs.engine import Report
 
 
@@ -33,7 +33,7 @@ def main(address: str, tasks: int) -> None:
     """Run tasks and print figures."""
     from cluster import Nothing as Importable  # not of __main__, which workers do not have
 
-    engine = Cluster(place_of(address), Importable(), print)
+    engine = Cluster(connection_to(address), Importable(), print)
     started = 0.0
     for number, _ in enumerate(engine.run([Importable()] * tasks, lambda *_: None)):
         started = started or perf_counter()

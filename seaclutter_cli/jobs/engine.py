@@ -1,8 +1,15 @@
-"""Engines, which run tasks and yield their results."""
+"""Engines, which run tasks and yield their results; the loop of those with several processes."""
 
-from collections.abc import Callable, Generator, Sequence
+import pickle
+import traceback
+from collections import Counter, deque
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
+
+from seaclutter_cli.errors import SeaclutterError
+
+_ATTEMPTS = 2
 
 R = TypeVar("R")
 R_co = TypeVar("R_co", covariant=True)
@@ -61,3 +68,61 @@ class InTurn:
         """Run tasks, as `Engine.run` says."""
         for number, task in enumerate(tasks):
             yield number, task(lambda share, number=number: on_share(number, share))  # type: ignore[misc]
+
+
+SHARE, DONE, ERROR, DIED = "share", "done", "error", "died"
+"""Kinds of answers: the share of a task that is done, its result, its error, and the end of the process."""
+
+
+def answer(task: Task[Any], report: Report) -> bytes:
+    """Do a task and return its pickled answer: kind and content, which is the result or the error."""
+    try:
+        return pickle.dumps((DONE, task(report)))
+    except (BrokenPipeError, ConnectionResetError):
+        raise
+    except SeaclutterError as error:
+        return pickle.dumps((ERROR, error))
+    except Exception as error:  # noqa: BLE001 - raised again in the first process
+        error.add_note(traceback.format_exc())
+        return pickle.dumps((ERROR, error))
+
+
+class Pool(Protocol):
+    """Processes that each do one task at a time."""
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether any process works."""
+        ...
+
+    def give(self, waiting: deque[int], tasks: Sequence[Task[Any]]) -> list[int]:
+        """Give waiting tasks to idle processes and return their numbers."""
+        ...
+
+    def answers(self, *, waiting: bool) -> Iterator[tuple[int, str, Any]]:
+        """Yield number of the task, kind and content of what processes have sent.
+
+        Parameters
+        ----------
+        waiting : bool
+            Whether tasks wait, so that the pool should rather come back to start a process than wait for an answer.
+        """
+        ...
+
+
+def run_with_retries(pool: Pool, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Results[R]:
+    """Run tasks, as `Engine.run` says; a process that dies costs its task one retry, and no other task anything."""
+    waiting, attempts = deque(range(len(tasks))), Counter[int]()
+    while waiting or pool.is_busy:
+        attempts.update(pool.give(waiting, tasks))
+        for number, kind, content in pool.answers(waiting=bool(waiting)):
+            if kind == SHARE:
+                on_share(number, content)
+            elif kind == DONE:
+                yield number, content
+            elif kind == ERROR:
+                raise content
+            elif kind == DIED and attempts[number] < _ATTEMPTS:
+                waiting.appendleft(number)
+            else:
+                yield number, Lost(f"{content}, {_ATTEMPTS} times")

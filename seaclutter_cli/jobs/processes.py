@@ -1,4 +1,4 @@
-"""Tasks in several processes of this machine."""
+"""Tasks in several processes of this machine, as many as there are cores and memory for."""
 
 import multiprocessing as mp
 import os
@@ -8,18 +8,61 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from multiprocessing.connection import Connection, wait
+from pathlib import Path
 from time import monotonic
 from typing import Any
 
 from seaclutter_cli.interrupts import handle_interrupts, ignore_interrupts
-from seaclutter_cli.jobs.answers import DIED, SHARE, answer
-from seaclutter_cli.jobs.crew import run_tasks
-from seaclutter_cli.jobs.engine import R, Results, Task
+from seaclutter_cli.jobs.engine import DIED, SHARE, R, Results, Task, answer, run_with_retries
 from seaclutter_cli.threads import VARIABLE, cores, threads
 
 _REPORT_S = 0.2
 _END_S = 10.0
 _PRELOADED = ["seaclutter_cli.runs.filter", "seaclutter_cli.runs.evaluate"]
+
+MEMORY_PER_JOB = 400 * 2**20
+"""Memory in bytes that a recording may need: four chunks of 64 MB, and the program."""
+
+_MEMORY = Path("/proc/meminfo")
+_LIMITS = (
+    (Path("/sys/fs/cgroup/memory.max"), Path("/sys/fs/cgroup/memory.current")),
+    (
+        Path("/sys/fs/cgroup/memory/memory.limit_in_bytes"),
+        Path("/sys/fs/cgroup/memory/memory.usage_in_bytes"),
+    ),
+)
+
+
+def default_jobs(recordings: int, memory: int = MEMORY_PER_JOB) -> int:
+    """Return the number of processes for a number of recordings: as many as there are cores and memory for.
+
+    Each may need ``memory`` bytes.
+    """
+    available = _available_bytes()
+    possible = cores() if available is None else min(cores(), available // memory)
+    return max(1, min(recordings, possible))
+
+
+def _available_bytes() -> int | None:
+    """Return the memory that is available to this process, where it is known: on Linux, also in containers."""
+    found = [_free()] + [_left(*pair) for pair in _LIMITS]
+    return min((size for size in found if size is not None), default=None)
+
+
+def _free() -> int | None:
+    try:
+        lines = _MEMORY.read_text().splitlines()
+    except OSError:
+        return None
+    found = [line.split() for line in lines if line.startswith("MemAvailable:")]
+    return int(found[0][1]) * 1024 if found else None
+
+
+def _left(limit: Path, used: Path) -> int | None:
+    try:
+        return max(0, int(limit.read_text()) - int(used.read_text()))
+    except (OSError, ValueError):  # no limit: "max"
+        return None
 
 
 class Processes:
@@ -46,8 +89,8 @@ class Processes:
         """Run tasks, as `Engine.run` says."""
         if self._context.get_start_method() == "forkserver":
             _start_server()
-        with _Crew(self._context, min(self._jobs, len(tasks))) as crew:
-            yield from run_tasks(crew, tasks, on_share)
+        with _Pool(self._context, min(self._jobs, len(tasks))) as pool:
+            yield from run_with_retries(pool, tasks, on_share)
 
 
 def _start_server() -> None:
@@ -63,7 +106,7 @@ def _start_server() -> None:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-class _Crew(AbstractContextManager["_Crew"]):
+class _Pool(AbstractContextManager["_Pool"]):
     """The processes of a run, started one by one as there is work for them."""
 
     def __init__(self, context: Any, size: int) -> None:
@@ -92,7 +135,7 @@ class _Crew(AbstractContextManager["_Crew"]):
         return given
 
     def answers(self, *, waiting: bool) -> Iterator[tuple[int, str, Any]]:
-        """Yield answers, as `Crew.answers` says."""
+        """Yield answers, as `Pool.answers` says."""
         block = not (waiting and self.has_room)
         busy = {worker.pipe: worker for worker in self._workers if worker.is_busy}
         for pipe in wait(list(busy), None if block else 0):

@@ -9,9 +9,8 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from seaclutter_cli.buckets import copies_removed, local, mirror_of, on_paths, shown
 from seaclutter_cli.errors import SeaclutterError, SelectionError
-from seaclutter_cli.jobs.budget import default_jobs
 from seaclutter_cli.jobs.engine import Engine, InTurn, Lost, Report
-from seaclutter_cli.jobs.processes import Processes
+from seaclutter_cli.jobs.processes import Processes, default_jobs
 from seaclutter_cli.runs.labels import LabelFile
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.recordings import NOT_PROCESSED, Outcome, ReadOptions
@@ -73,12 +72,12 @@ class BatchOptions:
     def engine(self, works: "Sequence[Work[Any]]", observer: Observer) -> Iterator[Engine]:
         """Return the engine for work on some recordings."""
         if self.cluster is not None:
+            from seaclutter_cli.jobs.cluster.connection import connection_to
             from seaclutter_cli.jobs.cluster.engine import Cluster  # asyncio takes time to import
-            from seaclutter_cli.jobs.cluster.place import place_of
 
-            place = place_of(self.cluster, insecure=self.cluster_insecure, workers=self.jobs)
+            connection = connection_to(self.cluster, insecure=self.cluster_insecure, workers=self.jobs)
             with shared_places(works) as check:
-                yield Cluster(place, check, observer.warn, self.jobs)
+                yield Cluster(connection, check, observer.warn, self.jobs)
             return
         recordings = len(works)
         jobs = default_jobs(recordings) if self.jobs is None else self.jobs

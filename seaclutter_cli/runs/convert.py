@@ -10,7 +10,6 @@ from time import perf_counter
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.jobs.together import in_threads
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reading import read
@@ -48,6 +47,7 @@ from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources import Recording
+from seaclutter_cli.threads import in_threads
 
 
 @dataclass(frozen=True, kw_only=True)

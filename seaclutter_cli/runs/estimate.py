@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from seaclutter_cli.jobs.budget import default_jobs
+from seaclutter_cli.jobs.processes import default_jobs
 from seaclutter_cli.runs.batch import BatchOptions, size_of
 from seaclutter_cli.runs.log_outcome import LogOutcome
 from seaclutter_cli.runs.plan_result import Estimate, Planned

@@ -13,7 +13,6 @@ from seaclutter_cli.config import Config
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Labels, Sink, Source
-from seaclutter_cli.jobs.together import in_threads
 from seaclutter_cli.pipeline import run
 from seaclutter_cli.records import Channel, Metadata
 from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, inputs_of_work, run_batch
@@ -62,6 +61,7 @@ from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.text import printable
+from seaclutter_cli.threads import in_threads
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,6 @@ from mcap.reader import make_reader
 
 from seaclutter_cli.buckets import copies_removed, mirror_of
 from seaclutter_cli.errors import InputError, OutputError, UsageError
-from seaclutter_cli.jobs.together import in_threads
 from seaclutter_cli.records import Metadata
 from seaclutter_cli.runs.labels import LabelFile
 from seaclutter_cli.runs.log_outcome import LogOutcome
@@ -21,6 +20,7 @@ from seaclutter_cli.runs.recordings import Outcome, ReadOptions
 from seaclutter_cli.runs.run_record import NAME, RunIdentity, digest_of, digest_of_paths, from_entries
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources import Recording
+from seaclutter_cli.threads import in_threads
 
 if TYPE_CHECKING:  # imports all filters, which tiles do not need
     from seaclutter_cli.config import Config

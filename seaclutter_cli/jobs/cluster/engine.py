@@ -1,11 +1,12 @@
 """The engine for clusters."""
 
 import asyncio
+import logging
 import pickle
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent import futures
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
@@ -15,14 +16,10 @@ from typing import TYPE_CHECKING, Any, NoReturn, Self
 from uuid import uuid4
 
 from seaclutter_cli.errors import ClusterError
-from seaclutter_cli.jobs.answers import DIED, DONE, ERROR, SHARE
-from seaclutter_cli.jobs.cluster.logs import quiet
-from seaclutter_cli.jobs.cluster.place import Place
+from seaclutter_cli.jobs.cluster.connection import Connection
 from seaclutter_cli.jobs.cluster.remote import TOPIC, run_remotely
-from seaclutter_cli.jobs.cluster.versions import versions_question
-from seaclutter_cli.jobs.cluster.workers import Workers
-from seaclutter_cli.jobs.crew import run_tasks
-from seaclutter_cli.jobs.engine import R, Report, Results, Task
+from seaclutter_cli.jobs.cluster.workers import Workers, versions_question
+from seaclutter_cli.jobs.engine import DIED, DONE, ERROR, SHARE, R, Report, Results, Task, run_with_retries
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -31,6 +28,8 @@ Check = Task[str | None]
 """Task that returns why a worker cannot be used; None if it can."""
 
 _CANCELLED = (asyncio.CancelledError, futures.CancelledError)
+_NEVER = logging.CRITICAL + 1
+_LIBRARIES = ("distributed", "dask_jobqueue", "tornado")
 _LOOK_S = 1.0
 _END_S = 10.0
 _STEPS_OF_RELEASE = 2
@@ -46,7 +45,7 @@ class Cluster:
 
     Parameters
     ----------
-    place : Place
+    connection : Connection
         The cluster.
     check : Task
         Returns on a worker why it cannot be used; None if it can.
@@ -56,8 +55,10 @@ class Cluster:
         Number of workers to use at the same time; None: all.
     """
 
-    def __init__(self, place: Place, check: Check, warn: Callable[[str], object], limit: int | None = None) -> None:
-        self._place, self._check, self._warn, self._limit = place, check, warn, limit
+    def __init__(
+        self, connection: Connection, check: Check, warn: Callable[[str], object], limit: int | None = None
+    ) -> None:
+        self._connection, self._check, self._warn, self._limit = connection, check, warn, limit
 
     def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Results[R]:
         """Run tasks, as `Engine.run` says.
@@ -69,10 +70,10 @@ class Cluster:
         """
         if not tasks:
             return
-        with quiet(), self._place.connected() as client:
-            workers = Workers(client, self._place, self._warn)
-            with _Crew(client, workers, self._check, self._limit or len(tasks)) as crew:
-                yield from run_tasks(crew, tasks, on_share)
+        with _quiet(), self._connection.connected() as client:
+            workers = Workers(client, self._connection, self._warn)
+            with _Pool(client, workers, self._check, self._limit or len(tasks)) as pool:
+                yield from run_with_retries(pool, tasks, on_share)
 
 
 @dataclass
@@ -89,7 +90,7 @@ class _Job:
     receive: Callable[[str, Any], None] | None = None
 
 
-class _Crew:
+class _Pool:
     """The workers of a cluster, each with at most one task."""
 
     def __init__(self, client: "Client", workers: Workers, check: Check, limit: int) -> None:
@@ -164,7 +165,7 @@ class _Crew:
         self._workers.set_checked(address, content)
 
     def answers(self, *, waiting: bool) -> Iterator[tuple[int, str, Any]]:  # noqa: ARG002 - the cluster starts workers
-        """Yield answers, as `Crew.answers` says."""
+        """Yield answers, as `Pool.answers` says."""
         with self._workers.connection():
             with suppress(Empty):
                 key, kind, content = self._events.get(timeout=max(0.0, self._next_look_s - monotonic()))
@@ -249,3 +250,22 @@ _NOTHING = _Nothing()
 def _sent(task: Task[Any]) -> tuple[bytes, str]:
     """Return the arguments of `run_remotely`."""
     return pickle.dumps(task), str(Path.cwd())
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Silence the logs of Dask, which would repeat errors of a run between its lines."""
+    with suppress(ImportError):
+        import distributed  # noqa: F401 - makes its loggers
+    for name in _LIBRARIES:
+        logging.getLogger(name)
+    known = [logger for name, logger in logging.root.manager.loggerDict.items() if name.partition(".")[0] in _LIBRARIES]
+    loggers = [logger for logger in known if isinstance(logger, logging.Logger)]
+    before = [logger.level for logger in loggers]
+    for logger in loggers:  # those that are made later have the level of the first of their name
+        logger.setLevel(_NEVER)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)

@@ -8,7 +8,7 @@ from threading import Lock
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from seaclutter_cli.jobs.answers import answer
+from seaclutter_cli.jobs.engine import answer
 from seaclutter_cli.threads import VARIABLE
 
 if TYPE_CHECKING:

@@ -1,20 +1,24 @@
-"""The workers of a cluster, which come and go."""
+"""The workers of a cluster, which come and go, and the versions of their software, on which outputs depend."""
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, requires
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.errors import ClusterError
-from seaclutter_cli.jobs.cluster.place import Place
-from seaclutter_cli.jobs.cluster.versions import skew, versions_here, versions_question
+from seaclutter_cli.jobs.cluster.connection import Connection
 
 if TYPE_CHECKING:
     from distributed import Client
 
 _WARN_S = 10.0
+_NOT_COMPUTING = {"click", "lazy-loader", "tqdm", "annotated-types"}
+_REMOTE = ("seaclutter", "python", "dask", "distributed", "cloudpickle")
+_OPTIONAL = ("laspy", "lazrs", "obstore", "onnxruntime", "scikit-learn", "skops", "velodyne-decoder")
 
 
 @dataclass
@@ -37,14 +41,14 @@ class Workers:
     ----------
     client : Client
         Connection to the cluster.
-    place : Place
+    connection : Connection
         The cluster.
     warn : callable
         Receives warnings about workers that join later and are left out.
     """
 
-    def __init__(self, client: "Client", place: Place, warn: Callable[[str], object]) -> None:
-        self._client, self._place, self._warn = client, place, warn
+    def __init__(self, client: "Client", connection: Connection, warn: Callable[[str], object]) -> None:
+        self._client, self._connection, self._warn = client, connection, warn
         self._versions = versions_here()
         self._known: dict[str, _Worker] = {}
         self._deaths: dict[int, str] = {}
@@ -57,7 +61,7 @@ class Workers:
             yield
         except (OSError, TimeoutError, CancelledError) as error:  # CommClosedError is an OSError
             raise ClusterError(
-                f"{self._place.name}: the connection to the scheduler is lost; outputs that are complete stay"
+                f"{self._connection.name}: the connection to the scheduler is lost; outputs that are complete stay"
             ) from error
 
     def update(self, *, is_busy: bool) -> set[str]:
@@ -88,7 +92,7 @@ class Workers:
         """Raise `ClusterError` if the scheduler has other versions."""
         there = self._client.run_on_scheduler(*versions_question())
         if difference := skew(self._versions, there, of_scheduler=True):
-            raise ClusterError(f"{self._place.name}: the scheduler {difference}")
+            raise ClusterError(f"{self._connection.name}: the scheduler {difference}")
 
     def set_versions(self, address: str, found: Any) -> None:
         """Note the versions of a worker."""
@@ -101,20 +105,20 @@ class Workers:
     def _refuse(self, address: str, reason: str) -> None:
         worker = self._known[address]
         if worker.is_first:
-            raise ClusterError(f"{self._place.name}: worker {address} {reason}")
+            raise ClusterError(f"{self._connection.name}: worker {address} {reason}")
         worker.refusal = reason
-        self._warn(f"{self._place.name}: worker {address} is left out: it {reason}")
+        self._warn(f"{self._connection.name}: worker {address} is left out: it {reason}")
 
     def _require_any(self, *, is_busy: bool) -> None:
         if is_busy or any(worker.refusal is None for worker in self._known.values()):
             self._any_since_s, self._has_warned = monotonic(), False
             return
-        waited_s, patience_s = monotonic() - self._any_since_s, self._place.patience_s
+        waited_s, patience_s = monotonic() - self._any_since_s, self._connection.patience_s
         if waited_s > _WARN_S and not self._has_warned:
             self._has_warned = True
-            self._warn(f"{self._place.name}: no workers yet; the run waits for them")
+            self._warn(f"{self._connection.name}: no workers yet; the run waits for them")
         if patience_s is not None and waited_s > patience_s:
-            raise ClusterError(f"{self._place.name}: there has been no worker for {patience_s / 60:.0f} minutes")
+            raise ClusterError(f"{self._connection.name}: there has been no worker for {patience_s / 60:.0f} minutes")
 
     def set_checked(self, address: str, reason: str | None) -> None:
         """Note the result of the check of a worker: why it cannot be used, or None."""
@@ -151,3 +155,60 @@ class Workers:
         return home == self._known[address].home and any(
             worker.home != home for worker in self._known.values() if worker.refusal is None
         )
+
+
+def compared_packages() -> list[str]:
+    """Return the packages whose versions must be the same here and on workers."""
+    try:
+        stated = requires("seaclutter") or []
+    except PackageNotFoundError:  # runs from its source
+        stated = []
+    names = [re.split(r"[^\w.-]", text, maxsplit=1)[0] for text in stated if "extra ==" not in text]
+    return [name for name in names if name not in _NOT_COMPUTING]
+
+
+def skew(here: Mapping[str, Any] | None, there: Mapping[str, Any] | None, *, of_scheduler: bool = False) -> str | None:
+    """Return the first difference between versions that matters, as text; None if there is none.
+
+    Parameters
+    ----------
+    here, there : mapping
+        Versions by package as Dask collects them: ``{"packages": {name: version or None}}``.
+    of_scheduler : bool, optional
+        Whether ``there`` is a scheduler, which only passes tasks on.
+
+    Examples
+    --------
+    >>> skew({"packages": {"seaclutter": "0.2.0"}}, {"packages": {"seaclutter": None}})
+    'has no seaclutter, here 0.2.0'
+    >>> skew({"packages": {"python": "3.13.1.final.0"}}, {"packages": {"python": "3.11.7.final.0"}})
+    'has python 3.11, here 3.13'
+    """
+    ours, theirs = _packages(here), _packages(there)
+    required = _REMOTE if of_scheduler else (*_REMOTE, *compared_packages())
+    for name in dict.fromkeys((*required, *(() if of_scheduler else _OPTIONAL))):
+        own, other = ours.get(name), theirs.get(name)
+        if own is None or own == other or (other is None and name not in required):
+            continue
+        return f"has {name} {other}, here {own}" if other else f"has no {name}, here {own}"
+    return None
+
+
+def versions_question() -> tuple[Callable[[list[str]], Any], list[str]]:
+    """Return a function of Dask and its argument, which give versions also where seaclutter is missing."""
+    from distributed.versions import get_versions
+
+    return get_versions, [*_REMOTE, *compared_packages(), *_OPTIONAL]
+
+
+def versions_here() -> Any:
+    """Return the versions here."""
+    function, packages = versions_question()
+    return function(packages)
+
+
+def _packages(found: Mapping[str, Any] | None) -> dict[str, str | None]:
+    packages = dict((found or {}).get("packages", {}))
+    if packages.get("python"):  # what patch releases change does not matter
+        packages["python"] = ".".join(packages["python"].split(".")[:2])
+    return packages

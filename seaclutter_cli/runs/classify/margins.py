@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from seaclutter_cli.errors import CloudError, InputError, UsageError
-from seaclutter_cli.jobs.together import in_threads
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.sources.crs import Crs
 from seaclutter_cli.sources.extents import (
@@ -20,6 +19,7 @@ from seaclutter_cli.sources.extents import (
 )
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader
 from seaclutter_cli.text import count
+from seaclutter_cli.threads import in_threads
 
 MARGIN_M = 100.0
 """Width of the margin around a tile from which points of its neighbours are used."""

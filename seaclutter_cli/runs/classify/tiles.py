@@ -13,7 +13,7 @@ from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.settings import TileSettings, load_settings
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import InputError, UsageError
-from seaclutter_cli.jobs.budget import default_jobs
+from seaclutter_cli.jobs.processes import default_jobs
 from seaclutter_cli.runs.batch import BatchOptions, Work
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.output_plan import is_folder

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import trustme
 
-from seaclutter_cli.jobs.cluster.client import FILES
+from seaclutter_cli.jobs.cluster.connection import FILES
 
 ROOT = Path(__file__).parents[3]
 _FILES = ("ca.pem", "cert.pem", "key.pem")

@@ -12,8 +12,8 @@ import pytest
 
 from seaclutter_cli.errors import ClusterError, InputError
 from seaclutter_cli.jobs.cluster import workers
+from seaclutter_cli.jobs.cluster.connection import connection_to
 from seaclutter_cli.jobs.cluster.engine import Cluster
-from seaclutter_cli.jobs.cluster.place import place_of
 from seaclutter_cli.jobs.engine import Lost
 from tests.jobs.cluster.clusters import wait_for
 from tests.jobs.work import Ask, Fail, Kill, Meet, Square, Unsendable
@@ -68,7 +68,7 @@ class Times:
 
 def engine(cluster, warnings=None, check=None, limit=None):
     warn = (warnings if warnings is not None else []).append
-    return Cluster(place_of(cluster.address), check or Allow(), warn, limit)
+    return Cluster(connection_to(cluster.address), check or Allow(), warn, limit)
 
 
 def run(engine, tasks):
@@ -214,7 +214,7 @@ def test_workers_that_come_later_with_other_versions_are_left_out(own_cluster, o
 def test_no_workers_for_too_long(own_cluster, monkeypatch):
     warnings = []
     monkeypatch.setattr(workers, "_WARN_S", 0.5)
-    place = replace(place_of(own_cluster.address), patience_s=2.0)
+    place = replace(connection_to(own_cluster.address), patience_s=2.0)
     with pytest.raises(ClusterError, match="there has been no worker for "):
         run(Cluster(place, Allow(), warnings.append), [Square(1)])
     assert warnings == [f"{own_cluster.address}: no workers yet; the run waits for them"]

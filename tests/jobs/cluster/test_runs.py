@@ -13,7 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
-from seaclutter_cli.jobs.cluster import place
+from seaclutter_cli.jobs.cluster import connection
 from tests.jobs.cluster.clusters import ROOT, Certificates, wait_for
 from tests.logs import cloud_log
 
@@ -181,7 +181,7 @@ def test_addresses_that_are_refused(trial, tmp_path, address, text):
 
 def test_encryption_is_not_needed_where_it_is_not_asked_for(trial, tmp_path, monkeypatch):
     """The scheduler is not reached, but the address is accepted."""
-    monkeypatch.setattr(place, "CONNECT_S", 0.5)
+    monkeypatch.setattr(connection, "_CONNECT_S", 0.5)
     result = run(trial / "logs", tmp_path, "--cluster", "tcp://127.0.0.1:1", "--cluster-insecure")
     assert result.exit_code == 1
     assert "tcp://127.0.0.1:1: no connection to a scheduler" in result.stderr

@@ -1,0 +1,261 @@
+"""Connections to clusters: to a scheduler that runs, or to workers that SLURM starts."""
+
+import os
+import shutil
+import signal
+import subprocess
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from ssl import SSLError
+from threading import current_thread, main_thread
+from typing import TYPE_CHECKING, Any, Protocol
+
+from seaclutter_cli.errors import ClusterError, MissingExtraError, UsageError
+
+if TYPE_CHECKING:
+    from distributed import Client
+    from distributed.security import Security
+
+FILES = {"ca_file": "SEACLUTTER_TLS_CA", "client_cert": "SEACLUTTER_TLS_CERT", "client_key": "SEACLUTTER_TLS_KEY"}
+"""Environment variables with the paths of certificates, by their names in Dask."""
+
+_CONNECT_S = 10
+"""To connect, and to close a connection."""
+
+_JOB: dict[str, Any] = {"cores": 1, "memory": "2 GiB"}
+_SCHEDULER = {
+    "distributed.scheduler.allowed-failures": 1,
+    "distributed.scheduler.work-stealing": False,
+    "distributed.scheduler.worker-saturation": 1.0,
+}
+_NO_DASHBOARD = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
+_WORKER = [f"export DASK_DISTRIBUTED__WORKER__MEMORY__{name}=False" for name in ("TARGET", "SPILL", "PAUSE")]
+
+
+class Connection(Protocol):
+    """A cluster to connect to."""
+
+    @property
+    def name(self) -> str:
+        """Name in messages."""
+        ...
+
+    @property
+    def patience_s(self) -> float | None:
+        """How long a run waits in seconds while there are no workers; None: until it is interrupted."""
+        ...
+
+    def connected(self) -> AbstractContextManager["Client"]:
+        """Connect to the cluster.
+
+        Raises
+        ------
+        ClusterError
+            If that fails.
+        """
+        ...
+
+
+def connection_to(address: str, *, insecure: bool = False, workers: int | None = None) -> Connection:
+    """Return the connection for what ``--cluster`` says.
+
+    Parameters
+    ----------
+    address : str
+        ``tls://HOST:PORT`` of a scheduler, or ``slurm``.
+    insecure : bool, optional
+        Whether addresses without encryption (``tcp://``) are allowed.
+    workers : int or None, optional
+        Number of workers to start; only for ``slurm``.
+
+    Raises
+    ------
+    UsageError
+        If the address is not valid, or certificates are missing.
+    MissingExtraError
+        If the extra ``cluster`` is not installed.
+    """
+    scheme, _, rest = address.partition("://")
+    if address != "slurm" and (scheme not in ("tls", "tcp") or not rest or "@" in rest):
+        shown = "" if "@" in address else f", got {address[:60]!r}"
+        raise UsageError(f"--cluster: expected tls://HOST:PORT or slurm{shown}")
+    if scheme == "tcp" and not insecure:
+        raise UsageError(
+            f"{address}: is not encrypted, and everyone in its network can run programs there; use tls://, or add "
+            "--cluster-insecure"
+        )
+    if address == "slurm":
+        if workers is None:
+            raise UsageError("--cluster slurm: requires the number of workers, such as -j 16")
+        return _Slurm(workers)
+    return _Scheduler(address)
+
+
+@dataclass(frozen=True)
+class _Scheduler:
+    """A scheduler that runs.
+
+    Parameters
+    ----------
+    name : str
+        Its address.
+    """
+
+    name: str
+    patience_s: float | None = 300.0
+
+    @contextmanager
+    def connected(self) -> Iterator["Client"]:
+        make = _client_class()
+        security = _certificates(required=True) if self.name.startswith("tls:") else None
+        try:
+            client = make(self.name, security=security, timeout=_CONNECT_S, set_as_default=False)
+        except (OSError, ValueError, RuntimeError) as error:
+            raise ClusterError(f"{self.name}: no connection to a scheduler ({_cause(error)})") from error
+        with _closing(client):
+            yield client
+
+
+@dataclass(frozen=True)
+class _Slurm:
+    """Workers in jobs of SLURM, and a scheduler in this process.
+
+    Parameters
+    ----------
+    workers : int
+        Number of workers.
+    """
+
+    workers: int
+    name: str = "slurm"
+    patience_s: float | None = None
+
+    @contextmanager
+    def connected(self) -> Iterator["Client"]:
+        """Submit the jobs, which are cancelled at the end; see `Connection.connected`."""
+        make = _client_class()
+        import dask
+
+        if shutil.which("sbatch") is None:
+            raise ClusterError("slurm: there is no command sbatch here; run seaclutter on a login node of the cluster")
+        with dask.config.set(_SCHEDULER):
+            cluster = _cluster()
+            try:
+                _require_acceptance(cluster.job_script())
+                with _closing(make(cluster, set_as_default=False)) as client:
+                    cluster.scale(self.workers)
+                    yield client
+            finally:
+                with suppress(Exception):  # a job that could not be submitted
+                    cluster.close()
+
+
+def _cluster() -> Any:
+    """Return the cluster that the configuration of dask-jobqueue describes, with our defaults and encryption."""
+    import dask
+    from distributed.security import Security
+
+    def configured(name: str) -> Any:
+        return dask.config.get(f"jobqueue.slurm.{name}", None)
+
+    job = {name: configured(name) or value for name, value in _JOB.items()}
+    discarded = [] if configured("log-directory") else [f"-o {os.devnull}"]  # by default a file in the current folder
+    try:
+        return _cluster_class()(
+            **job,
+            processes=configured("processes") or job["cores"],
+            security=_certificates(required=False) or Security.temporary(),
+            protocol="tls://",
+            shared_temp_directory=configured("shared-temp-directory") or str(Path.home()),
+            job_extra_directives=[*(configured("job-extra-directives") or ()), *discarded],
+            job_script_prologue=[*_WORKER, *(configured("job-script-prologue") or ())],
+            scheduler_options=_NO_DASHBOARD | configured("scheduler-options"),
+            silence_logs=False,
+        )
+    except (OSError, ValueError, RuntimeError) as error:
+        raise ClusterError(f"slurm: {_cause(error)}") from error
+
+
+def _cluster_class() -> Any:
+    """Import the class; the import replaces the handler of Ctrl-C by one that ends the program with status 0."""
+    if current_thread() is not main_thread():
+        raise ClusterError("slurm: start the run in the main thread")
+    handler = signal.getsignal(signal.SIGINT)
+    try:
+        from dask_jobqueue import SLURMCluster
+    except ImportError as error:
+        raise MissingExtraError("--cluster", "cluster") from error
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    return SLURMCluster
+
+
+def _require_acceptance(script: str) -> None:
+    """Raise `ClusterError` if SLURM would refuse a job, for example because of its partition."""
+    done = subprocess.run(["sbatch", "--test-only"], input=script, capture_output=True, text=True, check=False)  # noqa: S607
+    if done.returncode:
+        lines = done.stderr.strip().splitlines() or ["sbatch failed"]
+        raise ClusterError(f"slurm: {lines[-1]}")
+
+
+def _client_class() -> Any:
+    """Return the class of Dask's client; raise `MissingExtraError` if the extra ``cluster`` is not installed."""
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise MissingExtraError("--cluster", "cluster") from error
+    return Client
+
+
+@contextmanager
+def _closing(client: Any) -> Iterator[Any]:
+    """Close a client at the end of the context, also if the cluster is gone."""
+    try:
+        yield client
+    finally:
+        client.close(timeout=_CONNECT_S)
+
+
+def _certificates(*, required: bool) -> "Security | None":
+    """Return the certificates of the environment, or else of Dask's configuration; None if there are none.
+
+    Raises
+    ------
+    UsageError
+        If they are required and missing, or cannot be read.
+    """
+    from distributed.security import Security
+
+    given = {f"tls_{name}": os.environ[variable] for name, variable in FILES.items() if os.environ.get(variable)}
+    for role in ("scheduler", "worker"):  # for a scheduler in this process and its workers
+        given |= {
+            f"tls_{role}_{kind}": given[f"tls_client_{kind}"]
+            for kind in ("cert", "key")
+            if f"tls_client_{kind}" in given
+        }
+    security = Security(require_encryption=True, **given)
+    missing = [FILES[name] for name in ("ca_file", "client_cert") if getattr(security, f"tls_{name}") is None]
+    if missing:
+        if not required and not given:
+            return None
+        raise UsageError(f"tls://: certificates are missing; set {' and '.join(missing)}, or Dask's configuration")
+    try:
+        security.get_connection_args("client")
+    except OSError as error:  # also SSLError
+        files = ", ".join(str(getattr(security, f"tls_{name}")) for name in FILES if getattr(security, f"tls_{name}"))
+        raise UsageError(
+            f"{files}: cannot be used as certificates ({error.strerror or type(error).__name__})"
+        ) from error
+    return security
+
+
+def _cause(error: BaseException) -> str:
+    """Return the text of the first error in a chain: those that follow only repeat addresses."""
+    while error.__cause__ is not None:
+        error = error.__cause__
+    if isinstance(error, SSLError):
+        return f"TLS: {error.reason or 'failed'}".replace("_", " ").lower()
+    text = str(getattr(error, "strerror", None) or error).strip()
+    return text.splitlines()[0] if text else "no answer"
