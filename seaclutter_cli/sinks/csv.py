@@ -7,7 +7,6 @@ from contextlib import AbstractContextManager
 from dataclasses import astuple
 from pathlib import Path
 from types import TracebackType
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,10 +55,6 @@ class CsvSink(AbstractContextManager["CsvSink"]):
         )
         self._header = self._complete = self._file.stream.tell()
         self._recording = ""
-
-    def __enter__(self) -> Self:
-        """Return the sink."""
-        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

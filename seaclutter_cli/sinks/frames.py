@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Self
+from typing import BinaryIO
 
 from seaclutter_cli import __version__
 from seaclutter_cli.cloud import Cloud
@@ -63,10 +63,6 @@ class FrameSink(AbstractContextManager["FrameSink"]):
         self._others: set[str] = set()
         self._attachments = self._points = 0
         self._has_log_times = False
-
-    def __enter__(self) -> Self:
-        """Return the sink."""
-        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

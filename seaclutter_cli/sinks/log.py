@@ -3,10 +3,10 @@
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Self
 
 from seaclutter_cli import __version__
 from seaclutter_cli.cloud import Cloud
@@ -27,7 +27,7 @@ from seaclutter_cli.messages.metadata import (
     to_metadata,
 )
 from seaclutter_cli.messages.scene import TOPIC as SCENE_TOPIC
-from seaclutter_cli.messages.scene import SceneUpdate, scene_format
+from seaclutter_cli.messages.scene import scene_format
 from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message, Metadata
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.log_output import LogOutput, LogWriter
@@ -38,18 +38,8 @@ _NEW = -1
 _MAX_CHANNELS = 2**16
 
 
-@dataclass(frozen=True, slots=True)
-class _Outputs:
-    """Channel ids and encoders of the messages that are written for a cloud topic."""
-
-    codec: CloudCodec
-    filtered: int
-    removed: int | None
-    removed_codec: CloudCodec
-    diagnostics: int | None
-    serialise: Callable[[Diagnostics], bytes]
-    scene: int | None
-    draw: Callable[[SceneUpdate], bytes]
+_Output = tuple[int, Callable[[FilterResult], Buffer]]
+"""Channel id of the messages that are written for the frames of a cloud topic, and their encoder."""
 
 
 class LogSink(AbstractContextManager["LogSink"]):
@@ -76,18 +66,13 @@ class LogSink(AbstractContextManager["LogSink"]):
         self._broken = Counter[str]()
         self._channels: dict[Channel, int] = {}
         self._declared: dict[int, Channel] = {}
-        self._used: set[int] = set()
-        self._outputs: dict[Channel, _Outputs] = {}
+        self._outputs: dict[Channel, list[_Output]] = {}
         self._topics: dict[str, RecordedTopic] = {}
         self._first_frames: dict[str, int] = {}
         self._next_frames: dict[str, int] = {}
         self._lost: dict[str, None] = {}
         self.messages = 0
         """Number of messages written; complete after `end`."""
-
-    def __enter__(self) -> Self:
-        """Return the sink."""
-        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -144,21 +129,13 @@ class LogSink(AbstractContextManager["LogSink"]):
 
     def write(self, result: FilterResult) -> None:
         """Write the messages of a filtered frame."""
-        message, cloud = message_of(result.frame), result.frame.cloud
+        message = message_of(result.frame)
         self._make_room(message, len(message.data))
         self._count(result.frame)
-        outputs = self._outputs[message.channel]
         if self._options.keep_raw:
             self._copy(message)
-        self._put(outputs.filtered, message, filtered_message(outputs.codec, result, self._options))
-        if outputs.removed is not None:
-            mask = ~result.keep
-            removed = cloud.select(mask).with_field("reason", result.reason[mask])
-            self._put(outputs.removed, message, outputs.removed_codec.encode(removed))
-        if outputs.diagnostics is not None:
-            self._put(outputs.diagnostics, message, outputs.serialise(Diagnostics.of(result, self._layout)))
-        if outputs.scene is not None and self._options.scene is not None:
-            self._put(outputs.scene, message, outputs.draw(self._options.scene(result)))
+        for number, encode in self._outputs[message.channel]:
+            self._put(number, message, encode(result))
 
     def end(self) -> None:
         """Write the records about topics and the run, and the summary; report messages that could not be translated."""
@@ -212,35 +189,36 @@ class LogSink(AbstractContextManager["LogSink"]):
         self._first_frames.setdefault(frame.topic, frame.index)
         self._next_frames[frame.topic] = frame.index + 1
 
-    def _add_outputs(self, channel: Channel, taken: set[str], known: RecordedTopic, *, several: bool) -> _Outputs:
-        codec = find_codec(channel)
+    def _add_outputs(self, channel: Channel, taken: set[str], known: RecordedTopic, *, several: bool) -> list[_Output]:
+        codec, options, layout = find_codec(channel), self._options, self._layout
         if codec is None:
             raise UsageError(f"topic {channel.topic} contains no point clouds")
-        options = self._options
         text = self._writer.encoding or channel.message_encoding
-        encoding, schema, serialise = diagnostics_format(text, self._layout)
-        filtered, removed, removed_codec, diagnostics = self._channels[channel], None, codec, None
+        filtered = self._channels[channel]
         self._topics[channel.topic] = known if options.keep_raw else replace(known, content=FILTERED)
         if options.keep_raw:
             name = f"{channel.topic}/filtered"
             filtered = self._add(replace(channel, topic=name), taken)
             self._topics[name] = replace(known, content=FILTERED)
+        outputs: list[_Output] = [(filtered, partial(_filtered_message, codec, options))]
         if options.with_removed:
             name = f"{channel.topic}/removed"
             points = points_channel(channel) if has_fixed_fields(channel) else channel
-            removed_codec = find_codec(points) or codec
-            removed = self._add(replace(points, topic=name), taken)
+            outputs.append(
+                (self._add(replace(points, topic=name), taken), partial(_removed, find_codec(points) or codec))
+            )
             self._topics[name] = replace(known, content=REMOVED)
         if options.diagnostics:
             name = DIAGNOSTICS_TOPIC + channel.topic * several
-            diagnostics, name = self._shared_channel(Channel(_NEW, name, encoding, schema), taken)
+            encoding, schema, serialise = diagnostics_format(text, layout)
+            number, name = self._shared_channel(Channel(_NEW, name, encoding, schema), taken)
             self._topics[name] = replace(known, content=DIAGNOSTICS)
-        draw: Callable[[SceneUpdate], bytes] = _no_scene
-        scene = None
-        if options.scene:
+            outputs.append((number, lambda result: serialise(Diagnostics.of(result, layout))))
+        if scene := options.scene:
             encoding, schema, draw = scene_format(text)
-            scene, _ = self._shared_channel(Channel(_NEW, SCENE_TOPIC, encoding, schema), taken)
-        return _Outputs(codec, filtered, removed, removed_codec, diagnostics, serialise, scene, draw)
+            number, _ = self._shared_channel(Channel(_NEW, SCENE_TOPIC, encoding, schema), taken)
+            outputs.append((number, lambda result: draw(scene(result))))
+        return outputs
 
     def _shared_channel(self, channel: Channel, taken: set[str]) -> tuple[int, str]:
         """Return id and topic of a channel for several topics; a number is added if the log already has the topic."""
@@ -261,11 +239,10 @@ class LogSink(AbstractContextManager["LogSink"]):
     def _declare(self, channel: Channel) -> int:
         """Declare a channel under its own id if it is free, otherwise under the lowest free id."""
         number: int | None = channel.id
-        if number not in range(_MAX_CHANNELS) or number in self._used:
-            number = next((free for free in range(1, _MAX_CHANNELS) if free not in self._used), None)
+        if number not in range(_MAX_CHANNELS) or number in self._declared:
+            number = next((free for free in range(1, _MAX_CHANNELS) if free not in self._declared), None)
         if number is None:
             raise OutputError(f"topic {channel.topic}: a log can have at most {_MAX_CHANNELS} channels")
-        self._used.add(number)
         self._channels[channel] = number
         self._declared[number] = channel
         self._writer.add_channel(replace(channel, id=number))
@@ -286,10 +263,16 @@ def message_of(frame: Frame) -> Message:
     return frame.message
 
 
-def filtered_message(codec: CloudCodec, result: FilterResult, options: McapOptions) -> Buffer:
+def _filtered_message(codec: CloudCodec, options: McapOptions, result: FilterResult) -> Buffer:
     """Return the message with the points of a frame that were kept."""
     cloud, kept = result.frame.cloud, filtered_cloud(result, options)
     return message_of(result.frame).data if kept is cloud else codec.encode(kept)
+
+
+def _removed(codec: CloudCodec, result: FilterResult) -> Buffer:
+    """Return the message with the points of a frame that were removed, and their reasons."""
+    mask = ~result.keep
+    return codec.encode(result.frame.cloud.select(mask).with_field("reason", result.reason[mask]))
 
 
 def filtered_cloud(result: FilterResult, options: McapOptions) -> Cloud:
@@ -299,7 +282,3 @@ def filtered_cloud(result: FilterResult, options: McapOptions) -> Cloud:
     if (not organised or options.keep_organized) and result.keep.all():
         return cloud
     return cloud.blank(~result.keep) if organised and options.keep_organized else cloud.select(result.keep)
-
-
-def _no_scene(_: SceneUpdate) -> bytes:
-    raise RuntimeError("the options have no scene")

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from types import MappingProxyType, TracebackType
-from typing import BinaryIO, Self
+from typing import BinaryIO
 
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata
@@ -71,10 +71,6 @@ class LogOutput(AbstractContextManager["LogOutput"], ABC):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Complete the log under its name, or remove it after an error."""
-
-    def __enter__(self) -> Self:
-        """Return the output."""
-        return self
 
 
 class LogFiles(LogOutput):
