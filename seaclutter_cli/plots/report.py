@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -35,13 +35,10 @@ class ReportFigure:
     aspect: float = 0.62
     row_aspect: float = 0.0
 
-    def drawing(self, collected: Collector) -> "Callable[[Figure], None]":
-        """Return a function that draws the collected data into an empty figure."""
-        return lambda figure: self.draw(figure, collected)
-
-    def height(self, collected: Collector) -> float:
-        """Return the ratio of height to width."""
-        return self.aspect + self.row_aspect * len(collected.methods)
+    def render(self, collected: Collector, suffix: str) -> bytes:
+        """Return the figure as the bytes of a file."""
+        aspect = self.aspect + self.row_aspect * len(collected.methods)
+        return render(lambda figure: self.draw(figure, collected), suffix, aspect=aspect)
 
 
 def draw_figures(collected: Collector, form: str) -> dict[str, bytes]:
@@ -50,13 +47,13 @@ def draw_figures(collected: Collector, form: str) -> dict[str, bytes]:
     Figures of one method show the first; figures of one frame show `Collector.figure_sample`.
     """
     return {
-        f"{name}.{form}": render(figure.drawing(collected), f".{form}", aspect=figure.height(collected))
+        f"{name}.{form}": figure.render(collected, f".{form}")
         for name, figure in FIGURES.items()
         if figure.applies(collected)
     }
 
 
-def draw_intensity(figure: "Figure", collected: Collector) -> None:
+def _draw_intensity(figure: "Figure", collected: Collector) -> None:
     """Draw points of evenly spaced frames by range and intensity, and the mean threshold of each range ring."""
     edges, samples = collected.methods[0].edges, collected.spread
     range_m = np.concatenate([sample.range_m for sample in samples])
@@ -71,8 +68,12 @@ def draw_intensity(figure: "Figure", collected: Collector) -> None:
         own = shown[reason[shown] == one]
         own = own[:: max(1, len(own) * 3 // _MAX_POINTS)]
         if len(own):
-            dots = axes.plot(range_m[own], intensity[own], ".", markersize=2.2, color=palette.REASONS[one])
-            dots[0].set(rasterized=True, markeredgewidth=0, label=palette.REASON_NAMES[one])
+            style: dict[str, Any] = {
+                "markersize": 2.2,
+                "color": palette.REASONS[one],
+                "label": palette.REASON_NAMES[one],
+            }
+            axes.plot(range_m[own], intensity[own], ".", rasterized=True, markeredgewidth=0, **style)
     if edges:
         axes.stairs(thresholds, edges, baseline=None, color="white", linewidth=4, zorder=3)
         line = axes.stairs(thresholds, edges, baseline=None, color=palette.INK["ink"], linewidth=2, zorder=4)
@@ -85,7 +86,7 @@ def draw_intensity(figure: "Figure", collected: Collector) -> None:
     figure.legend(loc="outside upper center", ncols=3, markerscale=3, handlelength=1.4)
 
 
-def draw_own_structure(figure: "Figure", collected: Collector) -> None:
+def _draw_own_structure(figure: "Figure", collected: Collector) -> None:
     """Draw the points that boxes, polygons and a mask exclude, from above, among the others of evenly spaced frames."""
     samples = collected.spread
     xyz = np.concatenate([sample.xyz for sample in samples])
@@ -98,8 +99,8 @@ def draw_own_structure(figure: "Figure", collected: Collector) -> None:
         (shown & excluded, palette.REASONS[Reason.EXCLUDED], palette.REASON_NAMES[Reason.EXCLUDED]),
     ):
         places = xyz[mask][:: max(1, int(mask.sum()) // _MAX_POINTS)]
-        dots = axes.plot(-places[:, 1], places[:, 0], ".", markersize=2, color=color, label=label)
-        dots[0].set(rasterized=True, markeredgewidth=0)
+        style: dict[str, Any] = {"markersize": 2, "color": color, "label": label}
+        axes.plot(-places[:, 1], places[:, 0], ".", rasterized=True, markeredgewidth=0, **style)
     axes.plot(0, 0, "+", color=palette.INK["ink"], markersize=8)
     axes.set(xlim=(-reach_m, reach_m), ylim=(-reach_m, reach_m), aspect="equal")
     axes.xaxis.set_major_formatter(lambda value, _: f"{0 - value:g}")
@@ -107,34 +108,34 @@ def draw_own_structure(figure: "Figure", collected: Collector) -> None:
     figure.legend(loc="outside upper center", ncols=2, markerscale=4, handlelength=1.4)
 
 
-def draw_rings(figure: "Figure", collected: Collector, *, name: str) -> None:
+def _draw_rings(figure: "Figure", collected: Collector, *, name: str) -> None:
     """Draw the threshold or correction of each range ring over the frames."""
     values: NDArray[np.float32] = getattr(collected.histories[0], name)
     edges = collected.methods[0].edges
     axes = figure.add_subplot()
-    colors = ring_colors(values.shape[1])
+    colors = _ring_colors(values.shape[1])
     named = {0, values.shape[1] // 2, values.shape[1] - 1} if values.shape[1] > _MAX_LEGEND else range(_MAX_LEGEND)
     for k, (color, column) in enumerate(zip(colors, values.T, strict=True)):
         dash = _DASHES[k] if values.shape[1] <= _MAX_LEGEND else "-"
         label = f"{edges[k]:g} to {edges[k + 1]:g} m" if k in named else None
-        line = axes.plot(np.arange(len(column)), column, color=color, linestyle=dash, linewidth=1, label=label)[0]
-        isolated = _isolated(np.isfinite(column))
-        if isolated:
-            line.set(marker="o", markersize=3.5, markevery=isolated, clip_on=False)
+        _draw_series(axes, column, color=color, linestyle=dash, label=label)
     _set_frame_axis(axes, len(values))
     axes.set(ylabel=f"{name.removesuffix('s').capitalize()} (sensor units)")
     axes.set_ylim(min(0.0, float(np.nanmin(values))), None if np.nan_to_num(values).any() else 1.0)
     figure.legend(loc="outside upper center", ncols=2, handlelength=2.4)
 
 
-def _isolated(known: Mask) -> list[int]:
-    """Return the indices of values that need markers: all values if there are few, otherwise isolated values."""
+def _draw_series(axes: "Axes", values: "NDArray[np.float32]", **style: Any) -> None:
+    """Draw a line over the frames, with markers at all values if there are few, otherwise at isolated ones."""
+    line = axes.plot(np.arange(len(values)), values, linewidth=1, **style)[0]
+    known = np.isfinite(values)
     padded = np.pad(known, 1)
     connected = (padded[:-2] | padded[2:]) & (len(known) > _FEW_FRAMES)
-    return [int(index) for index in np.flatnonzero(known & ~connected)]
+    if isolated := np.flatnonzero(known & ~connected).tolist():
+        line.set(marker="o", markersize=3.5, markevery=isolated, clip_on=False)
 
 
-def ring_colors(count: int) -> list[str]:
+def _ring_colors(count: int) -> list[str]:
     """Return a colour for each range ring: distinct colours for a few, otherwise a ramp from near to far."""
     if count <= len(palette.LINES):
         return list(palette.LINES[:count])
@@ -144,7 +145,7 @@ def ring_colors(count: int) -> list[str]:
     return [to_hex(ramp(k / (count - 1))) for k in range(count)]
 
 
-def draw_reasons(figure: "Figure", collected: Collector) -> None:
+def _draw_reasons(figure: "Figure", collected: Collector) -> None:
     """Draw the number of points of each frame by reason."""
     counts = np.nan_to_num(collected.histories[0].counts)
     used = [reason for reason in palette.REASONS if counts[:, reason].any()]
@@ -164,7 +165,7 @@ def draw_reasons(figure: "Figure", collected: Collector) -> None:
     figure.legend(loc="outside upper center", ncols=3, handlelength=1.2, handleheight=0.9)
 
 
-def draw_alarms(figure: "Figure", collected: Collector) -> None:
+def _draw_alarms(figure: "Figure", collected: Collector) -> None:
     """Draw, for each method, the frames with false alarms (upper half) and with missed targets (lower half)."""
     axes = figure.add_subplot()
     named = set()
@@ -187,11 +188,11 @@ def draw_alarms(figure: "Figure", collected: Collector) -> None:
     figure.legend(loc="outside upper center", ncols=3, handlelength=1.2, handleheight=0.9)
 
 
-def draw_scenes(figure: "Figure", collected: Collector) -> None:
+def _draw_scenes(figure: "Figure", collected: Collector) -> None:
     """Draw the class of scene of each frame."""
     axes = figure.add_subplot()
     scenes = collected.histories[0].scenes
-    for row, (color, mask) in enumerate(zip(ring_colors(len(scenes)), scenes.values(), strict=True)):
+    for row, (color, mask) in enumerate(zip(_ring_colors(len(scenes)), scenes.values(), strict=True)):
         spans = [(first - 0.5, last - first) for first, last in _runs(mask)]
         axes.broken_barh(spans, (row + 0.15, 0.7), color=color, linewidth=0)
     axes.set_yticks(np.arange(len(scenes)) + 0.5, [_shortened(name) for name in scenes])
@@ -200,15 +201,13 @@ def draw_scenes(figure: "Figure", collected: Collector) -> None:
     axes.tick_params(axis="y", length=0)
 
 
-def draw_water(figure: "Figure", collected: Collector) -> None:
+def _draw_water(figure: "Figure", collected: Collector) -> None:
     """Draw level and significant wave height of the water over the frames."""
     water = collected.histories[0].water
     panels = figure.subplots(2, 1, sharex=True)
     for axes, name, label in zip(panels, _WATER_LABELS, _WATER_LABELS.values(), strict=True):
         values = water[:, WATER_COLUMNS.index(name)]
-        line = axes.plot(np.arange(len(values)), values, color=palette.LINES[0], linewidth=1)[0]
-        if isolated := _isolated(np.isfinite(values)):
-            line.set(marker="o", markersize=3.5, markevery=isolated, clip_on=False)
+        _draw_series(axes, values, color=palette.LINES[0])
         axes.set(ylabel=label)
     panels[1].set_ylim(bottom=0)
     for axes in panels:
@@ -249,14 +248,14 @@ def _has_excluded(collected: Collector) -> bool:
 
 
 FIGURES: Mapping[str, ReportFigure] = {
-    "intensity": ReportFigure(draw_intensity, _has_intensity),
-    "thresholds": ReportFigure(partial(draw_rings, name="thresholds"), _has_rings),
-    "corrections": ReportFigure(partial(draw_rings, name="corrections"), _has_rings),
-    "water": ReportFigure(draw_water, lambda collected: bool(np.isfinite(collected.histories[0].water).any()), 0.75),
-    "own_structure": ReportFigure(draw_own_structure, _has_excluded, aspect=0.95),
-    "reasons": ReportFigure(draw_reasons, lambda collected: bool(collected.chosen)),
-    "alarms": ReportFigure(draw_alarms, lambda collected: collected.labelled and bool(collected.chosen), 0.27, 0.08),
-    "scenes": ReportFigure(draw_scenes, lambda collected: bool(collected.histories[0].scenes), aspect=0.4),
+    "intensity": ReportFigure(_draw_intensity, _has_intensity),
+    "thresholds": ReportFigure(partial(_draw_rings, name="thresholds"), _has_rings),
+    "corrections": ReportFigure(partial(_draw_rings, name="corrections"), _has_rings),
+    "water": ReportFigure(_draw_water, lambda collected: bool(np.isfinite(collected.histories[0].water).any()), 0.75),
+    "own_structure": ReportFigure(_draw_own_structure, _has_excluded, aspect=0.95),
+    "reasons": ReportFigure(_draw_reasons, lambda collected: bool(collected.chosen)),
+    "alarms": ReportFigure(_draw_alarms, lambda collected: collected.labelled and bool(collected.chosen), 0.27, 0.08),
+    "scenes": ReportFigure(_draw_scenes, lambda collected: bool(collected.histories[0].scenes), aspect=0.4),
     "stages": ReportFigure(draw_stages, lambda collected: bool(collected.chosen), aspect=1.75),
     "methods": ReportFigure(
         draw_methods, lambda collected: len(collected.methods) > 1 and bool(collected.chosen), aspect=1.2

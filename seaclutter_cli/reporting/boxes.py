@@ -19,18 +19,18 @@ from seaclutter_cli.truth import Boxes, Truth
 _MAX_CLUSTERS = 400
 
 Described = dict[str, Any]
-Objects = tuple[list[Described], list[list[Described]]]
+BoxesAndClusters = tuple[list[Described], list[list[Described]]]
 
 
-def deferred_objects(
+def deferred_boxes(
     frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams
-) -> Callable[[], Objects]:
-    """Return a function that calls `find_objects` on demand, to save time for frames that are not shown.
+) -> Callable[[], BoxesAndClusters]:
+    """Return a function that calls `find_boxes` on demand, to save time for frames that are not shown.
 
     Without labels, the function stores only the points that may be in clusters, not the message of the frame.
     """
     if truth is not None:
-        found = find_objects(frame, results, truth, params)
+        found = find_boxes(frame, results, truth, params)
         return lambda: found
     used = np.zeros(frame.size, np.bool_)
     for result in results:
@@ -39,7 +39,7 @@ def deferred_objects(
     used &= frame.valid
     part = replace(frame, cloud=frame.cloud.select(used), message=None)
     parts = [result and replace(result, frame=part, reason=result.reason[used]) for result in results]
-    return partial(find_objects, part, parts, None, params)
+    return partial(find_boxes, part, parts, None, params)
 
 
 def unconfirmed(result: FilterResult) -> NDArray[np.bool_]:
@@ -50,9 +50,9 @@ def unconfirmed(result: FilterResult) -> NDArray[np.bool_]:
     return np.equal(result.reason, Reason.UNCONFIRMED) & (result.rings is not None)
 
 
-def find_objects(
+def find_boxes(
     frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams
-) -> Objects:
+) -> BoxesAndClusters:
     """Return labelled boxes and, for each method, the bounding boxes of its clusters.
 
     A box has ``track``, ``class``, ``center``, ``size``, ``yaw``, and ``state``: ``ignored``; ``hidden`` if not
@@ -61,19 +61,19 @@ def find_objects(
     ``unknown`` without labels; ``unconfirmed`` for clusters of unconfirmed points. There are at most the 400 largest
     clusters, and as many unconfirmed.
     """
-    scene = None if truth is None else targets_of(frame, truth, params)
+    targets = None if truth is None else targets_of(frame, truth, params)
     subsets = [mask for result in results if result is not None for mask in (result.keep, unconfirmed(result))]
     finder = finder_of(frame, subsets, params)
     clusters, matched = [], []
     for result in results:
-        found, matches = ([], None) if result is None else _clusters_of(result, finder, scene, params)
+        found, matches = ([], None) if result is None else _clusters_of(result, finder, targets, params)
         clusters.append(found)
         matched.append(matches)
-    return _boxes(truth, scene, matched), clusters
+    return _boxes(truth, targets, matched), clusters
 
 
 def _clusters_of(
-    result: FilterResult, finder: Finder, scene: FrameTargets | None, params: EvaluationParams
+    result: FilterResult, finder: Finder, targets: FrameTargets | None, params: EvaluationParams
 ) -> tuple[list[Described], Matches | None]:
     """Return the clusters of kept and of unconfirmed points and, with labels, the matches with the targets."""
     frame = result.frame
@@ -81,7 +81,7 @@ def _clusters_of(
         finder.clusters(points & frame.valid, params.min_cluster_points)
         for points in (result.keep, unconfirmed(result))
     )
-    matches = None if scene is None else match_clusters(kept, scene, params)
+    matches = None if targets is None else match_clusters(kept, targets, params)
     kinds = ["unknown"] * _count(kept)
     if matches is not None:
         kinds = ["target" if belongs else "false" for belongs in matches.belongs]
@@ -108,13 +108,13 @@ def _clusters(frame: Frame, labels: NDArray[np.int64], kinds: Sequence[str]) -> 
     ]
 
 
-def _boxes(truth: Truth | None, scene: FrameTargets | None, matches: Sequence[Matches | None]) -> list[Described]:
-    if truth is None or scene is None:
+def _boxes(truth: Truth | None, targets: FrameTargets | None, matches: Sequence[Matches | None]) -> list[Described]:
+    if truth is None or targets is None:
         return []
     boxes = [{**box, "state": "ignored"} for box in _described(truth.ignored)]
     for number, box in enumerate(_described(truth.targets) if truth.targets is not None else ()):
         states = [None if one is None else "detected" if one.detected[number] else "missed" for one in matches]
-        boxes.append({**box, "state": states if scene.visible[number] else "hidden"})
+        boxes.append({**box, "state": states if targets.visible[number] else "hidden"})
     return boxes
 
 
@@ -159,7 +159,7 @@ def scene_maker(params: EvaluationParams, labels: Labels | None) -> Callable[[Fi
 
 def boxes_of(result: FilterResult, truth: Truth | None, params: EvaluationParams) -> dict[str, list[SceneBox]]:
     """Return the boxes of a filtered frame, those of its ``clusters`` and those of its ``labels``."""
-    boxes, clusters = find_objects(result.frame, [result], truth, params)
+    boxes, clusters = find_boxes(result.frame, [result], truth, params)
     return {"clusters": [_cluster(one) for one in clusters[0]], "labels": [_box(one) for one in boxes]}
 
 

@@ -38,12 +38,11 @@ class Numbers:
 class History:
     """Statistics of one method with K range rings, or none, for every frame: a few hundred bytes each."""
 
-    _ALARMS = ("visible", "missed", "false_alarms")
+    _ALARMS = ("missed", "false_alarms")
 
     def __init__(self, rings: int) -> None:
         sizes = {
             "counts": len(Reason),
-            "clusters": 1,
             "alarms": len(self._ALARMS),
             "water": len(WATER_COLUMNS),
             "thresholds": rings,
@@ -65,10 +64,8 @@ class History:
             if numbers.rings is not None and len(row[parts["thresholds"]]):
                 row[parts["thresholds"]] = numbers.rings.thresholds
                 row[parts["corrections"]] = numbers.rings.corrections
-        if score is not None:
-            row[parts["clusters"]] = score.clusters
-            if score.alarms is not None:
-                row[parts["alarms"]] = [getattr(score.alarms, name) for name in self._ALARMS]
+        if score is not None and score.alarms is not None:
+            row[parts["alarms"]] = [getattr(score.alarms, name) for name in self._ALARMS]
         self._rows.append(row)
         self._scenes.append(numbers.scene if numbers else None)
 
@@ -87,24 +84,14 @@ class History:
         return {name: names == name for name in sorted(set(names) - {""})}
 
     @property
-    def clusters(self) -> Series:
-        """Clusters of the kept points, shape (frames,)."""
-        return self._columns("clusters")[:, 0]
-
-    @property
-    def visible(self) -> Series:
-        """Visible targets, shape (frames,); NaN for unlabelled frames."""
-        return self._columns("alarms")[:, 0]
-
-    @property
     def missed(self) -> Series:
         """Missed targets, shape (frames,); NaN for unlabelled frames."""
-        return self._columns("alarms")[:, 1]
+        return self._columns("alarms")[:, 0]
 
     @property
     def false_alarms(self) -> Series:
         """False alarms, shape (frames,); NaN for unlabelled frames."""
-        return self._columns("alarms")[:, 2]
+        return self._columns("alarms")[:, 1]
 
     @property
     def water(self) -> Series:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import point_truth
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
-from seaclutter_cli.reporting.boxes import Described, Objects, deferred_objects, unconfirmed
+from seaclutter_cli.reporting.boxes import BoxesAndClusters, Described, deferred_boxes, unconfirmed
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
 UNKNOWN, IS_CLUTTER, IS_TARGET, IS_IGNORED = range(4)
@@ -37,22 +37,22 @@ class Sample:
     reasons: NDArray[np.uint8]
     truth: NDArray[np.uint8]
     weight: NDArray[np.float32]
-    find_objects: Callable[[], Objects]
+    find_boxes: Callable[[], BoxesAndClusters]
     water: WaterState | None = None
 
     @cached_property
-    def _objects(self) -> Objects:
-        return self.find_objects()
+    def _found(self) -> BoxesAndClusters:
+        return self.find_boxes()
 
     @property
     def boxes(self) -> list[Described]:
-        """Labelled objects and areas to ignore, in the form of `find_objects`."""
-        return self._objects[0]
+        """Labelled objects and areas to ignore, in the form of `find_boxes`."""
+        return self._found[0]
 
     @property
     def clusters(self) -> list[list[Described]]:
-        """Clusters of each method, in the form of `find_objects`."""
-        return self._objects[1]
+        """Clusters of each method, in the form of `find_boxes`."""
+        return self._found[1]
 
     @property
     def range_m(self) -> NDArray[np.float64]:
@@ -89,7 +89,7 @@ def take_sample(
         reasons,
         _truth(points[shown], known=truth is not None),
         weight,
-        deferred_objects(frame, results, truth, params),
+        deferred_boxes(frame, results, truth, params),
         next((result.water for result in results if result is not None and result.water is not None), None),
     )
 

@@ -204,9 +204,8 @@ class LogSink(AbstractContextManager["LogSink"]):
         if options.with_removed:
             name = f"{channel.topic}/removed"
             points = points_channel(channel) if has_fixed_fields(channel) else channel
-            outputs.append(
-                (self._add(replace(points, topic=name), taken), partial(_removed, find_codec(points) or codec))
-            )
+            removed = self._add(replace(points, topic=name), taken)
+            outputs.append((removed, partial(_removed_message, find_codec(points) or codec)))
             self._topics[name] = replace(known, content=REMOVED)
         if options.diagnostics:
             name = DIAGNOSTICS_TOPIC + channel.topic * several
@@ -269,7 +268,7 @@ def _filtered_message(codec: CloudCodec, options: McapOptions, result: FilterRes
     return message_of(result.frame).data if kept is cloud else codec.encode(kept)
 
 
-def _removed(codec: CloudCodec, result: FilterResult) -> Buffer:
+def _removed_message(codec: CloudCodec, result: FilterResult) -> Buffer:
     """Return the message with the points of a frame that were removed, and their reasons."""
     mask = ~result.keep
     return codec.encode(result.frame.cloud.select(mask).with_field("reason", result.reason[mask]))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.frame import Reason, Rings, WaterState
-from seaclutter_cli.reporting.boxes import deferred_objects, find_objects
+from seaclutter_cli.reporting.boxes import deferred_boxes, find_boxes
 from seaclutter_cli.reporting.sample import IS_CLUTTER, IS_TARGET, UNKNOWN, take_sample
 from seaclutter_cli.truth import Truth
 from tests.evaluation.scenes import boxes, frame_of, lump, result_of
@@ -56,7 +56,7 @@ def test_clusters_of_unconfirmed_points(clustering):
     frame = frame_of(lump(20), lump(40), lump(40.5, y=1.0), lump(60, count=4))
     params = EvaluationParams(clustering=clustering)
     truth = Truth(targets=boxes((20.5, 3.0), (40.5, 3.0)))
-    _, clusters = find_objects(frame, [confirmed_of(frame, range(20, 34)), result_of(frame)], truth, params)
+    _, clusters = find_boxes(frame, [confirmed_of(frame, range(20, 34)), result_of(frame)], truth, params)
     assert [(one["kind"], one["points"]) for one in clusters[0]] == [
         ("target", 10),
         ("target", 10),
@@ -68,7 +68,7 @@ def test_clusters_of_unconfirmed_points(clustering):
 
 def test_without_thresholds_unconfirmed_points_may_be_water():
     frame = frame_of(lump(20), lump(40))
-    _, clusters = find_objects(frame, [confirmed_of(frame, range(10), rings=None)], None, PARAMS)
+    _, clusters = find_boxes(frame, [confirmed_of(frame, range(10), rings=None)], None, PARAMS)
     assert [one["kind"] for one in clusters[0]] == ["unknown"]
 
 
@@ -88,12 +88,12 @@ def test_the_water_is_that_of_the_first_method_that_knows_it():
 
 
 @given(st.sets(st.integers(0, 29)), st.sets(st.integers(0, 29)), st.booleans())
-def test_deferred_objects_are_those_of_the_whole_frame(removed, others, usable):
+def test_deferred_boxes_are_those_of_the_whole_frame(removed, others, usable):
     frame = frame_of(lump(20), lump(40), lump(60))
     results = [result_of(frame, removed=sorted(removed)), confirmed_of(frame, sorted(others)) if usable else None]
     for truth in (None, Truth(targets=boxes((20.5, 3.0)))):
-        later = deferred_objects(frame, results, truth, PARAMS)
-        assert later() == find_objects(frame, results, truth, PARAMS)
+        later = deferred_boxes(frame, results, truth, PARAMS)
+        assert later() == find_boxes(frame, results, truth, PARAMS)
 
 
 @given(st.integers(0, 60), st.integers(0, 400), st.integers(1, 200))
