@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import MissingExtraError, UsageError
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.messages.scene import SceneBox
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.boxes import boxes_of
-from seaclutter_cli.reporting.history import Numbers, ReplayListener
-from seaclutter_cli.truth import Truth
+from seaclutter_cli.reporting.history import FrameListener, Numbers, ScoredFrame
 
 LOOPBACK = "127.0.0.1"
 _FLUSH_S = 30.0
@@ -34,7 +32,7 @@ def require_rerun() -> Any:
     return rerun
 
 
-class FrameStream(ReplayListener):
+class FrameStream(FrameListener):
     """Listener that sends all points of each frame and the result of a method to a viewer.
 
     ``sink`` connects the new recording stream to a file or viewer; it is called before any data are logged.
@@ -53,27 +51,21 @@ class FrameStream(ReplayListener):
         """Start a recording; its frames follow those of the previous one."""
         self._name = recording
 
-    def add(
-        self,
-        frame: Frame,
-        numbers: Sequence[Numbers | None],
-        truth: Truth | None,
-        scores: Sequence[FrameScore | None],  # noqa: ARG002 - boxes and clusters show them
-        results: Callable[[], Sequence[FilterResult | None]],
-    ) -> None:
+    def add(self, scored: ScoredFrame) -> None:
         """Take a frame and its statistics."""
+        frame, numbers = scored.frame, scored.numbers[0]
         self._recording.set_time("time", timestamp=np.datetime64(frame.stamp_ns, "ns"))
         self._recording.set_time("frame", sequence=self._frames)
         self._frames += 1
-        result = results()[0]
+        result = scored.results()[0]
         scene = f", scene {result.scene}" if result and result.scene else ""
         self._log("recording", self._rerun.TextLog(f"{self._name}, frame {frame.index}{scene}"))
         self._points(frame, result)
         if result is not None:
-            for name, boxes in boxes_of(result, truth, self._params).items():
+            for name, boxes in boxes_of(result, scored.truth, self._params).items():
                 self._boxes(name, boxes)
-        if numbers[0] is not None:
-            self._curves(numbers[0])
+        if numbers is not None:
+            self._curves(numbers)
 
     def finish(self) -> None:
         """Send the remaining data and disconnect."""

@@ -1,17 +1,16 @@
 """Collection of report data during filtering: statistics of all frames and points of selected frames."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.scores import FrameScore
-from seaclutter_cli.frame import FilterResult, Frame, Reason
+from seaclutter_cli.frame import Reason
 from seaclutter_cli.reporting.choice import Choice, Chosen
-from seaclutter_cli.reporting.history import History, Numbers, ReplayListener
+from seaclutter_cli.reporting.history import FrameListener, History, Numbers, ScoredFrame
 from seaclutter_cli.reporting.sample import Sample, take_sample
-from seaclutter_cli.truth import Truth
 
 _NANO = 1_000_000_000
 _PAGE_BYTES = 7_500_000
@@ -36,7 +35,7 @@ class Timeline:
     seconds: list[float] = field(default_factory=list)
 
 
-class Collector(ReplayListener):
+class Collector(FrameListener):
     """Collector of the statistics of all frames and the points of selected frames.
 
     It stores a few hundred bytes for every frame, and points for a few dozen frames at most, however long the logs are.
@@ -73,30 +72,24 @@ class Collector(ReplayListener):
         if not self.timeline.frame:
             self._choice.expect(frames)
 
-    def add(
-        self,
-        frame: Frame,
-        numbers: Sequence[Numbers | None],
-        truth: Truth | None,
-        scores: Sequence[FrameScore | None],
-        results: Callable[[], Sequence[FilterResult | None]],
-    ) -> None:
-        """Take the statistics of a frame; ``results`` is called only if the points of the frame are stored."""
+    def add(self, scored: ScoredFrame) -> None:
+        """Take the statistics of a frame; its results are requested only if its points are stored."""
+        frame = scored.frame
         if self._first_ns is None:
             self._first_ns = frame.log_time_ns
         row = len(self.timeline.frame)
         self.timeline.recording.append(len(self.recordings) - 1)
         self.timeline.frame.append(frame.index)
         self.timeline.seconds.append((frame.log_time_ns - self._first_ns) / _NANO)
-        for history, own, score in zip(self.histories, numbers, scores, strict=True):
+        for history, own, score in zip(self.histories, scored.numbers, scored.scores, strict=True):
             history.add(own, score)
 
         def make() -> Sample:
-            return take_sample(frame, results(), truth, self.params, self._points)
+            return take_sample(frame, scored.results(), scored.truth, self.params, self._points)
 
         if frame.index in self._picks:
             self._picked[row] = make()
-        badness, merit = _by_alarms(scores[0]) if self.labelled else _by_removal(numbers[0])
+        badness, merit = _by_alarms(scored.scores[0]) if self.labelled else _by_removal(scored.numbers[0])
         self._choice.offer(row, badness=badness, merit=merit, make=make)
 
     @property

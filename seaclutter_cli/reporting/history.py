@@ -4,7 +4,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
 from itertools import accumulate, pairwise
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,26 +108,22 @@ class History:
         return self._columns("corrections")
 
 
-class FrameListener(Protocol):
-    """A listener for the frames of an evaluation."""
+@dataclass(frozen=True)
+class ScoredFrame:
+    """A frame of an evaluation or of a filtered log, with its truth, and statistics and score by each method.
 
-    def begin(self, recording: str) -> None:
-        """Start a recording."""
-        ...
+    ``results`` returns the result of each method, which may be slow.
+    """
 
-    def add_frame(
-        self,
-        frame: Frame,
-        results: Sequence[FilterResult | None],
-        truth: Truth | None,
-        scores: Sequence[FrameScore | None],
-    ) -> None:
-        """Take a frame, the result of each method, the ground truth, and the score of each method."""
-        ...
+    frame: Frame
+    numbers: Sequence[Numbers | None]
+    truth: Truth | None
+    scores: Sequence[FrameScore | None]
+    results: Callable[[], Sequence[FilterResult | None]]
 
 
-class ReplayListener(ABC):
-    """A listener for the frames of an evaluation or of filtered logs; it gets the reasons of points only on request."""
+class FrameListener(ABC):
+    """A listener for the frames of an evaluation, or for those that are read back from filtered logs."""
 
     @abstractmethod
     def begin(self, recording: str) -> None:
@@ -137,23 +132,6 @@ class ReplayListener(ABC):
     def expect(self, frames: int) -> None:  # noqa: B027 - optional for subclasses
         """Take the approximate number of frames, before the first of them."""
 
-    def add_frame(
-        self,
-        frame: Frame,
-        results: Sequence[FilterResult | None],
-        truth: Truth | None,
-        scores: Sequence[FrameScore | None],
-    ) -> None:
-        """Take a frame, the result of each method, the ground truth, and the score of each method."""
-        self.add(frame, [Numbers.of(result) for result in results], truth, scores, lambda: results)
-
     @abstractmethod
-    def add(
-        self,
-        frame: Frame,
-        numbers: Sequence[Numbers | None],
-        truth: Truth | None,
-        scores: Sequence[FrameScore | None],
-        results: Callable[[], Sequence[FilterResult | None]],
-    ) -> None:
-        """Take the statistics of a frame; ``results``, which may be slow, returns the result of each method."""
+    def add(self, scored: ScoredFrame) -> None:
+        """Take a frame."""

@@ -10,7 +10,7 @@ from seaclutter_cli.errors import ConfigError, InputError, UsageError
 from seaclutter_cli.evaluation.label_check import LabelCheck
 from seaclutter_cli.evaluation.scores import Summary, score_frame
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.reporting.history import ReplayListener
+from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
 from seaclutter_cli.reporting.replay import Replayed, filtered_topics, recorded_config, replay
 from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork
 from seaclutter_cli.runs.labels import LabelSources
@@ -21,7 +21,7 @@ from seaclutter_cli.runs.studies import StudyWork
 from seaclutter_cli.selection import was_filtered
 from seaclutter_cli.sources import Recording
 
-L = TypeVar("L", bound=ReplayListener)
+L = TypeVar("L", bound=FrameListener)
 
 
 def filter_or_replay(
@@ -108,7 +108,7 @@ class _ReplayWork(StudyWork[Evaluated]):
 
     variant: Variant
     topic: str
-    listener: ReplayListener
+    listener: FrameListener
 
     def without_result(self, reason: str | None) -> Evaluated:
         """Return an outcome without frames."""
@@ -151,4 +151,4 @@ class _ReplayWork(StudyWork[Evaluated]):
             summary.add(score, None)
         else:
             summary.unlabelled += 1
-        self.listener.add(one.frame, [one.numbers], truth, [score], lambda: [one.result])
+        self.listener.add(ScoredFrame(one.frame, [one.numbers], truth, [score], lambda: [one.result]))

@@ -10,11 +10,11 @@ from typing import Any, Literal
 from seaclutter_cli import __version__
 from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.frame import Frame
 from seaclutter_cli.plots.figure import check_target
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.reporting.collector import Collector, Method
+from seaclutter_cli.reporting.history import ScoredFrame
 from seaclutter_cli.reporting.page import render_page, report_data
 from seaclutter_cli.runs.evaluate import Comparison, Evaluated
 from seaclutter_cli.runs.labels import LabelSources
@@ -237,15 +237,15 @@ class _OriginCollector(Collector):
         super().begin(recording)
         self.origins.append(_Origin())
 
-    def add(self, frame: Frame, *others: Any, **named: Any) -> None:
+    def add(self, scored: ScoredFrame) -> None:
         """Take the statistics of a frame."""
-        origin = self.origins[-1]
+        frame, origin = scored.frame, self.origins[-1]
         origin.topic = frame.topic
         if origin.cloud.frames < _DESCRIBED_FRAMES:
             origin.cloud.add(frame)
         first_ns, _ = origin.times_ns or (frame.log_time_ns, 0)
         origin.times_ns = first_ns, frame.log_time_ns
-        super().add(frame, *others, **named)
+        super().add(scored)
 
 
 def _provenance(

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.evaluation.matching import point_truth
-from seaclutter_cli.evaluation.scores import FrameScore, Summary
+from seaclutter_cli.evaluation.scores import Summary
 from seaclutter_cli.evaluation.tuning import Parts, best, ideal_threshold
-from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.plots.curves import draw_rates, draw_thresholds
 from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
 from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.evaluate import Evaluated, EvaluateWork
 from seaclutter_cli.runs.labels import LabelSources
@@ -30,7 +30,6 @@ from seaclutter_cli.runs.score_tables import FRAME_ERRORS, FRAMES, score_cells, 
 from seaclutter_cli.runs.studies import study_all
 from seaclutter_cli.runs.sweep import Combination, Sweep, grid
 from seaclutter_cli.text import count, printable, table
-from seaclutter_cli.truth import Truth
 
 _RATES = ("frames", "N_FP", "N_FN", "R_FP", "R_FN", "precision", "recall", "f1", "false_alarms", "omitted_alarms")
 _BEST = "<"
@@ -162,7 +161,7 @@ def _files(result: "TuningResult", history: "_ThresholdHistory | None", options:
     return files
 
 
-class _ThresholdHistory:
+class _ThresholdHistory(FrameListener):
     """Listener that stores the threshold of a range ring for each frame and variant ([Li2023], Fig. 7)."""
 
     def __init__(self, variants: Sequence[Variant], ring: int) -> None:
@@ -178,20 +177,14 @@ class _ThresholdHistory:
     def begin(self, recording: str) -> None:
         """Start the only recording."""
 
-    def add_frame(
-        self,
-        frame: Frame,
-        results: Sequence[FilterResult | None],
-        truth: Truth | None,
-        scores: Sequence[FrameScore | None],  # noqa: ARG002 - scores are not needed
-    ) -> None:
+    def add(self, scored: ScoredFrame) -> None:
         """Store the ideal threshold of a frame and those of the variants; NaN if there is none."""
-        ideal = None
-        if truth is not None:
+        frame, ideal = scored.frame, None
+        if scored.truth is not None:
             inside = frame.valid & (frame.range_m >= self._start_m) & (frame.range_m < self._end_m)
-            points = point_truth(frame, truth, self._evaluation)
+            points = point_truth(frame, scored.truth, self._evaluation)
             ideal = ideal_threshold(frame.intensity[inside], points[inside])
-        rings = [None if result is None else result.rings for result in results]
+        rings = [None if numbers is None else numbers.rings for numbers in scored.numbers]
         used = [np.nan if one is None else float(one.thresholds[self._ring]) for one in rings]
         self._rows.append([np.nan if ideal is None else ideal, *used])
 

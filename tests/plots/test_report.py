@@ -16,7 +16,7 @@ from seaclutter_cli.frame import Reason, WaterState
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import Collector, Method
-from seaclutter_cli.reporting.history import History, Numbers
+from seaclutter_cli.reporting.history import History, Numbers, ScoredFrame
 from seaclutter_cli.truth import Truth
 from tests.evaluation.scenes import boxes, frame_of, lump
 from tests.reporting.colors import difference
@@ -36,7 +36,8 @@ def collect(*, edges=EDGES, names=("joint", "none"), frames=FRAMES, labelled=Tru
     for index in range(frames):
         frame = frame_of(TARGET, *([WAVE] if index % 2 else []), index=index)
         results = [method.step(frame) for method in methods]
-        collected.add_frame(frame, results, truth, score_frame(frame, results, truth, EvaluationParams()))
+        numbers, scores = map(Numbers.of, results), score_frame(frame, results, truth, EvaluationParams())
+        collected.add(ScoredFrame(frame, list(numbers), truth, scores, lambda results=results: results))
     return collected
 
 
