@@ -6,7 +6,7 @@ from pathlib import Path
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.interfaces import Labels
-from seaclutter_cli.labels import autoferry, csv, in_cloud, semantickitti
+from seaclutter_cli.labels import autoferry, csv, point_labels
 from seaclutter_cli.labels.boxes import LabelOptions
 from seaclutter_cli.labels.json_boxes import SEEPERSEA, SUSTECHPOINTS
 
@@ -30,7 +30,9 @@ LABELS: Mapping[str, LabelFormat] = {
     "seepersea": LabelFormat("a SeePerSea sequence with annotations/*.json", SEEPERSEA.matches, SEEPERSEA.open),
     "sustechpoints": LabelFormat("a SUSTechPOINTS scene with label/*.json", SUSTECHPOINTS.matches, SUSTECHPOINTS.open),
     "semantickitti": LabelFormat(
-        "a SemanticKITTI folder of .label files", semantickitti.matches, semantickitti.open_semantickitti
+        "a SemanticKITTI folder of .label files",
+        lambda path: point_labels.find_semantickitti(path) is not None,
+        point_labels.open_semantickitti,
     ),
     "autoferry": LabelFormat(
         "a scenario of the Autoferry sensor fusion data set with *_groundTruth.json and *_detections.json",
@@ -38,7 +40,9 @@ LABELS: Mapping[str, LabelFormat] = {
         autoferry.open_autoferry,
     ),
     "cloud": LabelFormat(
-        "a log whose clouds have a field 'label' (.mcap, .bag, rosbag2)", in_cloud.matches, in_cloud.CloudLabels
+        "a log whose clouds have a field 'label' (.mcap, .bag, rosbag2)",
+        point_labels.may_have_labels,
+        point_labels.CloudLabels,
     ),
 }
 """Label formats by name. A new format takes one line here."""

@@ -15,7 +15,7 @@ import numpy as np
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels.boxes import IGNORE, MAX_OBJECTS, Labelled, LabelOptions, checked, truth_of
-from seaclutter_cli.labels.in_cloud import point_labels
+from seaclutter_cli.labels.point_labels import point_labels
 from seaclutter_cli.text import count, printable
 from seaclutter_cli.truth import Truth
 

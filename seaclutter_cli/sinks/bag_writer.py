@@ -16,8 +16,7 @@ from seaclutter_cli.errors import OutputError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages.metadata import METADATA_TOPIC, STRING, to_message
 from seaclutter_cli.records import Buffer, Channel, Schema
-from seaclutter_cli.sinks.compressor import Compressor
-from seaclutter_cli.sinks.log_output import LogFiles, LogWriter
+from seaclutter_cli.sinks.log_output import Compressor, LogFiles, LogWriter
 from seaclutter_cli.sinks.ros_writer import MessagesOnly, TranslatingWriter
 
 _MAGIC = b"#ROSBAG V2.0\n"

@@ -6,7 +6,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,22 +147,15 @@ class LasSink(AbstractContextManager["LasSink"]):
             self._file.__exit__(type(error), error, None)
             raise OutputError(f"{path}: cannot be written as LAS ({error})") from error
 
-    def __enter__(self) -> Self:
-        """Return the sink."""
-        self._file.__enter__()
-        return self
-
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Complete the file, or remove it after an error."""
-        try:
-            if kind is None:
-                self._finish()
-        except BaseException as failure:
-            self._file.__exit__(type(failure), failure, None)
-            raise
-        self._file.__exit__(kind, error, trace)
+        if kind is not None:
+            self._file.__exit__(kind, error, trace)
+            return
+        with self._file:
+            self._finish()
 
     def write(self, points: Any, columns: Mapping[str, Column]) -> None:
         """Write n points of the source, which are not modified, with new values, shape (n,), for some dimensions.
@@ -196,11 +189,6 @@ class LasSink(AbstractContextManager["LasSink"]):
         self._writer.close()
 
 
-def columns_at(columns: Mapping[str, Column], start: int, count: int) -> dict[str, Column]:
-    """Return ``count`` values of every column, beginning at index ``start``."""
-    return {name: values[start : start + count] for name, values in columns.items()}
-
-
 def write_las(
     path: Path,
     header: Any,
@@ -214,5 +202,6 @@ def write_las(
     whole = all(len(values) == header.point_count for values in columns.values())
     with LasSink(path, header, extra, whole=whole, group=group) as sink:
         for part in points:
-            sink.write(part, columns_at(columns, start, len(part)))
-            start += len(part)
+            end = start + len(part)
+            sink.write(part, {name: values[start:end] for name, values in columns.items()})
+            start = end

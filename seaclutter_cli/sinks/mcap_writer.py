@@ -21,8 +21,7 @@ from mcap.opcode import Opcode
 from seaclutter_cli import __version__
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata, Schema
-from seaclutter_cli.sinks.compressor import Compressor
-from seaclutter_cli.sinks.log_output import LogFiles, LogWriter
+from seaclutter_cli.sinks.log_output import Compressor, LogFiles, LogWriter
 
 _MAGIC = b"\x89MCAP0\r\n"
 CHUNK_SIZE = 1 << 20

@@ -59,14 +59,11 @@ class _Rosbag2Output(LogOutput):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        try:
-            if kind is None:
-                with self._folder.open(ROSBAG2_METADATA) as file:
-                    file.write(self._contents.to_text().encode())
-        except BaseException as failure:
-            self._folder.__exit__(type(failure), failure, None)
-            raise
-        self._folder.__exit__(kind, error, trace)
+        if kind is not None:
+            self._folder.__exit__(kind, error, trace)
+            return
+        with self._folder, self._folder.open(ROSBAG2_METADATA) as file:
+            file.write(self._contents.to_text().encode())
 
 
 class Db3Output(_Rosbag2Output):

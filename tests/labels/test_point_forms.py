@@ -5,7 +5,7 @@ import pytest
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.labels import LabelOptions, open_labels
-from seaclutter_cli.labels.semantickitti import point_truth
+from seaclutter_cli.labels.point_labels import point_truth
 from seaclutter_cli.sources.frame_files.arrays import read_bin
 from seaclutter_cli.sources.frame_files.folder import FolderSource
 from tests.labels.frames import XYZ, frame, put, write

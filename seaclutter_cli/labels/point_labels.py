@@ -1,5 +1,6 @@
-"""Labels inside the clouds: a field ``label``, as written by the simulator."""
+"""Labels of points: in a field ``label`` of the clouds, as written by the simulator, or in files of SemanticKITTI."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -8,16 +9,18 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels.boxes import LabelOptions
-from seaclutter_cli.text import printable
-from seaclutter_cli.truth import Truth
+from seaclutter_cli.labels.files import FileLabels, assigned, label_folder
+from seaclutter_cli.text import count, printable
+from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
 _FIELD = "label"
-
+_CLASS_BITS = 0xFFFF
+_FIRST_TRACK = 2**16
 _MAGIC = (b"\x89MCAP0\r\n", b"#ROSBAG V", b"SQLite format 3\0")
 _SUFFIXES = (".mcap", ".bag", ".bag.active", ".db3", ".mcap.zstd", ".db3.zstd")
 
 
-def matches(path: Path) -> bool:
+def may_have_labels(path: Path) -> bool:
     """Return whether a path is a log (MCAP, ROS 1 bag or rosbag2), whose clouds may have labels."""
     if path.is_dir():
         return (path / "metadata.yaml").is_file() or any(_is_log(file) for file in path.iterdir())
@@ -68,3 +71,46 @@ class CloudLabels:
 
     def finish(self) -> None:
         """Do nothing: labels inside the clouds always have a frame."""
+
+
+def find_semantickitti(path: Path) -> Path | None:
+    """Return the folder of ``.label`` files: the path itself or its subfolder ``labels``; None if there is none."""
+    return label_folder(path, "labels", ".label")
+
+
+def open_semantickitti(path: Path, options: LabelOptions) -> FileLabels:
+    """Return the labels of a folder of ``.label`` files or of the sequence that contains it.
+
+    Each frame has one file. If the sequence has a folder ``velodyne``, both folders must have the same file names;
+    otherwise label files are assigned to frames by order.
+    """
+    folder = find_semantickitti(path) or path
+    return FileLabels(
+        folder, assigned(folder, ".label", "velodyne", complete=True), partial(_read, options=options), options
+    )
+
+
+def _read(path: Path, frame: Frame, options: LabelOptions) -> Truth:
+    size, rest = divmod(path.stat().st_size, 4)
+    if rest:
+        raise LabelError(f"size must be a multiple of 4 bytes, got {4 * size + rest}")
+    if size != frame.size:
+        raise LabelError(f"{count(size, 'label')} for {count(frame.size, 'point')}")
+    return Truth(None, points=point_truth(np.frombuffer(path.read_bytes(), "<u4"), options))
+
+
+def point_truth(labels: NDArray[np.uint32], options: LabelOptions) -> NDArray[np.int64]:
+    """Return the truth of each point: `CLUTTER`, `IGNORED`, or a number above 65535 that is unique to the target.
+
+    Labels, shape (N,), uint32, have the class in the lower 16 bits and the instance in the upper.
+
+    Examples
+    --------
+    >>> point_truth(np.array([110, 0, 10, 10 + (7 << 16)], np.uint32), LabelOptions())
+    array([     0,  65535,  65546, 524298])
+    """
+    classes = labels & _CLASS_BITS
+    truth = labels.astype(np.int64) + _FIRST_TRACK
+    truth[np.isin(classes, options.ignore_ids)] = IGNORED
+    truth[np.isin(classes, options.clutter_ids)] = CLUTTER
+    return truth
