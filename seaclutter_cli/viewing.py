@@ -19,7 +19,9 @@ from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.boxes import boxes_of
 from seaclutter_cli.reporting.history import FrameListener, Numbers, ScoredFrame
 
-LOOPBACK = "127.0.0.1"
+Mask = NDArray[np.bool_]
+
+_LOOPBACK = "127.0.0.1"
 _FLUSH_S = 30.0
 
 
@@ -44,8 +46,8 @@ class FrameStream(FrameListener):
         self._recording = self._rerun.RecordingStream("seaclutter")
         sink(self._recording)
         self._recording.send_blueprint(_blueprint(self._rerun))
-        self._name = ""
-        self._frames = 0
+        self._log = self._recording.log
+        self._name, self._frames = "", 0
 
     def begin(self, recording: str) -> None:
         """Start a recording; its frames follow those of the previous one."""
@@ -72,23 +74,21 @@ class FrameStream(FrameListener):
         self._recording.flush(timeout_sec=_FLUSH_S)
         self._recording.disconnect()
 
-    def _log(self, path: str, entity: Any) -> None:
-        self._recording.log(path, entity)
-
     def _points(self, frame: Frame, result: FilterResult | None) -> None:
         """Log raw points shaded by intensity, kept points, and removed points by reason."""
         valid = frame.valid
-        shades = _shades(frame, valid)
-        self._log(
-            "world/raw", self._rerun.Points3D(_positions(frame, valid), colors=shades, radii=_pixels(self._rerun, 1.0))
-        )
+        self._cloud("world/raw", frame, valid, _shades(frame, valid), 1.0)
         for reason, color in palette.REASONS.items():
             if reason is Reason.INVALID or result is None:
                 continue
             path = "world/kept" if reason is Reason.KEPT else f"world/removed/{reason.name.lower()}"
-            size = _pixels(self._rerun, 2.0 if reason in (Reason.KEPT, Reason.OUTLIER) else 1.2)
-            positions = _positions(frame, valid & (result.reason == reason))
-            self._log(path, self._rerun.Points3D(positions, colors=_colors([color]), radii=size))
+            size = 2.0 if reason in (Reason.KEPT, Reason.OUTLIER) else 1.2
+            self._cloud(path, frame, valid & (result.reason == reason), _colors([color]), size)
+
+    def _cloud(self, path: str, frame: Frame, shown: Mask, colors: Any, size: float) -> None:
+        positions = frame.coordinates[:, shown].T.astype(np.float32)
+        radii = self._rerun.Radius.ui_points(size)
+        self._log(path, self._rerun.Points3D(positions, colors=colors, radii=radii))
 
     def _boxes(self, name: str, boxes: Sequence[SceneBox]) -> None:
         rotations = [[0.0, 0.0, np.sin(box.yaw / 2), np.cos(box.yaw / 2)] for box in boxes]
@@ -110,11 +110,7 @@ class FrameStream(FrameListener):
                     self._log(f"{name}/ring_{ring}", self._rerun.Scalars(value))
 
 
-def _positions(frame: Frame, shown: NDArray[np.bool_]) -> NDArray[np.float32]:
-    return frame.coordinates[:, shown].T.astype(np.float32)
-
-
-def _shades(frame: Frame, shown: NDArray[np.bool_]) -> NDArray[np.uint8] | None:
+def _shades(frame: Frame, shown: Mask) -> NDArray[np.uint8] | None:
     """Return a grey value for each shown point, lighter for higher intensity; None without intensities."""
     if frame.intensity_name is None or not shown.any():
         return None
@@ -126,10 +122,6 @@ def _shades(frame: Frame, shown: NDArray[np.bool_]) -> NDArray[np.uint8] | None:
 
 def _colors(colors: Sequence[str]) -> NDArray[np.uint32]:
     return np.array([int(color[1:] + "ff", 16) for color in colors], np.uint32)
-
-
-def _pixels(rerun: Any, size: float) -> Any:
-    return rerun.Radius.ui_points(size)
 
 
 def _blueprint(rerun: Any) -> Any:
@@ -164,7 +156,7 @@ def viewer(port: int) -> Iterator[Callable[[Any], None]]:
         raise UsageError("no display found for the viewer: write a file with --save FILE.rrd")
     process = subprocess.Popen(viewer_command(port), start_new_session=True)  # noqa: S603 - fixed arguments
     try:
-        yield lambda recording: recording.connect_grpc(f"rerun+http://{LOOPBACK}:{port}/proxy")
+        yield lambda recording: recording.connect_grpc(f"rerun+http://{_LOOPBACK}:{port}/proxy")
     except BaseException:
         process.terminate()
         raise
@@ -172,7 +164,7 @@ def viewer(port: int) -> Iterator[Callable[[Any], None]]:
 
 def viewer_command(port: int) -> list[str]:
     """Return the command that starts a viewer; without ``--bind`` it would listen on all network interfaces."""
-    options = ["--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen", "--expect-data-soon"]
+    options = ["--bind", _LOOPBACK, "--port", str(port), "--hide-welcome-screen", "--expect-data-soon"]
     return [sys.executable, "-m", "rerun_cli", *options]
 
 

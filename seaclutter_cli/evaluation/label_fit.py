@@ -15,7 +15,7 @@ from seaclutter_cli.truth import Boxes, Truth
 Points = NDArray[np.float32]
 Vector = NDArray[np.float64]
 
-SMALLEST_M, LARGEST_M = 0.2, 500.0
+_SMALLEST_M, LARGEST_M = 0.2, 500.0
 """The longest side of a target is not smaller or larger."""
 
 _MIN_FIT = {1: 0.5, 2: 0.65}
@@ -133,7 +133,7 @@ CHANGES = (
 )
 """Usual mistakes, the likelier of two alike first."""
 
-MOVING = frozenset(CHANGES[4:9])
+_MOVING = frozenset(CHANGES[4:9])
 """Changes of positions: with a wrong one, no other change makes a difference."""
 
 
@@ -173,7 +173,7 @@ class LabelFit:
         own = np.array([np.count_nonzero(near.inside) for near in found], np.int64)
         around = np.array([np.count_nonzero(near.around & unexplained[near.strip]) for near in found], np.int64)
         longest = boxes.sizes.max(axis=1)
-        possible = (own >= self.min_points) & (longest >= SMALLEST_M) & (longest <= LARGEST_M)
+        possible = (own >= self.min_points) & (longest >= _SMALLEST_M) & (longest <= LARGEST_M)
         possible &= [not len(inside) for inside in boxes.members(np.zeros((3, 1)), 0)]
         return np.where(possible, own / np.maximum(own + around, 1), 0.0)
 
@@ -211,7 +211,7 @@ class LabelFit:
         shifts = self._shifts(made)
         guess = self._best(made, fit, [(change,) for change in (*CHANGES, *shifts) if change not in made])
         if not guess and fit < _HOPELESS:
-            pairs = [pair for pair in combinations(CHANGES, 2) if MOVING.intersection(pair)]
+            pairs = [pair for pair in combinations(CHANGES, 2) if _MOVING.intersection(pair)]
             guess = self._best(made, fit, [*pairs, *product(shifts, CHANGES)])
         return guess
 

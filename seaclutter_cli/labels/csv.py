@@ -19,8 +19,8 @@ from seaclutter_cli.labels.point_labels import point_labels
 from seaclutter_cli.text import count, printable
 from seaclutter_cli.truth import Truth
 
-BOX = ("x", "y", "z", "length", "width", "height", "yaw")
-COLUMNS = ("frame", "track_id", "class", *BOX)
+_BOX = ("x", "y", "z", "length", "width", "height", "yaw")
+COLUMNS = ("frame", "track_id", "class", *_BOX)
 _KEYS = ("frame", "stamp_ns")
 _NONE = "none"
 _DISTINCTIVE = {*_KEYS, "track_id", "class", "length", "width", "height"}
@@ -144,7 +144,7 @@ def _row(names: Sequence[str], key: str, cells: Sequence[str], line: int) -> _Ro
     kind = values["class"]
     if kind.lower() == _NONE:
         return _Row(frame_key, None, line)
-    x, y, z, length, width, height, yaw = (_number(values, name) for name in BOX)
+    x, y, z, length, width, height, yaw = (_number(values, name) for name in _BOX)
     labelled = Labelled(values["track_id"], kind, (x, y, z), (length, width, height), yaw)
     return _Row(frame_key, checked(labelled), line)
 

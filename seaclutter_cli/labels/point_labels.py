@@ -84,10 +84,11 @@ def open_semantickitti(path: Path, options: LabelOptions) -> FileLabels:
     Each frame has one file. If the sequence has a folder ``velodyne``, both folders must have the same file names;
     otherwise label files are assigned to frames by order.
     """
-    folder = find_semantickitti(path) or path
-    return FileLabels(
-        folder, assigned(folder, ".label", "velodyne", complete=True), partial(_read, options=options), options
-    )
+    folder = find_semantickitti(path)
+    if folder is None:
+        raise LabelError(f"{path}: contains no .label files")
+    files = assigned(folder, ".label", "velodyne", complete=True)
+    return FileLabels(folder, files, partial(_read, options=options), options)
 
 
 def _read(path: Path, frame: Frame, options: LabelOptions) -> Truth:

@@ -30,7 +30,7 @@ _SETTINGS: Any = {
     "svg.hashsalt": "seaclutter",
 }
 _METADATA: dict[str, dict[str, None]] = {".png": {"Software": None}, ".svg": {"Date": None, "Creator": None}}
-COLUMN_INCHES = 3.5
+_COLUMN_INCHES = 3.5
 """Width of a text column, and of all figures."""
 _DPI = 300
 
@@ -60,7 +60,7 @@ def render(draw: "Callable[[Figure], None]", suffix: str, *, aspect: float = 0.6
 
     stream = io.BytesIO()
     with mpl.rc_context(_SETTINGS):
-        figure = Figure(figsize=(COLUMN_INCHES, COLUMN_INCHES * aspect), layout="constrained")
+        figure = Figure(figsize=(_COLUMN_INCHES, _COLUMN_INCHES * aspect), layout="constrained")
         draw(figure)
         kind = suffix.lower()
         figure.savefig(stream, format=kind[1:], dpi=_DPI, metadata=_METADATA[kind])

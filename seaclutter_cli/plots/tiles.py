@@ -82,7 +82,7 @@ def draw_confusion(figure: "Figure", names: Sequence[str], matrix: NDArray[np.in
     figure.colorbar(image, ax=axes, label="Share of the true class (%)", format=lambda value, _: f"{100 * value:.0f}")
 
 
-LAND, OBJECT, SHORE = "#D9CBA3", "#D55E00", "#3B2F1E"
+LAND, _OBJECT, _SHORE = "#D9CBA3", "#D55E00", "#3B2F1E"
 _NARROWEST_M = 0.1
 
 
@@ -130,11 +130,11 @@ def draw_map(figure: "Figure", parts: Sequence[MapPart], title: str) -> None:
         (west, south), (east, north) = np.array(part.low) - low, np.array(part.high) - low
         place: Any = {"extent": (west, east, south, north), "origin": "lower", "interpolation": "nearest"}
         image = axes.imshow(part.level_m.T, cmap=colors, vmin=middle - half, vmax=middle + half, **place)
-        for mask, color in ((part.is_land, LAND), (part.is_object, OBJECT)):
+        for mask, color in ((part.is_land, LAND), (part.is_object, _OBJECT)):
             shown = np.where(mask, 1.0, np.nan)
             axes.imshow(shown.T, cmap=ListedColormap([color]), vmin=0, vmax=1, **place)
         for line in part.shoreline:
-            axes.plot(*(line - low).T, color=SHORE, linewidth=0.6)
+            axes.plot(*(line - low).T, color=_SHORE, linewidth=0.6)
     axes.set_xlim(0, high[0] - low[0])
     axes.set_ylim(0, high[1] - low[1])
     axes.set_aspect("equal")
@@ -147,8 +147,8 @@ def draw_map(figure: "Figure", parts: Sequence[MapPart], title: str) -> None:
     if any(part.is_land.any() for part in parts):
         handles.append(Patch(color=LAND, label="Land"))
     if any(part.is_object.any() for part in parts):
-        handles.append(Patch(color=OBJECT, label="Objects"))
+        handles.append(Patch(color=_OBJECT, label="Objects"))
     if any(part.shoreline for part in parts):
-        handles.append(Line2D([], [], color=SHORE, linewidth=0.6, label="Shoreline"))
+        handles.append(Line2D([], [], color=_SHORE, linewidth=0.6, label="Shoreline"))
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=3, handlelength=1.2)

@@ -92,7 +92,7 @@ def _method(method: Method, history: History, summary: dict[str, Any], starts: N
         "corrections": _packed(corrections.T, "<f4"),
         "water": _water(history, starts),
         "scenes": {name: _packed(frames, "u1") for name, frames in history.scenes.items()},
-        "alarms": _packed(alarm_bits(history), "u1"),
+        "alarms": _packed(_alarm_bits(history), "u1"),
         "false_alarms": _packed(np.nan_to_num(history.false_alarms).clip(0, 255), "u1"),
         "missed": _packed(np.nan_to_num(history.missed).clip(0, 255), "u1"),
     }
@@ -115,7 +115,7 @@ def mean_thresholds(history: History) -> list[float]:
     return [float(mean) for mean in total / np.maximum(known.sum(axis=0), 1)]
 
 
-def alarm_bits(history: History) -> NDArray[np.uint8]:
+def _alarm_bits(history: History) -> NDArray[np.uint8]:
     """Return the bits `LABELLED`, `FALSE_ALARM` and `MISSED_TARGET` of each frame, shape (frames,), uint8."""
     labelled = np.isfinite(history.false_alarms)
     bits = LABELLED * labelled + FALSE_ALARM * (history.false_alarms > 0) + MISSED_TARGET * (history.missed > 0)

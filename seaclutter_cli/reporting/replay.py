@@ -35,10 +35,10 @@ def filtered_topics(source: Source) -> list[str]:
 
 
 def _parts(source: Source, topic: str) -> set[str]:
-    return {f"{topic}{_FILTERED}", f"{topic}{_REMOVED}", diagnostics_topic(source, topic)}
+    return {f"{topic}{_FILTERED}", f"{topic}{_REMOVED}", _diagnostics_topic(source, topic)}
 
 
-def diagnostics_topic(source: Source, topic: str) -> str:
+def _diagnostics_topic(source: Source, topic: str) -> str:
     """Return the topic with the diagnostics of a cloud topic."""
     recorded = recorded_topics(source.metadata)
     found = (name for name, one in recorded.items() if (one.content, one.clouds) == (DIAGNOSTICS, topic))
@@ -94,7 +94,7 @@ def replay(source: Source, topic: str, selection: Selection) -> Iterator[Replaye
     Frames without removed points or valid diagnostics are left out.
     """
     clouds = [channel for channel in source.channels if channel.topic == topic]
-    diagnostics = diagnostics_topic(source, topic)
+    diagnostics = _diagnostics_topic(source, topic)
     frame: Frame | None = None
     removed: Message | None = None
     for record, found_frame in read(source, clouds, selection):

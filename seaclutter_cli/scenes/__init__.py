@@ -14,7 +14,7 @@ from seaclutter_cli.errors import ModelError
 if TYPE_CHECKING:
     from seaclutter_cli.scenes.tracker import SceneTracker
 
-DEFAULT_MODEL = "open_confined"
+_DEFAULT_MODEL = "open_confined"
 """Built-in model: open water, or water confined by quay walls, moored rows or the banks of a channel."""
 
 
@@ -34,7 +34,7 @@ class SceneParams:
         Consecutive classifications that must agree on another scene before it changes.
     """
 
-    scene_model: str = DEFAULT_MODEL
+    scene_model: str = _DEFAULT_MODEL
     scene_extent_m: Annotated[float, Gt(0)] | None = None
     scene_every: Annotated[int, Ge(1)] = 10
     scene_hold: Annotated[int, Ge(1)] = 3

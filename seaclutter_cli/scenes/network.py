@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from seaclutter_cli import __version__
 from seaclutter_cli.scenes.model import CLASSES_KEY, EXTENT_KEY, IMAGE_SIZE
 
-STEM_MAPS = 3
+_STEM_MAPS = 3
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,8 @@ def make_network(classes: int) -> Any:
         def forward(self, maps: Any) -> Any:
             return maps + super().forward(maps)
 
-    layers = [_convolution(1, STEM_MAPS, 3, stride=2)]
-    maps = STEM_MAPS
+    layers = [_convolution(1, _STEM_MAPS, 3, stride=2)]
+    maps = _STEM_MAPS
     for block in BLOCKS:
         wide = block.expansion * maps
         kind = Residual if block.is_residual(maps) else nn.Sequential
@@ -93,7 +93,7 @@ def to_onnx(network: Any, classes: Sequence[str], extent_m: float) -> bytes:
     writer = _Writer()
     maps = writer.add("Cast", ["image"], to=TensorProto.FLOAT)
     maps = writer.convolution(maps, network[0])
-    width = STEM_MAPS
+    width = _STEM_MAPS
     for block, layer in zip(BLOCKS, network[1:], strict=False):
         before = maps
         for step in layer:
