@@ -7,7 +7,7 @@ from typing import Literal
 
 from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, Summary
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.runs.studies import csv_line
+from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.text import UNKNOWN, legend, table
 
 BASELINE = "none"

@@ -1,9 +1,7 @@
 """What all studies of recordings share: work on each with its labels, and the outcomes of all of them."""
 
-import csv
-import io
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -93,10 +91,3 @@ def frame_progress(source: Source, selection: Selection, observer: Observer) -> 
     clouds = cloud_channels(source, selection.topics)
     with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
         yield step
-
-
-def csv_line(values: Iterable[object]) -> bytes:
-    """Return a line of a table (CSV)."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(values)
-    return text.getvalue().encode(errors="surrogateescape")  # file names need not be UTF-8

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import astuple
 from pathlib import Path
@@ -50,9 +50,13 @@ class CsvSink(AbstractContextManager["CsvSink"]):
         self._states, self._scenes, self._water = 2 * rings, scenes, water
         numbers = range(1, rings + 1)
         states = (*(f"threshold_{k}" for k in numbers), *(f"correction_{k}" for k in numbers))
-        self._write_row(
-            (*_COLUMNS, *states, *(["scene"] if scenes else []), *(["unconfirmed", *WATER_COLUMNS] if water else []))
+        columns = (
+            *_COLUMNS,
+            *states,
+            *(["scene"] if scenes else []),
+            *(["unconfirmed", *WATER_COLUMNS] if water else []),
         )
+        self._file.stream.write(csv_line(columns))
         self._header = self._complete = self._file.stream.tell()
         self._recording = ""
 
@@ -94,7 +98,8 @@ class CsvSink(AbstractContextManager["CsvSink"]):
         scenes = [scene or ""] if self._scenes else []
         waters = [counts[Reason.UNCONFIRMED], *_numbers(water)] if self._water else []
         by_reason = (counts[reason] for reason in _REASONS)
-        self._write_row((recording, *place, *by_reason, counts[Reason.KEPT], *states, *scenes, *waters))
+        row = (recording, *place, *by_reason, counts[Reason.KEPT], *states, *scenes, *waters)
+        self._file.stream.write(csv_line(row))
 
     def end(self) -> None:
         """End a recording and keep its rows."""
@@ -112,12 +117,6 @@ class CsvSink(AbstractContextManager["CsvSink"]):
         self._file.stream.write(rows)
         self.end()
 
-    def _write_row(self, values: Sequence[object]) -> None:
-        text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerow(values)
-        # File names may not be valid UTF-8; their bytes are written unchanged.
-        self._file.stream.write(text.getvalue().encode(errors="surrogateescape"))
-
     def _discard_incomplete(self) -> None:
         self._file.stream.seek(self._complete)
         self._file.stream.truncate()
@@ -126,3 +125,10 @@ class CsvSink(AbstractContextManager["CsvSink"]):
 def _numbers(water: WaterState | None) -> list[float | str]:
     """Return the values of the columns of the water, to a tenth of a millimetre or of a thousandth of a degree."""
     return [""] * len(WATER_COLUMNS) if water is None else [round(value, 4) for value in astuple(water)]
+
+
+def csv_line(values: Iterable[object]) -> bytes:
+    """Return a line of a table (CSV)."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(values)
+    return text.getvalue().encode(errors="surrogateescape")  # file names need not be UTF-8

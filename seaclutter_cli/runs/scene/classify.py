@@ -18,11 +18,11 @@ from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs
 from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, RecordingsResult, expand, storing_errors
 from seaclutter_cli.runs.scene.logs import ClassifierOptions, LabelledLogs, confusion_table, read_frames
-from seaclutter_cli.runs.studies import csv_line
 from seaclutter_cli.scenes.model import SceneModel
 from seaclutter_cli.scenes.tracker import SceneDecision, SceneTracker
 from seaclutter_cli.scenes.training import SceneScores
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.text import count, share, table
 
