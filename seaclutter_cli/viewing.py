@@ -17,7 +17,7 @@ from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.messages.scene import SceneBox
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.boxes import boxes_of
-from seaclutter_cli.reporting.history import FrameListener, Numbers, ScoredFrame
+from seaclutter_cli.reporting.history import FrameListener, FrameStatistics, ScoredFrame
 
 Mask = NDArray[np.bool_]
 
@@ -55,7 +55,7 @@ class FrameStream(FrameListener):
 
     def add(self, scored: ScoredFrame) -> None:
         """Take a frame and its statistics."""
-        frame, numbers = scored.frame, scored.numbers[0]
+        frame, statistics = scored.frame, scored.statistics[0]
         self._recording.set_time("time", timestamp=np.datetime64(frame.stamp_ns, "ns"))
         self._recording.set_time("frame", sequence=self._frames)
         self._frames += 1
@@ -66,8 +66,8 @@ class FrameStream(FrameListener):
         if result is not None:
             for name, boxes in boxes_of(result, scored.truth, self._params).items():
                 self._boxes(name, boxes)
-        if numbers is not None:
-            self._curves(numbers)
+        if statistics is not None:
+            self._curves(statistics)
 
     def finish(self) -> None:
         """Send the remaining data and disconnect."""
@@ -101,12 +101,12 @@ class FrameStream(FrameListener):
         )
         self._log(f"world/{name}", entity)
 
-    def _curves(self, numbers: Numbers) -> None:
+    def _curves(self, statistics: FrameStatistics) -> None:
         for reason in palette.REASONS:
-            self._log(f"counts/{reason.name.lower()}", self._rerun.Scalars(float(numbers.counts[reason])))
-        if numbers.rings is not None:
+            self._log(f"counts/{reason.name.lower()}", self._rerun.Scalars(float(statistics.counts[reason])))
+        if statistics.rings is not None:
             for name in ("thresholds", "corrections"):
-                for ring, value in enumerate(getattr(numbers.rings, name).tolist(), 1):
+                for ring, value in enumerate(getattr(statistics.rings, name).tolist(), 1):
                     self._log(f"{name}/ring_{ring}", self._rerun.Scalars(value))
 
 

@@ -145,7 +145,7 @@ _BOXES = {
 }
 
 
-def scene_maker(params: EvaluationParams, labels: Labels | None) -> Callable[[FilterResult], SceneUpdate]:
+def scene_updates(params: EvaluationParams, labels: Labels | None) -> Callable[[FilterResult], SceneUpdate]:
     """Return a function that makes the scene update of a filtered frame: clusters and, with labels, boxes."""
 
     def make(result: FilterResult) -> SceneUpdate:

@@ -9,7 +9,7 @@ from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.frame import Reason
 from seaclutter_cli.reporting.choice import Choice, Chosen
-from seaclutter_cli.reporting.history import FrameListener, History, Numbers, ScoredFrame
+from seaclutter_cli.reporting.history import FrameListener, FrameStatistics, History, ScoredFrame
 from seaclutter_cli.reporting.sample import Sample, take_sample
 
 _NANO = 1_000_000_000
@@ -81,7 +81,7 @@ class Collector(FrameListener):
         self.timeline.recording.append(len(self.recordings) - 1)
         self.timeline.frame.append(frame.index)
         self.timeline.seconds.append((frame.log_time_ns - self._first_ns) / _NANO)
-        for history, own, score in zip(self.histories, scored.numbers, scored.scores, strict=True):
+        for history, own, score in zip(self.histories, scored.statistics, scored.scores, strict=True):
             history.add(own, score)
 
         def make() -> Sample:
@@ -89,7 +89,7 @@ class Collector(FrameListener):
 
         if frame.index in self._picks:
             self._picked[row] = make()
-        badness, merit = _by_alarms(scored.scores[0]) if self.labelled else _by_removal(scored.numbers[0])
+        badness, merit = _by_alarms(scored.scores[0]) if self.labelled else _by_removal(scored.statistics[0])
         self._choice.offer(row, badness=badness, merit=merit, make=make)
 
     @property
@@ -120,11 +120,11 @@ def _by_alarms(score: FrameScore | None) -> tuple[float | None, float | None]:
     return float(errors), None if errors else float(score.alarms.detected)
 
 
-def _by_removal(numbers: Numbers | None) -> tuple[float | None, float | None]:
+def _by_removal(statistics: FrameStatistics | None) -> tuple[float | None, float | None]:
     """Return badness and merit of an unlabelled frame: the share removed as clutter, and its negative."""
-    if numbers is None:
+    if statistics is None:
         return None, None
     clutter = [Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.UNCONFIRMED]
-    removed = float(numbers.counts[clutter].sum())
-    share = removed / max(float(numbers.counts.sum()), 1.0)
+    removed = float(statistics.counts[clutter].sum())
+    share = removed / max(float(statistics.counts.sum()), 1.0)
     return share, -share

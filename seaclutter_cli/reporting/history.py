@@ -16,7 +16,7 @@ Series = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
-class Numbers:
+class FrameStatistics:
     """Statistics of a method for one frame: points for each `Reason`, shape (8,), and what else the method tells.
 
     There are thresholds and corrections of methods with range rings, the class of scene, and the water, if there is
@@ -29,7 +29,7 @@ class Numbers:
     water: WaterState | None = None
 
     @classmethod
-    def of(cls, result: FilterResult | None) -> "Numbers | None":
+    def of(cls, result: FilterResult | None) -> "FrameStatistics | None":
         """Return the statistics of a result; None without a result."""
         return None if result is None else cls(result.counts, result.rings, result.scene, result.water)
 
@@ -53,20 +53,20 @@ class History:
         self._rows: list[Series] = []
         self._scenes: list[str | None] = []
 
-    def add(self, numbers: Numbers | None, score: FrameScore | None) -> None:
+    def add(self, statistics: FrameStatistics | None, score: FrameScore | None) -> None:
         """Add a frame; unknown values become NaN."""
         row, parts = np.full(self._width, np.nan, np.float32), self._parts
-        if numbers is not None:
-            row[parts["counts"]] = numbers.counts
-            if numbers.water is not None:
-                row[parts["water"]] = astuple(numbers.water)
-            if numbers.rings is not None and len(row[parts["thresholds"]]):
-                row[parts["thresholds"]] = numbers.rings.thresholds
-                row[parts["corrections"]] = numbers.rings.corrections
+        if statistics is not None:
+            row[parts["counts"]] = statistics.counts
+            if statistics.water is not None:
+                row[parts["water"]] = astuple(statistics.water)
+            if statistics.rings is not None and len(row[parts["thresholds"]]):
+                row[parts["thresholds"]] = statistics.rings.thresholds
+                row[parts["corrections"]] = statistics.rings.corrections
         if score is not None and score.alarms is not None:
             row[parts["alarms"]] = [getattr(score.alarms, name) for name in self._ALARMS]
         self._rows.append(row)
-        self._scenes.append(numbers.scene if numbers else None)
+        self._scenes.append(statistics.scene if statistics else None)
 
     def _columns(self, part: str) -> Series:
         return np.array(self._rows, np.float32).reshape(-1, self._width)[:, self._parts[part]]
@@ -116,7 +116,7 @@ class ScoredFrame:
     """
 
     frame: Frame
-    numbers: Sequence[Numbers | None]
+    statistics: Sequence[FrameStatistics | None]
     truth: Truth | None
     scores: Sequence[FrameScore | None]
     results: Callable[[], Sequence[FilterResult | None]]

@@ -20,7 +20,7 @@ from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
 from seaclutter_cli.messages.metadata import DIAGNOSTICS, recorded_topics
 from seaclutter_cli.reading import read
 from seaclutter_cli.records import Damage, Message, Metadata
-from seaclutter_cli.reporting.history import Numbers
+from seaclutter_cli.reporting.history import FrameStatistics
 from seaclutter_cli.selection import Selection
 
 _FILTERED, _REMOVED = "/filtered", "/removed"
@@ -60,7 +60,7 @@ class Replayed:
     """A frame as recorded in a filtered log: raw points, statistics, and the message with the removed points."""
 
     frame: Frame
-    numbers: Numbers
+    statistics: FrameStatistics
     removed: Message
 
     @cached_property
@@ -85,7 +85,7 @@ class Replayed:
             raise CloudError(f"frame {self.frame.index}: a removed point is not in the raw cloud")
         reason = np.full(raw.size, Reason.KEPT, np.uint8)
         reason[indices] = np.minimum(reasons, max(Reason))
-        return FilterResult(self.frame, reason, self.numbers.rings, self.numbers.scene, self.numbers.water)
+        return FilterResult(self.frame, reason, self.statistics.rings, self.statistics.scene, self.statistics.water)
 
 
 def replay(source: Source, topic: str, selection: Selection) -> Iterator[Replayed]:
@@ -112,7 +112,9 @@ def replay(source: Source, topic: str, selection: Selection) -> Iterator[Replaye
                 source.damage.append(Damage(Path(source.name), None, str(error), len(record.data), 1))
                 continue
             if found.topic == topic and found.numbers["points_in"] == frame.size:
-                yield Replayed(frame, Numbers(found.counts, found.rings, found.scene or None, found.water), removed)
+                yield Replayed(
+                    frame, FrameStatistics(found.counts, found.rings, found.scene or None, found.water), removed
+                )
                 frame = removed = None
 
 

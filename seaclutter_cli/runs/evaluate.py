@@ -15,7 +15,7 @@ from seaclutter_cli.evaluation.tuning import Parts
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import run_each
-from seaclutter_cli.reporting.history import FrameListener, Numbers, ScoredFrame
+from seaclutter_cli.reporting.history import FrameListener, FrameStatistics, ScoredFrame
 from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.labels import LabelSources
@@ -262,8 +262,8 @@ class _FrameScorer:
         if truth is not None and self._outcome.parts:
             self._outcome.parts.add(scores)
         for listener in self._work.listeners:
-            numbers = [Numbers.of(result) for result in results]
-            listener.add(ScoredFrame(frame, numbers, truth, scores, lambda: results))
+            statistics = [FrameStatistics.of(result) for result in results]
+            listener.add(ScoredFrame(frame, statistics, truth, scores, lambda: results))
         for variant, result, found, spent in zip(self._work.variants, results, scores, seconds, strict=True):
             if result is None or found is None:
                 continue

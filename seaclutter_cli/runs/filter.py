@@ -343,6 +343,6 @@ class FilterWork(Work[FilterOutcome]):
         )
         if not self.options.with_scene:
             return written
-        from seaclutter_cli.reporting.boxes import scene_maker
+        from seaclutter_cli.reporting.boxes import scene_updates
 
-        return replace(written, scene=scene_maker(self.config.evaluation, labels))
+        return replace(written, scene=scene_updates(self.config.evaluation, labels))

@@ -151,4 +151,4 @@ class _ReplayWork(StudyWork[Evaluated]):
             summary.add(score, None)
         else:
             summary.unlabelled += 1
-        self.listener.add(ScoredFrame(one.frame, [one.numbers], truth, [score], lambda: [one.result]))
+        self.listener.add(ScoredFrame(one.frame, [one.statistics], truth, [score], lambda: [one.result]))

@@ -16,7 +16,7 @@ from seaclutter_cli.frame import Reason, WaterState
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import Collector, Method
-from seaclutter_cli.reporting.history import History, Numbers, ScoredFrame
+from seaclutter_cli.reporting.history import FrameStatistics, History, ScoredFrame
 from seaclutter_cli.truth import Truth
 from tests.evaluation.scenes import boxes, frame_of, lump
 from tests.reporting.colors import difference
@@ -36,8 +36,8 @@ def collect(*, edges=EDGES, names=("joint", "none"), frames=FRAMES, labelled=Tru
     for index in range(frames):
         frame = frame_of(TARGET, *([WAVE] if index % 2 else []), index=index)
         results = [method.step(frame) for method in methods]
-        numbers, scores = map(Numbers.of, results), score_frame(frame, results, truth, EvaluationParams())
-        collected.add(ScoredFrame(frame, list(numbers), truth, scores, lambda results=results: results))
+        statistics, scores = map(FrameStatistics.of, results), score_frame(frame, results, truth, EvaluationParams())
+        collected.add(ScoredFrame(frame, list(statistics), truth, scores, lambda results=results: results))
     return collected
 
 
@@ -108,7 +108,7 @@ def test_level_and_wave_height_of_the_water():
     rows = [None, WaterState(-2.5, 0, 0, 0.3), WaterState(-2.4, 0, 0, 0.4), None, WaterState(-2.3, 0, 0, 0.5)]
     collected.histories[0] = History(4)
     for water in rows:
-        collected.histories[0].add(Numbers(np.zeros(8), None, water=water), None)
+        collected.histories[0].add(FrameStatistics(np.zeros(8), None, water=water), None)
     assert FIGURES["water"].applies(collected)
     level, height = drawn("water", collected).axes
     unknown = float("nan")
