@@ -144,12 +144,7 @@ def _blueprint(rerun: Any) -> Any:
 def viewer(port: int) -> Iterator[Callable[[Any], None]]:
     """Start a viewer that listens only on the loopback interface and stays open; yield the sink of a `FrameStream`.
 
-    Raises
-    ------
-    UsageError
-        If there is no display.
-    MissingExtraError
-        If rerun is not installed.
+    `UsageError` if there is no display, `MissingExtraError` if rerun is not installed.
     """
     require_rerun()
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):

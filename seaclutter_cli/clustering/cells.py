@@ -22,23 +22,15 @@ _OFFSETS = np.array([(i, j) for i in range(_REACH + 1) for j in range(-_REACH, _
 
 @dataclass(frozen=True)
 class Cells:
-    r"""The C occupied cells of a grid, sorted by column and height.
+    """The C occupied cells of a grid over N points, sorted by column and height.
 
-    The side of a cell is :math:`t / \sqrt 3` for the tolerance t, reduced by 1 part in 10^8. Any two points of a cell
-    are closer than t, and points closer than t are at most two cells apart on each axis.
+    The side of a cell is the tolerance divided by the root of 3, reduced by 1 part in 10^8. Any two points of a cell
+    are closer than the tolerance, and points closer than it are at most two cells apart on each axis.
 
-    Parameters
-    ----------
-    order : ndarray, shape (N,), int64
-        Indices of the points in the order of their cells.
-    start, count : ndarray, shape (C,), int64
-        Index of a cell's first point in ``order``, and number of its points.
-    column, height : ndarray, shape (C,), int64
-        Rank of the column of a cell, and height of the cell in the column.
-    columns : ndarray, shape (K,), int64
-        Numbers of the occupied columns, ascending.
-    row : int
-        Difference between the numbers of columns that are neighbours along x.
+    ``order``, shape (N,), has the points in the order of their cells; ``start`` and ``count``, shape (C,), the index of
+    a cell's first point in it, and the number of its points. ``column`` is the rank of a cell's column, ``height`` its
+    height in it. ``columns``, shape (K,), are the numbers of the occupied columns, ascending, ``row`` is the difference
+    between the numbers of columns that are neighbours along x.
     """
 
     order: Indices

@@ -12,28 +12,16 @@ _ROUNDING = 1e-9
 
 
 class DbscanFinder:
-    """Search for density-based clusters [1]_ in several subsets of the same points.
+    """Search for density-based clusters [1]_ in several subsets of the same points; see `ClusterFinder`.
 
     Two points are near each other if their distance is at most ``eps_m``. A point with ``min_points`` near it, itself
     included, is a core point. Core points near each other belong to one cluster; any other point belongs to the cluster
-    of the nearest core point if that is near, otherwise to no cluster.
+    of the nearest core point if that is near, otherwise to no cluster. The original method assigns a point between two
+    clusters to the one that reaches it first, which depends on the order of the points. Ties between core points are
+    resolved arbitrarily.
 
-    Parameters
-    ----------
-    xyz : ndarray, shape (3, N), float64
-        Coordinates in metres.
-    among : ndarray, shape (N,), bool
-        Whether a point is in any of the subsets; these points must have finite coordinates.
-    eps_m, min_points : float, int
-        Maximum distance between near points, bound included; minimum number of points near a core point.
-
-    Notes
-    -----
-    The original method assigns a point between two clusters to the cluster that reaches it first, which depends on the
-    order of the points; the nearest core point does not. Ties between core points are resolved arbitrarily.
-
-    All points of a cell with enough points are core points, and the components of core points are found cell by cell
-    (`ClusterFinder`). Only points of cells with fewer points need a search tree.
+    All points of a cell with enough points are core points, and the components of core points are found cell by cell.
+    Only points of cells with fewer points need a search tree.
 
     References
     ----------

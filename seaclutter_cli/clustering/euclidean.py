@@ -17,24 +17,11 @@ _ROUNDING = 1e-9
 
 
 def euclidean_clusters(xyz: Points, tolerance_m: float, min_points: int) -> Indices:
-    """Return the Euclidean cluster of each point.
+    """Return the Euclidean cluster of each point, shape (N,), given finite coordinates in metres, shape (3, N).
 
-    Points closer than the tolerance are connected; clusters are the connected components with enough points.
-
-    Parameters
-    ----------
-    xyz : ndarray, shape (3, N), float64
-        Finite coordinates in metres.
-    tolerance_m : float
-        Two points are connected if ``sqrt(dx**2 + dy**2 + dz**2) < tolerance_m`` in float64 arithmetic, without
-        additional allowance: points exactly that far apart are not connected, equal points are.
-    min_points : int
-        Minimum number of points in a cluster.
-
-    Returns
-    -------
-    ndarray, shape (N,), int64
-        Cluster number, from 0 in the order of the clusters' first points; -1 for points in no cluster.
+    Clusters are the connected components with enough points, numbered from 0 in the order of their first points; points
+    in no cluster have -1. Two points are connected if ``sqrt(dx**2 + dy**2 + dz**2) < tolerance_m`` in float64
+    arithmetic, without additional allowance: points exactly that far apart are not connected, equal points are.
 
     Examples
     --------
@@ -55,16 +42,8 @@ class ClusterFinder:
     distance between their points. Memory is proportional to the number of points at any density; so is time, except for
     dense components that almost touch, which take a search tree.
 
-    Parameters
-    ----------
-    xyz : ndarray, shape (3, N), float64
-        Coordinates in metres.
-    among : ndarray, shape (N,), bool
-        Whether a point is in any of the subsets; these points must have finite coordinates.
-    tolerance_m : float
-        As for `euclidean_clusters`.
-    subsets : int, optional
-        Number of the subsets, roughly. Of one, few pairs of cells need their bounding boxes compared.
+    Coordinates have shape (3, N). ``among``, shape (N,), tells whether a point is in any of the subsets; these must
+    have finite coordinates. Of one subset, few pairs of cells need their bounding boxes compared.
     """
 
     def __init__(self, xyz: Points, among: Mask, tolerance_m: float, *, subsets: int = 2) -> None:

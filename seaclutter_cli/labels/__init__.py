@@ -49,21 +49,10 @@ LABELS: Mapping[str, LabelFormat] = {
 
 
 def open_labels(path: Path, options: LabelOptions = LabelOptions()) -> Labels:  # noqa: B008 - frozen
-    """Return the labels of one recording; the content of the path determines the format.
+    """Return the labels of one recording; the content of the path, a file or folder, determines the format.
 
     The labels must receive the frames of one topic in order. The truth of a frame can be requested repeatedly.
-
-    Parameters
-    ----------
-    path : Path
-        File or folder.
-    options : LabelOptions, optional
-        Settings of the readers.
-
-    Raises
-    ------
-    LabelError
-        If the path does not exist, has no known format or several formats, or cannot be read.
+    `LabelError` if the path does not exist, has no known format or several formats, or cannot be read.
     """
     try:
         if not path.exists():

@@ -38,12 +38,7 @@ _DPI = 300
 def check_target(path: Path) -> None:
     """Check that a figure can be written to a file of this name; call it before the figure is computed.
 
-    Raises
-    ------
-    UsageError
-        If the extension is not ``.png`` or ``.svg``.
-    MissingExtraError
-        If matplotlib is not installed.
+    `UsageError` if the extension is not ``.png`` or ``.svg``, `MissingExtraError` if matplotlib is not installed.
     """
     if path.suffix.lower() not in _METADATA:
         raise UsageError(f"{path}: figure files must end in {' or '.join(_METADATA)}")

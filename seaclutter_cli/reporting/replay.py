@@ -65,14 +65,9 @@ class Replayed:
 
     @cached_property
     def result(self) -> FilterResult:
-        """Reasons of the raw points.
+        """Reasons of the raw points; `CloudError` if a removed point is not in the raw cloud.
 
         Points are matched by their bytes; points with equal bytes are interchangeable.
-
-        Raises
-        ------
-        CloudError
-            If a removed point is not in the raw cloud.
         """
         codec = find_codec(self.removed.channel)
         if codec is None:

@@ -20,18 +20,9 @@ def bin_starts(frames: int) -> NDArray[np.int64]:
 
 
 def binned(values: Series, starts: NDArray[np.int64]) -> tuple[Series, Series, Series]:
-    """Return mean, minimum and maximum of each bin; NaN for bins without known values.
+    """Return mean, minimum and maximum of each of B bins, shape (B, K) each; NaN for bins without known values.
 
-    Parameters
-    ----------
-    values : ndarray, shape (frames, K), float32
-        Series over the frames; NaN where unknown.
-    starts : ndarray, shape (B,), int64
-        First frame of each bin.
-
-    Returns
-    -------
-    tuple of ndarray, each of shape (B, K), float32
+    The series, shape (frames, K), are NaN where unknown; a bin begins at each of the frames ``starts``.
 
     Examples
     --------
@@ -58,16 +49,9 @@ _COLUMNS, _ROWS = 120, 64
 
 @dataclass(frozen=True)
 class Density:
-    """Mean number of points per frame in cells of equal size.
+    """Mean number of points per frame for each `Reason`, shape (8, rows, columns), in cells of equal size.
 
-    Parameters
-    ----------
-    reach_m : float
-        Upper range of the last column in metres; the first column starts at 0.
-    low, high : float
-        Intensities at the lower and upper end of the rows.
-    counts : ndarray, shape (8, rows, columns), float32
-        Points per frame for each `Reason`.
+    Columns begin at a range of 0, rows between the intensities ``low`` and ``high``.
     """
 
     reach_m: float
@@ -77,18 +61,9 @@ class Density:
 
 
 def density_of(samples: Sequence[Sample], method: int, edges: Sequence[float], threshold: float) -> Density | None:
-    """Return the density of the points of several frames; None without intensities.
+    """Return the density of the points of several frames by the reasons of a method; None without intensities.
 
-    Parameters
-    ----------
-    samples : sequence of Sample
-        Frames.
-    method : int
-        Index of the method whose reasons are counted.
-    edges : sequence of float
-        Edges of its range rings in metres; empty without range rings.
-    threshold : float
-        Highest threshold; the rows extend above it.
+    The rows extend above the highest threshold; there are no edges without range rings.
     """
     if not samples:
         return None

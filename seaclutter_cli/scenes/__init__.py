@@ -43,12 +43,8 @@ class SceneParams:
 def make_scene_tracker(params: SceneParams) -> "SceneTracker":
     """Return a scene tracker in its initial state.
 
-    Raises
-    ------
-    MissingExtraError
-        If onnxruntime is not installed.
-    ModelError
-        If the model cannot be used, or its extent differs from the configured one.
+    `MissingExtraError` if onnxruntime is not installed; `ModelError` if the model cannot be used, or its extent differs
+    from the configured one.
     """
     from seaclutter_cli.scenes.model import SceneModel
     from seaclutter_cli.scenes.tracker import SceneTracker

@@ -78,19 +78,11 @@ _MAX_BYTES = 2**26
 class SceneModel:
     """A scene classifier, run by onnxruntime on one thread; the same image gives the same probabilities.
 
-    It has the names of its ``classes``, and half the side of the square in the top view, ``extent_m``.
+    It is read from an ONNX file, or has the name of a built-in model. It knows the names of its ``classes``, and
+    ``extent_m``, half the side of the square in the top view.
 
-    Parameters
-    ----------
-    name : str
-        Path of an ONNX file, or name of a built-in model.
-
-    Raises
-    ------
-    MissingExtraError
-        If onnxruntime is not installed.
-    ModelError
-        If the file does not exist, or is not a scene classifier.
+    `MissingExtraError` if onnxruntime is not installed; `ModelError` if the file does not exist, or is no scene
+    classifier.
     """
 
     def __init__(self, name: str) -> None:

@@ -99,12 +99,7 @@ def train(examples: Examples, params: TrainingParams, on_epoch: Callable[[Epoch]
     Only one thread computes; the same examples and seed give the same weights on the same machine. Another thread makes
     the next images. The learning rate falls to 0 along half a cosine.
 
-    Raises
-    ------
-    MissingExtraError
-        If PyTorch is not installed.
-    InputError
-        If a class has too few recordings to be split.
+    `MissingExtraError` if PyTorch is not installed; `InputError` if a class has too few recordings to be split.
     """
     torch = check_torch()
     split = examples.split(params.seed)

@@ -97,13 +97,7 @@ class BagWriter(MessagesOnly):
         self._undeclared.add(channel.id)
 
     def put(self, channel: int, log_time_ns: int, data: Buffer) -> None:
-        """Write a message of a declared channel.
-
-        Raises
-        ------
-        OutputError
-            If its time does not fit into a bag.
-        """
+        """Write a message of a declared channel; `OutputError` if its time does not fit into a bag."""
         chunk = self._chunk
         if channel in self._undeclared:
             chunk.data += self._connections[channel]

@@ -31,16 +31,8 @@ _COLUMNS = (
 class CsvSink(AbstractContextManager["CsvSink"]):
     """Sink that writes one row for each frame of all recordings to a CSV file, which appears when the context ends.
 
-    The rows of a recording that fails midway are removed.
-
-    Parameters
-    ----------
-    rings : int
-        Number of range rings of the method; 0 for methods without range rings.
-    scenes : bool, optional
-        Whether the method distinguishes scenes; adds a column for the class of scene.
-    water : bool, optional
-        Whether the method estimates the water; adds a column for unconfirmed points and those of `WaterState`.
+    The rows of a recording that fails midway are removed. There are columns for the ``rings`` of the method and, if it
+    distinguishes scenes, the class of scene; if it estimates the water, unconfirmed points and those of `WaterState`.
     """
 
     def __init__(

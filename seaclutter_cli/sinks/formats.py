@@ -104,10 +104,7 @@ def check_options(form: str, options: McapOptions, *, with_scene: bool = False) 
 def format_of(output: Path, name: str | None) -> str:
     """Return the name of the format of an output: the one that was asked for, or that of its suffix, or MCAP.
 
-    Raises
-    ------
-    UsageError
-        If the suffix is that of another format, or of a file where a format needs a folder.
+    `UsageError` if the suffix is that of another format, or of a file where a format needs a folder.
     """
     by_suffix = {form.suffix: key for key, form in OUTPUT_FORMATS.items() if form.suffix}
     meant = by_suffix.get(output.suffix.lower())

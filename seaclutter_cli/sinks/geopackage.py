@@ -28,10 +28,7 @@ class Layer:
 def geopackage(layers: Sequence[Layer]) -> bytes:
     """Return a GeoPackage; the same layers give the same bytes, so it has no time of its last change.
 
-    Raises
-    ------
-    MissingExtraError
-        If fudgeo is not installed.
+    `MissingExtraError` if fudgeo is not installed.
     """
     try:
         from fudgeo.geometry import LineString, Polygon

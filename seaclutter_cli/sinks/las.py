@@ -92,12 +92,8 @@ class LasSink(AbstractContextManager["LasSink"]):
     and EVLR). The file extension of the target selects LAZ or LAS. LAS 1.0 becomes LAS 1.2. If the ``whole`` source is
     written, its extents and counts are kept, even if they are wrong.
 
-    Raises
-    ------
-    MissingExtraError
-        If laspy or its LAZ backend is not installed.
-    OutputError
-        If the file cannot be written, or waveform packets of the source would be lost or changed.
+    `MissingExtraError` if laspy or its LAZ backend is not installed; `OutputError` if the file cannot be written, or
+    waveform packets of the source would be lost or changed.
     """
 
     def __init__(

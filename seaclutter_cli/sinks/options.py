@@ -43,12 +43,7 @@ class Split:
 
 
 def parse_split(text: str) -> Split:
-    """Return the limit in a text: a size with a unit of bytes, or a duration with a unit of time.
-
-    Raises
-    ------
-    ValueError
-        If it is something else, or not positive.
+    """Return the limit in a text: a size with a unit of bytes, or a duration with a unit of time, or `ValueError`.
 
     Examples
     --------
@@ -92,14 +87,7 @@ class Parts:
 
 
 def part_path(path: Path, number: int) -> Path:
-    """Return the name of a part of a log.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> part_path(Path("trial.mcap"), 1).name
-    'trial_1.mcap'
-    """
+    """Return the name of a part of a log: ``trial_1.mcap`` for part 1 of ``trial.mcap``."""
     return path.parent / f"{path.name.removesuffix(path.suffix)}_{number}{path.suffix}"
 
 

@@ -110,10 +110,7 @@ def _write_las(stream: BinaryIO, cloud: Cloud, *, packed: bool) -> int:
     dimension of LAS are stored in it, all others in extra dimensions, those with several values in one for each value.
     An intensity that is no 8 or 16 bit number is rounded, and also stored as ``original_intensity``.
 
-    Raises
-    ------
-    MissingExtraError
-        If laspy or its LAZ backend is not installed.
+    `MissingExtraError` if laspy or its LAZ backend is not installed.
     """
     try:
         import laspy  # optional dependency
@@ -214,12 +211,6 @@ POINT_WRITERS: Mapping[str, Callable[[BinaryIO, Cloud], int]] = {
 
 
 def write_points(path: Path, cloud: Cloud, group: OutputGroup | None = None) -> None:
-    """Write an unorganised, packed cloud in the format of the file extension, a key of `POINT_WRITERS`.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-    """
+    """Write an unorganised, packed cloud in the format of the file extension, a key of `POINT_WRITERS`."""
     with AtomicFile(path, group) as file:
         POINT_WRITERS[path.suffix.lower()](file.stream, cloud)
