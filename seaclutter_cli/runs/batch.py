@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -11,10 +11,10 @@ from seaclutter_cli.buckets import copies_removed, local, mirror_of, on_paths, s
 from seaclutter_cli.errors import SeaclutterError, SelectionError
 from seaclutter_cli.jobs.engine import Engine, InTurn, Lost, Report
 from seaclutter_cli.jobs.processes import Processes, default_jobs
+from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.labels import LabelFile
-from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.observer import Observer, Step
 from seaclutter_cli.runs.recordings import NOT_PROCESSED, Outcome, ReadOptions
-from seaclutter_cli.runs.relay import Relay
 from seaclutter_cli.runs.shared_places import shared_places
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.text import count
@@ -116,6 +116,66 @@ class Work(ABC, Generic[O]):
         """Return the outcome of work that did not come to an end."""
 
 
+@dataclass
+class _Messages:
+    """Observer of the work on one of several recordings, perhaps in another process.
+
+    Messages, which begin with the name of the recording, come along with the result, or reach ``observer`` at once.
+    """
+
+    report: Report
+    name: str
+    observer: Observer | None = None
+    messages: list[tuple[str, str, bool]] = field(default_factory=list)
+    error: SeaclutterError | None = None
+
+    @contextmanager
+    def progress(self, title: str, total: int | None, unit: str = "frame") -> Iterator[Step]:  # noqa: ARG002
+        """Report the share that is done after each frame, if the total is known."""
+        done = 0
+
+        def step() -> None:
+            nonlocal done
+            done += 1
+            if total:
+                self.report(min(done / total, 1.0))
+
+        yield step
+
+    def note(self, text: str, *, detail: bool = False) -> None:
+        """Keep a note, or pass it on."""
+        self._add("note", text, detail=detail)
+
+    def warn(self, text: str) -> None:
+        """Keep a warning, or pass it on."""
+        self._add("warn", text)
+
+    def _add(self, kind: str, text: str, *, detail: bool = False) -> None:
+        self.messages.append((kind, text, detail))
+        if self.observer:
+            self.repeat(self.observer)
+
+    def damage(self, damage: Sequence[Damage]) -> None:
+        """Ignore damage: the outcome lists it."""
+
+    def fail(self, error: SeaclutterError) -> None:
+        """Keep an error."""
+        self.error = error
+
+    def done(self, line: str, damage: Sequence[Damage], error: SeaclutterError | None) -> None:
+        """Ignore the end: who started the work reports it."""
+
+    def repeat(self, observer: Observer) -> None:
+        """Pass the messages that were kept on to another observer."""
+        for kind, text, detail in self.messages:
+            named = text if text.startswith(f"{self.name}:") else f"{self.name}: {text}"
+            if kind == "warn":
+                observer.warn(named)
+            else:
+                observer.note(named, detail=detail)
+        self.messages.clear()
+
+
 @dataclass(frozen=True)
 class _Task(Generic[O]):
     """Work with an observer whose messages travel with the outcome, or appear at once in this process."""
@@ -124,11 +184,11 @@ class _Task(Generic[O]):
     name: str
     observer: Observer | None
 
-    def __call__(self, report: Report) -> tuple[O, Relay]:
-        relay = Relay(report, self.name, self.observer)
-        outcome = _outcome(self.work, relay)
-        relay.report, relay.observer = _no_report, None
-        return outcome, relay
+    def __call__(self, report: Report) -> tuple[O, _Messages]:
+        messages = _Messages(report, self.name, self.observer)
+        outcome = _outcome(self.work, messages)
+        messages.report, messages.observer = _no_report, None
+        return outcome, messages
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let another process have copies of its own."""
@@ -192,9 +252,9 @@ def run_batch(
                 outcome = work.without_result(f"{work.recording.paths[0]}: {result.reason}")
                 error = SeaclutterError(str(outcome.error))
             else:
-                outcome, relay = local(result)
-                relay.repeat(observer)
-                error = relay.error
+                outcome, messages = local(result)
+                messages.repeat(observer)
+                error = messages.error
             if error and together:
                 raise error
             on_share(number, 1.0)

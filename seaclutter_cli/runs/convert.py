@@ -17,7 +17,6 @@ from seaclutter_cli.records import Channel, Metadata
 from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, inputs_of_work, run_batch
 from seaclutter_cli.runs.convert_result import ConvertOutcome, ConvertSummary
 from seaclutter_cli.runs.log_outcome import output_size
-from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.output_plan import (
     check_names,
@@ -27,7 +26,7 @@ from seaclutter_cli.runs.output_plan import (
     warn_of_losses,
     warn_of_patterns,
 )
-from seaclutter_cli.runs.outputs import Root, inputs_of, prepare_outputs, write_files
+from seaclutter_cli.runs.outputs import Root, inputs_of, prepare_outputs, write_manifest
 from seaclutter_cli.runs.planned_works import PlannedWorks
 from seaclutter_cli.runs.recordings import (
     Logs,
@@ -40,8 +39,15 @@ from seaclutter_cli.runs.recordings import (
     require_selected,
     storing_errors,
 )
-from seaclutter_cli.runs.resume import earlier_outcomes, earlier_run, identity_of, same_output_accepted
-from seaclutter_cli.runs.run_record import NAME, RunIdentity, to_entries
+from seaclutter_cli.runs.resume import (
+    NAME,
+    RunIdentity,
+    earlier_outcomes,
+    earlier_run,
+    identity_of,
+    same_output_accepted,
+    to_entries,
+)
 from seaclutter_cli.selection import Selection, cloud_channels
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options
@@ -106,8 +112,7 @@ def convert_logs(logs: Logs, output: PathLike, options: ConvertOptions, observer
     require_selected(outcomes)
     for outcome, size in zip(outcomes, in_threads(output_size, outcomes), strict=True):
         outcome.bytes_out = size
-    if batch.manifest:
-        write_files(manifest_of(batch.manifest, [work.recording for work in works], outcomes), replace=replaces)
+    write_manifest(batch.manifest, [work.recording for work in works], outcomes, replace=replaces)
     return ConvertSummary(outcomes, perf_counter() - started)
 
 

@@ -19,10 +19,9 @@ from seaclutter_cli.reporting.history import FrameListener, FrameStatistics, Sco
 from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.labels import LabelSources
-from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.methods import MethodOptions, Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs, write_files
+from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs, write_manifest
 from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, RecordingsResult, expand
 from seaclutter_cli.runs.score_tables import (
     ALARMS,
@@ -117,8 +116,7 @@ def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SIL
                 summary.stream.write(json.dumps(shown(comparison.as_dict()), indent=2).encode() + b"\n")
         if not may_appear(targets.values(), outcomes, observer):
             files.discard()
-    if manifest:
-        write_files(manifest_of(manifest, recordings, outcomes), replace=options.force)
+    write_manifest(manifest, recordings, outcomes, replace=options.force)
     return comparison
 
 

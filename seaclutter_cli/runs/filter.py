@@ -22,7 +22,6 @@ from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
 from seaclutter_cli.runs.filter_table import frame_table, own_table
 from seaclutter_cli.runs.labels import LabelFile, LabelSources
 from seaclutter_cli.runs.log_outcome import output_size
-from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.methods import ConfigOptions
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.output_plan import (
@@ -38,7 +37,7 @@ from seaclutter_cli.runs.outputs import (
     inputs_of,
     may_appear,
     prepare_outputs,
-    write_files,
+    write_manifest,
 )
 from seaclutter_cli.runs.planned_works import PlannedWorks
 from seaclutter_cli.runs.recordings import (
@@ -52,8 +51,15 @@ from seaclutter_cli.runs.recordings import (
     require_selected,
     storing_errors,
 )
-from seaclutter_cli.runs.resume import earlier_outcomes, earlier_run, identity_of, same_output_accepted
-from seaclutter_cli.runs.run_record import NAME, RunIdentity, to_entries
+from seaclutter_cli.runs.resume import (
+    NAME,
+    RunIdentity,
+    earlier_outcomes,
+    earlier_run,
+    identity_of,
+    same_output_accepted,
+    to_entries,
+)
 from seaclutter_cli.selection import cloud_channels, filtered_by, was_filtered
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.csv import CsvSink
@@ -141,9 +147,7 @@ def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: 
             files.discard()
     for outcome, size in zip(outcomes, in_threads(output_size, outcomes), strict=True):
         outcome.bytes_out = size
-    if batch.manifest:
-        recordings = [work.recording for work in plan.works]
-        write_files(manifest_of(batch.manifest, recordings, outcomes), replace=replaces)
+    write_manifest(batch.manifest, [work.recording for work in plan.works], outcomes, replace=replaces)
     return FilterSummary(outcomes, perf_counter() - started)
 
 

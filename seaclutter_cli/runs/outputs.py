@@ -1,5 +1,8 @@
-"""Output files of a run: planning them, checking them against each other and the input, and writing them."""
+"""Output files of a run: checking them against each other and the input, and writing them; the manifest."""
 
+import csv
+import io
+import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -7,9 +10,9 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from seaclutter_cli.buckets import look, mirror_of
+from seaclutter_cli.buckets import look, mirror_of, shown
 from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.parts import remove_stale
 from seaclutter_cli.paths import Identities, Identity, RealPaths, files_in
@@ -22,6 +25,24 @@ from seaclutter_cli.text import count
 
 if TYPE_CHECKING:  # imports all filters, which tiles do not need
     from seaclutter_cli.config import Config, ConfigSource
+
+_COLUMNS = (
+    "recording",
+    "input",
+    "output",
+    "status",
+    "frames",
+    "points_in",
+    "points_out",
+    "false_alarms",
+    "missed_targets",
+    "bytes_in",
+    "bytes_out",
+    "seconds",
+    "damaged_parts",
+    "error",
+)
+"""Of a manifest; those that a command does not know are empty."""
 
 _making_parents = ContextVar("making_parents", default=False)
 
@@ -302,3 +323,35 @@ def write_files(files: Mapping[Path, bytes], group: OutputGroup | None = None, *
         for path, data in reversed(list(files.items())):
             with AtomicFile(path, together) as file:
                 file.stream.write(data)
+
+
+def write_manifest(
+    path: Path | None, recordings: Sequence[Recording], outcomes: Sequence[Outcome], *, replace: bool
+) -> None:
+    """Write a table with a row for each recording: JSON if the name ends in ``.json``, otherwise CSV."""
+    if path is None:
+        return
+    rows = shown([_row(*pair) for pair in zip(recordings, outcomes, strict=True)])
+    text = json.dumps(rows, indent=2) + "\n" if path.suffix.lower() == ".json" else _csv(rows)
+    write_files({path: text.encode(errors="surrogateescape")}, replace=replace)
+
+
+def _row(recording: Recording, outcome: Outcome) -> dict[str, Any]:
+    known = {
+        "recording": outcome.recording,
+        "input": str(recording.paths[0]),
+        "status": outcome.status,
+        "seconds": round(outcome.seconds, 3),
+        "damaged_parts": len(outcome.damage),
+        "error": outcome.error,
+        **outcome.counts(),
+    }
+    return {name: known.get(name) for name in _COLUMNS}
+
+
+def _csv(rows: Sequence[dict[str, Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, _COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()

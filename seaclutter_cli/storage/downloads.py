@@ -10,9 +10,8 @@ from io import BufferedRandom
 from pathlib import Path
 
 from seaclutter_cli.errors import InputError, SeaclutterError
-from seaclutter_cli.storage.failures import explained
 from seaclutter_cli.storage.objects import StoredObject, range_options
-from seaclutter_cli.storage.stores import store_of
+from seaclutter_cli.storage.stores import explained, store_of
 
 _RANGE = 32 * 2**20
 _PIECE = 4 * 2**20

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from seaclutter_cli.errors import InputError, OutputError
-from seaclutter_cli.storage.failures import explained
-from seaclutter_cli.storage.stores import store_of
+from seaclutter_cli.storage.stores import explained, store_of
 from seaclutter_cli.urls import Url
 
 if TYPE_CHECKING:

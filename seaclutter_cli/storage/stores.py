@@ -1,11 +1,17 @@
-"""Access to buckets, with the credentials of the environment and of profiles."""
+"""Access to buckets, with the credentials of the environment and of profiles.
+
+An error of object storage becomes one line with the URL and the cause, without secrets.
+"""
 
 import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from seaclutter_cli.errors import MissingExtraError, UsageError
+from seaclutter_cli.errors import InputError, MissingExtraError, SeaclutterError, UsageError
 from seaclutter_cli.urls import Url
 
 if TYPE_CHECKING:
@@ -20,6 +26,11 @@ NO_CREDENTIALS = {
 }
 """What to do, by scheme."""
 
+_CODE = re.compile(r"<Code>(\w{1,60})</Code>")
+_STATUS = re.compile(r"status code: (\d{3}(?: [A-Z][A-Za-z ]{1,40})?)")
+_METADATA_SERVICE = re.compile(r"169\.254\.|metadata\.google\.internal|fd00:ec2")
+_OTHER_REGION = ("PermanentRedirect", "AuthorizationHeaderMalformed", "IllegalLocationConstraintException")
+_UNKNOWN_CREDENTIALS = ("InvalidAccessKeyId", "SignatureDoesNotMatch", "ExpiredToken", "InvalidToken")
 _PREFIXES = ("AWS_", "GOOGLE_", "AZURE_")
 _TIMEOUTS = {"timeout": "10 minutes", "read_timeout": "30 seconds"}
 """Of a request as a whole, and of its silence. A slow link is no error."""
@@ -83,3 +94,55 @@ def _profile(bucket: str) -> Any:
         return Boto3CredentialProvider(session)
     except BotoCoreError as error:
         raise UsageError(f"AWS_PROFILE={name or 'default'}: cannot be used ({type(error).__name__})") from None
+
+
+@contextmanager
+def explained(url: Url, kind: type[SeaclutterError] = InputError) -> Iterator[None]:
+    """Turn errors of object storage into errors of a kind.
+
+    The original errors are dropped, also from tracebacks: their texts may contain signed URLs.
+
+    Raises
+    ------
+    SeaclutterError
+        Of the given kind.
+    MissingExtraError
+        If the extra ``cloud`` is not installed.
+    """
+    try:
+        from obstore.exceptions import BaseError
+    except ImportError as error:
+        raise MissingExtraError(f"{url.scheme}://", "cloud") from error
+    try:
+        yield
+    except (BaseError, OSError, ValueError) as error:  # writers raise an OSError
+        raise kind(f"{url}: {cause(error, url)}") from None
+
+
+def cause(error: Exception, url: Url) -> str:
+    """Return the cause of an error of object storage, without anything secret."""
+    from obstore import exceptions
+
+    text = str(error)
+    code, status = _found(_CODE, text), _found(_STATUS, text)
+    refused = code in _UNKNOWN_CREDENTIALS or isinstance(error, exceptions.UnauthenticatedError)
+    denied = isinstance(error, exceptions.PermissionDeniedError) or status.startswith("403")
+    rules = (
+        (code in ("NoSuchBucket", "ContainerNotFound"), f"there is no bucket {url.bucket}"),
+        ("configured region" in text or code in _OTHER_REGION, "the bucket is in another region; set AWS_REGION"),
+        (_METADATA_SERVICE.search(text), NO_CREDENTIALS[url.scheme]),
+        (refused, f"the credentials are not accepted ({code or status or 'not authenticated'})"),
+        (denied, "access denied"),
+        (isinstance(error, FileNotFoundError), "no such object"),
+        (isinstance(error, exceptions.PreconditionError), "the object changed while it was read"),
+        (status, f"the server answered {status}{f', {code}' if code else ''}"),
+        ("builder error" in text, "the address is not HTTPS; AWS_ALLOW_HTTP=true permits HTTP"),
+        ("HTTP error" in text, "the server cannot be reached, or the connection broke off again and again"),
+        (True, f"object storage failed ({type(error).__name__})"),
+    )
+    return next(problem for applies, problem in rules if applies)
+
+
+def _found(pattern: re.Pattern[str], text: str) -> str:
+    found = pattern.search(text)
+    return found[1].strip() if found else ""

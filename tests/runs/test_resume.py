@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
-from seaclutter_cli.runs import run_record
+from seaclutter_cli.runs import resume
 from tests.logs import cloud_log
 from tests.runs.test_batch import untimed
 
@@ -114,7 +114,7 @@ def test_another_input_is_filtered_again(trial):
 
 
 def test_another_version_is_filtered_again(trial, monkeypatch):
-    monkeypatch.setattr(run_record.RunIdentity.__init__, "__defaults__", ("0.0.1",))
+    monkeypatch.setattr(resume.RunIdentity.__init__, "__defaults__", ("0.0.1",))
     run(trial)
     monkeypatch.undo()
     result = run(trial, "--resume")

@@ -169,6 +169,14 @@ def test_split_and_folder_recordings(logs, tmp_path):
     assert [one["recording"] for one in json.loads(result.stdout)] == ["day", "bag", "frames"]
 
 
+def test_local_files_need_nothing_of_object_storage(tmp_path):
+    program = "import sys; from seaclutter_cli.commands import main; sys.argv[0] = 'seaclutter'\ntry: main()\nfinally: "
+    program += "print([name for name in sys.modules if name.startswith(('obstore', 'seaclutter_cli.storage'))])"
+    command = [sys.executable, "-c", program, "filter", SEA, "-n", "1", "-q", "-o", tmp_path / "out.mcap"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
 TREE = ("a.mcap", "day1/b.mcap", "day2/c.mcap", "day2/deep/d.mcap", "bag/bag_0.mcap", "notes/e.txt", "[x]/f.mcap")
 PATTERNS = (
     "*.mcap",

@@ -7,13 +7,13 @@ import pytest
 
 from seaclutter_cli.errors import InputError, MissingExtraError, SeaclutterError, UsageError
 from seaclutter_cli.storage import stores
-from seaclutter_cli.storage.failures import cause
 from seaclutter_cli.storage.objects import (
     find_object,
     list_folder,
     list_objects,
     read_range,
 )
+from seaclutter_cli.storage.stores import cause
 from seaclutter_cli.urls import Url
 from tests.storage.buckets import put
 from tests.storage.proxy import Action

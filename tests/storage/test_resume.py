@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.commands import cli
-from seaclutter_cli.runs.run_record import digest_of_paths
+from seaclutter_cli.runs.resume import digest_of_paths
 from tests.logs import cloud_log
 from tests.storage.buckets import get, names, put
 

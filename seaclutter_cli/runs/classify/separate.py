@@ -39,12 +39,10 @@ from seaclutter_cli.runs.classify.tiles import (
     warn_without_classes,
     write_tile,
 )
-from seaclutter_cli.runs.manifest import manifest_of
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.outputs import write_files
+from seaclutter_cli.runs.outputs import write_files, write_manifest
 from seaclutter_cli.runs.recordings import Logs, PathLike, storing_errors
-from seaclutter_cli.runs.resume import earlier_outcomes, same_output_accepted
-from seaclutter_cli.runs.run_record import RunIdentity, digest_of, digest_of_paths
+from seaclutter_cli.runs.resume import RunIdentity, digest_of, digest_of_paths, earlier_outcomes, same_output_accepted
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources.extents import Margin, open_tile_or_window
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, find_tiles
@@ -159,9 +157,7 @@ def separate_tiles(
     with OutputGroup(replace=replaced) as files, OutputGroup(files) as written:
         outcomes = _run(works, batch, observer, written, force=options.force)
         write_files(_map_files(maps, outcomes, observer), files)
-    if batch.manifest:
-        recordings = [work.recording for work in works]
-        write_files(manifest_of(batch.manifest, recordings, outcomes), replace=replaced)
+    write_manifest(batch.manifest, [work.recording for work in works], outcomes, replace=replaced)
     return SeparateResult(outcomes)
 
 

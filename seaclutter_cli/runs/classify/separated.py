@@ -15,7 +15,7 @@ from seaclutter_cli.errors import CloudError, UsageError
 from seaclutter_cli.runs.classify.maps import DrawnTile
 from seaclutter_cli.runs.classify.tiles import TileOutcome
 from seaclutter_cli.runs.recordings import RecordingsResult, statuses
-from seaclutter_cli.runs.run_record import RunIdentity
+from seaclutter_cli.runs.resume import RunIdentity
 from seaclutter_cli.sinks.las import TextRecord, text_in
 from seaclutter_cli.sources.tiles import LasTile, read_columns
 from seaclutter_cli.text import UNKNOWN, count, share, table
