@@ -46,17 +46,7 @@ _LIVOX_MESSAGES = {
 
 @lru_cache(maxsize=64)
 def ros2_schema(typename: str) -> Schema:
-    r"""Return the schema of a known ROS 2 message, including the definitions of nested messages.
-
-    Parameters
-    ----------
-    typename : str
-        Full name, such as ``sensor_msgs/msg/PointCloud2``.
-
-    Raises
-    ------
-    KeyError
-        If the type is unknown.
+    r"""Return the schema of a known ROS 2 message with the definitions of nested messages; `KeyError` if it is unknown.
 
     Examples
     --------
