@@ -1,4 +1,4 @@
-"""Codecs for foxglove.PointCloud against the protobuf library and the json module."""
+"""Codecs for foxglove.PointCloud against the protobuf library, the json module and rosbags."""
 
 import base64
 import json
@@ -16,8 +16,9 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.errors import CloudError
-from seaclutter_cli.messages.foxglove import JsonPointCloud, ProtobufPointCloud
-from tests.messages.clouds import TYPES, Field, broken, layouts
+from seaclutter_cli.messages.foxglove import JsonPointCloud, ProtobufPointCloud, RosFoxglovePointCloud
+from tests.messages import wrapped
+from tests.messages.clouds import TYPES, Field, Plain, broken, layouts, plain_clouds
 
 PROTOBUF, JSON = ProtobufPointCloud(), JsonPointCloud()
 NUMBERS = {"u1": 1, "i1": 2, "u2": 3, "i2": 4, "u4": 5, "i4": 6, "f4": 7, "f8": 8}
@@ -317,3 +318,55 @@ def test_names_that_are_not_utf8_are_preserved():
     data = SAMPLE["protobuf"][1].replace(b"ring", b"r\xefng").replace(b"map", b"m\xe4p")
     assert PROTOBUF.encode(PROTOBUF.decode(data)).count(b"r\xefng") == 1
     assert PROTOBUF.encode(PROTOBUF.decode(data)).count(b"m\xe4p") == 1
+
+
+ROS = {"cdr": RosFoxglovePointCloud(2), "ros1": RosFoxglovePointCloud(1)}
+ENCODINGS = pytest.mark.parametrize("encoding", ["cdr", "ros1"])
+ROS_FIELDS = (Field("x", 0, "f4"), Field("intensity", 4, "u1"), Field("t", 5, "f8"))
+ROS_CLOUD = Plain(1, 3, ROS_FIELDS, 13, 39, False, bytes(range(39)), False, 1_700_000_000_123_456_789, "lidär")
+
+
+@ENCODINGS
+@settings(max_examples=100, deadline=None)
+@given(st.data())
+def test_ros_round_trip_of_messages_from_rosbags(encoding, data):
+    plain = data.draw(plain_clouds(encoding, counts=False))
+    message = wrapped.foxglove(plain, encoding)
+    cloud = ROS[encoding].decode(message)
+    assert (cloud.stamp_ns, cloud.frame_id) == (plain.stamp_ns, plain.frame_id)
+    assert [(f.name, f.offset, f.type) for f in cloud.fields] == [tuple(f)[:3] for f in plain.fields]
+    assert cloud.size == (len(plain.data) // plain.point_step if plain.point_step else 0)
+    assert ROS[encoding].encode(cloud) == message
+
+
+@ENCODINGS
+def test_ros_rosbags_reads_a_selection(encoding):
+    cloud = ROS[encoding].decode(wrapped.foxglove(ROS_CLOUD, encoding))
+    data = ROS[encoding].encode(cloud.select(np.array([True, False, True])))
+    found = wrapped.deserialised(encoding, wrapped.FOXGLOVE, data)
+    assert (found.timestamp.sec, found.timestamp.nanosec, found.frame_id) == (1_700_000_000, 123_456_789, "lidär")
+    assert (found.pose.position.x, found.pose.orientation.w, found.point_stride) == (1.0, 0.8, 13)
+    assert found.data.tobytes() == ROS_CLOUD.data[:13] + ROS_CLOUD.data[26:]
+
+
+def test_ros_big_endian_cdr():
+    cloud = ROS["cdr"].decode(wrapped.foxglove(ROS_CLOUD, "cdr", little=False))
+    assert (bytes(cloud.data), cloud.extra[:3]) == (ROS_CLOUD.data, (1.0, 2.0, 3.0))
+
+
+@ENCODINGS
+@settings(max_examples=200, deadline=None)
+@given(st.data())
+def test_ros_damaged_messages_give_a_cloud_or_a_cloud_error(encoding, data):
+    try:
+        cloud = ROS[encoding].decode(data.draw(broken(wrapped.foxglove(ROS_CLOUD, encoding))))
+    except CloudError:
+        return
+    assert ROS[encoding].decode(ROS[encoding].encode(cloud)).size == cloud.size
+
+
+def test_ros_truncated_messages_are_errors():
+    data = wrapped.foxglove(ROS_CLOUD, "cdr")
+    for size in range(len(data)):
+        with pytest.raises(CloudError):
+            ROS["cdr"].decode(data[:size])

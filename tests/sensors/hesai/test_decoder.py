@@ -16,7 +16,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Message
 from seaclutter_cli.sensors.hesai.angles import parse_angles
 from seaclutter_cli.sensors.hesai.decoder import Hesai
-from seaclutter_cli.sensors.packets import DecoderOptions, LossCounter, Packets
+from seaclutter_cli.sensors.packets import DecoderOptions, Packets
 from seaclutter_cli.sources.rosbag2.db3 import Db3Source
 from tests.paths import shared
 
@@ -452,15 +452,6 @@ def test_position_packets_are_not_counted_as_invalid():
     decoder = Hesai().decoder(make_packets(XT32, revolutions=0.1)[0], DecoderOptions())
     assert list(decoder.add(Packets(np.zeros(2, np.int64), np.zeros((2, 512), np.uint8)))) == []
     assert decoder.facts.bad_packets == 0
-
-
-@given(st.lists(st.integers(0, 400), unique=True, min_size=1).map(sorted), st.integers(0, 2**32 - 1))
-def test_losses_are_counted_for_any_pattern(numbers, start):
-    counter = LossCounter(wrap=1 << 32)
-    for part in np.array_split((np.array(numbers) + start) % 2**32, 3):
-        if len(part):
-            counter.add(part)
-    assert counter.lost == numbers[-1] - numbers[0] + 1 - len(numbers)
 
 
 @cache
