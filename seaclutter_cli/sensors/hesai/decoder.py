@@ -54,7 +54,7 @@ class HesaiDecoder:
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
         """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
-        layout = self._model.layout(packets.payloads.shape[1])
+        layout = self._model.layouts.get(packets.payloads.shape[1])
         if layout is None or not len(packets):
             self.facts.bad_packets += len(packets) if packets.payloads.shape[1] != _GPS_LENGTH else 0
             return
@@ -201,7 +201,7 @@ def _model(payloads: NDArray[np.uint8]) -> HesaiModel | None:
 
 def _matching(model: HesaiModel, payloads: NDArray[np.uint8]) -> NDArray[np.void]:
     """Return the payloads, shape (P, L), that are packets of a model."""
-    layout = model.layout(payloads.shape[1])
+    layout = model.layouts.get(payloads.shape[1])
     if layout is None:
         return np.empty(0, next(iter(model.layouts.values())))
     data = view_packets(payloads, layout)

@@ -141,28 +141,15 @@ class HesaiModel:
     is_experimental: bool = False
 
     @property
-    def elevation_deg(self) -> NDArray[np.float64]:
-        """Nominal elevation of each channel, shape (C,), in degrees."""
-        return _read_table(self.name)[:, 1]
-
-    @property
-    def azimuth_deg(self) -> NDArray[np.float64]:
-        """Nominal offset of each channel from the azimuth of its block, shape (C,), in degrees."""
-        return _read_table(self.name)[:, 2]
+    def angles_deg(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Nominal elevation of each channel, and its offset from the azimuth of its block, shape (C,), in degrees."""
+        table = _read_table(self.name)
+        return table[:, 1], table[:, 2]
 
     @property
     def channels(self) -> int:
         """Number of channels."""
         return len(_read_table(self.name))
-
-    @property
-    def _channel_ns(self) -> NDArray[np.int64]:
-        """Firing time of each channel relative to its block, by state, shape (S, C), in nanoseconds."""
-        return _read_table(self.name)[:, 3:].T.astype(np.int64)
-
-    def layout(self, length: int) -> np.dtype[Any] | None:
-        """Return the layout of packets of ``length`` bytes; None if no packet of the sensor has this length."""
-        return self.layouts.get(length)
 
     def unit_m(self, packets: NDArray[np.void]) -> NDArray[np.float64]:
         """Return the distance unit of each packet, shape (P,), in metres."""
@@ -189,9 +176,8 @@ class HesaiModel:
 
     def channels_ns(self, packets: NDArray[np.void], returns: int) -> NDArray[np.int64]:
         """Return the firing times of channels relative to their firings, shape (C,) or (P, F, C)."""
-        if self.states is None:
-            return np.asarray(self._channel_ns[0])
-        return np.asarray(self._channel_ns[self.states(packets)[:, ::returns]])
+        by_state = _read_table(self.name)[:, 3:].T.astype(np.int64)
+        return np.asarray(by_state[0 if self.states is None else self.states(packets)[:, ::returns]])
 
 
 @cache

@@ -184,7 +184,7 @@ def make_scan(model: HesaiModel, options: DecoderOptions) -> tuple[Scan, str]:
         data, name, source = found
         return MirrorScan(parse_corrections(data, name, model.channels)), source
     if found is None:
-        return RotorScan(model.elevation_deg, model.azimuth_deg), "nominal"
+        return RotorScan(*model.angles_deg), "nominal"
     data, name, source = found
     return RotorScan(*parse_angles(data, name, model.channels)), source
 

@@ -21,17 +21,6 @@ from seaclutter_cli.sensors.packets import (
 from seaclutter_cli.sensors.robosense.packets import HELIOS_TIME, header_times
 
 _ID = bytes.fromhex("55aa5aa5")
-_HEADER: list[Any] = [
-    ("id", "S4"),
-    ("number", ">u2"),
-    ("version", ">u2"),
-    ("mode", "u1"),
-    ("time_mode", "u1"),
-    ("time", HELIOS_TIME),
-    ("reserved", "V10"),
-    ("type", "u1"),
-    ("temperature", "u1"),
-]
 _M1_CHANNEL = np.dtype(
     [("distance", ">u2"), ("pitch", ">u2"), ("yaw", ">u2"), ("intensity", "u1"), ("attributes", "V2")]
 )
@@ -79,8 +68,8 @@ def _e1_positions(channels: NDArray[Any], range_m: NDArray[np.float32]) -> NDArr
 
 def _packet(channel: np.dtype[Any], channels: int, blocks: int, size: int, time: list[Any]) -> np.dtype[Any]:
     block = np.dtype([*time, ("channels", channel, (channels,))])
-    fields = [*_HEADER, ("blocks", block, (blocks,))]
-    return np.dtype([*fields, ("end", f"V{size - np.dtype(fields).itemsize}")])
+    names, formats = ["id", "number", "time", "blocks"], ["S4", ">u2", HELIOS_TIME, (block, (blocks,))]
+    return np.dtype({"names": names, "formats": formats, "offsets": [0, 4, 10, 32], "itemsize": size})
 
 
 MODELS = (
