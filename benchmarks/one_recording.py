@@ -15,7 +15,7 @@ os.environ["SEACLUTTER_THREADS"] = "1"
 import small_gicp
 from logs import SHARES, write_log
 
-from seaclutter_cli.runs.filter import FilterOptions, filter_logs
+from seaclutter_cli.runs.filter import filter_log
 
 FRAMES, RUNS = 100, 3
 
@@ -41,11 +41,10 @@ class Searches:
 
 def shares(log: Path, searches: Searches) -> tuple[float, float, float, float]:
     """Return CPU milliseconds per frame: all, reading and writing in other threads, neighbour search, and the rest."""
-    options = FilterOptions(force=True)
     best = None
     for _ in range(RUNS):
         searches.seconds, process, thread = 0.0, time.process_time(), time.thread_time()
-        filter_logs(str(log), str(log.with_name("filtered.mcap")), options)
+        filter_log(str(log), str(log.with_name("filtered.mcap")), force=True)
         total, main = time.process_time() - process, time.thread_time() - thread
         parts = (total, total - main, searches.seconds, main - searches.seconds)
         best = parts if best is None or total < best[0] else best

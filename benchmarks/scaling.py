@@ -17,8 +17,9 @@ from pathlib import Path
 import numpy as np
 from logs import SHARES, write_log
 
-from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
+from seaclutter_cli.runs.batch import Work, run_batch
 from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.sources import Recording
 

@@ -118,6 +118,8 @@ def _argument(value: Any, local: Callable[[Url], Any]) -> Any:
         return type(value)(_argument(one, local) for one in value)
     if hasattr(value, "warn"):
         return _Naming(value)
+    if hasattr(value, "with_places"):
+        return value.with_places(lambda one: _argument(one, local))
     return _converted(value, lambda leaf: local(leaf) if isinstance(leaf, Url) else leaf)
 
 

@@ -71,6 +71,10 @@ class Url:
         return type(self)(self.scheme, self.bucket, self.key.rpartition("/")[0])
 
 
+PathLike = str | os.PathLike[str]
+"""Path or URL as it is given."""
+
+
 def place(text: str | os.PathLike[str]) -> Path:
     """Return a path; a valid URL stays one until a run makes it the path of a copy.
 

@@ -14,6 +14,7 @@ BASE = {
     "parts",
     "paths",
     "urls",
+    "options",
     "limits",
     "threads",
     "documents",
@@ -42,6 +43,7 @@ ALLOWED = {
     "urls": {"errors"},
     "storage": {"errors", "parts", "urls"},
     "buckets": {"errors", "storage", "urls"},
+    "options": {"text", "errors", "urls"},
     "records": {"text"},
     "limits": {"errors"},
     "threads": {"errors"},
@@ -78,8 +80,8 @@ ALLOWED = {
     "viewing": BASE | {"evaluation", "messages", "reporting"},
     "runs": CORE
     | {"airborne", "calibration", "config", "jobs", "plots", "reporting", "scenes", "simulation", "structure"}
-    | {"validation", "viewing"},
-    "api": BASE | {"calibration", "config", "messages", "reading", "runs", "selection", "sinks", "validation"},
+    | {"parameters", "validation", "viewing"},
+    "api": BASE | {"config", "messages", "reading", "runs", "selection"},
     "commands": BASE | {"config", "interrupts", "runs", "selection", "sensors"},
 }
 """Parts of the package and the other parts that each may import."""

@@ -11,15 +11,19 @@ from typing import Any
 
 import click
 
-from seaclutter_cli.commands.address_space import check_imports
 from seaclutter_cli.commands.command_line import ARGUMENTS
 from seaclutter_cli.commands.console import DEBUG, LOG, show_each_warning_once
-from seaclutter_cli.commands.lazy import LazyGroup
+from seaclutter_cli.commands.groups import CommandGroup
 from seaclutter_cli.commands.printer import LogHandler, close_output, show, show_error, show_traceback
 from seaclutter_cli.commands.version import version_option
 from seaclutter_cli.errors import AdaptedThresholdsWarning, RenamedKeyWarning, SeaclutterError
 from seaclutter_cli.interrupts import handle_interrupts, ignore_interrupts
 from seaclutter_cli.text import printable
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
 
 COMMANDS: Mapping[str, str] = {
     "info": "Show the content of logs and the settings that a filter run needs.",
@@ -37,14 +41,18 @@ COMMANDS: Mapping[str, str] = {
     "classify": "Separate sea from objects in airborne lidar tiles, and classify the objects.",
     "config": "Show and check configurations; list built-in sensors, methods and scenes.",
 }
-"""Commands and their short help. To add a command, add a line here and a module of the same name."""
+"""Commands and their short help. To add one, add a line here, and the command to `COMMANDS` of a module."""
 
-
+_MODULES = {
+    **dict.fromkeys(("info", "filter", "convert", "mask", "view"), "logs"),
+    **dict.fromkeys(("calibrate", "evaluate", "tune", "report", "simulate"), "studies"),
+    **dict.fromkeys(("labels", "scene", "classify", "config"), "branches"),
+}
 _LITTLE_MEMORY = "not enough memory; close other programs, or raise the limit of this process (ulimit -v)"
 _SIGNS_OF_LITTLE_MEMORY = ("can't start new thread", "failed to map segment", "cannot allocate memory")
 
 
-class _Program(LazyGroup):
+class _Program(CommandGroup):
     """Root group, which reports errors as one line and an exit status."""
 
     def make_context(
@@ -107,9 +115,37 @@ def _lacks_memory(error: BaseException) -> bool:
     return isinstance(error, MemoryError) or any(sign in str(error) for sign in _SIGNS_OF_LITTLE_MEMORY)
 
 
+_NEEDED_MB: Mapping[str, int] = {"numpy": 100, "scipy": 140}
+"""Address space that packages take with one thread; each has an OpenBLAS of its own."""
+
+
+def _check_imports() -> None:
+    """Let imports of `_NEEDED_MB` fail with `MemoryError` where the address space of the process is too small.
+
+    OpenBLAS tries for ever to get its memory when it is loaded.
+    """
+    if resource is not None and resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY:
+        sys.meta_path.insert(0, _RoomFinder())
+
+
+class _RoomFinder:
+    """Finder that finds nothing, and checks the address space instead."""
+
+    def find_spec(self, name: str, *_: object) -> None:
+        """Return None; raise `MemoryError` if there is no room for a package."""
+        if name in _NEEDED_MB:
+            import mmap  # only needed here
+
+            try:
+                mmap.mmap(-1, _NEEDED_MB[name] * 2**20).close()
+            except OSError as error:
+                raise MemoryError(f"no room for {name}") from error
+
+
 @click.group(
     cls=_Program,
-    commands=COMMANDS,
+    lines=COMMANDS,
+    modules=_MODULES,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
 @version_option
@@ -126,7 +162,7 @@ def main() -> None:
     # OpenBLAS would start a thread for each core when numpy and scipy load it, and reserve memory for each. The program
     # has threads of its own, and its matrices are small.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    check_imports()
+    _check_imports()
     sys.excepthook = show_traceback
     logging.getLogger().addHandler(LogHandler())
     try:

@@ -1,24 +1,26 @@
 """Console output: results on standard output; progress, warnings and errors on standard error."""
 
+from __future__ import annotations
+
 import json
 import logging
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
 from seaclutter_cli.commands.printer import show, show_error, show_exactly, show_line, with_progress_bar
-from seaclutter_cli.errors import AdaptedThresholdsWarning, RenamedKeyWarning, SeaclutterError
+from seaclutter_cli.errors import AdaptedThresholdsWarning, OutputError, RenamedKeyWarning, SeaclutterError
+from seaclutter_cli.options import OptionalPath, Options, Place, option
 from seaclutter_cli.text import printable, shortened
 
 if TYPE_CHECKING:
-    from seaclutter_cli.commands.log_file import LogFile
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
     from seaclutter_cli.records import Damage
     from seaclutter_cli.runs.recordings import Result
 
@@ -36,28 +38,29 @@ _LINE_SECONDS = 10.0
 _SHOWN_DAMAGE = 10
 _TITLE_CHARACTERS = 60
 _FAILED, _DAMAGED = 1, 3
+_LOG_HEAD = "# seaclutter log\n"
 
 
-@dataclass(frozen=True)
-class Console:
-    """Observer that prints to the terminal, and prints results at the end.
+class Console(Options):
+    """Observer that prints to the terminal, and prints results at the end."""
 
-    Parameters
-    ----------
-    as_json : bool
-        Print results as JSON.
-    quiet : bool
-        Show no progress and no warnings.
-    verbose : bool
-        Show details.
-    log_file : Path or None
-        File to which messages are appended, all details included.
-    """
-
-    as_json: bool = False
-    quiet: bool = False
-    verbose: bool = False
-    log_file: Path | None = None
+    as_json: bool = option("--json", default=False, group="Messages", help="Print results as JSON.")
+    quiet: bool = option(
+        "-q",
+        "--quiet",
+        default=False,
+        group="Messages",
+        help="Show no progress, no warnings, and no summary of what was written.",
+    )
+    verbose: bool = option("-v", "--verbose", default=False, group="Messages", help="Show details.")
+    log_file: OptionalPath = option(
+        "--log-file",
+        default=None,
+        kind=Place(),
+        metavar="FILE",
+        group="Messages",
+        help="Append all messages to FILE, with times and details.",
+    )
 
     def __post_init__(self) -> None:
         """Open the log file, so that an error comes before the run, and let it receive the error that ends the run."""
@@ -68,12 +71,10 @@ class Console:
             self.note(text)
 
     @cached_property
-    def _log(self) -> "LogFile | None":
+    def _log(self) -> _LogFile | None:
         if self.log_file is None:
             return None
-        from seaclutter_cli.commands.log_file import LogFile
-
-        return LogFile(self.log_file)
+        return _LogFile(self.log_file)
 
     def _record(self, text: str, level: int = logging.INFO) -> None:
         if self._log:
@@ -109,16 +110,16 @@ class Console:
         if not self.quiet:
             show_line(f"Warning: {text}")
 
-    def damage(self, damage: "Sequence[Damage]") -> None:
+    def damage(self, damage: Sequence[Damage]) -> None:
         """Print the parts of the input that could not be used; all of them if verbose."""
         self._record_damage(damage)
         self._show_damage(damage)
 
-    def _record_damage(self, damage: "Sequence[Damage]") -> None:
+    def _record_damage(self, damage: Sequence[Damage]) -> None:
         for item in damage:
             self._record(f"damaged: {item}", logging.WARNING)
 
-    def _show_damage(self, damage: "Sequence[Damage]") -> None:
+    def _show_damage(self, damage: Sequence[Damage]) -> None:
         shown = len(damage) if self.verbose else _SHOWN_DAMAGE
         for item in damage[:shown]:
             show_line(f"Damaged: {item}")
@@ -132,7 +133,7 @@ class Console:
             raise error
         show_error(error)
 
-    def done(self, line: str, damage: "Sequence[Damage]", error: SeaclutterError | None) -> None:
+    def done(self, line: str, damage: Sequence[Damage], error: SeaclutterError | None) -> None:
         """Print the line about one of several recordings, and all of its damage if verbose."""
         if error:
             self.fail(error)
@@ -144,10 +145,9 @@ class Console:
         if self.verbose:
             self._show_damage(damage)
 
-    def finish(self, result: "Result", text: str | None = None) -> NoReturn:
-        """Print a result, or ``text`` in its place, and exit with the status of the result."""
-        if text is None:
-            text = "\n\n".join(filter(None, (result.details() if self.verbose else "", result.as_text())))
+    def finish(self, result: Result) -> NoReturn:
+        """Print a result, and exit with its status."""
+        text = "\n\n".join(filter(None, (result.details() if self.verbose else "", result.as_text())))
         if self.as_json or not (self.quiet and result.is_summary):
             self.show(result.as_dict() if self.as_json else text)
         raise click.exceptions.Exit(_FAILED if result.failed else _DAMAGED if result.damaged else 0)
@@ -197,3 +197,46 @@ def show_each_warning_once() -> Callable[..., None]:
             show_line(text)
 
     return show_warning
+
+
+class _LogFile:
+    """A text file to which runs append lines: time in UTC, level, text.
+
+    Parameters
+    ----------
+    path : Path
+        New or empty file, or an earlier log file.
+
+    Raises
+    ------
+    OutputError
+        If it is another file, or cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        try:
+            known = _beginning(path)
+            if known and known != _LOG_HEAD.encode():
+                raise OutputError(f"{path}: is not a log file; choose another one for --log-file")
+            path.parent.mkdir(exist_ok=True)  # as for other outputs: the last folder
+            with path.open("a", encoding="utf-8") as file:
+                file.write("" if known else _LOG_HEAD)
+            handler = logging.FileHandler(path, encoding="utf-8", errors="backslashreplace")
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
+        formatter = logging.Formatter("%(asctime)s %(levelname)s %(message)s", "%Y-%m-%dT%H:%M:%SZ")
+        formatter.converter = time.gmtime
+        handler.setFormatter(formatter)
+        self._logger = logging.Logger("seaclutter")  # noqa: LOG001 - of this file only
+        self._logger.addHandler(handler)
+
+    def add(self, text: str, level: int = logging.INFO) -> None:
+        """Append a line."""
+        self._logger.log(level, "%s", printable(text))
+
+
+def _beginning(path: Path) -> bytes:
+    if not path.is_file():
+        return b""
+    with path.open("rb") as file:
+        return file.read(len(_LOG_HEAD))

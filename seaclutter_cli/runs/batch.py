@@ -10,12 +10,11 @@ from typing import Any, ClassVar, Generic, TypeVar
 from seaclutter_cli.buckets import copies_removed, local, mirror_of, on_paths, shown
 from seaclutter_cli.errors import SeaclutterError, SelectionError
 from seaclutter_cli.jobs.engine import Engine, InTurn, Lost, Report
-from seaclutter_cli.jobs.processes import Processes, default_jobs
 from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.labels import LabelFile
 from seaclutter_cli.runs.observer import Observer, Step
-from seaclutter_cli.runs.recordings import NOT_PROCESSED, Outcome, ReadOptions
-from seaclutter_cli.runs.shared_places import shared_places
+from seaclutter_cli.runs.options import BatchOptions, ReadOptions
+from seaclutter_cli.runs.recordings import NOT_PROCESSED, Outcome
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.text import count
 
@@ -23,65 +22,23 @@ O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
 _MIB = 2**20
 
 
-@dataclass(frozen=True, kw_only=True)
-class BatchOptions:
-    """How several recordings are processed.
+@contextmanager
+def _engine(options: BatchOptions, works: "Sequence[Work[Any]]", observer: Observer) -> Iterator[Engine]:
+    """Return the engine for work on some recordings."""
+    if options.cluster is not None:
+        from seaclutter_cli.jobs.cluster.connection import connection_to
+        from seaclutter_cli.jobs.cluster.engine import Cluster  # asyncio takes time to import
+        from seaclutter_cli.runs.shared_places import shared_places
 
-    Parameters
-    ----------
-    jobs : int or None
-        Number of recordings to process at the same time, each in a process of its own; None: as many as there are
-        cores and memory for. Results do not depend on it.
-    fail_fast : bool
-        Stop after the first recording with an error.
-    resume : bool
-        Skip recordings whose output of the same run is complete, and replace outputs of other runs.
-    manifest : Path or None
-        File for a table with a row for each recording; JSON if the name ends in ``.json``, otherwise CSV.
-    cluster : str or None
-        Dask cluster whose workers process the recordings, ``jobs`` of them or all: ``tls://HOST:PORT`` of its
-        scheduler, or ``slurm`` to start workers. None: this machine.
-    cluster_insecure : bool
-        Allow a scheduler without encryption (``tcp://``).
+        connection = connection_to(options.cluster, insecure=options.cluster_insecure, workers=options.jobs)
+        with shared_places(works) as check:
+            yield Cluster(connection, check, observer.warn, options.jobs)
+        return
+    from seaclutter_cli.jobs.processes import Processes, default_jobs  # not needed for a single recording
 
-    Examples
-    --------
-    >>> import seaclutter
-    >>> table = seaclutter.BatchOptions(manifest=folder / "runs.csv")
-    >>> done = seaclutter.filter_log("samples/sea.mcap", folder / "listed.mcap", batch=table)
-    >>> (folder / "runs.csv").read_text().splitlines()[1].split(",")[3:5]
-    ['done', '60']
-    """
-
-    jobs: int | None = 1
-    fail_fast: bool = False
-    resume: bool = False
-    manifest: Path | None = None
-    cluster: str | None = None
-    cluster_insecure: bool = False
-
-    def runs_here(self, recordings: int) -> bool:
-        """Return whether the work is on a single recording, in this process."""
-        return recordings == 1 and self.cluster is None
-
-    def here(self) -> "BatchOptions":
-        """Return the options for a look at the recordings on this machine."""
-        return BatchOptions(jobs=None if self.cluster else self.jobs, fail_fast=self.fail_fast)
-
-    @contextmanager
-    def engine(self, works: "Sequence[Work[Any]]", observer: Observer) -> Iterator[Engine]:
-        """Return the engine for work on some recordings."""
-        if self.cluster is not None:
-            from seaclutter_cli.jobs.cluster.connection import connection_to
-            from seaclutter_cli.jobs.cluster.engine import Cluster  # asyncio takes time to import
-
-            connection = connection_to(self.cluster, insecure=self.cluster_insecure, workers=self.jobs)
-            with shared_places(works) as check:
-                yield Cluster(connection, check, observer.warn, self.jobs)
-            return
-        recordings = len(works)
-        jobs = default_jobs(recordings) if self.jobs is None else self.jobs
-        yield InTurn() if min(jobs, recordings) <= 1 else Processes(jobs)
+    recordings = len(works)
+    jobs = default_jobs(recordings) if options.jobs is None else options.jobs
+    yield InTurn() if min(jobs, recordings) <= 1 else Processes(jobs)
 
 
 def inputs_of_work(recording: Recording, reading: ReadOptions, labels: LabelFile | None) -> tuple[Path, ...]:
@@ -243,7 +200,7 @@ def run_batch(
     passed = 0
     with (
         _progress(works, observer) as on_share,
-        options.engine(works, observer) as engine,
+        _engine(options, works, observer) as engine,
         closing(engine.run(_tasks(works, engine, observer), on_share)) as results,
     ):
         for number, result in results:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from time import perf_counter
 from typing import Self
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.buckets import on_paths
-from seaclutter_cli.calibration import FILTER_RATE, Calibration, ClutterSelector, Thresholds
+from seaclutter_cli.calibration import Calibration, ClutterSelector, Thresholds
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import LabelError, UsageError
 from seaclutter_cli.filters import FILTERS
@@ -20,10 +19,10 @@ from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import MAX_RINGS
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
+from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.clutter import ClutterDensity, draw_clutter
 from seaclutter_cli.plots.figure import check_target, render
-from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.calibrate_result import CalibrationResult, ClutterTally
 from seaclutter_cli.runs.calibrate_trade_off import (
     Candidate,
@@ -35,11 +34,13 @@ from seaclutter_cli.runs.calibrate_trade_off import (
     training_frames,
 )
 from seaclutter_cli.runs.evaluate import EvaluateWork
-from seaclutter_cli.runs.labels import LabelSources
-from seaclutter_cli.runs.methods import ConfigOptions, Variant
-from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.labels import assign_labels
+from seaclutter_cli.runs.methods import Variant, configured
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.options.methods import ConfigOptions
+from seaclutter_cli.runs.options.studies import CalibrateOptions
 from seaclutter_cli.runs.outputs import inputs_of, prepare_outputs, write_files
-from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, expand, opened
+from seaclutter_cli.runs.recordings import Outcome, expand, opened
 from seaclutter_cli.runs.studies import StudyWork, frame_progress, study_all
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.text import count
@@ -49,92 +50,43 @@ _SEARCHED_S, _EVERY_S = 2.0, 20.0
 _MIN_TARGET_POINTS = 5
 
 
-@dataclass(frozen=True, kw_only=True)
-class CalibrateOptions:
-    """Options of a calibration: start values, input and output files.
-
-    Parameters
-    ----------
-    config : ConfigOptions
-        Configuration to start from; its method must have a threshold for each range ring.
-    filter_rate : float
-        Share of the clutter points in each range ring that its threshold must remove.
-    max_left : float or None
-        Number of clutter points per frame that a range ring may keep; where it would keep more, its filter rate is
-        higher.
-    keep_end : bool
-        Keep the far limit of the configuration; an override of ``filter.end_m`` has the same effect.
-    choose : bool
-        Use the filter rate or ``max_left`` with the fewest frames with an error on held-out frames; needs labels.
-    trade_off : bool
-        Compare them without using the best one; needs labels.
-    labels : LabelSources
-        Labels of targets and areas to leave out.
-    reading : ReadOptions
-        Part of each recording to read, and how.
-    output : Path or None
-        File for the resulting configuration.
-    plot_file : Path or None
-        File for a plot of clutter and thresholds over range.
-    force : bool
-        Replace existing files.
-    batch : BatchOptions
-        How several recordings are processed.
-    """
-
-    config: ConfigOptions = field(default_factory=ConfigOptions)
-    filter_rate: float = FILTER_RATE
-    max_left: float | None = None
-    keep_end: bool = False
-    choose: bool = False
-    trade_off: bool = False
-    labels: LabelSources = field(default_factory=LabelSources)
-    reading: ReadOptions = field(default_factory=ReadOptions)
-    output: Path | None = None
-    plot_file: Path | None = None
-    force: bool = False
-    batch: BatchOptions = field(default_factory=BatchOptions)
-
-    @property
-    def keeps_end(self) -> bool:
-        """Whether the far limit is given, not derived."""
-        keys = (override.partition("=")[0].strip() for override in self.config.overrides)
-        return self.keep_end or "filter.end_m" in keys
-
-
+@function_of(CalibrateOptions)
 @on_paths
-def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = SILENT) -> CalibrationResult:
-    """Derive the threshold of each range ring and the far limit of clutter from recordings.
+def calibrate(options: CalibrateOptions) -> CalibrationResult:
+    """Derive the threshold of each range ring and the far limit from logs that contain sea clutter.
 
-    Parameters
-    ----------
-    logs : path, or sequence of paths
-        Files, folders or globs. The recordings contain sea clutter and, unless there are labels, no targets.
-    options : CalibrateOptions
-        Start values, input and output files.
-    observer : Observer, optional
-        Receives progress and warnings.
+    Returns
+    -------
+    CalibrationResult
+        ``config``, to filter with; ``found``, the threshold of each range ring.
 
     Raises
     ------
     SeaclutterError
-        If any recording cannot be used. Thresholds from only some of the recordings could be mistaken for thresholds
-        from all of them.
+        If a log cannot be used; see its subclasses.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> result = seaclutter.calibrate("samples/sea.mcap", labels="samples/sea.labels.csv")
+    >>> result.config.method, len(result.found.rings)
+    ('joint', 6)
     """
-    config = _starting_config(options.config)
-    if (options.choose or options.trade_off) and not options.labels.paths:
+    observer = options.watching
+    config = _starting_config(options)
+    if (options.choose or options.trade_off) and not options.labels:
         raise UsageError(f"{'--choose' if options.choose else '--trade-off'}: filter rates are compared by --labels")
-    recordings = expand(logs, options.reading, observer)
+    recordings = expand(options.logs, options.reading, observer)
     if options.plot_file:
         check_target(options.plot_file)
     prepare_outputs(
         {"-o": options.output, "--plot": options.plot_file},
-        inputs_of(recordings, options.reading, options.config.file, [config]),
-        options.labels.paths,
+        inputs_of(recordings, options.reading, options.config, [config]),
+        options.labels,
         force=options.force,
         observer=observer,
     )
-    pairs = zip(recordings, options.labels.assign(recordings), strict=True)
+    pairs = zip(recordings, assign_labels(options, recordings), strict=True)
     works = [_CalibrateWork(options.reading, *each, config, options) for each in pairs]
     sums = _ClutterSums(config, options)
 
@@ -159,7 +111,7 @@ def calibrate_logs(logs: Logs, options: CalibrateOptions, observer: Observer = S
 
 def _starting_config(options: ConfigOptions) -> Config:
     """Return the configuration to start from, with thresholds still to be found."""
-    config = options.load(undetermined_thresholds=True)
+    config = configured(options, undetermined_thresholds=True)
     if not isinstance(config.filter, RingIntensityParams):
         suitable = (name for name, kind in FILTERS.items() if issubclass(kind.Params, RingIntensityParams))
         raise UsageError(f"method {config.method} has no thresholds to calibrate; choose -m {', -m '.join(suitable)}")
@@ -309,7 +261,7 @@ class _ClutterSums:
         if tally.unlabelled and not tally.frames:
             frames = count(tally.unlabelled, "frame")
             raise LabelError(f"{frames} read, none of them labelled; choose frames with labels, or leave out --labels")
-        labelled = bool(self._options.labels.paths)
+        labelled = bool(self._options.labels)
         output = self._options.output
         mounting = self._search.found() if self._search is not None else None
         thresholds = calibration.thresholds()

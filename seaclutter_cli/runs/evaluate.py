@@ -4,8 +4,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.errors import LabelError
@@ -14,15 +13,16 @@ from seaclutter_cli.evaluation.scores import Summary, score_frame
 from seaclutter_cli.evaluation.tuning import Parts
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
+from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.reporting.history import FrameListener, FrameStatistics, ScoredFrame
-from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.checks import Checks
-from seaclutter_cli.runs.labels import LabelSources
-from seaclutter_cli.runs.methods import MethodOptions, Variant
-from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.labels import assign_labels
+from seaclutter_cli.runs.methods import Variant, variants
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.options.studies import EvaluateOptions
 from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs, write_manifest
-from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, RecordingsResult, expand
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand
 from seaclutter_cli.runs.score_tables import (
     ALARMS,
     OBJECTS,
@@ -42,74 +42,45 @@ from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.text import count, printable
 
 
-@dataclass(frozen=True, kw_only=True)
-class EvaluateOptions:
-    """Options of an evaluation: methods, labels, input and output files.
-
-    Parameters
-    ----------
-    labels : LabelSources
-        Labels of the recordings.
-    methods : MethodOptions
-        Methods to compare.
-    clustering : {"euclidean", "dbscan"} or None
-        Clustering algorithm; None: that of the configuration.
-    reading : ReadOptions
-        Part of each recording to read, and how.
-    frames_file : Path or None
-        File for a table with a row for each frame and method (CSV).
-    summary_file : Path or None
-        File for all results (JSON).
-    force : bool
-        Replace existing files.
-    batch : BatchOptions
-        How several recordings are processed.
-    """
-
-    labels: LabelSources
-    methods: MethodOptions = field(default_factory=MethodOptions)
-    clustering: Literal["euclidean", "dbscan"] | None = None
-    reading: ReadOptions = field(default_factory=ReadOptions)
-    frames_file: Path | None = None
-    summary_file: Path | None = None
-    force: bool = False
-    batch: BatchOptions = field(default_factory=BatchOptions)
-
-
+@function_of(EvaluateOptions)
 @on_paths
-def evaluate_logs(logs: Logs, options: EvaluateOptions, observer: Observer = SILENT) -> "Comparison":
-    """Filter recordings, cluster the points that are left, and count false alarms and missed targets against labels.
+def evaluate(options: EvaluateOptions) -> "Comparison":
+    """Count false alarms and missed targets of one or several methods against labels, in one pass over the logs.
 
-    Parameters
-    ----------
-    logs : path, or sequence of paths
-        Files, folders or globs.
-    options : EvaluateOptions
-        Methods, labels, input and output files.
-    observer : Observer, optional
-        Receives progress and warnings.
+    Returns
+    -------
+    Comparison
+        ``totals()``, a `Summary` for each method; ``as_text()``, the tables of the command line.
 
     Raises
     ------
     SeaclutterError
-        If the run cannot start or continue; an error in a single recording is stored in its outcome.
+        If a log or its labels cannot be used; see its subclasses.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> result = seaclutter.evaluate("samples/sea.mcap", "samples/sea.labels.csv", methods=["joint", "none"])
+    >>> {name: (summary.n_fp, summary.n_fn) for name, summary in result.totals().items()}
+    {'joint': (14, 8), 'none': (60, 0)}
     """
+    observer = options.watching
     overrides = [f"evaluation.clustering={options.clustering}"] if options.clustering else []
-    variants = options.methods.variants(*overrides)
-    recordings = expand(logs, options.reading, observer)
+    chosen = variants(options, *overrides)
+    recordings = expand(options.logs, options.reading, observer)
     targets = {"-o": options.frames_file, "--summary": options.summary_file}
     manifest = options.batch.manifest
-    inputs = inputs_of(recordings, options.reading, options.methods.file, [one.config for one in variants])
+    inputs = inputs_of(recordings, options.reading, options.config, [one.config for one in chosen])
     outputs = {**targets, "--manifest": manifest}
-    prepare_outputs(outputs, inputs, options.labels.paths, force=options.force, observer=observer)
-    pairs = zip(recordings, options.labels.assign(recordings), strict=True)
+    prepare_outputs(outputs, inputs, options.labels, force=options.force, observer=observer)
+    pairs = zip(recordings, assign_labels(options, recordings), strict=True)
     tabulated = options.frames_file is not None
-    works = [EvaluateWork(options.reading, *each, variants, tabulated=tabulated) for each in pairs]
+    works = [EvaluateWork(options.reading, *each, chosen, tabulated=tabulated) for each in pairs]
     with OutputGroup(replace=options.force) as files:
         with ExitStack() as stack:
             table, summary = (stack.enter_context(AtomicFile(it, files)) if it else None for it in targets.values())
             outcomes = study_all(works, options.batch, observer)
-            comparison = Comparison(variants, outcomes)
+            comparison = Comparison(chosen, outcomes)
             if table:
                 table.stream.writelines(frame_table([one.rows for one in outcomes if one.rows and not one.error]))
             if summary:

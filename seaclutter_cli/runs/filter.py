@@ -1,160 +1,112 @@
 """Filtering of recordings into drop-in logs."""
 
 import zlib
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.config import Config
-from seaclutter_cli.errors import UsageError
-from seaclutter_cli.frame import FilterResult
+from seaclutter_cli.errors import InputError, UsageError
+from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.interfaces import Labels, Sink, Source
-from seaclutter_cli.pipeline import run
-from seaclutter_cli.records import Channel, Metadata
-from seaclutter_cli.runs.batch import BatchOptions, Work, input_bytes, inputs_of_work, run_batch
-from seaclutter_cli.runs.filter_fit import FitWarnings
-from seaclutter_cli.runs.filter_read_back import ReadBackWork
+from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
+from seaclutter_cli.messages.pointcloud2 import rewrapped
+from seaclutter_cli.options import function_of
+from seaclutter_cli.pipeline import TopicTally, run
+from seaclutter_cli.records import Channel, Message, Metadata
+from seaclutter_cli.reporting.palette import reason_names
+from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
+from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
-from seaclutter_cli.runs.filter_table import frame_table, own_table
-from seaclutter_cli.runs.labels import LabelFile, LabelSources
-from seaclutter_cli.runs.log_outcome import output_size
-from seaclutter_cli.runs.methods import ConfigOptions
-from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.labels import assign_labels
+from seaclutter_cli.runs.log_work import LogRun, LogWork
+from seaclutter_cli.runs.methods import configured
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.options import ReadOptions
+from seaclutter_cli.runs.options.logs import FilterOptions
 from seaclutter_cli.runs.output_plan import (
-    check_names,
-    first_part,
-    places_of,
     plan_outputs,
     warn_of_losses,
     warn_of_patterns,
 )
 from seaclutter_cli.runs.outputs import (
-    Root,
     inputs_of,
     may_appear,
-    prepare_outputs,
-    write_manifest,
 )
-from seaclutter_cli.runs.planned_works import PlannedWorks
 from seaclutter_cli.runs.recordings import (
-    Logs,
-    PathLike,
-    ReadOptions,
     expand,
     expected_frames,
+    open_recording,
     opened,
     require_frames,
     require_selected,
     storing_errors,
 )
-from seaclutter_cli.runs.resume import (
-    NAME,
-    RunIdentity,
-    earlier_outcomes,
-    earlier_run,
-    identity_of,
-    same_output_accepted,
-    to_entries,
-)
+from seaclutter_cli.runs.resume import RunIdentity, identity_of, same_output_accepted
 from seaclutter_cli.selection import cloud_channels, filtered_by, was_filtered
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.csv import CsvSink
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.text import printable
-from seaclutter_cli.threads import in_threads
+from seaclutter_cli.text import count, printable, share
 
 
-@dataclass(frozen=True, kw_only=True)
-class FilterOptions:
-    """Options of a filter run: method, input and output files.
-
-    Parameters
-    ----------
-    config : ConfigOptions
-        Method and parameters.
-    reading : ReadOptions
-        Part of each recording to read, and how.
-    written : McapOptions
-        Content of the filtered logs; the run fills in its ``config``.
-    to : str or None
-        Name of the format of the outputs, a key of `OUTPUT_FORMATS`; None: by the name of the output, or MCAP.
-    with_scene : bool
-        Write boxes around the clusters of kept points to ``/seaclutter/scene``.
-    labels : LabelSources
-        Labels whose boxes are also written; only with ``with_scene``.
-    csv_file : Path or None
-        File for a table with a row for each frame.
-    force : bool
-        Replace existing files.
-    """
-
-    config: ConfigOptions = field(default_factory=ConfigOptions)
-    reading: ReadOptions = field(default_factory=ReadOptions)
-    written: McapOptions = field(default_factory=McapOptions)
-    to: str | None = None
-    with_scene: bool = False
-    labels: LabelSources = field(default_factory=LabelSources)
-    csv_file: Path | None = None
-    force: bool = False
-    batch: BatchOptions = field(default_factory=BatchOptions)
-
-
+@function_of(FilterOptions)
 @on_paths
-def filter_logs(logs: Logs, output: PathLike, options: FilterOptions, observer: Observer = SILENT) -> FilterSummary:
-    """Filter every recording into a log.
+def filter_log(options: FilterOptions) -> FilterSummary:
+    """Filter one or several logs into drop-in logs.
 
-    Parameters
-    ----------
-    logs : path, or sequence of paths
-        Files, folders or globs.
-    output : path
-        Output of one recording; folder for those of several, or if it is a `str` that ends in a slash.
-    options : FilterOptions
-        Method, input and output files.
-    observer : Observer, optional
-        Receives progress and warnings.
+    Returns
+    -------
+    FilterSummary
+        Outcome of each recording: frames, points by reason, range rings, damage, seconds.
 
     Raises
     ------
     SeaclutterError
-        If the run cannot start or continue; an error in a single recording is stored in its outcome.
+        If a log cannot be filtered; see its subclasses.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> first = seaclutter.ReadOptions(frames=5)
+    >>> done = seaclutter.filter_log("samples/sea.mcap", folder / "filtered.mcap", reading=first)
+    >>> outcome = done.outcomes[0]
+    >>> outcome.frames, outcome.topics["/points"].points_in
+    (5, 10304)
     """
-    started, plan, batch = perf_counter(), plan_works(logs, output, options, observer), options.batch
-    replaces = options.force or batch.resume
-    prepare_outputs(plan.outputs, plan.inputs, options.labels.paths, force=replaces, observer=observer, root=plan.root)
-    check_names((work.target for work in plan.works), options.to)
-    earlier = earlier_outcomes(plan.works, observer) if batch.resume else [None] * len(plan.works)
-    works = _works(plan.works, earlier, with_table=options.csv_file is not None)
-    with OutputGroup(replace=replaces) as files:
+    started, observer = perf_counter(), options.watching
+    run = filter_run(options, observer)
+    run.prepare(observer)
+    earlier = run.earlier(observer)
+    works = _works(run.works, earlier, with_table=options.csv_file is not None)
+    with OutputGroup(replace=run.works[0].replaces) as files:
         with ExitStack() as stack:
             # A single log appears together with the table, after it. Of several, each appears when it is complete.
-            is_alone, csv_file = batch.runs_here(len(plan.works)) and bool(works), options.csv_file
+            is_alone, csv_file = options.batch.runs_here(len(run.works)) and bool(works), options.csv_file
             log_written = stack.enter_context(OutputGroup(files)) if is_alone else None
-            table = stack.enter_context(frame_table(plan.works[0].config, csv_file, files)) if csv_file else None
+            table = stack.enter_context(_frame_table(run.works[0].config, csv_file, files)) if csv_file else None
             if is_alone and isinstance(works[0], FilterWork):
                 done = iter([works[0].run(observer, table, log_written)])
             else:
-                done = iter(run_batch(works, batch, observer, partial(_append, table)))
+                done = iter(run_batch(works, options.batch, observer, partial(_append, table)))
             outcomes = list(done) if csv_file else [outcome or next(done) for outcome in earlier]
             require_selected(outcomes)
         if not may_appear([options.csv_file], outcomes, observer):
             files.discard()
-    for outcome, size in zip(outcomes, in_threads(output_size, outcomes), strict=True):
-        outcome.bytes_out = size
-    write_manifest(batch.manifest, [work.recording for work in plan.works], outcomes, replace=replaces)
+    run.finish(outcomes)
     return FilterSummary(outcomes, perf_counter() - started)
 
 
-def plan_works(
-    logs: Logs, output: PathLike, options: FilterOptions, observer: Observer = SILENT, *, ahead: bool = True
-) -> "PlannedWorks[FilterWork]":
-    """Return the work on each recording, without checks of the output files; `filter_logs` describes the parameters.
+def filter_run(options: FilterOptions, observer: Observer, *, ahead: bool = True) -> "LogRun[FilterWork]":
+    """Return the work on each recording, without checks of the output files.
 
     Recordings in object storage are fetched ahead, if ``ahead``.
 
@@ -163,21 +115,15 @@ def plan_works(
     SeaclutterError
         If the configuration is not valid, there are no recordings, or options do not fit them.
     """
-    config, recordings = options.config.load(), expand(logs, options.reading, observer, ahead=ahead)
-    if options.labels.paths and not options.with_scene:
+    config, recordings = configured(options), expand(options.logs, options.reading, observer, ahead=ahead)
+    if options.labels and not options.with_scene:
         raise UsageError("--labels: only used for the boxes of --with-scene; add that option or leave out --labels")
-    planned = plan_outputs(recordings, output, options.to)
+    planned = plan_outputs(recordings, options.output, options.to)
     check_options(planned.form, options.written, with_scene=options.with_scene)
-    labels = options.labels.assign(recordings)
-    each = zip(recordings, planned.targets, labels, strict=True)
-    works = [FilterWork(options, config, *one, planned.form) for one in each]
-    places = places_of(planned.targets, planned.form, options.written.split)
-    return PlannedWorks(
-        works,
-        inputs_of(recordings, options.reading, options.config.file, [config]),
-        {"-o": places, "--csv": options.csv_file, "--manifest": options.batch.manifest},
-        Root(Path(output), OUTPUT_FORMATS[planned.form].marker),
-    )
+    each = zip(recordings, planned.targets, assign_labels(options, recordings), strict=True)
+    works = [FilterWork(options, one, target, planned.form, labels, config) for one, target, labels in each]
+    inputs = inputs_of(recordings, options.reading, options.config, [config])
+    return LogRun(works, inputs, {"--csv": options.csv_file}, options.labels)
 
 
 def _works(
@@ -187,7 +133,7 @@ def _works(
     pairs = list(zip(works, earlier, strict=True))
     if not with_table:
         return [work for work, outcome in pairs if outcome is None]
-    return [work if outcome is None else ReadBackWork(work, work.config, outcome) for work, outcome in pairs]
+    return [work if outcome is None else _ReadBackWork(work, outcome) for work, outcome in pairs]
 
 
 def _append(table: CsvSink | None, outcome: FilterOutcome) -> None:
@@ -197,47 +143,24 @@ def _append(table: CsvSink | None, outcome: FilterOutcome) -> None:
     outcome.rows = b""
 
 
+def _frame_table(config: Config, path: Path, group: OutputGroup | None = None) -> CsvSink:
+    """Return the table for the frames of recordings."""
+    rings = len(config.ring_edges[1:])
+    return CsvSink(path, rings, scenes=config.has_scenes, water=config.has_water, group=group)
+
+
+@contextmanager
+def _own_table(config: Config) -> Iterator[CsvSink]:
+    """Return a table for the frames of one recording, which is removed at the end."""
+    with TemporaryDirectory(prefix="seaclutter-") as folder, _frame_table(config, Path(folder, "t.csv")) as own:
+        yield own
+
+
 @dataclass(frozen=True)
-class FilterWork(Work[FilterOutcome]):
-    """Filtering of one recording.
+class FilterWork(LogWork[FilterOutcome, FilterOptions]):
+    """Filtering of one recording with a configuration."""
 
-    Parameters
-    ----------
-    options : FilterOptions
-        Method, input and output files.
-    config : Config
-        Effective configuration.
-    recording : Recording
-        The recording.
-    target : Path
-        Filtered log.
-    labels : LabelFile or None
-        Its labels.
-    form : str
-        Name of the format of the filtered log.
-    """
-
-    options: FilterOptions
     config: Config
-    recording: Recording
-    target: Path
-    labels: LabelFile | None = None
-    form: str = "mcap"
-
-    @property
-    def output(self) -> Path:
-        """The filtered log, or the first of its parts."""
-        return first_part(self.target, self.form, self.options.written.split)
-
-    @property
-    def reads(self) -> Sequence[Path]:
-        """Files and folders that the work reads."""
-        return inputs_of_work(self.recording, self.options.reading, self.labels)
-
-    @property
-    def writes(self) -> Sequence[Path]:
-        """The filtered log."""
-        return (self.output,)
 
     def run(self, observer: Observer, table: CsvSink | None = None, group: OutputGroup | None = None) -> FilterOutcome:
         """Filter the recording; store an error in the outcome.
@@ -253,30 +176,17 @@ class FilterWork(Work[FilterOutcome]):
         """
         outcome = self.without_result(None)
         with storing_errors(outcome, observer), same_output_accepted(self), ExitStack() as stack:
-            own = None if table or not self.options.csv_file else stack.enter_context(own_table(self.config))
+            own = None if table or not self.options.csv_file else stack.enter_context(_own_table(self.config))
             source = stack.enter_context(opened(self.recording, self.options.reading, observer, outcome))
-            written = stack.enter_context(OutputGroup(group, replace=self.options.force or self.options.batch.resume))
+            written = stack.enter_context(OutputGroup(group, replace=self.replaces))
             self._stream(source, outcome, observer, table or own, written)
             if own:
                 outcome.rows = zlib.compress(own.rows())
         return outcome
 
-    def sample(self, target: Path, frames: int) -> FilterOutcome:
-        """Filter the first frames into another output."""
-        options = self.options
-        reading = replace(options.reading, frames=min(options.reading.frames or frames, frames))
-        written = replace(options.written, split=None)
-        fewer = replace(options, reading=reading, written=written, csv_file=None)
-        return replace(self, options=fewer, target=target).run(SILENT)
-
     def clouds(self, source: Source) -> list[Channel]:
         """Return the channels of the clouds to filter."""
         return cloud_channels(source, self.options.reading.selection.topics)
-
-    def earlier(self) -> tuple[FilterOutcome | None, str]:
-        """Return the outcome of an earlier run whose output is complete, or what differs; see `earlier_run`."""
-        blank, paths = self.without_result(None), self.recording.paths
-        return earlier_run(blank, self.identity, paths, force=self.options.force)
 
     def without_result(self, reason: str | None) -> FilterOutcome:
         """Return an outcome without frames."""
@@ -309,11 +219,11 @@ class FilterWork(Work[FilterOutcome]):
             observer.warn(f"{source.name}: already filtered{by}; this run only filters the remaining points")
         named = printable(", ".join(channel.topic for channel in clouds))
         observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
-        fit = FitWarnings(self.config, source, topics, observer)
+        fit = _FitWarnings(self.config, source, topics, observer)
         with (
             observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
             OUTPUT_FORMATS[self.form].make_sink(
-                self.target, self._written(labels, partial(self._record, source, outcome)), group
+                self.target, self._written(labels, partial(self.record, source, outcome)), group
             ) as sink,
         ):
 
@@ -333,9 +243,6 @@ class FilterWork(Work[FilterOutcome]):
         kind = {"with_scene": options.with_scene, **({} if self.form == "mcap" else {"to": self.form})}
         return identity_of(paths, self.config, options.reading, options.written, self.labels, **kind)
 
-    def _record(self, source: Source, outcome: FilterOutcome) -> Metadata:
-        return Metadata(NAME, to_entries(self.identity(), outcome.topics, source.damage))
-
     def _written(self, labels: Labels | None, record: Callable[[], Metadata]) -> McapOptions:
         written = replace(
             self.options.written,
@@ -350,3 +257,104 @@ class FilterWork(Work[FilterOutcome]):
         from seaclutter_cli.reporting.boxes import scene_updates
 
         return replace(written, scene=scene_updates(self.config.evaluation, labels))
+
+
+@dataclass(frozen=True)
+class _ReadBackWork(Work[FilterOutcome]):
+    """Reading of the rows of the table from a complete output; without them, the recording is filtered again."""
+
+    work: FilterWork
+    outcome: FilterOutcome
+
+    @property
+    def recording(self) -> Recording:  # type: ignore[override]
+        """The recording."""
+        return self.work.recording
+
+    @property
+    def writes(self) -> Sequence[Path]:
+        """The output, which may have to be written again."""
+        return self.work.writes
+
+    def run(self, observer: Observer) -> FilterOutcome:
+        """Return the outcome of the earlier run with its rows."""
+        with _own_table(self.work.config) as table:
+            rows = _rows_in(self.outcome.output, self.recording.name, self.outcome.topics, table)
+        if rows is None:
+            observer.note("filtered again; the output lacks the diagnostics that the table needs")
+            return self.work.run(observer)
+        self.outcome.rows = zlib.compress(rows)
+        return self.outcome
+
+    def without_result(self, reason: str) -> FilterOutcome:
+        """Return an outcome without frames."""
+        return self.work.without_result(reason)
+
+
+def _rows_in(output: Path, recording: str, topics: Mapping[str, TopicTally], table: CsvSink) -> bytes | None:
+    """Return the rows of a recording from the diagnostics in its output; None if these are not of all frames.
+
+    ``recording`` is its name, ``topics`` are the sums over its frames; the empty ``table`` is filled.
+    """
+    found = Counter[str]()
+    try:
+        with closing(open_recording(Recording((output,)), ReadOptions())) as source:
+            for record in source.records():
+                if not isinstance(record, Message) or record.channel.topic != TOPIC:
+                    continue
+                name = record.channel.schema.name if record.channel.schema else ""
+                one = read_diagnostics(record.data, record.channel.message_encoding, name)
+                place = one.topic, one.numbers["frame"], one.stamp_ns, one.numbers["points_in"]
+                table.write_row(recording, place, one.counts, one.rings, one.scene, one.water)
+                found[one.topic] += 1
+    except InputError:
+        return None
+    table.end()
+    return table.rows() if found == Counter({topic: tally.frames for topic, tally in topics.items()}) else None
+
+
+_FEW_WATER = 0.05
+
+
+class _FitWarnings:
+    """Warnings about settings that do not fit the frames of a recording."""
+
+    def __init__(self, config: Config, source: Source, topics: Sequence[str], observer: Observer) -> None:
+        self._config, self._observer = config, observer
+        self._written_anew: set[str] = set()
+        self._checks = {topic: Checks(config, source.facts, filtered=was_filtered(source, [topic])) for topic in topics}
+
+    def add(self, result: FilterResult) -> None:
+        """Check a frame."""
+        for warning in self._checks[result.frame.topic].add(result):
+            self._warn(result.frame.topic, warning)
+        if result.frame.topic not in self._written_anew and (change := rewrapped(result.frame.cloud)):
+            self._written_anew.add(result.frame.topic)
+            self._warn(result.frame.topic, change)
+
+    def finish(self, tallies: Mapping[str, TopicTally]) -> None:
+        """Check the sums over all frames."""
+        for topic, tally in tallies.items():
+            unfit: Sequence[str | None] = self._checks[topic].finish()
+            for warning in unfit or [_nothing_left(tally, self._config.ring_edges) or self._no_water(tally)]:
+                self._warn(topic, warning)
+
+    def _no_water(self, tally: TopicTally) -> str | None:
+        """Return a warning if nearly all frames of a topic are without the water that the method needs."""
+        if not (self._config.has_water and tally.points_in) or tally.water_frames > _FEW_WATER * tally.frames:
+            return None
+        without = f"{tally.frames - tally.water_frames:,} of {count(tally.frames, 'frame')}"
+        return f"no water seen in {without}; heights are then unknown, and every object that stays is kept"
+
+    def _warn(self, topic: str, text: str | None) -> None:
+        if text:
+            self._observer.warn(f"{topic}: {text}")
+
+
+def _nothing_left(tally: TopicTally, edges: Sequence[float]) -> str | None:
+    """Return a warning if no point of a topic was kept."""
+    most = Reason(int(tally.counts.argmax()))
+    if not tally.points_in or tally.counts[Reason.KEPT]:
+        return None
+    reason = reason_names(edges)[most]
+    return f"no points are left; {share(int(tally.counts[most]), tally.points_in)} were removed: {reason}"

@@ -10,14 +10,15 @@ from typing import Any
 from seaclutter_cli.buckets import mirror_of, on_paths
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import find_codec, main_clouds
+from seaclutter_cli.options import function_of
 from seaclutter_cli.reading import read
 from seaclutter_cli.records import Channel, Message, SensorFacts
-from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
-from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.batch import Work, run_batch
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.options import ReadOptions
+from seaclutter_cli.runs.options.logs import InfoOptions
 from seaclutter_cli.runs.recordings import (
-    Logs,
     Outcome,
-    ReadOptions,
     RecordingsResult,
     expand,
     expected_frames,
@@ -34,36 +35,27 @@ _NANO = 1_000_000_000
 _DEFAULT_THRESHOLD = 4
 
 
+@function_of(InfoOptions)
 @on_paths
-def describe_logs(
-    logs: Logs,
-    reading: ReadOptions | None = None,
-    observer: Observer = SILENT,
-    batch: BatchOptions | None = None,
-) -> "InfoResult":
-    """Return the content of recordings; every selected frame is read.
-
-    Of a large MCAP file in object storage, only the summary and the first frames are read if no part is selected.
-
-    Parameters
-    ----------
-    logs : path, or sequence of paths
-        Files, folders or globs.
-    reading : ReadOptions, optional
-        Part of each recording to read, and how.
-    observer : Observer, optional
-        Receives progress and warnings.
-    batch : BatchOptions, optional
-        How several recordings are processed.
+def info(options: InfoOptions) -> "InfoResult":
+    """Return the content of logs: topics, frames, fields, extents, sensors, and settings that a filter run needs.
 
     Raises
     ------
     SeaclutterError
-        If the run cannot start or continue; an error in a single recording is stored in its outcome.
+        If a log cannot be read; see its subclasses.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> (content,) = seaclutter.info("samples/sea.mcap").outcomes
+    >>> content.format, content.clouds["/points"].frames, content.clouds["/points"].intensity
+    ('MCAP', 60, [1.0, 255.0])
     """
-    recordings = expand(logs, reading, observer, ahead=False)  # an excerpt may suffice
-    works = [_InfoWork(reading or ReadOptions(), recording) for recording in recordings]
-    batch = batch or BatchOptions()
+    observer = options.watching
+    recordings = expand(options.logs, options.reading, observer, ahead=False)  # an excerpt may suffice
+    works = [_InfoWork(options.reading, recording) for recording in recordings]
+    batch = options.batch
     return InfoResult([works[0].run(observer)] if batch.runs_here(len(works)) else run_batch(works, batch, observer))
 
 

@@ -15,11 +15,12 @@ from seaclutter_cli.evaluation.label_check import Finding, LabelCheck
 from seaclutter_cli.evaluation.matching import targets_of
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels, Source
+from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import run_each
-from seaclutter_cli.runs.batch import BatchOptions
-from seaclutter_cli.runs.labels import LabelSources
-from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, RecordingsResult, expand
+from seaclutter_cli.runs.labels import assign_labels
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.options.studies import LabelCheckOptions
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand
 from seaclutter_cli.runs.studies import StudyWork, frame_progress, study_all
 from seaclutter_cli.text import UNKNOWN, count, printable, table
 from seaclutter_cli.truth import Boxes, Truth
@@ -27,39 +28,28 @@ from seaclutter_cli.truth import Boxes, Truth
 _LINE_CHARACTERS = 80
 
 
+@function_of(LabelCheckOptions)
 @on_paths
-def check_label_files(
-    logs: Logs,
-    labels: LabelSources,
-    reading: ReadOptions | None = None,
-    batch: BatchOptions | None = None,
-    observer: Observer = SILENT,
-) -> "LabelCheckResult":
-    """Check labels against the points of recordings, for mistakes that give wrong rates without an error.
-
-    Parameters
-    ----------
-    logs : path, or sequence of paths
-        Files, folders or globs.
-    labels : LabelSources
-        Labels of the recordings.
-    reading : ReadOptions, optional
-        Part of each recording to read, and how.
-    batch : BatchOptions, optional
-        How several recordings are processed.
-    observer : Observer, optional
-        Receives progress and warnings.
+def check_labels(options: LabelCheckOptions) -> "LabelCheckResult":
+    """Compare labels with the points of logs, and return probable mistakes with their remedies.
 
     Raises
     ------
     SeaclutterError
-        If the run cannot start or continue; an error in a single recording is stored in its outcome.
+        If a log or its labels cannot be used.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> (checked,) = seaclutter.check_labels("samples/sea.mcap", "samples/sea.labels.csv").outcomes
+    >>> checked.boxes, checked.visible, checked.findings
+    (120, 120, [])
     """
-    reading = reading or ReadOptions()
-    recordings = expand(logs, reading, observer)
-    pairs = zip(recordings, labels.assign(recordings), strict=True)
-    works = [_LabelCheckWork(reading, *each) for each in pairs]
-    return LabelCheckResult(study_all(works, batch or BatchOptions(), observer))
+    observer = options.watching
+    recordings = expand(options.logs, options.reading, observer)
+    pairs = zip(recordings, assign_labels(options, recordings), strict=True)
+    works = [_LabelCheckWork(options.reading, *each) for each in pairs]
+    return LabelCheckResult(study_all(works, options.batch, observer))
 
 
 @dataclass

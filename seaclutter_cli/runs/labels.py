@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from seaclutter_cli.buckets import fetch, mirror_of
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Labels
+from seaclutter_cli.runs.options.methods import LabelSources
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.text import count
 
@@ -17,44 +18,28 @@ if TYPE_CHECKING:
 LABEL_SUFFIX = ".labels.csv"
 
 
-@dataclass(frozen=True, kw_only=True)
-class LabelSources:
-    """Paths of labels, and how to read them.
+def assign_labels(sources: LabelSources, recordings: Sequence[Recording]) -> list["LabelFile | None"]:
+    """Return the labels of each recording, not yet read; None for all recordings if there are no paths.
 
-    Parameters
-    ----------
-    paths : tuple of Path
-        One path for each recording, in the same order; or one folder with a file for each; or empty.
-    clutter_ids, ignore_ids : tuple of int or None
-        Class ids of clutter and class ids to ignore in point labels; None: the defaults.
+    Raises
+    ------
+    UsageError
+        If labels cannot be assigned to the recordings, or some do not exist.
     """
+    if not sources.labels:
+        return [None] * len(recordings)
+    from seaclutter_cli.labels import LabelOptions  # not needed otherwise
 
-    paths: tuple[Path, ...] = ()
-    clutter_ids: tuple[int, ...] | None = None
-    ignore_ids: tuple[int, ...] | None = None
-
-    def assign(self, recordings: Sequence[Recording]) -> list["LabelFile | None"]:
-        """Return the labels of each recording, not yet read; None for all recordings if there are no paths.
-
-        Raises
-        ------
-        UsageError
-            If labels cannot be assigned to the recordings, or some do not exist.
-        """
-        if not self.paths:
-            return [None] * len(recordings)
-        from seaclutter_cli.labels import LabelOptions  # not needed otherwise
-
-        defaults = LabelOptions()
-        chosen = LabelOptions(
-            clutter_ids=defaults.clutter_ids if self.clutter_ids is None else self.clutter_ids,
-            ignore_ids=defaults.ignore_ids if self.ignore_ids is None else self.ignore_ids,
-        )
-        for path in self.paths:
-            if mirror := mirror_of(path):
-                mirror.know(path)
-        found = zip(recordings, find_labels(recordings, self.paths), strict=True)
-        return [LabelFile(path, replace(chosen, by_sequence=one.is_frame_folder)) for one, path in found]
+    defaults = LabelOptions()
+    chosen = LabelOptions(
+        clutter_ids=defaults.clutter_ids if sources.clutter_ids is None else sources.clutter_ids,
+        ignore_ids=defaults.ignore_ids if sources.ignore_ids is None else sources.ignore_ids,
+    )
+    for path in sources.labels:
+        if mirror := mirror_of(path):
+            mirror.know(path)
+    found = zip(recordings, find_labels(recordings, sources.labels), strict=True)
+    return [LabelFile(path, replace(chosen, by_sequence=one.is_frame_folder)) for one, path in found]
 
 
 @dataclass(frozen=True)

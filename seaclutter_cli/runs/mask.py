@@ -1,23 +1,23 @@
 """Proposal of a mask of own ship's structure from recordings."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from functools import partial
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Source
+from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.structure import draw_mask
-from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.options import ReadOptions
+from seaclutter_cli.runs.options.logs import MaskOptions
 from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import (
-    Logs,
     Outcome,
-    ReadOptions,
     RecordingsResult,
     expand,
     opened,
@@ -30,62 +30,34 @@ from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.structure.search import MIN_FRAMES, FoundStructure, StructureSearch
 from seaclutter_cli.text import count
 
-_LEAST_REACH_M, _MOST_REACH_M = 1.0, 100.0
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
-@dataclass(frozen=True, kw_only=True)
-class MaskOptions:
-    """Options of the search for own structure.
-
-    Parameters
-    ----------
-    output, plot_file : Path or None
-        Files for the mask and its picture.
-    reach_m : float
-        Range up to which structure is searched.
-    reading : ReadOptions
-        Part of each recording to read, and how.
-    force : bool
-        Replace existing files.
-    """
-
-    output: Path | None = None
-    plot_file: Path | None = None
-    reach_m: float = 20.0
-    reading: ReadOptions = field(default_factory=ReadOptions)
-    force: bool = False
-
-    @property
-    def targets(self) -> Mapping[str, Path | None]:
-        """Output files by option."""
-        return {"-o": self.output, "--plot": self.plot_file}
-
-
+@function_of(MaskOptions)
 @on_paths
-def find_mask(logs: Logs, options: MaskOptions, observer: Observer = SILENT) -> "MaskResult":
-    """Find own ship's structure in recordings of one lidar, and write a mask of it.
-
-    Parameters
-    ----------
-    logs : path, or sequence of paths
-        Files, folders or globs; together they show what is constant.
-    options : MaskOptions
-        Input and output files.
-    observer : Observer, optional
-        Receives progress and warnings.
+def find_mask(options: MaskOptions) -> "MaskResult":
+    """Find own ship's structure, which is constant while the vessel moves, and write a mask of it.
 
     Raises
     ------
     SeaclutterError
-        If the run cannot start or continue; an error in a single recording is stored in its outcome.
+        If a log cannot be used; see its subclasses.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> result = seaclutter.find_mask("samples/sea.mcap")
+    >>> result.found.frames, len(result.found.mask.sectors) > 0
+    (60, True)
     """
-    if not _LEAST_REACH_M <= options.reach_m <= _MOST_REACH_M:
-        raise UsageError(f"--reach {options.reach_m:g}: must be {_LEAST_REACH_M:g} to {_MOST_REACH_M:g} m")
+    observer = options.watching
     if options.plot_file:
         check_target(options.plot_file)
-    recordings = expand(logs, options.reading, observer)
+    recordings = expand(options.logs, options.reading, observer)
     inputs = inputs_of(recordings, options.reading)
-    prepare_outputs(options.targets, inputs, force=options.force, observer=observer)
+    targets = {"-o": options.output, "--plot": options.plot_file}
+    prepare_outputs(targets, inputs, force=options.force, observer=observer)
     search, outcomes = StructureSearch(options.reach_m), []
     for recording in recordings:
         outcome = Outcome(recording=recording.name)
@@ -97,7 +69,7 @@ def find_mask(logs: Logs, options: MaskOptions, observer: Observer = SILENT) -> 
     for warning in result.warnings:
         observer.warn(warning)
     files: dict[Path, bytes] = {}
-    if may_appear(options.targets.values(), outcomes, observer):
+    if may_appear(targets.values(), outcomes, observer):
         if result.found.mask.sectors and options.output:
             files[options.output] = result.found.mask.as_csv().encode()
         if options.plot_file:

@@ -1,11 +1,12 @@
 """Methods that an evaluation compares, each with its configuration and a unique name."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 from seaclutter_cli.config import Config, ConfigSource, UnnamedFile, load_config
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.runs.options.methods import ConfigOptions, MethodOptions
 
 _GLOBAL_INTENSITY_AT = {
     f"global_intensity@{rate}": ("filter.threshold=null", f"filter.filter_rate={rate}") for rate in ("0.80", "0.90")
@@ -37,95 +38,57 @@ class Variant:
     config: Config
 
 
-@dataclass(frozen=True, kw_only=True)
-class ConfigOptions:
-    """Sources of the configuration of a run. Precedence: defaults < file < single keys.
+def configured(options: ConfigOptions, *additional: str, undetermined_thresholds: bool = False) -> Config:
+    """Return the configuration of a run, with additional settings; see `load_config` for parameters and errors."""
+    return load_config(
+        options.config,
+        method=options.method,
+        overrides=(*options.settings, *additional),
+        undetermined_thresholds=undetermined_thresholds,
+    )
+
+
+def is_default(options: MethodOptions) -> bool:
+    """Return whether no option names a method or a configuration."""
+    named = options.methods or options.compare or options.settings
+    return not named and (options.config is None or isinstance(options.config, UnnamedFile))
+
+
+def variants(options: MethodOptions, *additional: str, configured_first: bool = False) -> list[Variant]:
+    """Return each chosen method with its configuration, without duplicates; by default the configured method.
 
     Parameters
     ----------
-    file : Path, mapping, Config or None
-        Configuration file or the name of a built-in one, the content of a file, or a configuration.
-    method : str or None
-        Filter method; None: that of the file, or the default.
-    overrides : tuple of str
-        Settings of the form ``section.key=value``; values are YAML.
+    options : MethodOptions
+        Names of methods and sources of configurations.
+    *additional : str
+        Additional settings.
+    configured_first : bool, optional
+        Put the configured method first if it is compared and no method is named.
+
+    Raises
+    ------
+    ConfigError
+        If a name is unknown or the configuration is not valid.
     """
-
-    file: ConfigSource | None = None
-    method: str | None = None
-    overrides: tuple[str, ...] = ()
-
-    def load(self, *additional: str, undetermined_thresholds: bool = False) -> Config:
-        """Return the configuration, with additional overrides; see `load_config` for parameters and errors."""
-        overrides = (*self.overrides, *additional)
-        return load_config(
-            self.file, method=self.method, overrides=overrides, undetermined_thresholds=undetermined_thresholds
-        )
-
-    def as_methods(self) -> "MethodOptions":
-        """Return the equivalent options for a comparison of one method."""
-        return MethodOptions(file=self.file, methods=(self.method,) if self.method else (), overrides=self.overrides)
+    return [one.variant() for one in bases(options, *additional, configured_first=configured_first)]
 
 
-@dataclass(frozen=True, kw_only=True)
-class MethodOptions:
-    """Methods that a run compares, and the sources of their configurations.
+def bases(options: MethodOptions, *additional: str, configured_first: bool = False) -> list["Base"]:
+    """Return each chosen method, for variants of it; arguments and errors as for `variants`.
 
-    Parameters
-    ----------
-    file : Path, mapping, Config or None
-        Configuration file or the name of a built-in one, the content of a file, or a configuration.
-    methods : tuple of str
-        Names of methods; ``none`` leaves the logs unfiltered. Empty: the method of the configuration.
-    comparisons : tuple of str
-        Keys of `COMPARISONS`.
-    overrides : tuple of str
-        Settings of the form ``section.key=value``, for every method that has the key; values are YAML.
+    A key that a method lacks is ignored for this method if another method has it.
     """
-
-    file: ConfigSource | None = None
-    methods: tuple[str, ...] = ()
-    comparisons: tuple[str, ...] = ()
-    overrides: tuple[str, ...] = ()
-
-    @property
-    def is_default(self) -> bool:
-        """Whether no option names a method or a configuration."""
-        file = None if isinstance(self.file, UnnamedFile) else self.file
-        return replace(self, file=file) == MethodOptions()
-
-    def variants(self, *additional: str, configured_first: bool = False) -> list[Variant]:
-        """Return each chosen method with its configuration, without duplicates; by default the configured method.
-
-        Parameters
-        ----------
-        *additional : str
-            Additional overrides.
-        configured_first : bool, optional
-            Put the configured method first if it is compared and no method is named.
-
-        Raises
-        ------
-        ConfigError
-            If a name is unknown or the configuration is not valid.
-        """
-        return [one.variant() for one in self.bases(*additional, configured_first=configured_first)]
-
-    def bases(self, *additional: str, configured_first: bool = False) -> list["Base"]:
-        """Return each chosen method, for variants of it; arguments and errors as for `variants`.
-
-        A key that a method lacks is ignored for this method if another method has it.
-        """
-        compared = [name for comparison in self.comparisons for name in COMPARISONS[comparison]]
-        names = [*compared, *self.methods]
-        if configured_first:
-            own = [load_config(self.file).method] if compared and not self.methods else []
-            names = [*self.methods, *(name for name in own if name in compared), *compared]
-        overrides = (*self.overrides, *additional)
-        if not names:
-            return [Base(load_config(self.file, overrides=overrides).method, None, self.file, overrides)]
-        keys = {name: _keys(name) for name in names}
-        return [Base(name, _method(name), self.file, _fitting(overrides, name, keys)) for name in keys]
+    compared = [name for comparison in options.compare for name in COMPARISONS[comparison]]
+    names = [*compared, *options.methods]
+    if configured_first:
+        own = [load_config(options.config).method] if compared and not options.methods else []
+        names = [*options.methods, *(name for name in own if name in compared), *compared]
+    settings = (*options.settings, *additional)
+    if not names:
+        return [Base(load_config(options.config, overrides=settings).method, None, options.config, settings)]
+    keys = {name: _keys(name) for name in names}
+    return [Base(name, _method(name), options.config, _fitting(settings, name, keys)) for name in keys]
 
 
 @dataclass(frozen=True)

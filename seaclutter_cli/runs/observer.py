@@ -4,7 +4,7 @@ import itertools
 import logging
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from typing import Protocol
+from typing import Any, Protocol, cast
 
 from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.records import Damage
@@ -62,6 +62,10 @@ class Observer(Protocol):
 class Silent:
     """Observer that shows nothing."""
 
+    def __repr__(self) -> str:
+        """Return the name of the only one that is needed, for the documentation of functions."""
+        return "SILENT"
+
     @contextmanager
     def progress(self, title: str, total: int | None, unit: str = "frame") -> Iterator[Step]:  # noqa: ARG002
         """Yield a function that does nothing."""
@@ -84,6 +88,32 @@ class Silent:
 
 
 SILENT = Silent()
+
+
+class _Raising:
+    """Observer that raises the error of a recording, and passes on everything else."""
+
+    def __init__(self, inner: Observer) -> None:
+        self.inner = inner
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a method of the inner observer, or its log file."""
+        return getattr(self.inner, name)
+
+    def fail(self, error: SeaclutterError) -> None:
+        """Raise the error."""
+        raise error
+
+    def done(self, line: str, damage: Sequence[Damage], error: SeaclutterError | None) -> None:
+        """Pass on the end of a recording, or raise its error."""
+        if error:
+            raise error
+        self.inner.done(line, damage, error)
+
+
+def raising(observer: Observer) -> Observer:
+    """Return an observer that raises the error of a recording."""
+    return cast("Observer", _Raising(observer))
 
 
 class LoggingObserver:

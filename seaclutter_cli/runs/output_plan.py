@@ -13,12 +13,12 @@ from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.outputs import is_file
-from seaclutter_cli.runs.recordings import PathLike
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, format_of
 from seaclutter_cli.sinks.options import McapOptions, Split, parse_split, part_path, parts_after
 from seaclutter_cli.sources import SOURCES, Recording
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.text import count, named_folder
+from seaclutter_cli.urls import PathLike
 
 __all__ = [
     "PlannedOutputs",

@@ -17,7 +17,8 @@ from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.parts import remove_stale
 from seaclutter_cli.paths import Identities, Identity, RealPaths, files_in
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.recordings import Outcome, ReadOptions
+from seaclutter_cli.runs.options import ReadOptions
+from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.formats import is_single_frame
 from seaclutter_cli.sources import Recording, metadata_beside

@@ -2,75 +2,98 @@
 
 import os
 import shutil
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from seaclutter_cli.buckets import mirror_of, on_paths
 from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.interfaces import Source
+from seaclutter_cli.options import function_of
 from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
-from seaclutter_cli.runs.convert import ConvertOptions, plan_conversions
-from seaclutter_cli.runs.estimate import estimate
-from seaclutter_cli.runs.filter import FilterOptions, plan_works
+from seaclutter_cli.runs.convert import convert_run
+from seaclutter_cli.runs.filter import filter_run
 from seaclutter_cli.runs.info import excerpt_of
-from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.log_work import LogRun, LogWork, W
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.options import ReadOptions
+from seaclutter_cli.runs.options.logs import ConvertOptions, FilterOptions
 from seaclutter_cli.runs.output_plan import check_names
 from seaclutter_cli.runs.outputs import Root, check_outputs
-from seaclutter_cli.runs.plan_result import Planned, RunPlan
-from seaclutter_cli.runs.planned_works import PlannedWork, PlannedWorks, W
-from seaclutter_cli.runs.recordings import Logs, PathLike, ReadOptions, expected_frames
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expected_frames, open_recording
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sources import Recording
+from seaclutter_cli.text import count, data_size, printable, table
+
+_STATUSES = ("do", "skip", "refuse")
 
 
+@function_of(FilterOptions)
 @on_paths
-def plan_filter(logs: Logs, output: PathLike, options: FilterOptions, observer: Observer = SILENT) -> RunPlan:
-    """Return what a filter run would do with each recording, and an estimate of its duration and outputs.
+def plan_filter(options: FilterOptions) -> "RunPlan":
+    """Return what `filter_log` would do with each log, and how large it is; nothing is written.
 
-    Recordings are opened, and the first frames of one of them are filtered into a temporary folder. Nothing else is
-    written.
-
-    Parameters
-    ----------
-    logs : path, or sequence of paths
-        Files, folders or globs.
-    output : path
-        File for one recording, folder for several or if it is a `str` that ends in a slash.
-    options : FilterOptions
-        Options of the run.
-    observer : Observer, optional
-        Receives progress and warnings.
+    Returns
+    -------
+    RunPlan
+        ``outcomes``: for each recording, its ``status`` (``do``, ``skip`` or ``refuse``), the reason, its size and
+        number of frames; ``bytes_in``: size of all that is to be done.
 
     Raises
     ------
     SeaclutterError
-        If the run could not start, whatever the recordings.
+        If the run could not start.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> plan = seaclutter.plan_filter("samples/sea.mcap", folder / "planned.mcap")
+    >>> [(one.recording, one.status, one.frames) for one in plan.outcomes]
+    [('sea', 'do', 60)]
     """
-    return _plan(plan_works(logs, output, options, observer, ahead=False), observer, options.labels.paths)
+    return _plan(filter_run(options, options.observer, ahead=False), options.observer)
 
 
+@function_of(ConvertOptions)
 @on_paths
-def plan_conversion(logs: Logs, output: PathLike, options: ConvertOptions, observer: Observer = SILENT) -> RunPlan:
-    """Return what a conversion would do with each recording, with an estimate; see `plan_filter`."""
-    return _plan(plan_conversions(logs, output, options, observer, ahead=False), observer)
+def plan_convert(options: ConvertOptions) -> "RunPlan":
+    """Return what `convert_log` would do with each log, and how large it is; nothing is written.
+
+    Returns
+    -------
+    RunPlan
+        As from `plan_filter`.
+
+    Raises
+    ------
+    SeaclutterError
+        If the run could not start.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> plan = seaclutter.plan_convert("samples/sea.mcap", folder / "planned.bag")
+    >>> [(one.recording, one.status, one.frames) for one in plan.outcomes]
+    [('sea', 'do', 60)]
+    """
+    return _plan(convert_run(options, options.observer, ahead=False), options.observer)
 
 
-def _plan(plan: PlannedWorks[W], observer: Observer, labels: Sequence[Path] = ()) -> RunPlan:
-    options = plan.works[0].options
+def _plan(run: LogRun[W], observer: Observer) -> "RunPlan":
+    options = run.works[0].options
     log_file = getattr(observer, "log_file", None)
-    check_outputs(plan.outputs, plan.inputs, labels, force=True, log_file=log_file, root=plan.root)
-    check_names((work.target for work in plan.works), options.to)
-    others = {option: place for option, place in plan.outputs.items() if option != "-o"}
-    check_outputs(others, {}, force=options.force or options.batch.resume)
-    works = [PlanWork(work, exists=os.path.lexists(work.output)) for work in plan.works]
-    single = len(works) == 1
-    planned = [works[0].run(observer)] if single else list(run_batch(works, options.batch.here(), observer))
-    todo = [(one, work) for one, work in zip(planned, plan.works, strict=True) if one.status == "do"]
-    result = RunPlan(planned, estimate(todo, options.batch), _free_bytes(plan.works[0].target))
+    check_outputs(run.outputs, run.inputs, run.labels, force=True, log_file=log_file, root=run.root)
+    check_names((work.target for work in run.works), options.to)
+    others = {option: place for option, place in run.outputs.items() if option != "-o"}
+    check_outputs(others, {}, force=run.works[0].replaces)
+    works = [_PlanWork(work, exists=os.path.lexists(work.output)) for work in run.works]
+    planned = [works[0].run(observer)] if len(works) == 1 else run_batch(works, options.batch.here(), observer)
+    result = RunPlan(planned, _free_bytes(run.works[0].target))
     if result.is_too_large:
-        observer.warn(f"{plan.root.place}: the outputs may not fit")
+        observer.warn(f"{run.root.place}: the outputs may not fit")
     return result
 
 
@@ -83,18 +106,10 @@ def _free_bytes(target: Path) -> int | None:
 
 
 @dataclass(frozen=True)
-class PlanWork(Work[Planned]):
-    """A look at one recording and its output.
+class _PlanWork(Work["Planned"]):
+    """A look at one recording and at its output, which ``exists`` or not."""
 
-    Parameters
-    ----------
-    work : PlannedWork
-        What would be done.
-    exists : bool
-        Whether there is something in place of the output.
-    """
-
-    work: PlannedWork
+    work: LogWork[Any, Any]
     exists: bool
 
     @property
@@ -102,7 +117,7 @@ class PlanWork(Work[Planned]):
         """The recording."""
         return self.work.recording
 
-    def run(self, observer: Observer) -> Planned:
+    def run(self, observer: Observer) -> "Planned":
         """Return what would be done; an error is the reason why it would be refused."""
         planned = self.without_result(None)
         try:
@@ -112,13 +127,13 @@ class PlanWork(Work[Planned]):
         observer.damage(planned.damage)
         return planned
 
-    def without_result(self, reason: str | None) -> Planned:
+    def without_result(self, reason: str | None) -> "Planned":
         """Return a plan without content."""
         recording, target = self.recording, self.work.output
         size = input_bytes(recording)
         return Planned(recording=recording.name, input=recording.paths[0], output=target, bytes_in=size, error=reason)
 
-    def _look(self, planned: Planned) -> None:
+    def _look(self, planned: "Planned") -> None:
         options = self.work.options
         if self.exists and options.batch.resume:
             outcome, planned.reason = self.work.earlier()
@@ -144,7 +159,114 @@ def _opened(recording: Recording, reading: ReadOptions) -> Iterator[Source | Non
     if part is None and mirror_of(recording.paths[0]):
         yield None
         return
-    with closing(reading.open(recording)) as source:
+    with closing(open_recording(recording, reading)) as source:
         if part is not None:
             source.counts.update(part.messages)
         yield source
+
+
+@dataclass(kw_only=True)
+class Planned(Outcome):
+    """What a run would do with one recording.
+
+    Parameters
+    ----------
+    input, output : Path or Url
+        First file of the recording, and its output.
+    bytes_in : int
+        Size of the recording; 0 if it is unknown.
+    frames : int or None
+        Number of frames that are expected; None if it is unknown before reading.
+    reason : str
+        Why it would be done again.
+    """
+
+    input: Path
+    output: Path
+    bytes_in: int
+    frames: int | None = None
+    reason: str = ""
+
+    @property
+    def status(self) -> str:
+        """What would be done: ``do``, ``skip`` or ``refuse``."""
+        return "refuse" if self.error else "skip" if self.skipped else "do"
+
+    @property
+    def explanation(self) -> str:
+        """Why the recording would be refused, skipped or done again, and its output otherwise."""
+        if self.error:
+            return self.error
+        if self.skipped:
+            return "the output is complete"
+        damaged = f"; {count(len(self.damage), 'damaged part')}" if self.damage else ""
+        return f"{self.reason + '; ' if self.reason else ''}-> {self.output}{damaged}"
+
+    def line(self) -> str:
+        """Return nothing: the result lists all recordings."""
+        return ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the plan as JSON-compatible data."""
+        return {
+            "recording": self.recording,
+            "input": str(self.input),
+            "output": str(self.output),
+            "status": self.status,
+            "reason": self.error or ("the output is complete" if self.skipped else self.reason or None),
+            "frames": self.frames,
+            "bytes_in": self.bytes_in,
+            "damage": [str(item) for item in self.damage],
+        }
+
+
+@dataclass(frozen=True)
+class RunPlan(RecordingsResult):
+    """What a run would do.
+
+    Parameters
+    ----------
+    outcomes : sequence of Planned
+        What it would do with each recording.
+    free_bytes : int or None
+        Free space for the outputs; None in object storage.
+    """
+
+    outcomes: Sequence[Planned]
+    free_bytes: int | None = None
+
+    @property
+    def damaged(self) -> bool:
+        """Whether the parts of any recording to be done are damaged, as far as opening it shows."""
+        return any(one.damage and not one.skipped for one in self.outcomes)
+
+    @property
+    def is_too_large(self) -> bool:
+        """Whether outputs of the size of their recordings need more than the free space."""
+        return self.free_bytes is not None and self.bytes_in > self.free_bytes
+
+    @property
+    def bytes_in(self) -> int:
+        """Size of the recordings that would be processed."""
+        return sum(one.bytes_in for one in self.outcomes if one.status == "do")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the plan as JSON-compatible data."""
+        return {
+            "recordings": [one.as_dict() for one in self.outcomes],
+            "bytes_in": self.bytes_in,
+            "free_bytes": self.free_bytes,
+        }
+
+    def as_text(self) -> str:
+        """Return a line for each recording, and the totals."""
+        rows = [
+            (one.recording, data_size(one.bytes_in), "-" if one.frames is None else f"{one.frames:,}", one.status)
+            for one in self.outcomes
+        ]
+        head, *lines = table(("recording", "size", "frames", "plan"), rows).splitlines()
+        listed = [f"{line}  {printable(one.explanation)}" for line, one in zip(lines, self.outcomes, strict=True)]
+        found = Counter(one.status for one in self.outcomes)
+        numbers = ", ".join(f"{found[status]:,} to {status}" for status in _STATUSES if found[status])
+        free = f"; {data_size(self.free_bytes)} free" if self.free_bytes is not None else ""
+        return "\n".join((head, *listed, f"{numbers}; {data_size(self.bytes_in)} in{free}"))

@@ -16,7 +16,8 @@ from seaclutter_cli.errors import FieldError, InputError, SeaclutterError, Selec
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.records import Channel, Damage, SensorFacts
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.selection import Moment, Selection, is_part
+from seaclutter_cli.runs.options import Decoding, Logs, ReadOptions
+from seaclutter_cli.selection import Selection, is_part
 from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions
 from seaclutter_cli.sources import (
     Recording,
@@ -32,84 +33,6 @@ from seaclutter_cli.text import count, duration, printable
 NOT_PROCESSED = "not processed"
 """Error of a recording that a run which stopped after an error did not come to."""
 _STATUSES = ("done", "damaged", "failed", NOT_PROCESSED, "skipped")
-
-PathLike = str | os.PathLike[str]
-Logs = PathLike | Sequence[PathLike]
-"""One or several logs: files, folders or globs, or URLs of objects (``s3://``, ``gs://``, ``az://``)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReadOptions:
-    """Part of each recording to read, and settings needed to read it.
-
-    Parameters
-    ----------
-    topics : tuple of str
-        Point-cloud topics; empty: the only one.
-    start_s, end_s : float, datetime or None
-        Limits: seconds from the start of the recording, or dates and times; the end is not included.
-    frames : int or None
-        Maximum number of frames of each topic, from the start of the selection.
-    intensity_field : str or None
-        Name of the intensity field; None: the first of the usual names.
-    rate_hz : float
-        Frames per second of recordings without time stamps.
-    calibration : Path or None
-        File with angles or metadata of the sensor, for packets that lack them.
-    sensor : str or None
-        Sensor model, for packets that do not identify it.
-    integrate_ms : float or None
-        Duration of a frame in milliseconds, for lidars whose scans do not repeat: the clouds of a topic within it are
-        one frame. None: each cloud is a frame.
-    join : bool or None
-        Whether files with consecutive numbers in a folder are one recording; None: if their times and topics fit.
-    recursive : bool
-        Whether folders in folders are searched for recordings.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> part = seaclutter.ReadOptions(start_s=1.0, end_s=1.5)
-    >>> done = seaclutter.filter_log("samples/sea.mcap", folder / "part.mcap", reading=part)
-    >>> done.outcomes[0].frames
-    5
-    """
-
-    topics: tuple[str, ...] = ()
-    start_s: Moment | None = None
-    end_s: Moment | None = None
-    frames: int | None = None
-    intensity_field: str | None = None
-    rate_hz: float = 10.0
-    calibration: Path | None = None
-    sensor: str | None = None
-    integrate_ms: float | None = None
-    join: bool | None = None
-    recursive: bool = False
-
-    @property
-    def selection(self) -> Selection:
-        """Selected part of each recording."""
-        return Selection(
-            topics=self.topics,
-            start_s=self.start_s,
-            end_s=self.end_s,
-            frames=self.frames,
-            intensity_field=self.intensity_field,
-        )
-
-    def beside(self) -> tuple[Path, ...]:
-        """Return the files that are read with each recording."""
-        return (self.calibration,) if self.calibration else ()
-
-    def open(self, recording: Recording) -> Source:
-        """Open a recording; raise `InputError` if it cannot be read."""
-        if mirror_of(recording.paths[0]):
-            fetch(*_files_of(recording))
-            if self.join is None:  # what is joined by its names
-                require_one(recording.paths)
-        source = recording.open(rate_hz=self.rate_hz, decoding=DecoderOptions(self.calibration, self.sensor))
-        return Integrated(source, round(self.integrate_ms * 1e6), self.topics) if self.integrate_ms else source
 
 
 @dataclass(kw_only=True)
@@ -265,10 +188,22 @@ def _files_of(recording: Recording) -> list[Path]:
     return [*recording.paths, *(beside for path in recording.paths for beside in metadata_beside(path))]
 
 
+def open_recording(recording: Recording, reading: Decoding) -> Source:
+    """Open a recording; raise `InputError` if it cannot be read."""
+    if mirror_of(recording.paths[0]):
+        fetch(*_files_of(recording))
+        if getattr(reading, "join", None) is None:  # what is joined by its names
+            require_one(recording.paths)
+    decoding = DecoderOptions(reading.calibration, reading.sensor)
+    source = recording.open(rate_hz=reading.rate_hz, decoding=decoding)
+    topics = getattr(reading, "topics", ())
+    return Integrated(source, round(reading.integrate_ms * 1e6), topics) if reading.integrate_ms else source
+
+
 @contextmanager
 def opened(recording: Recording, reading: ReadOptions, observer: Observer, outcome: Outcome) -> Iterator[Source]:
     """Open a recording; report its warnings and damage, and store the damage in the outcome."""
-    with closing(reading.open(recording)) as source:
+    with closing(open_recording(recording, reading)) as source:
         with warnings_of(source, observer):
             yield source
         outcome.damage, outcome.facts = source.damage, dict(source.facts)

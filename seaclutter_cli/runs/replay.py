@@ -13,10 +13,13 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
 from seaclutter_cli.reporting.replay import Replayed, filtered_topics, recorded_config, replay
 from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork
-from seaclutter_cli.runs.labels import LabelSources
-from seaclutter_cli.runs.methods import MethodOptions, Variant
+from seaclutter_cli.runs.labels import assign_labels
+from seaclutter_cli.runs.methods import Variant, is_default
+from seaclutter_cli.runs.methods import variants as variants_of
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.recordings import ReadOptions, require_frames
+from seaclutter_cli.runs.options import ReadOptions
+from seaclutter_cli.runs.options.methods import LabelSources, MethodOptions
+from seaclutter_cli.runs.recordings import open_recording, require_frames
 from seaclutter_cli.runs.studies import StudyWork
 from seaclutter_cli.selection import was_filtered
 from seaclutter_cli.sources import Recording
@@ -56,9 +59,9 @@ def filter_or_replay(
     InputError
         If the recorded configuration is not valid, or a filtered log lacks the removed points.
     """
-    pairs = list(zip(recordings, labels.assign(recordings), strict=True))
-    variant, topics = _recorded_run(recordings, reading) if methods.is_default else (None, ())
-    variants = [variant] if variant else methods.variants(configured_first=True)
+    pairs = list(zip(recordings, assign_labels(labels, recordings), strict=True))
+    variant, topics = _recorded_run(recordings, reading) if is_default(methods) else (None, ())
+    variants = [variant] if variant else variants_of(methods, configured_first=True)
     listener = make_listener(variants)
     works: list[StudyWork[Evaluated]] = (
         [_ReplayWork(reading, *pair, variant, topic, listener) for pair, topic in zip(pairs, topics, strict=True)]
@@ -88,7 +91,7 @@ def _recorded_run(recordings: Sequence[Recording], reading: ReadOptions) -> tupl
 
 def _recorded(recording: Recording, reading: ReadOptions) -> tuple[str, str] | None:
     """Return the raw topic and the configuration of a filtered log; None for a raw log."""
-    with closing(reading.open(recording)) as source:
+    with closing(open_recording(recording, reading)) as source:
         topics = [topic for topic in filtered_topics(source) if not reading.topics or topic in reading.topics]
         if not topics:
             if was_filtered(source, reading.topics):

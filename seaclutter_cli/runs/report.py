@@ -5,11 +5,12 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from seaclutter_cli import __version__
 from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.errors import UsageError
+from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.figure import check_target
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.records import SensorFacts
@@ -17,11 +18,10 @@ from seaclutter_cli.reporting.collector import Collector, Method
 from seaclutter_cli.reporting.history import ScoredFrame
 from seaclutter_cli.reporting.page import render_page, report_data
 from seaclutter_cli.runs.evaluate import Comparison, Evaluated
-from seaclutter_cli.runs.labels import LabelSources
-from seaclutter_cli.runs.methods import MethodOptions, Variant
-from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.methods import Variant
+from seaclutter_cli.runs.options.studies import ReportOptions
 from seaclutter_cli.runs.outputs import Paths, inputs_of, is_file, may_appear, prepare_outputs, write_files
-from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, RecordingsResult, expand
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand
 from seaclutter_cli.runs.replay import filter_or_replay
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.sources import Recording
@@ -33,98 +33,57 @@ _FIRST_YEAR = 1990
 _MAX_LISTED = 200
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReportOptions:
-    """Options of a report: content, input and output files.
-
-    Parameters
-    ----------
-    output : Path
-        The page (HTML).
-    methods : MethodOptions
-        Methods that filter the logs; by default, filtered logs are read back.
-    labels : LabelSources
-        Labels of the recordings.
-    reading : ReadOptions
-        Part of each recording to read, and how.
-    figure_folder : Path or None
-        Folder for all figures as separate files.
-    figure_format : {"svg", "png"}
-        Format of these files.
-    shown : int
-        Number of frames whose points are included in the page.
-    picks : tuple of int
-        Indices of frames to include in any case.
-    force : bool
-        Replace existing files.
-    command : str or None
-        Command line, which the page shows.
-    """
-
-    output: Path
-    methods: MethodOptions = field(default_factory=MethodOptions)
-    labels: LabelSources = field(default_factory=LabelSources)
-    reading: ReadOptions = field(default_factory=ReadOptions)
-    figure_folder: Path | None = None
-    figure_format: Literal["svg", "png"] = "svg"
-    shown: int = 12
-    picks: tuple[int, ...] = ()
-    force: bool = False
-    command: str | None = None
-
-    @property
-    def figures(self) -> list[Path]:
-        """Paths of all figures that may be written."""
-        folder = self.figure_folder
-        return [folder / f"{name}.{self.figure_format}" for name in FIGURES] if folder else []
-
-
+@function_of(ReportOptions)
 @on_paths
-def report_on(logs: Logs, options: ReportOptions, observer: Observer = SILENT) -> "ReportResult":
-    """Write a page that shows the effect of a filter on recordings and, with labels, its quality.
-
-    Parameters
-    ----------
-    logs : path, or sequence of paths
-        Raw logs, which are filtered; or logs filtered with all points kept, which are read back.
-    options : ReportOptions
-        Content, input and output files.
-    observer : Observer, optional
-        Receives progress and warnings.
+def report(options: ReportOptions) -> "ReportResult":
+    """Write a page that shows the effect of a filter on logs and, with labels, its quality.
 
     Raises
     ------
     SeaclutterError
-        If the run cannot start or continue; an error in a single recording is stored in its outcome.
+        If a log cannot be used; see its subclasses.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> done = seaclutter.report("samples/sea.mcap", folder / "report.html", reading=seaclutter.ReadOptions(frames=20))
+    >>> done.frames, len(done.sizes)
+    (20, 1)
     """
-    recordings = expand(logs, options.reading, observer)
+    observer = options.watching
+    recordings = expand(options.logs, options.reading, observer)
+    figures = _figures(options)
     if options.figure_folder:
         if is_file(options.figure_folder):
             raise UsageError(f"{options.figure_folder}: is a file; --figures takes a folder")
-        check_target(options.figures[-1])
-    targets: Paths = {"-o": options.output, "--figures": options.figures}
-    inputs = inputs_of(recordings, options.reading, options.methods.file)
-    prepare_outputs(targets, inputs, options.labels.paths, force=options.force, observer=observer)
+        check_target(figures[-1])
+    targets: Paths = {"-o": options.output, "--figures": figures}
+    inputs = inputs_of(recordings, options.reading, options.config)
+    prepare_outputs(targets, inputs, options.labels, force=options.force, observer=observer)
     make = partial(_collector, options=options)
-    comparison, collected = filter_or_replay(
-        recordings, options.labels, options.methods, options.reading, observer, make
-    )
+    comparison, collected = filter_or_replay(recordings, options, options, options.reading, observer, make)
     if missing := _missing(collected, options.picks):
         observer.warn(f"no log has frame {', '.join(map(str, missing))}; --pick counts from 0")
     files: dict[Path, bytes] = {}
-    if may_appear([options.output, *options.figures], comparison.outcomes, observer):
-        origin = _provenance(collected, recordings, comparison.outcomes, options.labels.paths, options.command)
+    if may_appear([options.output, *figures], comparison.outcomes, observer):
+        origin = _provenance(collected, recordings, comparison.outcomes, options.labels, options.command)
         files[options.output] = _page(comparison, collected, origin)
         if folder := options.figure_folder:
-            figures = draw_figures(collected, options.figure_format)
-            files |= {folder / name: content for name, content in figures.items()}
+            drawn = draw_figures(collected, options.figure_format)
+            files |= {folder / name: content for name, content in drawn.items()}
     write_files(files, replace=options.force)
     return ReportResult(comparison, collected, {path: len(content) for path, content in files.items()})
 
 
+def _figures(options: ReportOptions) -> list[Path]:
+    """Return the paths of all figures that may be written."""
+    folder = options.figure_folder
+    return [folder / f"{name}.{options.figure_format}" for name in FIGURES] if folder else []
+
+
 def _collector(variants: Sequence[Variant], options: ReportOptions) -> "_OriginCollector":
     methods = [Method(one.name, one.config.ring_edges, one.config.to_yaml()) for one in variants]
-    labelled = bool(options.labels.paths)
+    labelled = bool(options.labels)
     params = variants[0].config.evaluation
     return _OriginCollector(methods, params, labelled=labelled, frames=options.shown, picks=options.picks)
 

@@ -23,7 +23,8 @@ from seaclutter_cli.records import Damage, Metadata
 from seaclutter_cli.runs.labels import LabelFile
 from seaclutter_cli.runs.log_outcome import LogOutcome
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.recordings import Outcome, ReadOptions
+from seaclutter_cli.runs.options import ReadOptions
+from seaclutter_cli.runs.recordings import Outcome, open_recording
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.threads import in_threads
@@ -220,7 +221,7 @@ def _metadata_in(output: Path) -> Sequence[Metadata] | None:
     if not output.exists():
         return None
     if output.suffix.lower() != ".mcap" or output.is_dir():
-        with closing(ReadOptions().open(Recording((output,)))) as source:
+        with closing(open_recording(Recording((output,)), ReadOptions())) as source:
             return list(source.metadata)
     mirror = mirror_of(output)
     with mirror.open(output) if mirror else output.open("rb") as stream:

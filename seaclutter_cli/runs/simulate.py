@@ -1,7 +1,8 @@
 """Simulation of a labelled lidar recording, or of an airborne tile if the output is a LAS or LAZ file."""
 
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -10,52 +11,58 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import UsageError
+from seaclutter_cli.options import declared, function_of
+from seaclutter_cli.runs.batch import Work, run_batch
 from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.options import BatchOptions
+from seaclutter_cli.runs.options.simulate import SimulateOptions, SimulationOptions
 from seaclutter_cli.runs.outputs import prepare_outputs
-from seaclutter_cli.runs.recordings import PathLike, Result
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, Result, statuses, storing_errors
 from seaclutter_cli.simulation.airborne.scene import TileScene, is_tile_scene, load_tile_scene, save_tile_scene
 from seaclutter_cli.simulation.marine.render import SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import Scene, save_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
-from seaclutter_cli.text import count, indented, printable, table
+from seaclutter_cli.sources import Recording
+from seaclutter_cli.text import count, indented, named_folder, printable, table
 from seaclutter_cli.truth import CLUTTER, IGNORED, OBJECT_CLASSES
+from seaclutter_cli.urls import PathLike
 
 TILE_SUFFIXES = (".las", ".laz")
 _MAX_TARGETS = 12
 
 
-@dataclass(frozen=True, kw_only=True)
-class SimulateOptions:
-    """Options of a simulation: values that replace those of the scene, and additional output.
+@function_of(SimulationOptions)
+def simulate(options: SimulationOptions) -> "SimulationResult | TileSimulationResult | SeedsResult":
+    """Simulate a labelled recording of a scene.
 
-    Parameters
-    ----------
-    frames : int or None
-        Number of frames; None: that of the scene.
-    seed : int or None
-        Seed of all random numbers; None: that of the scene, 1 for a layout.
-    lidar : str or None
-        Lidar; None: that of the scene.
-    form : str or None
-        Key of `FORMATS`; None: from the suffix of the recording.
-    scene_file : Path or None
-        File for an editable copy of the scene.
-    force : bool
-        Replace existing files.
+    Returns
+    -------
+    SimulationResult, TileSimulationResult or SeedsResult
+        Written files, and number of points by label; with ``seeds``, one outcome for each.
+
+    Raises
+    ------
+    ConfigError
+        If the scene is not valid.
+    UsageError
+        If the name of an output does not fit its format, or the file exists.
 
     Examples
     --------
     >>> import seaclutter
-    >>> seaclutter.SimulateOptions(frames=10, lidar="RS-LiDAR-16").seed is None
-    True
+    >>> made = seaclutter.simulate("calm", folder / "calm.mcap", frames=2)
+    >>> made.tally.frames, made.labels.name
+    (2, 'calm.labels.csv')
     """
-
-    frames: int | None = None
-    seed: int | None = None
-    lidar: str | None = None
-    form: str | None = None
-    scene_file: Path | None = None
-    force: bool = False
+    output = str(options.output)
+    scene = SimulateOptions(**{name: getattr(options, name) for name in declared(SimulateOptions)})
+    if options.seeds is None and named_folder(options.output):
+        raise UsageError(f"{output}: names a folder by the slash at its end; -o takes a file, or a folder with --seeds")
+    if options.seeds is None:
+        return simulate_scene(options.scene, Path(output), scene, options.observer)
+    if options.seed is not None:
+        raise UsageError("--seed and --seeds: give one of them")
+    return simulate_seeds(options.scene, options.output, options.seeds, scene, options.batch, options.observer)
 
 
 def simulate_scene(
@@ -81,8 +88,8 @@ def simulate_scene(
     UsageError
         If an option is not for this output, its name does not fit its format, or the file may not be written.
     """
-    simulate = _simulate_tile if output.suffix.lower() in TILE_SUFFIXES else _simulate_recording
-    return simulate(str(scene), output, options or SimulateOptions(), observer)
+    simulate_one = _simulate_tile if output.suffix.lower() in TILE_SUFFIXES else _simulate_recording
+    return simulate_one(str(scene), output, options or SimulateOptions(), observer)
 
 
 def _simulate_recording(name: str, output: Path, options: SimulateOptions, observer: Observer) -> "SimulationResult":
@@ -228,3 +235,131 @@ class TileSimulationResult(Result):
         shown = table(("class", "objects", "points"), [("sea", "", f"{self.points[0]:,}"), *land, *rows])
         output, total = printable(str(self.output)), self.points.total() + self.land
         return f"{output}\n{indented(shown)}\n{count(total, 'point')} in {self.seconds:.1f} s"
+
+
+def simulate_seeds(
+    scene: PathLike,
+    output: PathLike,
+    seeds: Sequence[int],
+    options: SimulateOptions | None = None,
+    batch: BatchOptions | None = None,
+    observer: Observer = SILENT,
+) -> "SeedsResult":
+    """Simulate a recording or tile for each seed, as ``SCENE_SEED.mcap`` or ``.laz`` in a folder.
+
+    Parameters
+    ----------
+    scene : path or str
+        Scene file (YAML), or the name of a built-in scene, layout or tile scene.
+    output : path
+        Folder.
+    seeds : sequence of int
+        Seeds.
+    options : SimulateOptions, optional
+        Values that replace those of the scene, and output options.
+    batch : BatchOptions, optional
+        How many are simulated at the same time.
+    observer : Observer, optional
+        Receives progress.
+
+    Raises
+    ------
+    ConfigError
+        If the scene is not valid.
+    UsageError
+        If an option is for a single recording, or files may not be written.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> few = seaclutter.SimulateOptions(frames=1)
+    >>> made = seaclutter.simulate_seeds("calm", folder / "seeds", [1, 2], few)
+    >>> [(one.recording, one.status) for one in made.outcomes]
+    [('calm_1', 'done'), ('calm_2', 'done')]
+    """
+    options, folder = options or SimulateOptions(), Path(output)
+    if options.scene_file:
+        raise UsageError("--scene-file: is for a single recording; leave out --seeds")
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{output}: is a file, but --seeds needs a folder")
+    suffix = TILE_SUFFIXES[1] if is_tile_scene(str(scene)) else f".{options.form or 'mcap'}"
+    logs = [folder / f"{Path(scene).stem}_{seed}{suffix}" for seed in seeds]
+    labels = [] if suffix in TILE_SUFFIXES else [log.with_suffix(".labels.csv") for log in logs]
+    targets = {"-o": logs, "the labels of -o": labels}
+    prepare_outputs(targets, {"SCENE": Path(scene)}, force=options.force, observer=observer)
+    works = [_SimulateWork(str(scene), log, replace(options, seed=seed)) for seed, log in zip(seeds, logs, strict=True)]
+    return SeedsResult(run_batch(works, batch or BatchOptions(), observer))
+
+
+@dataclass(kw_only=True)
+class _Simulated(Outcome):
+    """Outcome of a simulation; without a result after an error."""
+
+    seed: int
+    result: SimulationResult | TileSimulationResult | None = None
+
+    def figures(self) -> str:
+        """Return output and duration, for a line about the outcome."""
+        done = self.result
+        path = done.log if isinstance(done, SimulationResult) else done.output if done else ""
+        return f"{self.seconds:.1f} s -> {printable(str(path))}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the outcome as JSON-compatible data."""
+        return {"seed": self.seed, "error": self.error, **(self.result.as_dict() if self.result else {})}
+
+
+@dataclass(frozen=True)
+class _SimulateWork(Work[_Simulated]):
+    """Simulation with the seed of the options."""
+
+    scene: str
+    output: Path
+    options: SimulateOptions
+
+    @property
+    def recording(self) -> Recording:  # type: ignore[override]
+        """The recording that is made."""
+        return Recording((self.output,))
+
+    @property
+    def reads(self) -> Sequence[Path]:
+        """The scene, if it is a file."""
+        return (Path(self.scene),) if Path(self.scene).is_file() else ()
+
+    @property
+    def writes(self) -> Sequence[Path]:
+        """The recording or tile."""
+        return (self.output,)
+
+    def run(self, observer: Observer) -> _Simulated:
+        """Simulate; store an error in the outcome."""
+        outcome = self.without_result(None)
+        with storing_errors(outcome, observer):
+            outcome.result = simulate_scene(self.scene, self.output, self.options, observer)
+        return outcome
+
+    def without_result(self, reason: str | None) -> _Simulated:
+        """Return an outcome without a result."""
+        return _Simulated(recording=self.output.stem, seed=self.options.seed or 0, error=reason)
+
+
+@dataclass(frozen=True)
+class SeedsResult(RecordingsResult):
+    """Outcomes of simulations, one for each seed."""
+
+    is_summary = True
+
+    outcomes: Sequence[_Simulated]
+
+    def as_dict(self) -> list[dict[str, Any]]:
+        """Return the outcomes as JSON-compatible data."""
+        return [outcome.as_dict() for outcome in self.outcomes]
+
+    def as_text(self) -> str:
+        """Return how many were simulated."""
+        return statuses(self.outcomes)
+
+    def details(self) -> str:
+        """Return the results as human-readable text."""
+        return "\n\n".join(outcome.result.as_text() for outcome in self.outcomes if outcome.result)

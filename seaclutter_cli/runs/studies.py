@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.runs.batch import BatchOptions, Work, inputs_of_work, run_batch
+from seaclutter_cli.runs.batch import Work, inputs_of_work, run_batch
 from seaclutter_cli.runs.labels import LabelFile
 from seaclutter_cli.runs.observer import Observer, Step
+from seaclutter_cli.runs.options import BatchOptions, ReadOptions
 from seaclutter_cli.runs.recordings import (
     Outcome,
-    ReadOptions,
     expected_frames,
     finish_labels,
     opened,

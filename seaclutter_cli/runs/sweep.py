@@ -13,7 +13,9 @@ import yaml
 from seaclutter_cli.documents import DocumentError, load_yaml
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.filters import FILTERS
-from seaclutter_cli.runs.methods import Base, MethodOptions, Variant
+from seaclutter_cli.runs.methods import Base, Variant
+from seaclutter_cli.runs.methods import bases as bases_of
+from seaclutter_cli.runs.options.methods import MethodOptions
 
 _RANGE = re.compile(r"\s*(-?[\d.]+)\s*:\s*(-?[\d.]+)\s*:\s*([\d.]+)\s*")
 _MAX_VARIANTS = 500
@@ -156,7 +158,7 @@ def grid(sweeps: Sequence[Sweep], options: MethodOptions) -> list[Combination]:
     ConfigError
         If a value is not allowed.
     """
-    bases = options.bases()
+    bases = bases_of(options)
     plain = {base.name: base.variant() for base in bases}  # names and configurations are valid
     _check_keys(sweeps, bases)
     several = len(bases) > 1

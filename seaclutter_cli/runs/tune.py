@@ -3,7 +3,7 @@
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -16,16 +16,17 @@ from seaclutter_cli.errors import UsageError
 from seaclutter_cli.evaluation.matching import point_truth
 from seaclutter_cli.evaluation.scores import Summary
 from seaclutter_cli.evaluation.tuning import Parts, best, ideal_threshold
+from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.curves import draw_rates, draw_thresholds
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
-from seaclutter_cli.runs.batch import BatchOptions
 from seaclutter_cli.runs.evaluate import Evaluated, EvaluateWork
-from seaclutter_cli.runs.labels import LabelSources
-from seaclutter_cli.runs.methods import MethodOptions, Variant
-from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.labels import assign_labels
+from seaclutter_cli.runs.methods import Variant
+from seaclutter_cli.runs.options import BatchOptions
+from seaclutter_cli.runs.options.studies import TuneOptions
 from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs, write_files
-from seaclutter_cli.runs.recordings import Logs, ReadOptions, RecordingsResult, expand
+from seaclutter_cli.runs.recordings import RecordingsResult, expand
 from seaclutter_cli.runs.score_tables import FRAME_ERRORS, FRAMES, score_cells, score_legend
 from seaclutter_cli.runs.studies import study_all
 from seaclutter_cli.runs.sweep import Combination, Sweep, grid
@@ -38,91 +39,34 @@ _MIN_RECORDINGS = 4
 """Minimum number of recordings of which whole ones are held out."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TuneOptions:
-    """Options of a sweep: methods, parameters, labels, input and output files.
-
-    Parameters
-    ----------
-    sweeps : tuple of Sweep
-        Parameters and the values to try, in all combinations.
-    labels : LabelSources
-        Labels of the recordings.
-    methods : MethodOptions
-        Methods to compare, and the configuration to start from.
-    hold_out : float
-        Share of the recordings, or of the frames of each, on which the best combination is only judged, not chosen.
-    reading : ReadOptions
-        Part of each recording to read, and how.
-    output : Path or None
-        File for the configuration with the best values.
-    csv_file : Path or None
-        File for a table with a row for each combination.
-    curve_file : Path or None
-        File for a plot of the rates over the values of a single sweep.
-    thresholds_file : Path or None
-        File for a plot of a range ring's threshold over the frames, for each combination, and the ideal threshold.
-    ring : int
-        Number of the range ring in that plot, from 1.
-    force : bool
-        Replace existing files.
-    batch : BatchOptions
-        How several recordings are processed.
-    """
-
-    sweeps: tuple[Sweep, ...]
-    labels: LabelSources
-    methods: MethodOptions = field(default_factory=MethodOptions)
-    hold_out: float = 0.25
-    reading: ReadOptions = field(default_factory=ReadOptions)
-    output: Path | None = None
-    csv_file: Path | None = None
-    curve_file: Path | None = None
-    thresholds_file: Path | None = None
-    ring: int = 2
-    force: bool = False
-    batch: BatchOptions = field(default_factory=BatchOptions)
-
-    @property
-    def targets(self) -> Mapping[str, Path | None]:
-        """Output files by option; None for a file that is not requested."""
-        return {
-            "-o": self.output,
-            "--csv": self.csv_file,
-            "--plot": self.curve_file,
-            "--plot-thresholds": self.thresholds_file,
-        }
-
-
+@function_of(TuneOptions)
 @on_paths
-def tune(logs: Logs, options: TuneOptions, observer: Observer = SILENT) -> "TuningResult":
+def tune(options: TuneOptions) -> "TuningResult":
     """Evaluate every combination of methods and parameter values, and find the one with the fewest bad frames.
-
-    Parameters
-    ----------
-    logs : path, or sequence of paths
-        Files, folders or globs.
-    options : TuneOptions
-        Parameters, labels, input and output files.
-    observer : Observer, optional
-        Receives progress and warnings.
 
     Raises
     ------
     SeaclutterError
-        If the run cannot start or continue; an error in a single recording is stored in its outcome.
+        If a log or its labels cannot be used, or a value is not allowed.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> result = seaclutter.tune("samples/sea.mcap", "samples/sea.labels.csv", {"update_weight": [0.6, 1.0]})
+    >>> result.best
+    'update_weight=0.6'
     """
-    if not 0 <= options.hold_out < 1:
-        raise UsageError(f"--hold-out {options.hold_out:g}: must be a share from 0 to below 1")
-    combinations = grid(options.sweeps, options.methods)
+    observer = options.watching
+    options = replace(options, methods=(*options.methods, *options.method), method=())
+    combinations = grid(options.sweeps, options)
     variants = [one.variant for one in combinations]
-    recordings = expand(logs, options.reading, observer)
-    inputs = inputs_of(recordings, options.reading, options.methods.file, [one.config for one in variants])
-    prepare_outputs(options.targets, inputs, options.labels.paths, force=options.force, observer=observer)
+    recordings = expand(options.logs, options.reading, observer)
+    inputs = inputs_of(recordings, options.reading, options.config, [one.config for one in variants])
+    prepare_outputs(options.targets, inputs, options.labels, force=options.force, observer=observer)
     _check_plots(options, combinations, len(recordings))
     history = _ThresholdHistory(variants, options.ring) if options.thresholds_file else None
     listeners = [history] if history else []
-    pairs = zip(recordings, options.labels.assign(recordings), strict=True)
+    pairs = zip(recordings, assign_labels(options, recordings), strict=True)
     works = [EvaluateWork(options.reading, *each, variants, listeners, in_parts=True) for each in pairs]
     batch = BatchOptions() if history else options.batch  # frames reach listeners in this process only
     outcomes = study_all(works, batch, observer)

@@ -2,56 +2,24 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.runs.evaluate import Comparison, Evaluated
-from seaclutter_cli.runs.labels import LabelSources
-from seaclutter_cli.runs.methods import ConfigOptions, Variant
+from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.options import Logs
+from seaclutter_cli.runs.options.logs import ViewOptions
+from seaclutter_cli.runs.options.methods import MethodOptions
 from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs
-from seaclutter_cli.runs.recordings import Logs, ReadOptions, RecordingsResult, expand
+from seaclutter_cli.runs.recordings import RecordingsResult, expand
 from seaclutter_cli.runs.replay import filter_or_replay
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.text import printable
 from seaclutter_cli.viewing import FrameStream, check_target, require_rerun, viewer
-
-
-@dataclass(frozen=True, kw_only=True)
-class ViewOptions:
-    """Options of the viewer: target, method, labels.
-
-    Parameters
-    ----------
-    target : Path or None
-        File for the viewer; None opens the viewer.
-    port : int
-        Port of the viewer on this computer.
-    config : ConfigOptions
-        Method that filters the logs; by default, filtered logs are read back.
-    labels : LabelSources
-        Labels of the recordings.
-    reading : ReadOptions
-        Part of each recording to read, and how.
-    force : bool
-        Replace an existing file.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> seaclutter.ViewOptions().port
-    9876
-    """
-
-    target: Path | None = None
-    port: int = 9876
-    config: ConfigOptions = field(default_factory=ConfigOptions)
-    labels: LabelSources = field(default_factory=LabelSources)
-    reading: ReadOptions = field(default_factory=ReadOptions)
-    force: bool = False
 
 
 @on_paths
@@ -85,9 +53,9 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
     recordings = expand(logs, options.reading, observer)
     if options.target:
         check_target(options.target)
-    inputs = inputs_of(recordings, options.reading, options.config.file)
-    prepare_outputs({"--save": options.target}, inputs, options.labels.paths, force=options.force, observer=observer)
-    methods = options.config.as_methods()
+    inputs = inputs_of(recordings, options.reading, options.config)
+    prepare_outputs({"--save": options.target}, inputs, options.labels, force=options.force, observer=observer)
+    methods = MethodOptions(config=options.config, methods=options.method or (), settings=options.settings)
     with OutputGroup(replace=options.force) as files, ExitStack() as stack:
 
         def open_stream(variants: Sequence[Variant]) -> FrameStream:
@@ -95,9 +63,7 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
             sink = stack.enter_context(target)
             return FrameStream(variants[0].config.evaluation, sink)
 
-        comparison, stream = filter_or_replay(
-            recordings, options.labels, methods, options.reading, observer, open_stream
-        )
+        comparison, stream = filter_or_replay(recordings, options, methods, options.reading, observer, open_stream)
         stream.finish()
         if all(outcome.error for outcome in comparison.outcomes):
             raise InputError("nothing to show: no recording could be read")

@@ -3,6 +3,8 @@
 Importing this package is cheap; heavy dependencies are imported when a tracker is made.
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
@@ -10,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from annotated_types import Ge, Gt
 
 from seaclutter_cli.errors import ModelError
+from seaclutter_cli.options import Number, Options, Whole, option
 
 if TYPE_CHECKING:
     from seaclutter_cli.scenes.tracker import SceneTracker
@@ -40,7 +43,48 @@ class SceneParams:
     scene_hold: Annotated[int, Ge(1)] = 3
 
 
-def make_scene_tracker(params: SceneParams) -> "SceneTracker":
+class TrainingParams(Options):
+    """Parameters of the training."""
+
+    epochs: int = option(
+        "--epochs",
+        default=30,
+        kind=Whole(1),
+        metavar="N",
+        group="Method",
+        show_default=True,
+        help="Passes over all training frames.",
+    )
+    batch: int = option(
+        "--batch",
+        default=32,
+        kind=Whole(2),
+        metavar="N",
+        group="Method",
+        show_default=True,
+        help="Frames per step.",
+    )
+    learning_rate: float = option(
+        "--learning-rate",
+        default=0.005,
+        kind=Number(0, above=True),
+        metavar="RATE",
+        group="Method",
+        show_default=True,
+        help="Initial learning rate of Adam; it falls to 0 along half a cosine.",
+    )
+    seed: int = option(
+        "--seed",
+        default=1,
+        kind=Whole(0),
+        metavar="N",
+        group="Method",
+        show_default=True,
+        help="Seed of split, initial weights, order and rotations.",
+    )
+
+
+def make_scene_tracker(params: SceneParams) -> SceneTracker:
     """Return a scene tracker in its initial state.
 
     `MissingExtraError` if onnxruntime is not installed; `ModelError` if the model cannot be used, or its extent differs

@@ -3,14 +3,14 @@
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.evaluation.confusion import Confusion
+from seaclutter_cli.scenes import TrainingParams
 from seaclutter_cli.scenes.examples import Examples, Split
 from seaclutter_cli.scenes.network import make_network
 
@@ -45,28 +45,6 @@ def _plain(values: NDArray[np.float64]) -> list[float | None]:
 
 
 _TEST_BATCH = 64
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrainingParams:
-    """Parameters of the training.
-
-    Parameters
-    ----------
-    epochs : int
-        Number of passes over all training frames.
-    batch : int
-        Number of frames per step.
-    learning_rate : float
-        Initial learning rate of Adam.
-    seed : int
-        Seed of all random choices: split, initial weights, order, rotations.
-    """
-
-    epochs: Annotated[int, Ge(1)] = 30
-    batch: Annotated[int, Ge(2)] = 32
-    learning_rate: Annotated[float, Gt(0)] = 0.005
-    seed: Annotated[int, Ge(0)] = 1
 
 
 @dataclass(frozen=True)

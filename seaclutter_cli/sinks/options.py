@@ -1,14 +1,25 @@
 """Options of outputs: contents of a log, and parts of limited size or duration."""
 
+from __future__ import annotations
+
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from seaclutter_cli.buckets import look
-from seaclutter_cli.frame import FilterResult
-from seaclutter_cli.messages.scene import SceneUpdate
-from seaclutter_cli.records import Metadata
+from seaclutter_cli.options import Anything, Choice, Converted, Options, Parsed, option
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from seaclutter_cli.frame import FilterResult
+    from seaclutter_cli.messages.scene import SceneUpdate
+    from seaclutter_cli.records import Metadata
+
+FORMATS = ("mcap", "bag", "rosbag2-db3", "rosbag2-mcap", "pcd", "las", "laz", "npz")
+"""The keys of `OUTPUT_FORMATS`, whose import would slow down the help."""
+
 
 ROSBAG2_METADATA = "metadata.yaml"
 """File that describes a ROS 2 recording, in its folder."""
@@ -100,42 +111,23 @@ def parts_after(path: Path, number: int) -> list[Path]:
     return [numbers[one] for one in sorted(numbers) if one > number]
 
 
-@dataclass(frozen=True, kw_only=True)
-class McapOptions:
-    """Contents of a filtered log.
+def _split(text: str) -> Split:
+    try:
+        return parse_split(text)
+    except ValueError:
+        raise ValueError(f"{text}: expected a size such as 2GB, or a duration such as 10min") from None
 
-    Parameters
-    ----------
-    keep_raw : bool
-        Keep the raw cloud on its topic and write the filtered cloud to ``<topic>/filtered``.
-    with_removed : bool
-        Write the removed points with their reasons to ``<topic>/removed``.
-    keep_organized : bool
-        Preserve the shape of organised clouds; removed points become NaN.
-    diagnostics : bool
-        Write a message with thresholds, corrections and counts for each frame.
-    compression : str or None
-        ``zstd``, ``lz4`` or empty for none; None uses the compression of the input, zstd if unknown. ROS 1 bags have
-        LZ4 or none, sqlite3 files none.
-    split : Split, optional
-        Limit of a part of the log; the parts have numbers in their names.
-    include, exclude : tuple of str
-        Regular expressions for the names of the other topics: those that are written, by default all, and those that
-        are left out.
-    latched : tuple of str
-        Topics whose last message before the start of a part is written, beside those that are known as latched.
-    config : str
-        Effective configuration as YAML, for the metadata of the file.
-    water : bool
-        Whether the method estimates the water, which adds level, attitude and wave height to the diagnostics.
-    scene : callable, optional
-        Function that returns the boxes of a filtered frame, which are written to ``/seaclutter/scene``.
-    record : callable, optional
-        Function that returns a metadata record about the run when all frames are written.
-    method : str
-        Name of the method, for the metadata of the file.
-    is_part : bool
-        Whether only a part of the recording is written.
+
+def _pattern(text: str) -> str:
+    try:
+        re.compile(text)
+    except re.error as error:
+        raise ValueError(f"{text}: not a regular expression ({error})") from error
+    return text
+
+
+class McapOptions(Options):
+    """Contents of a filtered log.
 
     Examples
     --------
@@ -147,21 +139,81 @@ class McapOptions:
     ('/points', '/points/filtered', '/points/removed')
     """
 
-    keep_raw: bool = False
-    with_removed: bool = False
-    keep_organized: bool = False
-    diagnostics: bool = True
-    compression: str | None = None
-    split: Split | None = None
-    include: tuple[str, ...] = ()
-    exclude: tuple[str, ...] = ()
-    latched: tuple[str, ...] = ()
-    config: str = ""
-    water: bool = False
-    scene: Callable[[FilterResult], SceneUpdate] | None = None
-    record: Callable[[], Metadata] | None = None
-    method: str = ""
-    is_part: bool = False
+    keep_raw: bool = option(
+        "--keep-raw",
+        default=False,
+        group="Output",
+        help="Keep the raw cloud on its topic; write the filtered one to TOPIC/filtered.",
+    )
+    with_removed: bool = option(
+        "--with-removed",
+        default=False,
+        group="Output",
+        help="Write removed points to TOPIC/removed, with the reason.",
+    )
+    keep_organized: bool = option(
+        "--keep-organized",
+        default=False,
+        group="Output",
+        help="Keep the shape of organised clouds; set removed points to NaN.",
+    )
+    diagnostics: bool = option(
+        "--diagnostics/--no-diagnostics",
+        default=True,
+        group="Output",
+        help="Write the topic /seaclutter/diagnostics, or leave it out.",
+    )
+    compression: str | None = option(
+        "--compression",
+        default=None,
+        kind=Choice({"zstd": "zstd", "lz4": "lz4", "none": ""}),
+        group="Output",
+        help="Compression of the output; by default that of the input, or the usual one of the format.",
+    )
+    split: Converted[Split | str | None, Split | None] = option(
+        "--split",
+        default=None,
+        kind=Parsed(_split),
+        metavar="LIMIT",
+        group="Output",
+        help="Write parts of at most this size before compression (500MB, 2GiB) or duration (30s, 10min, 1h).",
+    )
+    include: Converted[str | Sequence[str], tuple[str, ...]] = option(
+        "--include",
+        default=(),
+        kind=Parsed(_pattern),
+        metavar="REGEX",
+        group="Output",
+        repeatable=True,
+        help="Of the other topics, write only those whose name contains a match; repeatable.",
+    )
+    exclude: Converted[str | Sequence[str], tuple[str, ...]] = option(
+        "--exclude",
+        default=(),
+        kind=Parsed(_pattern),
+        metavar="REGEX",
+        group="Output",
+        repeatable=True,
+        help="Leave out other topics whose name contains a match; repeatable.",
+    )
+    latched: Converted[str | Sequence[str], tuple[str, ...]] = option(
+        "--latched",
+        default=(),
+        metavar="TOPIC",
+        group="Output",
+        repeatable=True,
+        help="Keep the last message of TOPIC before --start, as of /tf_static and other latched topics; repeatable.",
+    )
+    config: str = option(default="", help="Effective configuration as YAML; the run fills it in, and all below.")
+    water: bool = option(default=False, help="Whether the method estimates the water, for the diagnostics.")
+    scene: Callable[[FilterResult], SceneUpdate] | None = option(
+        default=None, kind=Anything(), help="Function that returns the boxes of a filtered frame."
+    )
+    record: Callable[[], Metadata] | None = option(
+        default=None, kind=Anything(), help="Function that returns the record of the run when all frames are written."
+    )
+    method: str = option(default="", help="Name of the method.")
+    is_part: bool = option(default=False, help="Whether only a part of the recording is written.")
 
     def takes(self, topic: str) -> bool:
         """Return whether one of the other topics is written."""

@@ -12,8 +12,7 @@ from click.testing import CliRunner
 from seaclutter_cli.commands import cli
 from seaclutter_cli.evaluation.matching import Alarms
 from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, PointCounts
-from seaclutter_cli.runs.evaluate import EvaluateOptions, EvaluateWork, evaluate_logs
-from seaclutter_cli.runs.labels import LabelSources
+from seaclutter_cli.runs.evaluate import EvaluateWork, evaluate
 from seaclutter_cli.runs.score_tables import FrameRows, frame_table
 from tests.evaluation.scenes import frame_of
 from tests.evaluation.scenes import lump as lump_at
@@ -369,9 +368,8 @@ def test_an_interrupted_run_leaves_no_table(log, labels, tmp_path, monkeypatch):
 
     monkeypatch.setattr(EvaluateWork, "study", interrupted)
     before = set(tmp_path.iterdir())
-    options = EvaluateOptions(labels=LabelSources(paths=(labels,)), frames_file=tmp_path / "frames.csv")
     with pytest.raises(KeyboardInterrupt):
-        evaluate_logs(log, options)
+        evaluate(log, labels, frames_file=tmp_path / "frames.csv")
     assert set(tmp_path.iterdir()) == before
 
 

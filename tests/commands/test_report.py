@@ -13,8 +13,8 @@ import pytest
 from click.testing import CliRunner
 
 import seaclutter
-from seaclutter_cli.commands.filter import command as filter_command
-from seaclutter_cli.commands.report import command as report_command
+from seaclutter_cli.commands import cli
+from seaclutter_cli.commands.studies import COMMANDS
 from seaclutter_cli.frame import Reason
 from tests.logs import CLOUD_KINDS, PERIOD_NS, START_NS, Entry, Topic, cloud_log, cloud_message, cloud_topic, write_log
 from tests.paths import ROOT
@@ -93,7 +93,7 @@ def test_unconfirmed_points_are_read_back(page, tmp_path):
     filtered = tmp_path / "run" / "sea.mcap"
     filtered.parent.mkdir()
     arguments = ["-m", "confirmed", "-n", "20", "--keep-raw", "--with-removed", "-o", filtered]
-    done = CliRunner().invoke(filter_command, [str(argument) for argument in (SEA, *arguments)])
+    done = CliRunner().invoke(cli, [str(argument) for argument in ("filter", SEA, *arguments)])
     assert done.exit_code == 0, done.output
     report(filtered, "-o", page)
     again = data_of(page)
@@ -364,4 +364,4 @@ def test_an_interrupted_run_leaves_nothing(tmp_path):
 
 
 def test_the_help_describes_the_selection_of_frames():
-    assert "worst" in report_command.help
+    assert "worst" in COMMANDS["report"].help

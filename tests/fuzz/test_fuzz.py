@@ -43,7 +43,7 @@ def test_a_traceback_is_found(monkeypatch):
 
 @pytest.mark.parametrize(("code", "problem"), [(0, "is missing"), (2, "exit status 2"), (3, "0 reports of damage")])
 def test_a_wrong_exit_status_is_found(monkeypatch, code, problem):
-    monkeypatch.setattr(filter_run, "filter_logs", lambda *_: (_ for _ in ()).throw(SystemExit(code)))
+    monkeypatch.setattr(filter_run, "filter_log", lambda *_, **__: (_ for _ in ()).throw(SystemExit(code)))
     assert any(problem in text for text in filtered().problems)
 
 

@@ -16,8 +16,9 @@ from click.testing import CliRunner
 import seaclutter
 from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import SeaclutterError
-from seaclutter_cli.runs.batch import BatchOptions, Work, run_batch
+from seaclutter_cli.runs.batch import Work, run_batch
 from seaclutter_cli.runs.observer import Silent
+from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.sources import Recording
 from tests.logs import cloud_log

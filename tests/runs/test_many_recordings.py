@@ -7,8 +7,9 @@ import tracemalloc
 
 import pytest
 
-from seaclutter_cli.runs.filter import FilterOptions, filter_logs, plan_works
-from seaclutter_cli.runs.observer import Silent
+from seaclutter_cli.runs.filter import filter_log, filter_run
+from seaclutter_cli.runs.observer import SILENT, Silent
+from seaclutter_cli.runs.options.logs import FilterOptions
 from seaclutter_cli.runs.outputs import check_outputs
 from tests.logs import cloud_log
 
@@ -42,7 +43,7 @@ def looks(folder, monkeypatch):
     with monkeypatch.context() as patch:
         for name in ("stat", "lstat"):
             patch.setattr(os, name, counted(getattr(os, name)))
-        plan = plan_works(str(folder), f"{folder.parent / 'out'}/", FilterOptions())
+        plan = filter_run(FilterOptions(str(folder), f"{folder.parent / 'out'}/"), SILENT)
         check_outputs(plan.outputs, plan.inputs, force=False)
     return count
 
@@ -68,7 +69,7 @@ def test_little_is_kept_of_a_recording(folder, tmp_path):
     memory, some = Memory(), str(folder / "many" / "r000[01]*")
     tracemalloc.start()
     try:
-        filter_logs(some, f"{tmp_path}/", FilterOptions(csv_file=tmp_path / "frames.csv"), memory)
+        filter_log(some, f"{tmp_path}/", csv_file=tmp_path / "frames.csv", observer=memory, keep_going=True)
     finally:
         tracemalloc.stop()
     assert len(memory.sizes) == 2 * FEW

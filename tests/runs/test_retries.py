@@ -5,15 +5,16 @@ import pickle
 import pytest
 
 from seaclutter_cli.errors import ClusterError, MissingExtraError, SeaclutterError
-from seaclutter_cli.runs.filter import FilterOptions, plan_works
-from seaclutter_cli.runs.observer import Silent
+from seaclutter_cli.runs.filter import filter_run
+from seaclutter_cli.runs.observer import SILENT, Silent
+from seaclutter_cli.runs.options.logs import FilterOptions
 from tests.logs import cloud_log
 
 
 @pytest.fixture
 def work(tmp_path):
     cloud_log(tmp_path / "a.mcap", frames=3)
-    (work,) = plan_works(tmp_path / "a.mcap", tmp_path / "out.mcap", FilterOptions()).works
+    (work,) = filter_run(FilterOptions(tmp_path / "a.mcap", tmp_path / "out.mcap"), SILENT).works
     return work
 
 
@@ -33,7 +34,7 @@ def test_any_other_file_is_an_error(work, tmp_path, kind):
         work.target.write_bytes(b"important")
     else:
         cloud_log(tmp_path / "b.mcap", frames=4)
-        (other,) = plan_works(tmp_path / "b.mcap", work.target, FilterOptions()).works
+        (other,) = filter_run(FilterOptions(tmp_path / "b.mcap", work.target), SILENT).works
         assert other.run(Silent()).error is None
     data = work.target.read_bytes()
     assert "out.mcap" in work.run(Silent()).error

@@ -17,6 +17,7 @@ from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import MapPart, aspect_of, draw_map
 from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.options.tiles import MapOptions
 from seaclutter_cli.sinks.geopackage import Feature, Layer, geopackage
 from seaclutter_cli.sources.crs import Crs, ToLongitudeLatitude
 from seaclutter_cli.sources.extents import TileHead
@@ -28,53 +29,20 @@ _LEFT_OUT = "left out of the GeoPackage, which is in WGS 84"
 _PIXELS = 1000
 
 
-@dataclass(frozen=True)
-class MapOptions:
-    """Which maps a run over tiles draws and writes.
+def check_maps(options: MapOptions) -> None:
+    """Check names and libraries before a run."""
+    if options.plot_file:
+        check_target(options.plot_file)
+    check_geodata(shoreline=options.wanted, package=options.gpkg_file is not None)
 
-    Parameters
-    ----------
-    plot_file : Path or None
-        Picture of the tile, or of the whole survey.
-    geojson_file, gpkg_file : Path or None
-        Shoreline and objects as GeoJSON and as GeoPackage.
 
-    Examples
-    --------
-    >>> import seaclutter
-    >>> options = seaclutter.SeparateTilesOptions(maps=seaclutter.MapOptions(plot_file=folder / "map.png"))
-    >>> _ = seaclutter.separate_tiles(["samples/tile.laz"], folder / "mapped.laz", options)
-    >>> (folder / "map.png").exists()
-    True
-    """
-
-    plot_file: Path | None = None
-    geojson_file: Path | None = None
-    gpkg_file: Path | None = None
-
-    @property
-    def wanted(self) -> bool:
-        """Whether there are any."""
-        return any((self.plot_file, self.geojson_file, self.gpkg_file))
-
-    @property
-    def with_geodata(self) -> bool:
-        """Whether there is geodata among them."""
-        return any((self.geojson_file, self.gpkg_file))
-
-    def check(self) -> None:
-        """Check names and libraries before the run."""
-        if self.plot_file:
-            check_target(self.plot_file)
-        check_geodata(shoreline=self.wanted, package=self.gpkg_file is not None)
-
-    def pixel_m(self, tiles: Sequence[TileHead]) -> float:
-        """Return the width of a pixel of the picture of all tiles in metres; 0 if it is not known from headers."""
-        extents = [tile.extent for tile in tiles if tile.extent]
-        if not extents:
-            return 0.0
-        low, high = np.min([one.low for one in extents], axis=0), np.max([one.high for one in extents], axis=0)
-        return float((high - low).max()) / _PIXELS
+def pixel_of(tiles: Sequence[TileHead]) -> float:
+    """Return the width of a pixel of the picture of all tiles in metres; 0 if it is not known from headers."""
+    extents = [tile.extent for tile in tiles if tile.extent]
+    if not extents:
+        return 0.0
+    low, high = np.min([one.low for one in extents], axis=0), np.max([one.high for one in extents], axis=0)
+    return float((high - low).max()) / _PIXELS
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.parts import part_path, release
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
-from seaclutter_cli.runs.batch import BatchOptions, run_batch
+from seaclutter_cli.runs.batch import run_batch
 from seaclutter_cli.runs.classify.maps import (
     NOT_WGS84,
     TileGeodata,
@@ -34,7 +34,6 @@ from seaclutter_cli.runs.classify.maps import (
 from seaclutter_cli.runs.classify.margins import tiles_of
 from seaclutter_cli.runs.classify.tiles import (
     TileOutcome,
-    TileSettingsOptions,
     TileWork,
     errors_of,
     jobs_for,
@@ -45,12 +44,15 @@ from seaclutter_cli.runs.classify.tiles import (
     write_tile,
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.options import BatchOptions, Logs
+from seaclutter_cli.runs.options.tiles import ClassifyTilesOptions
 from seaclutter_cli.runs.outputs import write_files
-from seaclutter_cli.runs.recordings import Logs, PathLike, Result, storing_errors
+from seaclutter_cli.runs.recordings import Result, storing_errors
 from seaclutter_cli.sinks.atomic import CompleteFile, OutputGroup
 from seaclutter_cli.sources.crs import Crs
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, find_tiles, open_tile
 from seaclutter_cli.text import count, printable, table
+from seaclutter_cli.urls import PathLike
 
 _Classified = tuple["TileObjects", bytes, list[NDArray[np.float64]]]
 """Objects of a tile, its picture and its shoreline."""
@@ -59,46 +61,6 @@ _DIMENSIONS = {
     "probability": ("f4", "of the predicted class"),
     "predicted_object": ("u4", "number of the object, 0 none"),
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class ClassifyTilesOptions:
-    """Options of `classify_tiles`: the model, its settings and additional outputs.
-
-    Parameters
-    ----------
-    model : Path
-        Trained model.
-    settings : TileSettingsOptions
-        Settings that override the ones stored in the model, except for the features.
-    csv_file : Path or None
-        CSV table with a line for each object.
-    geojson_file : Path or None
-        GeoJSON file with the boxes of the objects.
-    gpkg_file : Path or None
-        GeoPackage with these boxes and the shoreline, in WGS 84.
-    plot_file : Path or None
-        Picture of the tile in top view; for a single tile.
-    force : bool
-        Replace existing files.
-    batch : BatchOptions
-        How several tiles are processed.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> seaclutter.ClassifyTilesOptions(model=folder / "model.skops", csv_file=folder / "objects.csv").force
-    False
-    """
-
-    model: Path
-    settings: TileSettingsOptions = field(default_factory=TileSettingsOptions)
-    csv_file: Path | None = None
-    geojson_file: Path | None = None
-    gpkg_file: Path | None = None
-    plot_file: Path | None = None
-    force: bool = False
-    batch: BatchOptions = field(default_factory=BatchOptions)
 
 
 def classify_tiles(

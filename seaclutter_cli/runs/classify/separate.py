@@ -2,10 +2,10 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +14,9 @@ from seaclutter_cli.airborne.separation import NEVER, WATER, SeaState, Separatio
 from seaclutter_cli.airborne.settings import TileSettings, parse_settings
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import CloudError, SelectionError, UsageError
-from seaclutter_cli.runs.batch import BatchOptions, run_batch
-from seaclutter_cli.runs.classify.maps import DrawnTile, MapOptions, drawn, map_files
-from seaclutter_cli.runs.classify.margins import MARGIN_M, check_widths, margins_of, points_of, tiles_of
+from seaclutter_cli.runs.batch import run_batch
+from seaclutter_cli.runs.classify.maps import DrawnTile, check_maps, drawn, map_files, pixel_of
+from seaclutter_cli.runs.classify.margins import check_widths, margins_of, points_of, tiles_of
 from seaclutter_cli.runs.classify.separated import (
     LAND,
     RUN,
@@ -30,7 +30,6 @@ from seaclutter_cli.runs.classify.separated import (
     recorded_separation,
 )
 from seaclutter_cli.runs.classify.tiles import (
-    TileSettingsOptions,
     TileWork,
     errors_of,
     jobs_for,
@@ -40,59 +39,18 @@ from seaclutter_cli.runs.classify.tiles import (
     write_tile,
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.options import BatchOptions, Logs
+from seaclutter_cli.runs.options.tiles import MapOptions, SeparateTilesOptions
 from seaclutter_cli.runs.outputs import write_files, write_manifest
-from seaclutter_cli.runs.recordings import Logs, PathLike, storing_errors
+from seaclutter_cli.runs.recordings import storing_errors
 from seaclutter_cli.runs.resume import RunIdentity, digest_of, digest_of_paths, earlier_outcomes, same_output_accepted
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources.extents import Margin, open_tile_or_window
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, find_tiles
+from seaclutter_cli.urls import PathLike
 from seaclutter_cli.validation import plain
 
 _HEIGHT = {"height_above_sea": ("f4", "metres above the sea surface")}
-
-
-@dataclass(frozen=True, kw_only=True)
-class SeparateTilesOptions:
-    """Options of `separate_tiles`.
-
-    Parameters
-    ----------
-    settings : TileSettingsOptions
-        Settings of the separation.
-    with_height : bool
-        Also write each point's height above the sea surface.
-    land : {"keep", "class2", "ignore"} or None
-        What low and flat land becomes; None: as in the settings.
-    trust_classes : tuple of {2, 9} or None
-        Classes of the input that are right: ground (2), water (9); None: as in the settings.
-    margin_m : float
-        Width of the margin around each of several tiles in which points of its neighbours count, up to 1 km; 0: none.
-    window_m : float or None
-        Width of the windows in which COPC files are read, each of which becomes a tile, 50 m to 100 km; None: as a
-        whole.
-    maps : MapOptions
-        Picture, and geodata of the shoreline and the objects.
-    force : bool
-        Replace existing files.
-    batch : BatchOptions
-        How several tiles are processed.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> seaclutter.SeparateTilesOptions(with_height=True).settings.load().separation.window_m
-    20.0
-    """
-
-    settings: TileSettingsOptions = field(default_factory=TileSettingsOptions)
-    with_height: bool = False
-    land: Literal["keep", "class2", "ignore"] | None = None
-    trust_classes: tuple[Literal[2, 9], ...] | None = None
-    margin_m: float = MARGIN_M
-    window_m: float | None = None
-    maps: MapOptions = field(default_factory=MapOptions)
-    force: bool = False
-    batch: BatchOptions = field(default_factory=BatchOptions)
 
 
 def separate_tiles(
@@ -135,7 +93,7 @@ def separate_tiles(
     inputs, others = {"-c": options.settings.file}, {"--manifest": batch.manifest}
     maps = options.maps
     others |= {"--plot": maps.plot_file, "--geojson": maps.geojson_file, "--gpkg": maps.gpkg_file}
-    maps.check()
+    check_maps(maps)
     heads = tiles_of(find_tiles(tiles), options.window_m, observer)
     targets = plan_tiles(heads, output, others, inputs, force=replaced, observer=observer)
     margins = margins_of(heads, options.margin_m, observer)
@@ -149,7 +107,7 @@ def separate_tiles(
             with_height=options.with_height,
             margin=margin,
             is_recorded=len(heads) > 1 or batch.resume,
-            pixel_m=maps.pixel_m(heads) if maps.wanted else None,
+            pixel_m=pixel_of(heads) if maps.wanted else None,
         )
         for head, target, margin in zip(heads, targets, margins, strict=True)
     ]

@@ -10,15 +10,16 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.plausibility import doubts_about_sea
 from seaclutter_cli.airborne.separation import Separation
-from seaclutter_cli.airborne.settings import TileSettings, load_settings
+from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.jobs.processes import default_jobs
-from seaclutter_cli.runs.batch import BatchOptions, Work
+from seaclutter_cli.runs.batch import Work
 from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.output_plan import is_folder
 from seaclutter_cli.runs.outputs import Paths, is_file, prepare_outputs
-from seaclutter_cli.runs.recordings import Outcome, PathLike
+from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las
 from seaclutter_cli.sinks.point_files import POINT_WRITERS, with_columns, write_points
@@ -27,6 +28,7 @@ from seaclutter_cli.sources.extents import TileHead
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, intensity_name, read_columns
 from seaclutter_cli.text import count
+from seaclutter_cli.urls import PathLike
 
 R = TypeVar("R")
 O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
@@ -34,32 +36,6 @@ O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
 _LAS = (".las", ".laz")
 _MEMORY_PER_TILE = 1500 * 2**20
 """Memory in bytes that a tile may need: some ten million points."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TileSettingsOptions:
-    """Sources of the settings of a run over tiles: defaults < file < single keys.
-
-    Parameters
-    ----------
-    file : Path or None
-        Settings file (YAML).
-    overrides : tuple of str
-        ``section.key=value``; values are YAML.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> seaclutter.TileSettingsOptions(overrides=("separation.window_m=30",)).load().separation.window_m
-    30
-    """
-
-    file: Path | None = None
-    overrides: tuple[str, ...] = ()
-
-    def load(self, base: TileSettings | None = None) -> TileSettings:
-        """Return the settings, on top of ``base`` or the defaults; raise `ConfigError` if any is invalid."""
-        return load_settings(self.file, self.overrides, base)
 
 
 @contextmanager

@@ -1,6 +1,6 @@
 """Training of a random forest on labelled tiles."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -17,52 +17,15 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import draw_confusion
-from seaclutter_cli.runs.classify.tiles import (
-    TileSettingsOptions,
-    errors_of,
-    warn_without_classes,
-    warn_without_intensity,
-)
+from seaclutter_cli.runs.classify.tiles import errors_of, warn_without_classes, warn_without_intensity
 from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.options import Logs
+from seaclutter_cli.runs.options.tiles import TrainForestOptions
 from seaclutter_cli.runs.outputs import prepare_outputs, write_files
-from seaclutter_cli.runs.recordings import Logs, Result
+from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.sources.tiles import TilePointReader, find_tiles, open_tile, read_columns
 from seaclutter_cli.text import UNKNOWN, count, table
 from seaclutter_cli.truth import OBJECT_CLASSES
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrainForestOptions:
-    """Options of `train_forest`.
-
-    Parameters
-    ----------
-    output : Path
-        Model file to write.
-    settings : TileSettingsOptions
-        Settings of separation, features and forest.
-    class_field : str
-        Field with the class of each point, 1 to 8; 0 for none.
-    object_field : str
-        Field with the object number of each point; without it, clusters of a class are treated as objects.
-    plot_file : Path or None
-        Picture of the confusion matrix.
-    force : bool
-        Replace existing files.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> seaclutter.TrainForestOptions(output=folder / "model.skops").settings.load().forest.trees
-    100
-    """
-
-    output: Path
-    settings: TileSettingsOptions = field(default_factory=TileSettingsOptions)
-    class_field: str = "object_class"
-    object_field: str = "object_id"
-    plot_file: Path | None = None
-    force: bool = False
 
 
 def train_forest(tiles: Logs, options: TrainForestOptions, observer: Observer = SILENT) -> "TrainingReport":

@@ -15,9 +15,11 @@ from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.options import Logs, ReadOptions
+from seaclutter_cli.runs.options.scenes import ClassifierOptions, LabelledLogs
 from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs
-from seaclutter_cli.runs.recordings import Logs, Outcome, ReadOptions, RecordingsResult, expand, storing_errors
-from seaclutter_cli.runs.scene.logs import ClassifierOptions, LabelledLogs, confusion_table, read_frames
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand, storing_errors
+from seaclutter_cli.runs.scene.logs import confusion_table, read_frames
 from seaclutter_cli.scenes.model import SceneModel
 from seaclutter_cli.scenes.tracker import SceneDecision, SceneTracker
 from seaclutter_cli.scenes.training import SceneScores
@@ -303,10 +305,13 @@ class SceneEvaluation(RecordingsResult):
             "damage": [str(item) for log in self.outcomes for item in log.damage],
         }
 
-    def as_text(self, *, verbose: bool = False) -> str:
-        """Return the result as human-readable text; if verbose, with the recordings that have misclassified frames."""
-        confusion, misclassified = self.confusion, self.misclassified
-        frames, correct = count(int(confusion.counts.sum()), "frame"), len(self.read) - len(misclassified)
+    def as_text(self) -> str:
+        """Return the result as human-readable text."""
+        confusion = self.confusion
+        frames, correct = count(int(confusion.counts.sum()), "frame"), len(self.read) - len(self.misclassified)
         title = f"{frames} of {count(len(self.read), 'recording')}, {correct} of them without a misclassified frame"
-        more = [table(_MISCLASSIFIED, misclassified)] if verbose and misclassified else []
-        return "\n".join((title, confusion_table(confusion), *more))
+        return f"{title}\n{confusion_table(confusion)}"
+
+    def details(self) -> str:
+        """Return the recordings that have misclassified frames."""
+        return table(_MISCLASSIFIED, self.misclassified) if self.misclassified else ""

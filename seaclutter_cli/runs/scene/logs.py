@@ -10,7 +10,8 @@ from seaclutter_cli.frame import Frame
 from seaclutter_cli.reading import frames
 from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.observer import Observer, Step
-from seaclutter_cli.runs.recordings import ReadOptions, warnings_of
+from seaclutter_cli.runs.options import ReadOptions
+from seaclutter_cli.runs.recordings import open_recording, warnings_of
 from seaclutter_cli.scenes.training import SceneScores
 from seaclutter_cli.sources import Recording, find_recordings
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
@@ -18,77 +19,25 @@ from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
 from seaclutter_cli.text import share, table
 
 
-@dataclass(frozen=True, kw_only=True)
-class ClassifierOptions:
-    """Options of a trained scene classifier.
+def find_labelled(folders: Sequence[Path], scenes: Sequence[str]) -> "list[LabelledLog]":
+    """Return the recordings in folders of classes and in entries ``CLASS=LOGS``, with their true classes.
 
-    Parameters
-    ----------
-    model : str
-        ONNX file of the classifier, or the name of a built-in one.
-    every : int
-        Interval in frames at which the classifier runs; the other frames keep the scene.
-    hold : int
-        Consecutive classifications that must agree on another scene before it changes.
-    csv_file : Path or None
-        CSV table with a line for each frame.
-    force : bool
-        Replace existing files.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> seaclutter.ClassifierOptions(every=10, hold=3).model
-    'open_confined'
+    Raises
+    ------
+    UsageError
+        If there are no recordings, or one has two classes.
     """
-
-    model: str = "open_confined"
-    every: int = 1
-    hold: int = 1
-    csv_file: Path | None = None
-    force: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class LabelledLogs:
-    """Logs by the class of their scene.
-
-    Parameters
-    ----------
-    folders : tuple of Path
-        Folders that each contain a folder of recordings for each class, named after the class.
-    scenes : tuple of str
-        Entries ``CLASS=LOGS``, where LOGS is a file, folder or glob.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> [(log.scene, log.recording.name) for log in seaclutter.LabelledLogs(scenes=("open=samples/sea.mcap",)).find()]
-    [('open', 'sea')]
-    """
-
-    folders: tuple[Path, ...] = ()
-    scenes: tuple[str, ...] = ()
-
-    def find(self) -> "list[LabelledLog]":
-        """Return the recordings with their true classes.
-
-        Raises
-        ------
-        UsageError
-            If there are no recordings, or one has two classes.
-        """
-        named = [_parse(text) for text in self.scenes]
-        named += [(folder.name, str(folder)) for parent in self.folders for folder in _class_folders(parent)]
-        if not named:
-            raise UsageError("no logs: give a folder that contains a folder for each class, or --scene CLASS=LOGS")
-        found: dict[Path, LabelledLog] = {}
-        for scene, pattern in named:
-            for recording in find_recordings([pattern]):
-                first = found.setdefault(recording.key, LabelledLog(recording, scene))
-                if first.scene != scene:
-                    raise UsageError(f"{recording.paths[0]}: labelled as both {first.scene} and {scene}")
-        return list(found.values())
+    named = [_parse(text) for text in scenes]
+    named += [(folder.name, str(folder)) for parent in folders for folder in _class_folders(parent)]
+    if not named:
+        raise UsageError("no logs: give a folder that contains a folder for each class, or --scene CLASS=LOGS")
+    found: dict[Path, LabelledLog] = {}
+    for scene, pattern in named:
+        for recording in find_recordings([pattern]):
+            first = found.setdefault(recording.key, LabelledLog(recording, scene))
+            if first.scene != scene:
+                raise UsageError(f"{recording.paths[0]}: labelled as both {first.scene} and {scene}")
+    return list(found.values())
 
 
 @dataclass(frozen=True)
@@ -129,7 +78,7 @@ def read_frames(
     InputError
         If no frame can be read.
     """
-    with closing(reading.open(recording)) as source:
+    with closing(open_recording(recording, reading)) as source:
         found = 0
         with warnings_of(source, observer):
             for frame in frames(source, reading.selection):

@@ -1,7 +1,7 @@
 """Training of a scene classifier on recordings with known scenes."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, astuple, dataclass, field
+from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,50 +12,15 @@ from seaclutter_cli.plots.curves import draw_training
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.options.scenes import LabelledLogs, TrainSceneOptions
 from seaclutter_cli.runs.outputs import inputs_of, prepare_outputs, write_files
-from seaclutter_cli.runs.recordings import ReadOptions, Result
-from seaclutter_cli.runs.scene.logs import LabelledLog, LabelledLogs, confusion_table, read_frames
+from seaclutter_cli.runs.recordings import Result
+from seaclutter_cli.runs.scene.logs import LabelledLog, confusion_table, read_frames
+from seaclutter_cli.scenes import TrainingParams
 from seaclutter_cli.scenes.examples import Examples
 from seaclutter_cli.scenes.network import to_onnx
-from seaclutter_cli.scenes.training import Epoch, Trained, TrainingParams, check_torch, train
+from seaclutter_cli.scenes.training import Epoch, Trained, check_torch, train
 from seaclutter_cli.text import count, printable
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrainSceneOptions:
-    """Options of `train_scenes`.
-
-    Parameters
-    ----------
-    output : Path
-        Model file to write (ONNX).
-    training : TrainingParams
-        Parameters of the training.
-    extent_m : float
-        Half the side of the square in the top view, in metres.
-    every : int
-        Interval of the frames to use; consecutive frames are nearly the same.
-    reading : ReadOptions
-        Part of each recording to read.
-    plot_file : Path or None
-        Picture of loss and precision over the epochs.
-    force : bool
-        Replace existing files.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> seaclutter.TrainSceneOptions(output=folder / "model.onnx").training.epochs
-    30
-    """
-
-    output: Path
-    training: TrainingParams = field(default_factory=TrainingParams)
-    extent_m: float = 60.0
-    every: int = 1
-    reading: ReadOptions = field(default_factory=ReadOptions)
-    plot_file: Path | None = None
-    force: bool = False
 
 
 def train_scenes(logs: LabelledLogs, options: TrainSceneOptions, observer: Observer = SILENT) -> "SceneTraining":

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.runs.convert import ConvertOptions, convert_logs
+from seaclutter_cli.runs.convert import convert_log
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sources import SOURCES
 from seaclutter_cli.sources.frame_files import FRAME_READERS
@@ -70,7 +70,7 @@ def inputs(tmp_path_factory):
 
 
 def convert(path, target, form):
-    result = convert_logs(path, target, ConvertOptions(to=form))
+    result = convert_log(path, target, to=form, keep_going=True)
     (outcome,) = result.outcomes
     assert outcome.error is None
     assert all("/imu" in item.problem for item in outcome.damage)  # of random bytes, which have no translation

@@ -8,7 +8,7 @@ import yaml
 from rosbags.rosbag2 import Reader
 
 from seaclutter_cli.records import Channel, Schema
-from seaclutter_cli.runs.convert import ConvertOptions, convert_logs
+from seaclutter_cli.runs.convert import convert_log
 from seaclutter_cli.sinks.bag_writer import BagWriter
 from seaclutter_cli.sinks.options import McapOptions, Split
 from seaclutter_cli.sources import open_source
@@ -41,7 +41,7 @@ QOS += "\n  liveliness: 1\n  avoid_ros_namespace_conventions: false"
 
 
 def convert(log, target, form, **written):
-    (outcome,) = convert_logs(log, target, ConvertOptions(to=form, written=McapOptions(**written))).outcomes
+    (outcome,) = convert_log(log, target, to=form, written=McapOptions(**written), keep_going=True).outcomes
     assert (outcome.error, outcome.damage) == (None, [])
     return outcome
 

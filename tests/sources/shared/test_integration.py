@@ -9,7 +9,7 @@ from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.records import Message
-from seaclutter_cli.runs.recordings import ReadOptions
+from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.sources import find_recordings
 from tests import logs
 from tests.messages import wrapped

@@ -1,45 +1,53 @@
-"""Logs as iterators of frames."""
+"""Names of the API that are no use cases: logs as iterators of frames, and filters for points in memory."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from __future__ import annotations
+
 from contextlib import ExitStack
-from pathlib import Path
-from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Any, Self
 
 from seaclutter_cli.buckets import local_copy, naming, shown
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.frame import Frame
-from seaclutter_cli.interfaces import Source
+from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.messages import find_codec
+from seaclutter_cli.options import Anything, function_of, option
 from seaclutter_cli.reading import frames
-from seaclutter_cli.records import Damage, SensorFacts
-from seaclutter_cli.runs.recordings import PathLike, ReadOptions, expand
+from seaclutter_cli.runs.methods import configured
+from seaclutter_cli.runs.options import Decoding
+from seaclutter_cli.runs.options.methods import ConfigOptions
+from seaclutter_cli.runs.recordings import expand, open_recording
 from seaclutter_cli.selection import Moment, Selection
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from types import TracebackType
 
-def open_log(
-    path: PathLike,
-    *,
-    rate_hz: float = 10.0,
-    calibration: PathLike | None = None,
-    sensor: str | None = None,
-    integrate_ms: float | None = None,
-) -> "Log":
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from seaclutter_cli.config import Config
+    from seaclutter_cli.interfaces import Filter, Source
+    from seaclutter_cli.records import Damage, SensorFacts
+    from seaclutter_cli.urls import PathLike
+
+    Settings = PathLike | Mapping[str, Any] | Config
+
+
+class OpenOptions(Decoding):
+    """Options for opening a recording."""
+
+    path: PathLike = option(
+        "LOG",
+        kind=Anything(),
+        help="MCAP file, ROS 1 or ROS 2 bag, packet capture, folder of frames, single frame, or a folder or glob that "
+        "contains one recording of several files.",
+        type="path",
+        kw_only=False,
+    )
+
+
+@function_of(OpenOptions)
+def open_log(options: OpenOptions) -> Log:
     """Open a recording in any supported format.
-
-    Parameters
-    ----------
-    path : path
-        MCAP file, ROS 1 or ROS 2 bag, packet capture, folder of frames, single frame, or a folder or glob that
-        contains one recording of several files.
-    rate_hz : float, optional
-        Frames per second of recordings without time stamps.
-    calibration : path, optional
-        File with angles or metadata of the sensor, for packets that lack them.
-    sensor : str, optional
-        Sensor model, for packets that do not identify it.
-    integrate_ms : float, optional
-        Duration of a frame in milliseconds, for lidars whose scans do not repeat.
 
     Returns
     -------
@@ -60,15 +68,13 @@ def open_log(
     ...     print(log.name, log.format, log.topics)
     sea MCAP ('/points',)
     """
-    file = Path(calibration) if calibration else None
-    reading = ReadOptions(rate_hz=rate_hz, calibration=file, sensor=sensor, integrate_ms=integrate_ms)
     with ExitStack() as stack:
-        local = stack.enter_context(local_copy(path))
+        local = stack.enter_context(local_copy(options.path))
         recordings = expand(local)
         if len(recordings) > 1:
             names = ", ".join(str(recording.paths[0]) for recording in recordings)
             raise UsageError(f"{local}: contains {len(recordings)} recordings; open one of {names}")
-        return Log(reading.open(recordings[0]), stack.pop_all().close)
+        return Log(open_recording(recordings[0], options), stack.pop_all().close)
 
 
 class Log:
@@ -182,3 +188,95 @@ class Log:
         self._source.close()
         self._source.warnings[:], self._source.damage[:] = self.warnings, self.damage
         self._release()
+
+
+def filter_points(
+    xyz: NDArray[np.floating],
+    intensity: NDArray[Any] | None = None,
+    *,
+    method: str | None = None,
+    config: Settings | None = None,
+) -> FilterResult:
+    """Filter one point cloud.
+
+    Methods that learn from frame to frame, such as ``joint``, treat it as the first frame of a recording; for the
+    frames of a recording, use `make_filter`.
+
+    Parameters
+    ----------
+    xyz : ndarray, shape (N, 3), float32 or float64
+        Coordinates in metres in the frame of the lidar. Points at the origin or with a coordinate that is not finite
+        are invalid.
+    intensity : ndarray, shape (N,), optional
+        Intensity in the sensor's unit.
+    method : str, optional
+        Filter method; by default that of the configuration, or ``joint``.
+    config : path, mapping or Config, optional
+        Configuration file or the name of a built-in one, the content of a file, or a configuration.
+
+    Returns
+    -------
+    FilterResult
+        ``keep``, shape (N,), bool, and ``reason``, shape (N,), uint8: a `Reason` for every point.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not match.
+    ConfigError
+        If the configuration is not valid.
+    FieldError
+        If the method needs intensities and ``intensity`` is None.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import seaclutter
+    >>> xyz = np.array([[20.0, 0, 0], [20, 1, 0], [30, 0, 0], [5, 0, 0]])
+    >>> result = seaclutter.filter_points(xyz, np.array([90, 80, 3, 70]))
+    >>> result.keep
+    array([ True,  True, False, False])
+    >>> [seaclutter.Reason(code).name for code in result.reason.tolist()]
+    ['KEPT', 'KEPT', 'LOW_INTENSITY', 'NEAR']
+    """
+    chosen = make_filter(method, config)
+    frame = Frame.of_arrays(xyz, intensity)
+    if chosen.needs_first_pass:
+        chosen.observe(frame)
+    return chosen.step(frame)
+
+
+def make_filter(method: str | None = None, config: Settings | None = None, **parameters: Any) -> Filter:
+    """Return a new filter for the frames of one topic of one recording.
+
+    Parameters
+    ----------
+    method : str, optional
+        Filter method; by default that of the configuration, or ``joint``.
+    config : path, mapping or Config, optional
+        Configuration file or the name of a built-in one, the content of a file, or a configuration.
+    **parameters : optional
+        Parameters of the method by their configuration keys; they override the configuration.
+
+    Returns
+    -------
+    Filter
+        Call ``step(frame)`` for each frame in order, and ``reset()`` before another recording. Where
+        ``needs_first_pass``, pass all frames to ``observe(frame)`` first.
+
+    Raises
+    ------
+    ConfigError
+        If a method or parameter is unknown, or a value is not allowed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import seaclutter
+    >>> sor = seaclutter.make_filter("sor", neighbors=2, std_ratio=0.5)
+    >>> xyz = np.array([[0.0, 0, 1], [0.1, 0, 1], [0.2, 0, 1], [9, 0, 1]])
+    >>> sor.step(seaclutter.Frame.of_arrays(xyz)).keep
+    array([ True,  True,  True, False])
+    """
+    settings = {f"filter.{key}": value for key, value in parameters.items()}
+    return configured(ConfigOptions(config=config, method=method, settings=settings)).make_filter()

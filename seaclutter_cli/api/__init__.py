@@ -1,1 +1,0 @@
-"""Functions and classes behind ``import seaclutter``, with plain arguments in place of options objects."""

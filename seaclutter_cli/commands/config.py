@@ -1,0 +1,97 @@
+"""``seaclutter config``: configurations, and lists of built-in sensors, methods and scenes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from seaclutter_cli.commands.console import DEBUG, Console
+from seaclutter_cli.commands.options import command
+from seaclutter_cli.commands.printer import show, show_error, show_exactly
+from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.options import Anything, Choice, Options, option
+from seaclutter_cli.runs.options.methods import ConfigOptions
+from seaclutter_cli.text import printable
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_KINDS = ("sensors", "methods", "formats", "configs", "scenes", "layouts", "tiles", "lidars")
+
+
+class _ListOptions(Options):
+    """What is listed."""
+
+    kinds: Sequence[str] = option("[KIND]...", default=(), kind=Choice(_KINDS), help="Kinds of items.", repeatable=True)
+    text: str = option(
+        "--match", default="", metavar="TEXT", help="List only names, makers and summaries that contain TEXT."
+    )
+
+
+def _show(console: Console, **sources: Any) -> None:
+    """Print the effective configuration."""
+    from seaclutter_cli.runs.methods import configured
+
+    effective = configured(ConfigOptions(**sources))
+    if console.as_json:
+        show_exactly(json.dumps(effective.as_dict(), indent=2))  # a configuration, which has no version of a schema
+    else:
+        show_exactly(effective.to_yaml(comments=True).rstrip("\n"))
+
+
+def _check(_: Console, files: Sequence[str]) -> None:
+    """Print whether files are valid; exit with an error if any is not."""
+    from seaclutter_cli.config import load_config
+
+    context, valid = click.get_current_context(), True
+    for file in files:
+        try:
+            config = load_config(Path(file))
+        except ConfigError as error:
+            if DEBUG in context.meta:
+                raise
+            show_error(error)
+            valid = False
+        else:
+            show(f"{printable(file)}: valid, method {config.method}")
+    if not valid:
+        context.exit(ConfigError.exit_code)
+
+
+def _list(console: Console, kinds: Sequence[str], text: str) -> None:
+    """Print lists of built-in items."""
+    from seaclutter_cli.runs.builtin import list_builtin
+
+    console.finish(list_builtin().only(kinds or _KINDS, text))
+
+
+COMMANDS = {
+    "show": command(
+        "show",
+        _show,
+        ConfigOptions,
+        "Print the effective configuration, ready to save and edit.",
+        messages=("as_json",),
+    ),
+    "check": command(
+        "check",
+        _check,
+        {"files": option("FILES...", kind=Anything(), help="Configuration files.")},
+        "Check configuration files and list all errors.",
+        messages=(),
+    ),
+    "list": command(
+        "list",
+        _list,
+        _ListOptions,
+        """List built-in items, by default of every KIND.
+
+        KIND is sensors, methods, formats, configs, scenes, layouts, tiles (scenes from the air), or lidars (to
+        simulate).
+        """,
+        messages=("as_json",),
+    ),
+}

@@ -1,0 +1,86 @@
+"""Commands that make labelled logs, and study methods on them."""
+
+from seaclutter_cli.commands.command_line import command_line
+from seaclutter_cli.commands.options import command
+from seaclutter_cli.runs.options.simulate import SimulationOptions
+from seaclutter_cli.runs.options.studies import (
+    CalibrateOptions,
+    EvaluateOptions,
+    LabelCheckOptions,
+    ReportOptions,
+    TuneOptions,
+)
+
+COMMANDS = {
+    "calibrate": command(
+        "calibrate",
+        "runs.calibrate:calibrate",
+        CalibrateOptions,
+        """Find the threshold of each range ring and the far limit of clutter in LOGS, and write a configuration.
+
+        LOGS should contain sea clutter recorded by your sensor, and no targets; use --labels to leave targets out. All
+        other settings, including the width of the range rings, come from the configuration given with -c. With
+        -m confirmed, the mounting of the lidar is found as well.
+        """,
+    ),
+    "evaluate": command(
+        "evaluate",
+        "runs.evaluate:evaluate",
+        EvaluateOptions,
+        """Filter LOGS, cluster the remaining points and compare the clusters with labels.
+
+        LOGS are MCAP files, ROS bags, rosbag2 folders, packet captures (PCAP, PCAPNG), folders of frames, or globs.
+        Several methods run in one pass. Frames without a label are counted, but left out of every rate.
+        """,
+    ),
+    "tune": command(
+        "tune",
+        "runs.tune:tune",
+        TuneOptions,
+        """Filter LOGS with every combination of methods and parameter values, and report the best one.
+
+        The best combination has the fewest bad frames: those with a false alarm plus those with a missed target. Ties
+        go to the combination with the fewest false alarms and missed targets, then to the first. Some of the labelled
+        frames are held out: they do not take part in the choice and show what the best combination is worth on new
+        data.
+        """,
+    ),
+    "report": command(
+        "report",
+        "runs.report:report",
+        ReportOptions,
+        """Write a page that shows the effect of a filter on LOGS and, with labels, its quality.
+
+        LOGS are raw logs, which are filtered for the report, or logs written by `filter --keep-raw --with-removed`,
+        which are not filtered again. The page shows the points of selected frames: the worst, the best, and some
+        evenly spaced ones.
+        """,
+        command=command_line,
+    ),
+    "check": command(
+        "check",
+        "runs.label_check:check_labels",
+        LabelCheckOptions,
+        """Compare labels with the points of LOGS, and name probable mistakes with their remedies.
+
+        Found are yaws in degrees or in the other direction, length and width or x and y swapped, centimetres and
+        millimetres, positions off by a distance, boxes too small or too large, duplicates, misspelt classes, and
+        labels of another recording. These are guesses from up to twelve frames. The exit status is 1 if there are any.
+        `evaluate`, `tune` and `report` give the same as warnings.
+        """,
+    ),
+    "simulate": command(
+        "simulate",
+        "runs.simulate:simulate",
+        SimulationOptions,
+        """Simulate a labelled lidar recording of SCENE: a scene file (YAML), or the name of a built-in scene or layout.
+
+        LOG.mcap has clouds with a field `label`: 0 for clutter, 65535 for own ship or ignored points, otherwise the
+        number of the target. LOG.labels.csv has a box for each target and frame. LOG.pcap has packets, which carry no
+        labels. A layout generates a different scene for each seed. A scene with a section `tile` is recorded from the
+        air: the output is a LAS or LAZ file with the true class of each point (classification, object_class,
+        object_id). `seaclutter config list` lists the built-in scenes, layouts, tiles and lidars. With --seeds, the
+        recordings are OUT/SCENE_SEED.mcap, and tiles OUT/SCENE_SEED.laz.
+        """,
+    ),
+}

@@ -1,0 +1,397 @@
+"""Options, each declared once: a field of a class, with its flags, limits and help.
+
+The options of a command, the keywords of the Python function, the checks of both and the documentation are made from
+the fields. Modules with such classes import nothing heavy, so that the help of a command appears at once.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import math
+import numbers
+import operator
+import os
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
+from dataclasses import MISSING, dataclass, field, fields
+from functools import wraps
+from pathlib import Path
+from typing import Any, Generic, ParamSpec, Self, TypeVar, dataclass_transform, overload
+
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.text import named_folder
+from seaclutter_cli.urls import PathLike, Url, is_url, place
+
+P = ParamSpec("P")
+R = TypeVar("R")
+T = TypeVar("T")
+Given = TypeVar("Given")
+Stored = TypeVar("Stored")
+
+GROUPS = ("Input", "Method", "Output", "Many recordings", "Messages")
+"""Groups of options in help, after those that belong to none because they are the usual ones."""
+
+
+class Kind:
+    """Values of an option; any text by default. Places are files, folders, URLs and what receives texts about them."""
+
+    is_place = False
+
+    def parse(self, text: str) -> Any:
+        """Return the value of a text on the command line; raise `ValueError` with the problem if there is none."""
+        return text
+
+    def check(self, value: Any, name: str) -> Any:
+        """Return a value as it is stored; raise `UsageError` that names the option if it is not allowed."""
+        if not isinstance(value, str):
+            raise UsageError(f"{name}: must be text, got {value!r}")
+        return value
+
+    def check_all(self, values: Any, name: str) -> Any:
+        """Return the values of an option that can be repeated; a single one need not be in a sequence."""
+        given = [values] if isinstance(values, str | os.PathLike | Url | int) else values
+        if not isinstance(given, Iterable):
+            raise UsageError(f"{name}: must be a sequence, got {values!r}")
+        return tuple(self.check(value, name) for value in given)
+
+
+@dataclass(frozen=True)
+class Anything(Kind):
+    """Values that are not checked."""
+
+    is_place: bool = False
+
+    def check(self, value: Any, name: str) -> Any:  # noqa: ARG002
+        """Return the value."""
+        return value
+
+
+class Flag(Kind):
+    """True or false."""
+
+    def check(self, value: Any, name: str) -> Any:
+        """Return a Boolean."""
+        if not isinstance(value, bool):
+            raise UsageError(f"{name}: must be True or False, got {value!r}")
+        return value
+
+
+@dataclass(frozen=True)
+class Number(Kind):
+    """Finite numbers within limits, which are excluded if ``above`` and ``below`` say so."""
+
+    least: float | None = None
+    most: float | None = None
+    above: bool = False
+    below: bool = False
+
+    def check(self, value: Any, name: str) -> Any:
+        """Return a number."""
+        if isinstance(value, bool) or not isinstance(value, numbers.Real) or not math.isfinite(value):
+            raise UsageError(f"{name}: must be a finite number, got {value!r}")
+        return self._within(float(value), name)
+
+    def _within(self, value: Any, name: str) -> Any:
+        low, high = self.least, self.most
+        if low is not None and (value <= low if self.above else value < low):
+            raise UsageError(f"{name}: must be {'greater than' if self.above else 'at least'} {low:g}, got {value:g}")
+        if high is not None and (value >= high if self.below else value > high):
+            raise UsageError(f"{name}: must be {'less than' if self.below else 'at most'} {high:g}, got {value:g}")
+        return value
+
+
+class Whole(Number):
+    """Whole numbers within limits."""
+
+    def check(self, value: Any, name: str) -> Any:
+        """Return a whole number."""
+        if isinstance(value, bool) or not hasattr(value, "__index__"):
+            raise UsageError(f"{name}: must be a whole number, got {value!r}")
+        return self._within(operator.index(value), name)
+
+
+@dataclass(frozen=True)
+class Choice(Kind):
+    """Names; as a mapping, names on the command line and the values that they stand for."""
+
+    names: Sequence[str] | Mapping[str, str]
+
+    def parse(self, text: str) -> Any:
+        """Return the value of a name."""
+        return self.names[text] if isinstance(self.names, Mapping) else text
+
+    def check(self, value: Any, name: str) -> Any:
+        """Return one of the values."""
+        allowed = tuple(self.names.values() if isinstance(self.names, Mapping) else self.names)
+        if value not in allowed:
+            raise UsageError(f"{name}: must be one of {', '.join(map(repr, allowed))}, got {value!r}")
+        return value
+
+
+@dataclass(frozen=True)
+class Place(Kind):
+    """Files and folders here; if ``remote``, URLs of objects too.
+
+    An ``output`` is a file, or stays as it was given if it may be a folder, which a slash at its end says.
+    """
+
+    is_place = True
+
+    remote: bool = False
+    output: bool = False
+    or_folder: bool = False
+
+    def check(self, value: Any, name: str) -> Any:
+        """Return a path or URL."""
+        if value == "-":
+            raise UsageError(f"-: {name} takes a file, not a standard stream (./- is a file of this name)")
+        if self.output and not self.or_folder and named_folder(str(value)):
+            raise UsageError(f"{value}: names a folder by the slash at its end; {name} takes a file")
+        found = place(value)
+        if is_url(found) and not self.remote:
+            raise UsageError(f"{found}: {name} takes a local path")
+        return value if self.or_folder else found
+
+
+@dataclass(frozen=True)
+class Parsed(Kind):
+    """Values that a function makes of a text; others are checked by another kind, if there is one."""
+
+    of_text: Callable[[str], Any]
+    others: Kind | None = None
+
+    def parse(self, text: str) -> Any:
+        """Return what the function makes of a text."""
+        return self.of_text(text)
+
+    def check(self, value: Any, name: str) -> Any:
+        """Return a value that is no text, or what the function makes of a text."""
+        if not isinstance(value, str):
+            return self.others.check(value, name) if self.others else value
+        try:
+            return self.of_text(value)
+        except ValueError as error:
+            raise UsageError(f"{name}: {error}") from error
+
+
+@dataclass(frozen=True)
+class Group(Kind):
+    """Objects of a class of options, whose fields are options of a command, too, except those left out.
+
+    ``words`` replace words in braces in their help.
+    """
+
+    members: type[Options]
+    left_out: Sequence[str] = ()
+    words: Mapping[str, str] = field(default_factory=dict)
+
+    def check(self, value: Any, name: str) -> Any:
+        """Return an object of the class."""
+        if not isinstance(value, self.members):
+            raise UsageError(f"{name}: must be of class {self.members.__name__}, got {value!r}")
+        return value
+
+
+class Converted(Generic[Given, Stored]):
+    """Annotation of an option that is given as one type and stored as another."""
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> Converted[Given, Stored]: ...
+    @overload
+    def __get__(self, instance: object, owner: type) -> Stored: ...
+    def __get__(self, instance: object | None, owner: type) -> Any: ...
+
+    def __set__(self, instance: object, value: Given) -> None: ...
+
+
+OptionalPath = Converted[PathLike | None, Path | None]
+Grouped = Converted[T | None, T]
+_GIVEN = {"OptionalPath": "PathLike | None"}
+
+
+class Option:
+    """Declaration of an option; as an attribute, the value, which is checked when it is set. See `option`."""
+
+    def __init__(self, flags: Sequence[str], **declared: Any) -> None:
+        self.flags = flags
+        self.name = ""
+        self.default: Any = declared.get("default", MISSING)
+        self.kw_only: bool = declared["kw_only"]
+        self.kind: Kind = declared["kind"] or (Flag() if isinstance(self.default, bool) else Kind())
+        self.help: str = declared["help"]
+        self.metavar: str | None = declared["metavar"]
+        self.group: str = declared["group"]
+        self.repeatable: bool = declared["repeatable"]
+        self.required: bool = declared["required"]
+        self.show_default: bool = declared["show_default"]
+        self.of_command: Any = declared["of_command"]
+        self.type: str = declared["type"]
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, instance: object | None, owner: type) -> Any:
+        return self if instance is None else vars(instance)[self.name]
+
+    def __set__(self, instance: object, value: Any) -> None:
+        vars(instance)[self.name] = self.checked(value)
+
+    def checked(self, value: Any, name: str = "") -> Any:
+        """Return a value as it is stored, the default for None; raise `UsageError` if it is not allowed."""
+        if value is None and self.default is not MISSING:
+            return None if self.of_command is None else self.default
+        check = self.kind.check_all if self.repeatable else self.kind.check
+        return check(value, name or self.name)
+
+    def as_field(self) -> Any:
+        """Return the field of the dataclass."""
+        return field(default=self.default, kw_only=self.kw_only, metadata={Option: self})
+
+
+def option(  # noqa: PLR0913 - what there is to say about an option
+    *flags: str,
+    default: Any = MISSING,
+    kind: Kind | None = None,
+    help: str,  # noqa: A002 - as in click
+    metavar: str | None = None,
+    group: str = "",
+    repeatable: bool = False,
+    required: bool = False,
+    show_default: bool = False,
+    of_command: Any = MISSING,
+    type: str = "",  # noqa: A002
+    kw_only: bool = True,
+) -> Any:
+    """Declare an option as a field of a class of `Options`.
+
+    Parameters
+    ----------
+    *flags : str
+        Flags of the command line, or the name of an argument; without any, the option is for Python only.
+    default : object, optional
+        Default; without one, the option must be given.
+    kind : Kind, optional
+        Values and limits; by default any text, or a flag if the default is a Boolean.
+    help : str
+        What the option does, for the command line and for Python.
+    metavar : str, optional
+        Name of the value in the help.
+    group : str, optional
+        One of `GROUPS`; options without a group are the usual ones.
+    repeatable : bool, optional
+        Whether the option can be given several times; in Python, it takes a value or a sequence.
+    required : bool, optional
+        Whether the command line needs it although there is a default.
+    show_default : bool, optional
+        Whether the help shows the default.
+    of_command : object, optional
+        Default of the command line, if it is another one.
+    type : str, optional
+        Type for the documentation, if the annotation does not tell it to users.
+    kw_only : bool, optional
+        Whether Python takes it as a keyword only.
+    """
+    declared = {name: value for name, value in locals().items() if name != "flags"}
+    return Option(flags, **declared)
+
+
+def grouped(*left_out: str, default: Options, help: str = "", **words: str) -> Any:  # noqa: A002
+    """Declare an object of another class of options as a field; see `Group`. Its help is the summary of the class."""
+    summary = (type(default).__doc__ or "").partition("\n")[0]
+    return option(default=default, kind=Group(type(default), left_out, words), help=help or summary)
+
+
+# They are frozen, too; said here, mypy would give inherited options the type that is given instead of the one stored.
+@dataclass_transform(kw_only_default=True, field_specifiers=(option, grouped))
+class Options:
+    """Base of classes of options: frozen dataclasses whose fields are made by `option` and documented by its help."""
+
+    def __init_subclass__(cls) -> None:
+        """Make a dataclass of a class."""
+        own = {name: value for name, value in vars(cls).items() if isinstance(value, Option)}
+        for name, value in own.items():
+            setattr(cls, name, value.as_field())
+        dataclasses.dataclass(frozen=True)(cls)
+        for name, value in own.items():
+            setattr(cls, name, value)
+        cls.__doc__ = documented(cls.__doc__, cls)
+
+    def with_places(self, change: Callable[[Any], Any]) -> Self:
+        """Return the options with what a function makes of their places: of paths, URLs and observers."""
+        other = copy(self)
+        for name, one in declared(type(self)).items():
+            value = vars(self)[name]
+            if one.kind.is_place:
+                vars(other)[name] = change(value)
+            elif isinstance(value, Options):
+                vars(other)[name] = value.with_places(change)
+        return other
+
+
+def declared(kind: type[Any]) -> dict[str, Option]:
+    """Return the options of a class by name, in the order of the signature; what runs report to comes last."""
+    found = [one.metadata[Option] for one in fields(kind)]
+    order = sorted(found, key=lambda one: (one.kw_only, one.name in ("keep_going", "observer")))
+    return {one.name: one for one in order}
+
+
+def function_of(kind: Callable[P, T]) -> Callable[[Callable[[T], R]], Callable[P, R]]:
+    """Return a decorator that makes a function of options take them as its parameters, and documents these."""
+
+    def decorate(run: Callable[[T], R]) -> Callable[P, R]:
+        @wraps(run)
+        def function(*args: P.args, **kwargs: P.kwargs) -> R:
+            return run(kind(*args, **kwargs))
+
+        signature = inspect.signature(kind)
+        options = declared(kind)  # type: ignore[arg-type]
+        shown = [_parameter(signature.parameters[name], one) for name, one in options.items()]
+        returned = inspect.signature(run).return_annotation
+        function.__signature__ = inspect.Signature(shown, return_annotation=returned)  # type: ignore[attr-defined]
+        function.__doc__ = documented(run.__doc__, kind)
+        return function
+
+    return decorate
+
+
+def _parameter(parameter: inspect.Parameter, one: Option) -> inspect.Parameter:
+    default = None if isinstance(one.kind, Group) else parameter.default
+    return parameter.replace(annotation=_shown(parameter.annotation), default=default)
+
+
+def documented(text: str | None, kind: Any) -> str:
+    """Return a docstring with the options of a class as its section of parameters."""
+    hints: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        hints |= inspect.get_annotations(base)
+    lines = ["Parameters", "----------"]
+    for name, one in declared(kind).items():
+        shown = one.type or _shown(hints[name]).removesuffix(" | None").replace("PathLike", "path")
+        lines += [f"{name} : {shown}{'' if one.default is MISSING else ', optional'}"]
+        lines += [f"    {_in_python(one.help, kind)}"]
+    summary, *sections = re.split(r"\n\n(?=\w+\n-----)", inspect.cleandoc(text or ""), maxsplit=1)
+    return "\n\n".join([summary, "\n".join(lines), *sections])
+
+
+def _shown(annotation: str) -> str:
+    """Return the type of what is given for an option."""
+    given = re.sub(r"Converted\[(.+), [^],]+\]", r"\1", annotation)
+    return re.sub(r"Grouped\[(\w+)\]", r"\1 | None", _GIVEN.get(given, given))
+
+
+def _in_python(text: str, kind: type[Any]) -> str:
+    """Return the help of an option with names of parameters in place of flags."""
+    names = {flag: name for name, one in _all_declared(kind) for flag in one.flags}
+    text = re.sub(r" *\[default: [^]]*\]|(?:;|,) repeatable(?=\.)", "", text)
+    return re.sub(
+        r"(?<![\w-])--?[a-z][a-z-]*", lambda flag: f"``{names[flag[0]]}``" if flag[0] in names else flag[0], text
+    )
+
+
+def _all_declared(kind: type[Any]) -> Iterable[tuple[str, Option]]:
+    for name, one in declared(kind).items():
+        yield name, one
+        if isinstance(one.kind, Group):
+            yield from _all_declared(one.kind.members)

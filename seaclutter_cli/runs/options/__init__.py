@@ -1,0 +1,278 @@
+"""Options that several use cases share: what is read, and how several recordings are processed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from seaclutter_cli.options import (
+    Anything,
+    Converted,
+    Flag,
+    Kind,
+    Number,
+    OptionalPath,
+    Options,
+    Parsed,
+    Place,
+    Whole,
+    option,
+)
+from seaclutter_cli.runs.observer import SILENT, Observer, raising
+from seaclutter_cli.text import suggestion
+from seaclutter_cli.urls import PathLike
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from seaclutter_cli.selection import Moment, Selection
+
+Logs = PathLike | Sequence[PathLike]
+"""One or several logs: files, folders or globs, or URLs of objects (``s3://``, ``gs://``, ``az://``)."""
+
+
+class OfLogs(Options):
+    """What every function for logs takes."""
+
+    logs: Logs = option(
+        "LOGS...",
+        help="Files, folders or globs of logs, or URLs of objects.",
+        kind=Anything(is_place=True),
+        type="path, or sequence of paths",
+        kw_only=False,
+    )
+    keep_going: bool = option(
+        default=False,
+        help="Store the error of a recording in its outcome and continue with the others, instead of raising it.",
+    )
+    observer: Observer = option(default=SILENT, kind=Anything(is_place=True), help="Receives progress and warnings.")
+
+    @property
+    def watching(self) -> Observer:
+        """The observer; it raises errors of recordings, unless the run is to continue."""
+        return self.observer if self.keep_going else raising(self.observer)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the options without logs and observer, which other processes do not need."""
+        return {**vars(self), "logs": (), "observer": SILENT}
+
+
+def _moment(text: str) -> Moment:
+    """Return a point in time, as `parse_moment` does."""
+    from seaclutter_cli.selection import parse_moment
+
+    try:
+        return parse_moment(text)
+    except (ValueError, OverflowError) as error:
+        expected = "seconds from the start, a time such as 2026-05-01T12:30:00Z, or seconds since 1970"
+        raise ValueError(f"expected {expected}") from error
+
+
+class _Time(Kind):
+    """Times that `Selection` takes."""
+
+    def check(self, value: Any, name: str) -> Any:
+        return value if hasattr(value, "utcoffset") else Number().check(value, name)
+
+
+def _known_sensor(name: str) -> str:
+    """Return the name of a sensor in its usual spelling."""
+    from seaclutter_cli.sensors.catalog import SENSORS
+
+    names = {known.casefold(): known for known in SENSORS}
+    if name.casefold() not in names:
+        raise ValueError(f"unknown sensor {name}; {suggestion(name, SENSORS)}choose from: {', '.join(SENSORS)}")
+    return names[name.casefold()]
+
+
+class Decoding(Options):
+    """How recordings are decoded."""
+
+    rate_hz: float = option(
+        "--rate",
+        default=10.0,
+        kind=Number(0, above=True),
+        metavar="HZ",
+        group="Input",
+        show_default=True,
+        help="Frames per second of recordings without time stamps.",
+    )
+    calibration: OptionalPath = option(
+        "--calibration",
+        default=None,
+        kind=Place(),
+        metavar="FILE",
+        group="Input",
+        help="Angles or metadata of the sensor, for packets that lack them.",
+    )
+    sensor: str | None = option(
+        "--sensor",
+        default=None,
+        kind=Parsed(_known_sensor),
+        metavar="MODEL",
+        group="Input",
+        help="Sensor model, for packets that do not identify it.",
+    )
+    integrate_ms: float | None = option(
+        "--integrate",
+        default=None,
+        kind=Number(1, 2000),
+        metavar="MS",
+        group="Input",
+        help="Join the clouds of each MS milliseconds into one frame, for lidars whose scans do not repeat.",
+    )
+
+    def beside(self) -> tuple[Path, ...]:
+        """Return the files that are read with each recording."""
+        return (self.calibration,) if self.calibration else ()
+
+
+class ReadOptions(Decoding):
+    """Part of each recording to read, and how.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> part = seaclutter.ReadOptions(start_s=1.0, end_s=1.5)
+    >>> done = seaclutter.filter_log("samples/sea.mcap", folder / "part.mcap", reading=part)
+    >>> done.outcomes[0].frames
+    5
+    """
+
+    topics: Converted[str | Sequence[str], tuple[str, ...]] = option(
+        "-t",
+        "--topic",
+        default=(),
+        metavar="NAME",
+        repeatable=True,
+        help="Point-cloud topic, if there are several; repeatable.",
+    )
+    start_s: Moment | None = option(
+        "--start",
+        default=None,
+        kind=Parsed(_moment, _Time()),
+        metavar="TIME",
+        help="Start at TIME: seconds from the start of the recording, ISO 8601 (UTC), or seconds since 1970.",
+        type="float or datetime",
+    )
+    end_s: Moment | None = option(
+        "--end",
+        default=None,
+        kind=Parsed(_moment, _Time()),
+        metavar="TIME",
+        help="Stop before TIME.",
+        type="float or datetime",
+    )
+    frames: int | None = option(
+        "-n", "--frames", default=None, kind=Whole(1), metavar="N", help="Stop after N frames of each topic."
+    )
+    intensity_field: str | None = option(
+        "--intensity-field",
+        default=None,
+        metavar="NAME",
+        group="Input",
+        help="Intensity field, if it has no usual name.",
+    )
+    join: bool | None = option(
+        "--join/--no-join",
+        default=None,
+        kind=Flag(),
+        group="Input",
+        help="Read the numbered files of a folder as one recording, or one by one. "
+        "[default: as one if each begins where the one before ends]",
+    )
+    recursive: bool = option("--recursive", default=False, group="Input", help="Also search subfolders for recordings.")
+
+    @property
+    def selection(self) -> Selection:
+        """Selected part of each recording."""
+        from seaclutter_cli.selection import Selection
+
+        return Selection(
+            topics=self.topics,
+            start_s=self.start_s,
+            end_s=self.end_s,
+            frames=self.frames,
+            intensity_field=self.intensity_field,
+        )
+
+
+def _jobs(text: str) -> int | None:
+    if text == "auto":
+        return None
+    if not (text.isascii() and text.isdigit() and len(text) <= 4 and int(text)):
+        raise ValueError("expected a positive whole number or auto")
+    return int(text)
+
+
+class BatchOptions(Options):
+    """How several recordings are processed. Results do not depend on it.
+
+    A script that uses several processes needs ``if __name__ == "__main__":``, as for `multiprocessing`.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> table = seaclutter.BatchOptions(manifest=folder / "runs.csv")
+    >>> done = seaclutter.filter_log("samples/sea.mcap", folder / "listed.mcap", batch=table)
+    >>> (folder / "runs.csv").read_text().splitlines()[1].split(",")[3:5]
+    ['done', '60']
+    """
+
+    jobs: int | None = option(
+        "-j",
+        "--jobs",
+        default=1,
+        of_command=None,
+        kind=Parsed(_jobs, Whole(1)),
+        metavar="N",
+        help="Process N recordings at the same time. [default: as many as there are cores and memory for]",
+        type="int or None",
+    )
+    fail_fast: bool = option(
+        "--fail-fast",
+        default=False,
+        group="Many recordings",
+        help="Stop after the first recording with an error.",
+    )
+    resume: bool = option(
+        "--resume",
+        default=False,
+        group="Many recordings",
+        help="Skip recordings whose output of the same run is complete; replace outputs of other runs.",
+    )
+    manifest: OptionalPath = option(
+        "--manifest",
+        default=None,
+        kind=Place(output=True),
+        metavar="FILE",
+        group="Many recordings",
+        help="Write a table with a row for each recording (CSV or JSON).",
+    )
+    cluster: str | None = option(
+        "--cluster",
+        default=None,
+        metavar="ADDRESS",
+        group="Many recordings",
+        help="Process recordings on the workers of a Dask cluster: tls://HOST:PORT, or slurm to start -j N workers.",
+    )
+    cluster_insecure: bool = option(
+        "--cluster-insecure",
+        default=False,
+        group="Many recordings",
+        help="Allow a cluster without encryption, tcp://HOST:PORT.",
+    )
+
+    def runs_here(self, recordings: int) -> bool:
+        """Return whether the work is on a single recording, in this process."""
+        return recordings == 1 and self.cluster is None
+
+    def here(self) -> BatchOptions:
+        """Return the options for a look at the recordings on this machine."""
+        return BatchOptions(jobs=None if self.cluster else self.jobs, fail_fast=self.fail_fast)
+
+
+class Replacing(Options):
+    """Whether outputs may replace files."""
+
+    force: bool = option("--force", default=False, help="Replace existing output files.")

@@ -1,0 +1,125 @@
+"""Options of use cases that work on logs: filter, convert, info, mask, view."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from seaclutter_cli.options import Choice, Grouped, Number, OptionalPath, Place, Whole, grouped, option
+from seaclutter_cli.runs.options import BatchOptions, OfLogs, ReadOptions, Replacing
+from seaclutter_cli.runs.options.methods import ConfigOptions, LabelSources
+from seaclutter_cli.sinks.options import FORMATS, McapOptions
+
+if TYPE_CHECKING:
+    from seaclutter_cli.urls import PathLike
+
+
+class WritingLogs(Replacing, OfLogs):
+    """Options of functions that write a log for each recording."""
+
+    output: PathLike = option(
+        "-o",
+        "--output",
+        kind=Place(remote=True, output=True, or_folder=True),
+        metavar="OUT",
+        help="Output of one recording; folder for several, or with a slash at its end.",
+        type="path",
+        kw_only=False,
+    )
+    to: str | None = option(
+        "--to",
+        default=None,
+        kind=Choice(FORMATS),
+        group="Output",
+        help="Format of the output. [default: by the suffix of OUT, or mcap]",
+    )
+    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
+    written: Grouped[McapOptions] = grouped(default=McapOptions())
+    batch: Grouped[BatchOptions] = grouped(default=BatchOptions())
+
+
+class FilterOptions(WritingLogs, LabelSources, ConfigOptions):
+    """Options of a filter run."""
+
+    csv_file: OptionalPath = option(
+        "--csv",
+        default=None,
+        kind=Place(remote=True, output=True),
+        metavar="FILE",
+        group="Output",
+        help="Also write a table with a row for each frame.",
+    )
+    with_scene: bool = option(
+        "--with-scene",
+        default=False,
+        group="Output",
+        help="Write boxes around clusters, and those of --labels, to /seaclutter/scene, for 3D panels.",
+    )
+
+
+class ConvertOptions(WritingLogs):
+    """Options of a conversion."""
+
+    reading: Grouped[ReadOptions] = grouped("intensity_field", default=ReadOptions())
+    written: Grouped[McapOptions] = grouped(
+        *("keep_raw", "with_removed", "keep_organized", "diagnostics"),
+        default=McapOptions(),
+        help="Compression, parts and topics of the outputs; the rest is for `filter_log` only.",
+    )
+
+
+class InfoOptions(OfLogs):
+    """Options of a survey of logs."""
+
+    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
+    batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
+
+
+class MaskOptions(Replacing, OfLogs):
+    """Options of the search for own ship's structure."""
+
+    output: OptionalPath = option(
+        "-o",
+        "--output",
+        default=None,
+        kind=Place(remote=True, output=True),
+        metavar="MASK.csv",
+        help="Write the mask, for the configuration key filter.mask.",
+        kw_only=False,
+    )
+    plot_file: OptionalPath = option(
+        "--plot",
+        default=None,
+        kind=Place(remote=True, output=True),
+        metavar="FILE",
+        help="Draw the mask (.png or .svg).",
+    )
+    reach_m: float = option(
+        "--reach",
+        default=20.0,
+        kind=Number(1, 100),
+        metavar="METRES",
+        show_default=True,
+        help="Range up to which structure is searched; somewhat more than own ship's length.",
+    )
+    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
+
+
+class ViewOptions(Replacing, LabelSources, ConfigOptions):
+    """Options of the viewer; by default, filtered logs are read back.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.ViewOptions().port
+    9876
+    """
+
+    target: OptionalPath = option(
+        "--save",
+        default=None,
+        kind=Place(output=True),
+        metavar="FILE.rrd",
+        help="Write a file for the viewer instead of opening it; needs no display.",
+    )
+    port: int = option("--port", default=9876, kind=Whole(1, 65535), show_default=True, help="Port of the viewer.")
+    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())

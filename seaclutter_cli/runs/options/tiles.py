@@ -1,0 +1,247 @@
+"""Options of use cases that work on airborne tiles."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.options import (
+    Choice,
+    Converted,
+    Grouped,
+    Kind,
+    Number,
+    OptionalPath,
+    Options,
+    Place,
+    grouped,
+    option,
+)
+from seaclutter_cli.runs.options import BatchOptions, Replacing
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from seaclutter_cli.airborne.settings import TileSettings
+    from seaclutter_cli.urls import PathLike
+
+_FILE = Place(output=True)
+_BATCH_HELP = "How several tiles are processed."
+
+
+class TileSettingsOptions(Options):
+    """Sources of the settings of a run over tiles: defaults < file < single keys.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.TileSettingsOptions(overrides=("separation.window_m=30",)).load().separation.window_m
+    30
+    """
+
+    file: OptionalPath = option("-c", "--config", default=None, kind=Place(), metavar="FILE", help="Settings file.")
+    overrides: tuple[str, ...] = option(
+        "-s",
+        "--set",
+        default=(),
+        metavar="KEY=VALUE",
+        repeatable=True,
+        help="Set a key, such as separation.window_m=30; repeatable.",
+    )
+
+    def load(self, base: TileSettings | None = None) -> TileSettings:
+        """Return the settings, on top of ``base`` or the defaults; raise `ConfigError` if any is invalid."""
+        from seaclutter_cli.airborne.settings import load_settings
+
+        return load_settings(self.file, self.overrides, base)
+
+
+class MapOptions(Options):
+    """Which maps a run over tiles draws and writes.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> options = seaclutter.SeparateTilesOptions(maps=seaclutter.MapOptions(plot_file=folder / "map.png"))
+    >>> _ = seaclutter.separate_tiles(["samples/tile.laz"], folder / "mapped.laz", options)
+    >>> (folder / "map.png").exists()
+    True
+    """
+
+    plot_file: OptionalPath = option(
+        "--plot",
+        default=None,
+        kind=_FILE,
+        metavar="FILE",
+        group="Output",
+        help="Draw a map with water level, land and objects, as PNG or SVG.",
+        kw_only=False,
+    )
+    geojson_file: OptionalPath = option(
+        "--geojson",
+        default=None,
+        kind=_FILE,
+        metavar="FILE",
+        group="Output",
+        help="Also write the shoreline and the boxes of objects as GeoJSON.",
+        kw_only=False,
+    )
+    gpkg_file: OptionalPath = option(
+        "--gpkg",
+        default=None,
+        kind=_FILE,
+        metavar="FILE",
+        group="Output",
+        help="Also write the shoreline and the boxes of objects as GeoPackage.",
+        kw_only=False,
+    )
+
+    @property
+    def wanted(self) -> bool:
+        """Whether there are any."""
+        return any((self.plot_file, self.geojson_file, self.gpkg_file))
+
+    @property
+    def with_geodata(self) -> bool:
+        """Whether there is geodata among them."""
+        return any((self.geojson_file, self.gpkg_file))
+
+
+class _Classes(Kind):
+    """Classes 2 and 9, on the command line separated by commas."""
+
+    def parse(self, text: str) -> Any:
+        given = {one.strip() for one in text.split(",")}
+        if not given <= {"2", "9"}:
+            raise ValueError("must be 2, 9, or 2,9")
+        return tuple(sorted(map(int, given)))
+
+    def check(self, value: Any, name: str) -> Any:
+        if not set(value) <= {2, 9}:
+            raise UsageError(f"{name}: must be 2, 9, or both, got {value!r}")
+        return tuple(value)
+
+
+class SeparateTilesOptions(Replacing):
+    """Options of `separate_tiles`.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.SeparateTilesOptions(with_height=True).settings.load().separation.window_m
+    20.0
+    """
+
+    with_height: bool = option(
+        "--with-height", default=False, help="Also write each point's height above the sea surface."
+    )
+    land: Literal["keep", "class2", "ignore"] | None = option(
+        "--land",
+        default=None,
+        kind=Choice(("keep", "class2", "ignore")),
+        help="Low and flat land: non-sea points; ASPRS class 2 on the ground; or not looked for, so that it is sea."
+        " [default: keep]",
+    )
+    margin_m: float = option(
+        "--margin",
+        default=100.0,
+        kind=Number(0, 1000),
+        metavar="METRES",
+        show_default=True,
+        help="Width of the margin in which points of neighbouring tiles count; 0 for none.",
+    )
+    trust_classes: tuple[Literal[2, 9], ...] | None = option(
+        "--trust-classes",
+        default=None,
+        kind=_Classes(),
+        metavar="CLASSES",
+        help="Classes of the input that are right: 2 (ground), 9 (water), or 2,9. Their points keep them, and show"
+        " where land and water are. [default: none]",
+    )
+    window_m: float | None = option(
+        "--window",
+        default=None,
+        kind=Number(50, 100_000),
+        metavar="METRES",
+        help="Read COPC files in windows of this width, and write a tile for each; for files larger than memory.",
+    )
+    maps: Grouped[MapOptions] = grouped(
+        default=MapOptions(), help="Picture, and geodata of the shoreline and the objects."
+    )
+    settings: Grouped[TileSettingsOptions] = grouped(default=TileSettingsOptions(), help="Settings of the separation.")
+    batch: Grouped[BatchOptions] = grouped(default=BatchOptions(), help=_BATCH_HELP, recording="tile")
+
+
+class ClassifyTilesOptions(Replacing):
+    """Options of `classify_tiles`: the model, its settings and additional outputs.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.ClassifyTilesOptions(model=folder / "model.skops", csv_file=folder / "objects.csv").force
+    False
+    """
+
+    model: Converted[PathLike, Path] = option(
+        "--model", kind=Place(), metavar="MODEL", help="Model file from classify train."
+    )
+    csv_file: OptionalPath = option(
+        "--csv", default=None, kind=_FILE, metavar="FILE", help="Also write a CSV table with a line for each object."
+    )
+    geojson_file: OptionalPath = option(
+        "--geojson", default=None, kind=_FILE, metavar="FILE", help="Also write the boxes of the objects as GeoJSON."
+    )
+    gpkg_file: OptionalPath = option(
+        "--gpkg",
+        default=None,
+        kind=_FILE,
+        metavar="FILE",
+        help="Also write the boxes and the shoreline as GeoPackage.",
+    )
+    plot_file: OptionalPath = option(
+        "--plot", default=None, kind=_FILE, metavar="FILE", help="Draw a top view of the tile, as PNG or SVG."
+    )
+    settings: Grouped[TileSettingsOptions] = grouped(
+        default=TileSettingsOptions(), help="Settings that override those in the model, except for the features."
+    )
+    batch: Grouped[BatchOptions] = grouped(
+        *("fail_fast", "resume", "manifest", "cluster", "cluster_insecure"),
+        default=BatchOptions(),
+        help=_BATCH_HELP,
+        recording="tile",
+    )
+
+
+class TrainForestOptions(Replacing):
+    """Options of `train_forest`.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.TrainForestOptions(output=folder / "model.skops").settings.load().forest.trees
+    100
+    """
+
+    output: Converted[PathLike, Path] = option(
+        "-o", "--output", kind=_FILE, metavar="MODEL", help="Model file to write."
+    )
+    class_field: str = option(
+        "--class-field",
+        default="object_class",
+        metavar="NAME",
+        show_default=True,
+        help="Field with the class of each point, 1 to 8; 0 for none.",
+    )
+    object_field: str = option(
+        "--object-field",
+        default="object_id",
+        metavar="NAME",
+        show_default=True,
+        help="Field with object numbers; without it, clusters of a class are objects.",
+    )
+    plot_file: OptionalPath = option(
+        "--plot", default=None, kind=_FILE, metavar="FILE", help="Draw the confusion matrix, as PNG or SVG."
+    )
+    settings: Grouped[TileSettingsOptions] = grouped(
+        default=TileSettingsOptions(), help="Settings of separation, features and forest."
+    )
