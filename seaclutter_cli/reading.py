@@ -98,21 +98,21 @@ def _of_topic(error: SeaclutterError, source: Source, topic: str) -> SeaclutterE
     return error
 
 
-def _is_latched(channel: Channel) -> bool:
-    """Return whether subscribers that come late get the last message of a channel.
-
-    These are channels with the ROS 1 connection header ``latching`` or the ROS 2 durability ``transient_local``,
-    static transforms, descriptions of robots, and calibrations of cameras.
-    """
-    kind = channel.schema.name if channel.schema else ""
-    return bool(declares_latched(channel) or _LATCHED_TOPICS.search(channel.topic) or _LATCHED_TYPES.search(kind))
-
-
 def _latched_before(source: Source, start_ns: int, topics: Collection[str]) -> Iterator[Message]:
-    """Yield the last message before a time of each latched channel and topic, with this time as log time."""
-    channels = [c for c in source.channels if (_is_latched(c) or c.topic in topics) and find_codec(c) is None]
+    """Yield the last message before a time of each latched channel and topic, with this time as log time.
+
+    Subscribers that come late get the last message of channels with the ROS 1 connection header ``latching`` or the
+    ROS 2 durability ``transient_local``, static transforms, descriptions of robots, and calibrations of cameras.
+    """
+
+    def is_latched(channel: Channel) -> bool:
+        kind = channel.schema.name if channel.schema else ""
+        known = _LATCHED_TOPICS.search(channel.topic) or _LATCHED_TYPES.search(kind)
+        return bool(known or channel.topic in topics or declares_latched(channel))
+
+    channels = [channel.id for channel in source.channels if is_latched(channel) and find_codec(channel) is None]
     damage = list(source.damage)
-    for message in source.latest([channel.id for channel in channels], start_ns) if channels else ():
+    for message in source.latest(channels, start_ns) if channels else ():
         yield replace(message, log_time_ns=start_ns)
     source.damage[:] = damage  # of parts that are not selected
 

@@ -47,11 +47,7 @@ class ThresholdCheck:
             return None
         if self._frames == 0:
             self._thresholds = result.rings.thresholds  # later ones are corrected, and fit the log
-        self._count(result)
         self._frames += 1
-        return self.warning() if self._frames >= _FRAMES else None
-
-    def _count(self, result: FilterResult) -> None:
         frame = result.frame
         intensity = frame.intensity[frame.valid]
         self._least, self._most = min(self._least, intensity.min()), max(self._most, intensity.max())
@@ -62,6 +58,7 @@ class ThresholdCheck:
         self._low += np.bincount(ring[intensity < self._thresholds[ring]], minlength=len(self._points))
         np.minimum.at(self._ring_least, ring, intensity)
         np.maximum.at(self._ring_most, ring, intensity)
+        return self.warning() if self._frames >= _FRAMES else None
 
     def warning(self) -> str | None:
         """Return a warning if the thresholds do not fit the frames so far; None once the check is complete."""

@@ -185,10 +185,7 @@ class TileScene:
     def placed_objects(self) -> list[TileObject]:
         """Return the objects, with random positions clear of all others and of the land.
 
-        Raises
-        ------
-        ConfigError
-            If there is no room for an object.
+        Raises `ConfigError` if there is no room for an object.
         """
         placed: list[TileObject] = []
         order = sorted(range(len(self.objects)), key=lambda index: self.objects[index].position_m is None)
@@ -213,9 +210,8 @@ class TileScene:
                 rng.uniform(reach, np.maximum(np.array(self.tile.size_m) - reach, reach + 1e-6))
             )
             item = TileObject(index + 1, given.kind, position, heading, size, reflectivity)  # type: ignore[arg-type]
-            if given.position_m or (
-                all(_apart(item, other, self.tile.gap_m) for other in placed) and self._is_afloat(item)
-            ):
+            alone = all(_apart(item, other, self.tile.gap_m) for other in placed)
+            if given.position_m or (alone and self._is_afloat(item)):
                 return item
         raise ConfigError(f"objects.{index}: no room for another {given.kind}; remove objects or enlarge the tile")
 
@@ -248,13 +244,8 @@ def _bounds(size: Size, heading: float) -> tuple[float, float]:
 
 
 def _apart(one: TileObject, other: TileObject, gap_m: float) -> bool:
-    sides = zip(
-        one.position_m,
-        other.position_m,
-        _bounds(one.size_m, one.heading),
-        _bounds(other.size_m, other.heading),
-        strict=True,
-    )
+    bounds = (_bounds(item.size_m, item.heading) for item in (one, other))
+    sides = zip(one.position_m, other.position_m, *bounds, strict=True)
     return any(abs(a - b) > 0.5 * (u + v) + gap_m for a, b, u, v in sides)
 
 

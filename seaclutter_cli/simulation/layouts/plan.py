@@ -140,10 +140,7 @@ class Plan:
         recording = RecordingParams(
             description=description, lidar=self.choice(rotating), frames=FRAMES, seed=int(self.rng.integers(2**31))
         )
-        return Scene(recording, self._sea(**sea), self._vessel(heading_deg, speed_ms), tuple(self.objects))
-
-    def _sea(self, **given: float) -> SeaParams:
-        """Return a random sea; its distribution does not depend on the class of the scene."""
+        # The distribution of seas does not depend on the class of the scene.
         values: dict[str, Any] = {
             "sea_state": self.uniform(0.0, 3.0) if self.bernoulli(0.8) else self.uniform(3.0, 5.0),
             "direction_deg": self.uniform(-180, 180),
@@ -152,7 +149,7 @@ class Plan:
             "foam_reflectivity": self.uniform(0.1, 0.4),
             "visibility_km": self.log_uniform(1.0, 20.0),
         }
-        return SeaParams(**(values | given))
+        return Scene(recording, SeaParams(**(values | sea)), self._vessel(heading_deg, speed_ms), tuple(self.objects))
 
     def _vessel(self, heading_deg: float, speed_ms: float) -> VesselParams:
         length, angle = self.log_uniform(3.0, 14.0), np.radians(heading_deg)

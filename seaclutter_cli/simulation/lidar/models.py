@@ -141,13 +141,10 @@ _VLP16_ELEVATIONS = (-15.0, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1,
 _RS16_ELEVATIONS = (-15.0, -13, -11, -9, -7, -5, -3, -1, 15, 13, 11, 9, 7, 5, 3, 1)
 
 
-def _even(beams: int, half_deg: float) -> tuple[float, ...]:
-    return tuple(np.linspace(half_deg, -half_deg, beams).tolist())
-
-
 def _ouster(beams: int) -> Lidar:
     staggered = (4.23, 1.41, -1.41, -4.23) * (beams // 4)
-    return Lidar(_even(beams, 22.5), staggered, (0.0,) * beams, 1024, 90.0, 200.0, min_range_m=0.5)
+    elevations = tuple(np.linspace(22.5, -22.5, beams).tolist())
+    return Lidar(elevations, staggered, (0.0,) * beams, 1024, 90.0, 200.0, min_range_m=0.5)
 
 
 _CE30_D = Lidar(

@@ -76,25 +76,22 @@ class _CaptureLog:
 
     def add(self, frame: SimulatedFrame) -> None:
         """Write a frame: device information, then data."""
-        columns = self._columns(frame)
-        ends, info = (Endpoints(source_port=port, target_port=port) for port in (DATA_PORT, INFO_PORT))
-        self._stream.write(pcap_record(int(columns.times_ns[0]), ethernet_udp(info, self._info)))
-        arrivals = (columns.times_ns + self._model.packet_ns).tolist()
-        for time_ns, payload in zip(arrivals, write_data(self._model, columns), strict=True):
-            self._stream.write(pcap_record(time_ns, ethernet_udp(ends, payload.tobytes())))
-
-    def _columns(self, frame: SimulatedFrame) -> Columns:
         shots = self._lidar.columns * len(self._lidar.rings)
         distance, intensity = np.zeros(shots), np.zeros(shots, np.uint8)
         distance[frame.shots], intensity[frame.shots] = frame.distances_m, frame.points["intensity"]
         blocks = np.arange(shots // CHANNELS)
         packets = blocks[::BLOCKS] / len(blocks) + frame.index
-        return Columns(
+        columns = Columns(
             np.round(36000 * blocks / len(blocks)).astype(np.int64),
             distance.reshape(-1, CHANNELS),
             intensity.reshape(-1, CHANNELS),
             START_NS + np.round(packets * 10**9 / self._lidar.rate_hz).astype(np.int64),
         )
+        ends, info = (Endpoints(source_port=port, target_port=port) for port in (DATA_PORT, INFO_PORT))
+        self._stream.write(pcap_record(int(columns.times_ns[0]), ethernet_udp(info, self._info)))
+        arrivals = (columns.times_ns + self._model.packet_ns).tolist()
+        for time_ns, payload in zip(arrivals, write_data(self._model, columns), strict=True):
+            self._stream.write(pcap_record(time_ns, ethernet_udp(ends, payload.tobytes())))
 
     def finish(self) -> None:
         """Do nothing: all packets are already written."""

@@ -40,25 +40,18 @@ class Renderer:
     """Renderer of the frames of a scene, which are independent and can be rendered in any order."""
 
     def __init__(self, scene: Scene) -> None:
-        recording, vessel = scene.recording, scene.vessel
+        recording, vessel, params = scene.recording, scene.vessel, scene.terrain
         self.scene, self.lidar, self._seed = scene, LIDARS[recording.lidar], recording.seed
         self._bodies = Bodies(scene.objects)
         self._own = SHAPES["own_vessel"]().scaled(vessel.length_m, vessel.width_m, vessel.lidar_height_m * 0.7)
-        self._terrain = self._make_terrain()
+        hulls = [(vessel.track, vessel.length_m, vessel.width_m)] if vessel.speed_ms else []
+        moving = [item for item in scene.objects if item.speed_ms]
+        hulls += [(item.track, float(item.size_m[0]), float(item.size_m[1])) for item in moving]
+        self._terrain: Terrain = TERRAINS[terrain_name(params)][1](params, hulls, vessel.length_m, self._seed)
         mast = np.array([vessel.lidar_forward_m, 0.0, vessel.lidar_height_m])
         self._ride = Ride(vessel.track, self._terrain.motion, vessel.wave_response, mast)
         noise = scene.noise or self.lidar.noise
-        self._receiver = Receiver(self.lidar, noise, scene.terrain.extinction, recording.dropout)
-
-    def _make_terrain(self) -> Terrain:
-        vessel, params = self.scene.vessel, self.scene.terrain
-        hulls = [(vessel.track, vessel.length_m, vessel.width_m)] if vessel.speed_ms else []
-        hulls += [
-            (item.track, float(item.size_m[0]), float(item.size_m[1])) for item in self.scene.objects if item.speed_ms
-        ]
-        make = TERRAINS[terrain_name(params)][1]
-        terrain: Terrain = make(params, hulls, vessel.length_m, self._seed)
-        return terrain
+        self._receiver = Receiver(self.lidar, noise, params.extinction, recording.dropout)
 
     def frame(self, index: int) -> SimulatedFrame:
         """Return a frame by its number."""

@@ -72,19 +72,15 @@ class MarineWater:
         shape = self._params.spikiness
         speckle = rng.gamma(shape, 1 / shape, len(hit)) * rng.standard_exponential(len(hit))
         reflectance = self._params.reflectivity * np.clip(facing, 0.0, 1.0) * speckle
-        foamy = self._foam(x, y) > patches(x, y, self._seed)
+        cover = (self._surface.height(x, y) >= self._crest).astype(np.float64)
+        for wake in self._wakes:
+            cover = np.maximum(cover, wake.foam(x, y, self._time_s))
+        foamy = cover > patches(x, y, self._seed)
         foam = self._params.foam_reflectivity * rng.random(len(hit)) * rng.standard_exponential(len(hit))
         depth = _DIVERGENCE * distance / np.maximum(-rays[:, 2], 1e-6)  # of the water that a beam lights
         echoes.add(hit, distance, np.where(foamy, foam, reflectance) * np.minimum(1.0, _PULSE_M / depth), CLUTTER)
         for wake in self._wakes:
             wake.add_spray_echoes(shots, echoes, self._time_s, self._params.foam_reflectivity, rng)
-
-    def _foam(self, x: Floats, y: Floats) -> Floats:
-        """Return the share of foam at given positions, shape (N,)."""
-        cover = (self._surface.height(x, y) >= self._crest).astype(np.float64)
-        for wake in self._wakes:
-            cover = np.maximum(cover, wake.foam(x, y, self._time_s))
-        return cover
 
     def _intersect(self, shots: Shots) -> tuple[NDArray[np.int64], Floats]:
         """Return the shots that hit the water, and their distances in metres."""
