@@ -1,14 +1,14 @@
 """Formats of outputs: how each is written, and which names select it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.messages.metadata import SIDECAR
+from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.options import ROSBAG2_METADATA, McapOptions
 
 if TYPE_CHECKING:
@@ -20,17 +20,16 @@ if TYPE_CHECKING:
 class OutputFormat:
     """A format of outputs, named by its title in the plural.
 
-    ``make_sink`` takes target, options, group and ``as_is``, as `LogSink` does. A suffix selects the format, unless it
+    Its writer is a `LogOutput`, by module and name, or one of `FRAME_WRITERS`. A suffix selects the format, unless it
     has folders only; ``compressions`` have their names in MCAP. If a recording becomes a folder, the file ``marker`` in
-    it tells so. Without ``has_topics``, there are no other messages than the clouds of one topic.
+    it tells so.
     """
 
     title: str
-    make_sink: "Callable[..., LogSink | FrameSink]"
+    writer: str
     suffix: str
     compressions: tuple[str, ...] = ("",)
     marker: str = ""
-    has_topics: bool = True
 
     @property
     def is_folder(self) -> bool:
@@ -38,45 +37,38 @@ class OutputFormat:
         return bool(self.marker)
 
     @property
-    def is_frames(self) -> bool:
-        """Whether its files have one frame each, so that a single frame may become a file."""
-        return not self.has_topics
+    def has_topics(self) -> bool:
+        """Whether it is a log, not files that have one frame of one topic each."""
+        return "." in self.writer
 
+    def make_sink(
+        self, path: Path, options: McapOptions, group: OutputGroup | None = None, *, as_is: bool = False
+    ) -> "LogSink | FrameSink":
+        """Return the sink, which is imported on demand, with the libraries for its format."""
+        if not self.has_topics:
+            from seaclutter_cli.sinks.frames import FrameSink
+            from seaclutter_cli.sinks.point_files import FRAME_WRITERS
 
-# Each sink is imported on demand, with the libraries for its format.
+            write = FRAME_WRITERS[self.writer]
+            return FrameSink(path, options, group, write_frame=write, suffix=self.suffix, as_is=as_is)
+        from seaclutter_cli.sinks.log import LogSink
 
-
-def _log_sink(module: str, output: str, *arguments: Any, **options: Any) -> "LogSink":
-    from seaclutter_cli.sinks.log import LogSink
-
-    writers = import_module(f"seaclutter_cli.sinks.{module}")
-    return LogSink(*arguments, output=getattr(writers, output), **options)
-
-
-def _frame_sink(name: str, *arguments: Any, **options: Any) -> "FrameSink":
-    from seaclutter_cli.sinks.frames import FrameSink
-    from seaclutter_cli.sinks.point_files import FRAME_WRITERS
-
-    return FrameSink(*arguments, write_frame=FRAME_WRITERS[name], suffix=f".{name}", **options)
-
-
-def _frames(name: str) -> OutputFormat:
-    make = partial(_frame_sink, name)
-    return OutputFormat(f"{name.upper()} files", make, f".{name}", marker=SIDECAR, has_topics=False)
+        module, _, name = self.writer.partition(".")
+        output = getattr(import_module(f"seaclutter_cli.sinks.{module}"), name)
+        return LogSink(path, options, group, output=output, as_is=as_is)
 
 
 _MCAP = ("zstd", "lz4", "")
 
 OUTPUT_FORMATS: Mapping[str, OutputFormat] = {
-    "mcap": OutputFormat("MCAP files", partial(_log_sink, "mcap_writer", "McapOutput"), ".mcap", _MCAP),
-    "bag": OutputFormat("ROS 1 bags", partial(_log_sink, "bag_writer", "BagOutput"), ".bag", ("lz4", "")),
-    "rosbag2-db3": OutputFormat(
-        "ROS 2 recordings in sqlite3", partial(_log_sink, "rosbag2", "Db3Output"), ".db3", marker=ROSBAG2_METADATA
-    ),
-    "rosbag2-mcap": OutputFormat(
-        "ROS 2 recordings in MCAP", partial(_log_sink, "rosbag2", "McapFolderOutput"), "", _MCAP, ROSBAG2_METADATA
-    ),
-    **{name: _frames(name) for name in ("pcd", "las", "laz", "npz")},
+    "mcap": OutputFormat("MCAP files", "mcap_writer.McapOutput", ".mcap", _MCAP),
+    "bag": OutputFormat("ROS 1 bags", "bag_writer.BagOutput", ".bag", ("lz4", "")),
+    "rosbag2-db3": OutputFormat("ROS 2 recordings in sqlite3", "rosbag2.Db3Output", ".db3", marker=ROSBAG2_METADATA),
+    "rosbag2-mcap": OutputFormat("ROS 2 recordings in MCAP", "rosbag2.McapFolderOutput", "", _MCAP, ROSBAG2_METADATA),
+    **{
+        name: OutputFormat(f"{name.upper()} files", name, f".{name}", marker=SIDECAR)
+        for name in ("pcd", "las", "laz", "npz")
+    },
 }
 """Formats by the names that ``--to`` takes. To add a format, add a line here."""
 
@@ -118,4 +110,4 @@ def format_of(output: Path, name: str | None) -> str:
 
 def is_single_frame(output: Path) -> bool:
     """Return whether the name of an output is that of a file with one frame."""
-    return any(output.suffix.lower() == kind.suffix for kind in OUTPUT_FORMATS.values() if kind.is_frames)
+    return any(output.suffix.lower() == kind.suffix for kind in OUTPUT_FORMATS.values() if not kind.has_topics)
