@@ -32,11 +32,7 @@ def deferred_boxes(
     if truth is not None:
         found = find_boxes(frame, results, truth, params)
         return lambda: found
-    used = np.zeros(frame.size, np.bool_)
-    for result in results:
-        if result is not None:
-            used |= result.keep | unconfirmed(result)
-    used &= frame.valid
+    used = in_objects(frame, results)
     part = replace(frame, cloud=frame.cloud.select(used), message=None)
     parts = [result and replace(result, frame=part, reason=result.reason[used]) for result in results]
     return partial(find_boxes, part, parts, None, params)
@@ -48,6 +44,15 @@ def unconfirmed(result: FilterResult) -> NDArray[np.bool_]:
     There are none without thresholds: the reason of the water is then the same.
     """
     return np.equal(result.reason, Reason.UNCONFIRMED) & (result.rings is not None)
+
+
+def in_objects(frame: Frame, results: Sequence[FilterResult | None]) -> NDArray[np.bool_]:
+    """Return the valid points that any method keeps or finds in objects that were not confirmed, shape (N,)."""
+    used = np.zeros(frame.size, np.bool_)
+    for result in results:
+        if result is not None:
+            used |= result.keep | unconfirmed(result)
+    return used & frame.valid
 
 
 def find_boxes(
@@ -131,18 +136,18 @@ def _rounded(values: NDArray[np.float64]) -> list[float]:
 
 
 _CLUSTERS = {
-    "target": palette.STATES["detected"],
-    "false": palette.STATES["false alarm"],
-    "unknown": palette.TRUTH["clutter"],
-    "unconfirmed": palette.REASONS[Reason.UNCONFIRMED],
+    "target": (palette.STATES["detected"], ""),
+    "false": (palette.STATES["false alarm"], "false alarm"),
+    "unknown": (palette.TRUTH["clutter"], ""),
+    "unconfirmed": (palette.REASONS[Reason.UNCONFIRMED], "unconfirmed"),
 }
-_TEXTS = {"false": "false alarm", "unconfirmed": "unconfirmed"}
 _BOXES = {
-    "detected": palette.STATES["detected"],
-    "missed": palette.STATES["missed target"],
-    "hidden": palette.TRUTH["unknown"],
-    "ignored": palette.TRUTH["unknown"],
+    "detected": (palette.STATES["detected"], "{}"),
+    "missed": (palette.STATES["missed target"], "{} (missed)"),
+    "hidden": (palette.TRUTH["unknown"], "{} (not visible)"),
+    "ignored": (palette.TRUTH["unknown"], ""),
 }
+"""Colours of clusters by their kind, and of boxes by their state, with texts for players."""
 
 
 def scene_updates(params: EvaluationParams, labels: Labels | None) -> Callable[[FilterResult], SceneUpdate]:
@@ -166,10 +171,9 @@ def boxes_of(result: FilterResult, truth: Truth | None, params: EvaluationParams
 def _cluster(one: Described) -> SceneBox:
     sides = list(zip(one["low"], one["high"], strict=True))
     center, size = [(low + high) / 2 for low, high in sides], [high - low for low, high in sides]
-    return SceneBox(center, size, 0.0, _CLUSTERS[one["kind"]], _TEXTS.get(one["kind"], ""))
+    return SceneBox(center, size, 0.0, *_CLUSTERS[one["kind"]])
 
 
 def _box(one: Described) -> SceneBox:
-    state = one["state"][0] if isinstance(one["state"], list) else one["state"]
-    text = {"detected": one["class"], "missed": f"{one['class']} (missed)", "hidden": f"{one['class']} (not visible)"}
-    return SceneBox(one["center"], one["size"], one["yaw"], _BOXES[state], text.get(state, ""))
+    color, text = _BOXES[one["state"][0] if isinstance(one["state"], list) else one["state"]]
+    return SceneBox(one["center"], one["size"], one["yaw"], color, text.format(one["class"]))

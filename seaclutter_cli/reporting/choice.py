@@ -3,7 +3,7 @@
 from bisect import insort
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, Literal, TypeVar
+from typing import Generic, Literal, NamedTuple, TypeVar
 
 T = TypeVar("T")
 
@@ -76,9 +76,9 @@ class Choice(Generic[T]):
         item = _Item[T](row, [make], [])
         self._pending.append(item)
         if badness:
-            _insert(self._worst, -badness, row, self._bad, item)
+            _insert(self._worst, -badness, self._bad, item)
         if merit is not None:
-            _insert(self._best, -merit, row, self._good, item)
+            _insert(self._best, -merit, self._good, item)
         if row % self._stride == 0:
             self._spread[row] = item
             if len(self._spread) > 4 * self._even:
@@ -97,9 +97,9 @@ class Choice(Generic[T]):
 
     def chosen(self) -> list[Chosen[T]]:
         """Return the selected frames, each once: the worst first, then the best, then the others by row."""
-        found = {one.row: Chosen(one.row, "worst", one.item.get()) for one in self._worst}
+        found = {one.item.row: Chosen(one.item.row, "worst", one.item.get()) for one in self._worst}
         for one in self._best:
-            found.setdefault(one.row, Chosen(one.row, "best", one.item.get()))
+            found.setdefault(one.item.row, Chosen(one.item.row, "best", one.item.get()))
         others = [Chosen(row, "even", item) for row, item in self.spread() if row not in found]
         return [*found.values(), *_thinned(others, self._bad + self._good + self._even - len(found))]
 
@@ -108,33 +108,23 @@ class Choice(Generic[T]):
         return [(row, item.get()) for row, item in sorted(self._spread.items(), key=lambda pair: pair[0])]
 
 
-@dataclass(frozen=True)
-class _Ranked(Generic[T]):
+class _Ranked(NamedTuple, Generic[T]):
     """A frame among the worst or the best; the smallest key comes first, equal keys in pseudo-random order."""
 
-    key: float
-    row: int
+    rank: tuple[float, int]
     item: _Item[T]
 
-    @property
-    def rank(self) -> tuple[float, int]:
-        return self.key, _hash(self.row)
 
-
-def _hash(row: int) -> int:
-    """Return a sort key that spreads equally ranked frames over the whole recording."""
-    return row * 2654435761 % 2**32
-
-
-def _insert(ranked: list[_Ranked[T]], key: float, row: int, size: int, item: _Item[T]) -> None:
+def _insert(ranked: list[_Ranked[T]], key: float, size: int, item: _Item[T]) -> None:
     """Insert a frame into a ranked list; it replaces a frame close to it, if there is one."""
-    close = next((number for number, one in enumerate(ranked) if row - one.row < _MIN_SPACING), None)
+    entry = _Ranked((key, item.row * 2654435761 % 2**32), item)  # spreads equal frames over the whole recording
+    close = next((number for number, one in enumerate(ranked) if item.row - one.item.row < _MIN_SPACING), None)
     rival = close if close is not None else len(ranked) - 1 if len(ranked) == size else None
-    if not size or (rival is not None and (key, _hash(row)) >= ranked[rival].rank):
+    if not size or (rival is not None and entry.rank >= ranked[rival].rank):
         return
     if rival is not None:
         del ranked[rival]
-    insort(ranked, _Ranked(key, row, item), key=lambda one: one.rank)
+    insort(ranked, entry, key=lambda one: one.rank)
 
 
 def _thinned(items: list[Chosen[T]], count: int) -> list[Chosen[T]]:

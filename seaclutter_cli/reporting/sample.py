@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import point_truth
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
-from seaclutter_cli.reporting.boxes import BoxesAndClusters, Described, deferred_boxes, unconfirmed
+from seaclutter_cli.reporting.boxes import BoxesAndClusters, Described, deferred_boxes, in_objects
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
 UNKNOWN, IS_CLUTTER, IS_TARGET, IS_IGNORED = range(4)
@@ -69,11 +69,7 @@ def take_sample(
     five points stays visible among tens of thousands. Each of the two groups is subsampled evenly if it does not fit.
     """
     points = np.zeros(frame.size, np.int64) if truth is None else point_truth(frame, truth, params)
-    objects = np.zeros(frame.size, np.bool_)
-    for result in results:
-        if result is not None:
-            objects |= result.keep | unconfirmed(result)
-    priority = frame.valid & (objects | ((points != CLUTTER) & (points != IGNORED)))
+    priority = in_objects(frame, results) | (frame.valid & (points != CLUTTER) & (points != IGNORED))
     shown, weight = _thin(np.flatnonzero(priority), np.flatnonzero(frame.valid & ~priority), limit)
     reasons = np.full((len(results), len(shown)), Reason.INVALID, np.uint8)
     for row, result in zip(reasons, results, strict=True):
