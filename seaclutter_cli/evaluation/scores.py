@@ -3,7 +3,8 @@
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import astuple, dataclass, field, fields
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -44,7 +45,7 @@ class PointCounts:
 
     def __add__(self, other: "PointCounts") -> "PointCounts":
         """Return the sums."""
-        return PointCounts(*(getattr(self, item.name) + getattr(other, item.name) for item in fields(self)))
+        return PointCounts(*map(add, astuple(self), astuple(other)))
 
     @property
     def clutter_removal(self) -> float | None:
@@ -91,12 +92,9 @@ class FrameScore:
     def cells(self) -> list[int | str]:
         """Return the values of `ALARM_COLUMNS` and `POINT_COLUMNS`; empty where unknown."""
         known: list[int | str] = [""] * 5
-        if self.alarms is not None:
-            alarms = self.alarms
-            known = [alarms.targets, alarms.visible, alarms.detected, alarms.missed, alarms.false_alarms]
-        points: list[int | str] = [""] * len(POINT_COLUMNS)
-        if self.points is not None:
-            points = [getattr(self.points, item.name) for item in fields(self.points)]
+        if one := self.alarms:
+            known = [one.targets, one.visible, one.detected, one.missed, one.false_alarms]
+        points = [""] * len(POINT_COLUMNS) if self.points is None else astuple(self.points)
         return [*known[:4], self.clusters, known[4], self.points_in, self.points_out, *points]
 
 
@@ -294,9 +292,8 @@ class Summary:
 
 
 def _as_dict(points: PointCounts) -> dict[str, Any]:
-    counts = (getattr(points, item.name) for item in fields(points))
     return {
-        **dict(zip(POINT_COLUMNS, counts, strict=True)),
+        **dict(zip(POINT_COLUMNS, astuple(points), strict=True)),
         "clutter_removal": points.clutter_removal,
         "target_loss": points.target_loss,
         "point_precision": points.precision,

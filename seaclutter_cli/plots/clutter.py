@@ -45,10 +45,7 @@ class ClutterDensity:
         """Add the counts of another histogram with the same parameters, which must not be used afterwards."""
         self._all_whole = self._all_whole and other._all_whole
         for number, counts in other._rings.items():
-            if number in self._rings:
-                self._rings[number] += counts
-            else:
-                self._rings[number] = counts
+            self._rings[number] = self._rings.get(number, 0) + counts
         return self
 
     def grid(self, end_m: float, limits: tuple[float, float]) -> "DensityGrid":
