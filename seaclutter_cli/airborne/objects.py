@@ -146,7 +146,7 @@ def find_objects(
     The class of a point is its most probable one. The class of an object is the most frequent class of its points; in a
     tie, the first.
     """
-    from seaclutter_cli.clustering.euclidean import euclidean_clusters  # slow to import, not needed for settings
+    from seaclutter_cli.clustering.clusters import euclidean_clusters  # slow to import, not needed for settings
 
     flat = np.vstack((points.xy, np.zeros(points.xy.shape[1])))
     number = euclidean_clusters(flat, params.tolerance_m, params.min_points) + 1

@@ -34,7 +34,7 @@ def unclassified_objects(
     Heights are above the mean elevation of the sea up to ten metres around the object, or in the tile where there is
     none.
     """
-    from seaclutter_cli.clustering.euclidean import euclidean_clusters  # slow to import, only for geodata
+    from seaclutter_cli.clustering.clusters import euclidean_clusters  # slow to import, only for geodata
 
     xyz = _off_land(parts, found)
     if not xyz.shape[1] or not (tile.kind == IS_WATER).any():

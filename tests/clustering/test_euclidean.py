@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from seaclutter_cli.clustering import cells, euclidean
-from seaclutter_cli.clustering.euclidean import ClusterFinder, euclidean_clusters
+from seaclutter_cli.clustering import cells, clusters
+from seaclutter_cli.clustering.clusters import ClusterFinder, euclidean_clusters
 
 TOLERANCES = st.sampled_from([1.5, 1.0, 0.1, 0.7, 1e-6, 1e6])
 
@@ -45,7 +45,7 @@ def implementations(request, monkeypatch):
         monkeypatch.setattr(cells, "_TABLE_COLUMNS", 0)
         monkeypatch.setattr(cells, "_FEW_CELLS", 0)
     elif request.param == "small blocks":
-        monkeypatch.setattr("seaclutter_cli.clustering.euclidean._BLOCK", 3)
+        monkeypatch.setattr("seaclutter_cli.clustering.clusters._BLOCK", 3)
         monkeypatch.setattr(cells, "_BLOCK", 3)
 
 
@@ -168,14 +168,14 @@ def balls(count, distance, seed=0):
 @given(distance=st.floats(1.499, 1.502), seed=st.integers(0, 1000))
 def test_dense_components_that_almost_touch_with_a_tree(distance, seed):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(euclidean, "_MANY_PAIRS", 1)
+        patch.setattr(clusters, "_MANY_PAIRS", 1)
         check(balls(20, distance, seed), 1.5, 1)
 
 
 @given(xyz=arrays(float, (3, 30), elements=st.integers(0, 4).map(float)))
 def test_distances_equal_to_the_tolerance_with_a_tree(xyz):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(euclidean, "_MANY_PAIRS", 1)
+        patch.setattr(clusters, "_MANY_PAIRS", 1)
         check(xyz, 2.0, 1)
 
 
