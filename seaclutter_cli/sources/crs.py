@@ -67,15 +67,11 @@ def read_crs(records: Iterable[Any]) -> Crs:
     found = {one.record_id: bytes(one.record_data) for one in records if one.user_id == _USER}
     text = found.get(_WKT, b"").split(b"\0")[0].decode("utf-8", "replace").strip()
     if _SYSTEM.match(text):  # some files have an empty text in quotation marks
-        return _of_wkt(text)
+        is_geographic = _PROJECTED.search(text) is None and _GEODETIC.search(text) is not None
+        horizontal, *vertical = _VERTICAL.split(text, maxsplit=1)
+        unit_m = 1.0 if is_geographic else _last_unit(horizontal, 1.0)
+        return Crs(text, unit_m, _last_unit(vertical[0], unit_m) if vertical else unit_m, is_geographic)
     return _of_keys(found[_GEO_KEYS]) if _GEO_KEYS in found else Crs()
-
-
-def _of_wkt(text: str) -> Crs:
-    is_geographic = _PROJECTED.search(text) is None and _GEODETIC.search(text) is not None
-    horizontal, *vertical = _VERTICAL.split(text, maxsplit=1)
-    unit_m = 1.0 if is_geographic else _last_unit(horizontal, 1.0)
-    return Crs(text, unit_m, _last_unit(vertical[0], unit_m) if vertical else unit_m, is_geographic)
 
 
 def _last_unit(text: str, default: float) -> float:

@@ -155,19 +155,17 @@ class TilePart(LasTile):
         self.size = sum(map(len, self._kept))
 
     def _within(self, window: Extent, without: Extent | None) -> Iterator[Any]:
-        for part in self._near(window):
+        near = self.read()
+        if _is_indexed(self):
+            low, high = (np.array(corner) / self.crs.unit_m for corner in (window.low, window.high))
+            near = read_chunks(self.path, read_index(self.path, self.header).within(low, high))
+        for part in near:
             xyz = self.xyz(part)
             inside = window.contains(xyz)
             if without is not None:
                 inside &= ~without.contains(xyz)
             if inside.any():
                 yield part[inside]
-
-    def _near(self, window: Extent) -> Iterator[Any]:
-        if not _is_indexed(self):
-            return self.read()
-        low, high = (np.array(corner) / self.crs.unit_m for corner in (window.low, window.high))
-        return read_chunks(self.path, read_index(self.path, self.header).within(low, high))
 
 
 def open_tile_or_window(path: Path, window: Extent | None) -> LasTile | CloudTile:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages.metadata import SIDECAR
@@ -177,21 +176,17 @@ def _pose(row: list[str]) -> tuple[int, Pose]:
     x, y, z, *angles = (float(value) for value in row[1:_COLUMNS])
     if not all(map(math.isfinite, (x, y, z, *angles))):
         raise ValueError("all values must be finite numbers")
-    return int(float(row[0])) * _MICRO_NS, Pose((x, y, z), _quaternion(_rotation(*angles)))
+    return int(float(row[0])) * _MICRO_NS, Pose((x, y, z), _quaternion(*angles))
 
 
-def _rotation(x_rad: float, y_rad: float, z_rad: float) -> NDArray[np.float64]:
+def _quaternion(x_rad: float, y_rad: float, z_rad: float) -> tuple[float, float, float, float]:
     """Return the rotation from the lidar to the fixed frame, C1(x) C2(y) C3(z) with passive principal rotations."""
+    from scipy.spatial.transform import Rotation
+
     (cx, sx), (cy, sy), (cz, sz) = ((math.cos(a), math.sin(a)) for a in (x_rad, y_rad, z_rad))
     about_x = np.array([[1, 0, 0], [0, cx, sx], [0, -sx, cx]])
     about_y = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]])
     about_z = np.array([[cz, sz, 0], [-sz, cz, 0], [0, 0, 1]])
-    return np.asarray(about_x @ about_y @ about_z)
-
-
-def _quaternion(matrix: NDArray[np.float64]) -> tuple[float, float, float, float]:
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, w = Rotation.from_matrix(matrix).as_quat()
+    x, y, z, w = Rotation.from_matrix(about_x @ about_y @ about_z).as_quat()
     sign = 1 if w >= 0 else -1
     return sign * float(x), sign * float(y), sign * float(z), sign * float(w)

@@ -212,7 +212,11 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
             return self._loaded(chunk, unpacked())
         except BrokenRecordError as error:
             self._report(chunk.offset, f"the chunk {error}", chunk.size, chunk.messages or None)
-            self._salvage_declarations(chunk)
+            if chunk.header is not None and not self._declares_channels:
+                # Without a summary, the rest of the log depends on the channels of this chunk.
+                records = memoryview(salvage(chunk.header, self._file))
+                for op, _, start, end, _ in islice(walk(records, lambda *_: None), _MAX_SALVAGED):
+                    self._declared.add(op, records[start:end], chunk.offset, Trust.BROKEN)
         return []
 
     def _loaded(self, chunk: McapChunk, records: Buffer) -> list[Message]:
@@ -239,13 +243,6 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
             if not all(chunk.start_ns <= message.log_time_ns <= chunk.end_ns for message in messages):
                 self._report(chunk.offset, "messages of this chunk are outside the times that it states", 0)
         return messages
-
-    def _salvage_declarations(self, chunk: McapChunk) -> None:
-        """Add the channels of a damaged chunk: without a summary, the rest of the log depends on them."""
-        if chunk.header is not None and not self._declares_channels:
-            records = memoryview(salvage(chunk.header, self._file))
-            for op, _, start, end, _ in islice(walk(records, lambda *_: None), _MAX_SALVAGED):
-                self._declared.add(op, records[start:end], chunk.offset, Trust.BROKEN)
 
     def _unpack(self, chunk: McapChunk) -> Buffer:
         if chunk.header is not None:

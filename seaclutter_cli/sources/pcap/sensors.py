@@ -92,18 +92,15 @@ class SensorSearch:
             flow = self.flows.get(kind) or Flow(*self._udp.ends(kind[0]), kind[1])
             flow.count += len(rows)
             if flow.family is None and flow.count - len(rows) < _TRIED:
-                self._recognise(flow, self._udp.payloads(datagrams, rows[:_TRIED_AT_ONCE]))
+                payloads = self._udp.payloads(datagrams, rows[:_TRIED_AT_ONCE])
+                families = (name for name, one in PACKET_FAMILIES.items() if any(map(one.recognises, payloads)))
+                flow.family = next(families, None)
+                if flow.family is None:
+                    flow.unsupported = flow.unsupported or name_unsupported(payloads[0])
             if flow.family is not None:
                 self._sample(flow, datagrams, rows)
             if flow.family is not None or len(self.flows) < _MAX_FLOWS:
                 self.flows[kind] = flow
-
-    def _recognise(self, flow: Flow, payloads: NDArray[np.uint8]) -> None:
-        for name, family in PACKET_FAMILIES.items():
-            if any(family.recognises(payload) for payload in payloads):
-                flow.family = name
-                return
-        flow.unsupported = flow.unsupported or next(filter(None, map(name_unsupported, payloads[:1])), None)
 
     def _sample(self, flow: Flow, datagrams: Datagrams, rows: NDArray[np.int64]) -> None:
         family = PACKET_FAMILIES[flow.family or ""]

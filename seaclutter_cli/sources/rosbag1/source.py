@@ -78,8 +78,10 @@ class BagSource(ChunkedSource[Chunk, Content]):
             read += 1
             if message.channel.id not in self._hidden:
                 yield message
-        if is_all:
-            self._compare(read)
+        known = sum(damage.lost_messages or 0 for damage in self.damage)
+        if is_all and self._listed is not None and self._listed > read + known:
+            problem = f"the index lists {count(self._listed, 'message')}, but {read:,} can be read"
+            self._report(None, problem, 0, self._listed - read - known)
 
     def _indexed(self, chunk: Chunk) -> Counter[int] | None:
         index = read_index(self._file, chunk.offset + chunk.size)
@@ -157,13 +159,6 @@ class BagSource(ChunkedSource[Chunk, Content]):
                 else:
                     self._channels[record.number(b"conn")] = channel_of(content, record)
         return messages, unknown
-
-    def _compare(self, read: int) -> None:
-        """Report messages that the index lists and that are neither read nor reported as lost."""
-        known = sum(damage.lost_messages or 0 for damage in self.damage)
-        if self._listed is not None and self._listed > read + known:
-            problem = f"the index lists {count(self._listed, 'message')}, but {read:,} can be read"
-            self._report(None, problem, 0, self._listed - read - known)
 
 
 def _describe(start: bytes) -> str:

@@ -56,7 +56,9 @@ def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
         raise InputError(f"{folder}: unsupported compression {metadata.compression_format!r}; only zstd can be read")
     files = []
     for name in metadata.names:
-        file = _find(folder, name)
+        # The file of a name, or its packed or unpacked version.
+        versions = (folder / name, folder / f"{name}.zstd", folder / name.removesuffix(".zstd"))
+        file = next((file for file in versions if file.is_file()), None)
         if file is None:
             problem = f"{METADATA} lists this file, but it does not exist"
             damage.append(Damage(folder / name, None, problem, lost_messages=metadata.counts.get(name)))
@@ -88,12 +90,6 @@ def _storage_files(folder: Path) -> list[Path]:
 def _natural(file: Path) -> tuple[str, int, str]:
     match = NUMBERED.fullmatch(file.name)
     return (match[1], int(match[2]), file.name) if match else (file.name, -1, "")
-
-
-def _find(folder: Path, name: str) -> Path | None:
-    """Return the file of a name, or its packed or unpacked version; None if there is no such file."""
-    candidates = (folder / name, folder / f"{name}.zstd", folder / name.removesuffix(".zstd"))
-    return next((file for file in candidates if file.is_file()), None)
 
 
 def _unnamed(folder: Path, named: list[Path]) -> list[Path]:

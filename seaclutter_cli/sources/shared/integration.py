@@ -25,6 +25,7 @@ class _Window:
 
     number: int = 0
     clouds: list[Cloud] = field(default_factory=list)
+    layout: object = None
     size: int = 0
     first_ns: int | None = None
     frames: int = 0
@@ -92,10 +93,11 @@ class Integrated(SourceWrapper):
             window.first_ns, window.number = stamp_ns, 0  # the first cloud, or a clock that was set back
         number = max((stamp_ns - window.first_ns) // self._window_ns, window.number)
         data = cloud.size * cloud.point_step
-        fits = not window.clouds or _fits(window.clouds[0], cloud)
+        layout = (cloud.fields, cloud.point_step, cloud.big_endian, cloud.frame_id)
+        fits = not window.clouds or window.layout == layout
         if number > window.number or not fits or window.size + data > limits().message_bytes:
             yield from self._join(message.channel, window, (message.log_time_ns, message.publish_time_ns))
-        window.number = number
+        window.number, window.layout = number, layout
         window.clouds.append(replace(cloud, stamp_ns=stamp_ns))
         window.size += data
 
@@ -116,11 +118,6 @@ class Integrated(SourceWrapper):
 
 def _joined(channel: Channel) -> Channel:
     return points_channel(channel) if has_fixed_fields(channel) else channel
-
-
-def _fits(one: Cloud, other: Cloud) -> bool:
-    keys = [(cloud.fields, cloud.point_step, cloud.big_endian, cloud.frame_id) for cloud in (one, other)]
-    return keys[0] == keys[1]
 
 
 def _one(clouds: Sequence[Cloud]) -> Cloud:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from seaclutter_cli.errors import CloudError, InputError, MissingExtraError
-from seaclutter_cli.records import Buffer, Channel, Message, Record
+from seaclutter_cli.records import Channel, Message, Record
 from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
 from seaclutter_cli.sensors.packets import (
     DecoderOptions,
@@ -122,14 +122,13 @@ class Candidate:
             return None
         if not self._gathers:
             return self.decoder(longest)
-        return self._gather(packets.times_ns, packets.payloads)
+        return self._gather(packets.packets)
 
     def add_calibration(self, message: Message) -> PacketDecoder | None:
         """Add a message of the companion topic; return a decoder if the packets so far suffice for one."""
         try:
             if packet_type(message.channel):
-                packets = read_packets(message)
-                return self._gather(packets.times_ns, packets.payloads)
+                return self._gather(read_packets(message).packets)
             if self.options.recorded is None:
                 self.options = replace(self.options, recorded=_read_recorded(message))
         except CloudError as error:
@@ -177,9 +176,9 @@ class Candidate:
             return self.families[0]
         return next((f for f in self.families if any(map(f.recognises, packets.payloads[:_SAMPLES]))), None)
 
-    def _gather(self, times_ns: Iterable[int], payloads: Iterable[Buffer]) -> PacketDecoder | None:
+    def _gather(self, found: Iterable[Packets]) -> PacketDecoder | None:
         new = False
-        for packets in runs(list(times_ns), list(payloads)):
+        for packets in found:
             of_info = np.zeros(len(packets), np.bool_)
             for family in [self.family] if self.family else self.families:
                 if isinstance(family, SelfCalibrating):

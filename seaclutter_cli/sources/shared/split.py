@@ -135,8 +135,11 @@ class SplitSource(SourceBase):
                 self.damage += [replace(damage, path=file) for damage in source.damage]
                 if broken:
                     self.damage.append(Damage(file, None, "damaged compressed messages", lost_messages=broken))
-        if start_ns is None and end_ns is None:
-            self._compare(read)
+        known = sum(damage.lost_messages or 0 for damage in self.damage)
+        if start_ns is None and end_ns is None and self._expected and self._expected[1] > read + known:
+            path, expected = self._expected
+            problem = f"{count(expected, 'message')} listed here, but the files contain {read:,}"
+            self.damage.append(Damage(path, None, problem, lost_messages=expected - read - known))
 
     @property
     def span_ns(self) -> tuple[int, int] | None:
@@ -196,16 +199,6 @@ class SplitSource(SourceBase):
             self._merged[unnumbered, occurrence] = merged
         known[channel.id] = merged
         return merged
-
-    def _compare(self, read: int) -> None:
-        """Report expected messages that are missing and not reported yet."""
-        if self._expected is None:
-            return
-        path, expected = self._expected
-        known = sum(damage.lost_messages or 0 for damage in self.damage)
-        if expected > read + known:
-            problem = f"{count(expected, 'message')} listed here, but the files contain {read:,}"
-            self.damage.append(Damage(path, None, problem, lost_messages=expected - read - known))
 
 
 def split_groups(files: Sequence[Path]) -> list[list[Path]]:

@@ -58,20 +58,19 @@ def readable(compression: str, packed: Buffer, most: int) -> tuple[Buffer, bool]
         return packed[:most], len(packed) <= most
     content = bytearray()
     with suppress(*DECOMPRESSION_ERRORS):
-        for piece, is_last in _zstd_pieces(packed) if compression == "zstd" else _pieces(compression, packed):
+        for piece, is_last in _pieces(compression, packed):
             content += piece
             if is_last or len(content) > most:
                 return memoryview(content)[:most], is_last and len(content) <= most
     return memoryview(content), False
 
 
-def _zstd_pieces(packed: Buffer) -> Iterator[tuple[bytes, bool]]:
-    with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream:
-        while piece := stream.read(2**16):
-            yield piece, False
-
-
 def _pieces(compression: str, packed: Buffer) -> Iterator[tuple[bytes, bool]]:
+    if compression == "zstd":
+        with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream:
+            while piece := stream.read(2**16):
+                yield piece, False
+        return
     decompressor = _INCREMENTAL[compression]()
     for at in range(0, len(packed), _PACKED_PIECE):
         yield decompressor.decompress(packed[at : at + _PACKED_PIECE], max_length=_PIECE), decompressor.eof
