@@ -76,12 +76,12 @@ def open_source(path: Path, *, rate_hz: float = 10.0, decoding: DecoderOptions |
     return wrap_packets(open_file(path, decoding), decoding)
 
 
-def open_file(path: Path, decoding: DecoderOptions) -> Source:
+def open_file(path: Path, decoding: DecoderOptions | None = None) -> Source:
     """Open a log file, whose format its first bytes show, else its name; raise `InputError` if it cannot be read."""
     form = _form_of(path) or next((f for f in SOURCES.values() if path.name.lower().endswith(f.suffixes)), None)
     if form is None:
         raise InputError(f"{path}: unknown format; supported formats: {format_names()}")
-    return form.open(path, decoding)
+    return form.open(path, decoding or DecoderOptions())
 
 
 def _form_of(path: Path) -> Format | None:

@@ -60,7 +60,7 @@ class Recording:
 
 def require_one(files: Sequence[Path]) -> None:
     """Raise `InputError` if files that are joined by their names are not one recording."""
-    reason = difference(files, partial(open_file, decoding=DecoderOptions())) if len(files) > 1 else None
+    reason = difference(files, open_file) if len(files) > 1 else None
     if reason:
         raise InputError(f"{reason}; --no-join reads them one by one")
 
@@ -161,22 +161,17 @@ def _joined(group: list[Path], search: Search, note: Callable[[str], object]) ->
         return [group]
     if search.join is False:
         return [[file] for file in group]
-    return joined(group, partial(open_file, decoding=DecoderOptions()), note)
+    return joined(group, open_file, note)
 
 
-def _has_recordings(folder: Path, above: frozenset[Path]) -> bool:
-    """Return whether there are recordings below a folder, but not by way of a folder that contains it."""
-    with suppress(OSError):
-        real = folder.resolve()
-        if real not in above:
-            return any(_is_or_has_recordings(child, above | {real}) for child in folder.iterdir())
-    return False
-
-
-def _is_or_has_recordings(path: Path, above: frozenset[Path]) -> bool:
+def _has_recordings(path: Path, above: frozenset[Path]) -> bool:
+    """Return whether a path is a recording, or has some below it, but not by way of a folder that contains it."""
     if _has_suffix(path) and path.is_file():
         return True
-    return path.is_dir() and path.resolve() not in above and (_is_recording(path) or _has_recordings(path, above))
+    with suppress(OSError):
+        if path.is_dir() and (real := path.resolve()) not in above:
+            return _is_recording(path) or any(_has_recordings(child, above | {real}) for child in path.iterdir())
+    return False
 
 
 def _has_suffix(path: Path) -> bool:
