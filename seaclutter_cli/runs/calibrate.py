@@ -34,14 +34,13 @@ from seaclutter_cli.runs.calibrate_trade_off import (
     training_frames,
 )
 from seaclutter_cli.runs.evaluate import EvaluateWork
-from seaclutter_cli.runs.labels import assign_labels
 from seaclutter_cli.runs.methods import Variant, configured
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.methods import ConfigOptions
 from seaclutter_cli.runs.options.studies import CalibrateOptions
-from seaclutter_cli.runs.outputs import inputs_of, prepare_outputs, write_files
-from seaclutter_cli.runs.recordings import Outcome, expand, opened
-from seaclutter_cli.runs.studies import StudyWork, frame_progress, study_all
+from seaclutter_cli.runs.outputs import write_files
+from seaclutter_cli.runs.recordings import Outcome, opened
+from seaclutter_cli.runs.studies import StudyWork, frame_progress, prepared, study_all
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.text import count
 from seaclutter_cli.water import Mounting, MountingSearch
@@ -76,17 +75,9 @@ def calibrate(options: CalibrateOptions) -> CalibrationResult:
     config = _starting_config(options)
     if (options.choose or options.trade_off) and not options.labels:
         raise UsageError(f"{'--choose' if options.choose else '--trade-off'}: filter rates are compared by --labels")
-    recordings = expand(options.logs, options.reading, observer)
     if options.plot_file:
         check_target(options.plot_file)
-    prepare_outputs(
-        {"-o": options.output, "--plot": options.plot_file},
-        inputs_of(recordings, options.reading, options.config, [config]),
-        options.labels,
-        force=options.force,
-        observer=observer,
-    )
-    pairs = zip(recordings, assign_labels(options, recordings), strict=True)
+    pairs = prepared(options, {"-o": options.output, "--plot": options.plot_file}, [config])
     works = [_CalibrateWork(options.reading, *each, config, options) for each in pairs]
     sums = _ClutterSums(config, options)
 

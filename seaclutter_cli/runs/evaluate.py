@@ -17,12 +17,11 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.reporting.history import FrameListener, FrameStatistics, ScoredFrame
 from seaclutter_cli.runs.checks import Checks
-from seaclutter_cli.runs.labels import assign_labels
 from seaclutter_cli.runs.methods import Variant, variants
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.studies import EvaluateOptions
-from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs, write_manifest
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand
+from seaclutter_cli.runs.outputs import may_appear, write_manifest
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.runs.score_tables import (
     ALARMS,
     OBJECTS,
@@ -36,7 +35,7 @@ from seaclutter_cli.runs.score_tables import (
     score_legend,
     score_table,
 )
-from seaclutter_cli.runs.studies import StudyWork, frame_progress, study_all
+from seaclutter_cli.runs.studies import StudyWork, frame_progress, prepared, study_all
 from seaclutter_cli.selection import cloud_channels, filtered_by, first_frame, was_filtered
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.text import count, printable
@@ -67,13 +66,9 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     observer = options.watching
     overrides = [f"evaluation.clustering={options.clustering}"] if options.clustering else []
     chosen = variants(options, *overrides)
-    recordings = expand(options.logs, options.reading, observer)
     targets = {"-o": options.frames_file, "--summary": options.summary_file}
     manifest = options.batch.manifest
-    inputs = inputs_of(recordings, options.reading, options.config, [one.config for one in chosen])
-    outputs = {**targets, "--manifest": manifest}
-    prepare_outputs(outputs, inputs, options.labels, force=options.force, observer=observer)
-    pairs = zip(recordings, assign_labels(options, recordings), strict=True)
+    pairs = prepared(options, {**targets, "--manifest": manifest}, [one.config for one in chosen])
     tabulated = options.frames_file is not None
     works = [EvaluateWork(options.reading, *each, chosen, tabulated=tabulated) for each in pairs]
     with OutputGroup(replace=options.force) as files:
@@ -87,22 +82,16 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
                 summary.stream.write(json.dumps(shown(comparison.as_dict()), indent=2).encode() + b"\n")
         if not may_appear(targets.values(), outcomes, observer):
             files.discard()
-    write_manifest(manifest, recordings, outcomes, replace=options.force)
+    write_manifest(manifest, [recording for recording, _ in pairs], outcomes, replace=options.force)
     return comparison
 
 
 @dataclass(kw_only=True)
 class Evaluated(Outcome):
-    """Outcome of the evaluation of one recording.
+    """Sums over the frames of one recording for each variant.
 
-    Parameters
-    ----------
-    methods : mapping of str to Summary
-        Sums over the frames for each variant.
-    rows : PackedRows or None
-        Rows of the table of frames.
-    parts : Parts or None
-        Scores of consecutive parts of the recording, where some may be held out.
+    If they are wanted, with the rows of the table of frames, and the scores of consecutive parts, of which some may be
+    held out.
     """
 
     methods: Mapping[str, Summary]
@@ -132,9 +121,7 @@ class Evaluated(Outcome):
     def as_dict(self) -> dict[str, Any]:
         """Return the outcome as JSON-compatible data."""
         return {
-            "recording": self.recording,
-            "error": self.error,
-            "damage": [str(item) for item in self.damage],
+            **super().as_dict(),
             "seconds": round(self.seconds, 3),
             "methods": {} if self.error else {name: summary.as_dict() for name, summary in self.methods.items()},
         }
@@ -144,14 +131,7 @@ class Evaluated(Outcome):
 class EvaluateWork(StudyWork[Evaluated]):
     """Evaluation of one recording; without labels, clusters are only counted.
 
-    Parameters
-    ----------
-    variants : sequence of Variant
-        Methods to compare.
-    listeners : sequence of FrameListener
-        Receive every frame, in this process.
-    tabulated, in_parts : bool
-        Whether the outcome has a row for each frame and method, and the scores of consecutive parts.
+    Listeners receive every frame in this process. ``tabulated`` and ``in_parts`` are what the outcome has besides sums.
     """
 
     variants: Sequence[Variant]

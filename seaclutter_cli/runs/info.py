@@ -272,17 +272,9 @@ class InfoResult(RecordingsResult):
 
     outcomes: Sequence[Content]
 
-    def as_dict(self) -> list[dict[str, Any]]:
-        """Return the contents as JSON-compatible data."""
-        return [content.as_dict() for content in self.outcomes]
-
     def as_text(self) -> str:
         """Return the content of one recording, or a table of several, as human-readable text."""
         return self.details() if len(self.outcomes) == 1 else self._table()
-
-    def details(self) -> str:
-        """Return the contents without an error as human-readable text."""
-        return "\n\n".join(content.as_text() for content in self.outcomes if not content.error)
 
     def _table(self) -> str:
         rows = [row for content in self.outcomes if not content.error for row in content.rows()]

@@ -202,4 +202,8 @@ class LabelCheckResult(RecordingsResult):
 
     def as_text(self) -> str:
         """Return the result as human-readable text."""
-        return "\n\n".join(outcome.as_text() for outcome in self.outcomes if not outcome.error)
+        return super().details()
+
+    def details(self) -> str:
+        """Return nothing: the text has all details."""
+        return ""

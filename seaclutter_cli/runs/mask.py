@@ -7,25 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.interfaces import Source
+from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.structure import draw_mask
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import MaskOptions
 from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs, write_files
-from seaclutter_cli.runs.recordings import (
-    Outcome,
-    RecordingsResult,
-    expand,
-    opened,
-    require_frames,
-    require_selected,
-    storing_errors,
-)
-from seaclutter_cli.runs.studies import frame_progress
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand
+from seaclutter_cli.runs.studies import StudyWork, frame_progress
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.structure.search import MIN_FRAMES, FoundStructure, StructureSearch
 from seaclutter_cli.text import count
@@ -58,13 +49,8 @@ def find_mask(options: MaskOptions) -> "MaskResult":
     inputs = inputs_of(recordings, options.reading)
     targets = {"-o": options.output, "--plot": options.plot_file}
     prepare_outputs(targets, inputs, force=options.force, observer=observer)
-    search, outcomes = StructureSearch(options.reach_m), []
-    for recording in recordings:
-        outcome = Outcome(recording=recording.name)
-        outcomes.append(outcome)
-        with storing_errors(outcome, observer), opened(recording, options.reading, observer, outcome) as source:
-            _add(source, options.reading, search, observer)
-    require_selected(outcomes)
+    search = StructureSearch(options.reach_m)
+    outcomes = [_MaskWork(options.reading, recording, None, search).run(observer) for recording in recordings]
     result = MaskResult(outcomes, search.found(), options.reach_m)
     for warning in result.warnings:
         observer.warn(warning)
@@ -81,17 +67,27 @@ def find_mask(options: MaskOptions) -> "MaskResult":
     return result
 
 
-def _add(source: Source, reading: ReadOptions, search: StructureSearch, observer: Observer) -> None:
-    """Add the frames of a recording."""
-    selection = reading.selection
-    if len({channel.topic for channel in cloud_channels(source, selection.topics)}) > 1:
-        raise UsageError(f"{source.name}: each lidar needs a mask of its own; choose one topic with -t")
-    number = 0
-    with frame_progress(source, selection, observer) as step:
-        for _ in map_frames(source, selection, search.add):
-            number += 1
-            step()
-    require_frames(source, number, selection)
+@dataclass(frozen=True)
+class _MaskWork(StudyWork[Outcome]):
+    """Search of one recording, which adds to that of the others in this process."""
+
+    search: StructureSearch
+
+    def without_result(self, reason: str | None) -> Outcome:
+        """Return an outcome without frames."""
+        return Outcome(recording=self.recording.name, error=reason)
+
+    def study(self, source: Source, labels: Labels | None, outcome: Outcome, observer: Observer) -> None:  # noqa: ARG002
+        """Add the frames of the recording."""
+        selection = self.reading.selection
+        if len({channel.topic for channel in cloud_channels(source, selection.topics)}) > 1:
+            raise UsageError(f"{source.name}: each lidar needs a mask of its own; choose one topic with -t")
+        number = 0
+        with frame_progress(source, selection, observer) as step:
+            for _ in map_frames(source, selection, self.search.add):
+                number += 1
+                step()
+        self.finish(source, labels, number)
 
 
 @dataclass(frozen=True)
@@ -125,10 +121,7 @@ class MaskResult(RecordingsResult):
     def as_dict(self) -> dict[str, Any]:
         """Return the result as JSON-compatible data."""
         return {
-            "recordings": [
-                {"recording": one.recording, "error": one.error, "damage": [str(item) for item in one.damage]}
-                for one in self.outcomes
-            ],
+            "recordings": [outcome.as_dict() for outcome in self.outcomes],
             "frames": self.found.frames,
             "at_rest": self.found.at_rest,
             "share": self.found.share,

@@ -95,6 +95,14 @@ class Outcome:
         """Return further columns of the manifest of a run."""
         return {}
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return the outcome as JSON-compatible data."""
+        return {"recording": self.recording, "error": self.error, "damage": [str(item) for item in self.damage]}
+
+    def as_text(self) -> str:
+        """Return the outcome as human-readable text; empty if the text of the result says it all."""
+        return ""
+
 
 class Result(ABC):
     """Result of a run, as text and as data."""
@@ -140,6 +148,14 @@ class RecordingsResult(Result):
     def damaged(self) -> bool:
         """Whether parts of any recording were damaged and left out."""
         return any(outcome.damage for outcome in self.outcomes)
+
+    def as_dict(self) -> Any:
+        """Return the outcomes as JSON-compatible data."""
+        return [outcome.as_dict() for outcome in self.outcomes]
+
+    def details(self) -> str:
+        """Return the outcomes without an error as human-readable text."""
+        return "\n\n".join(filter(None, (outcome.as_text() for outcome in self.outcomes if not outcome.error)))
 
 
 def statuses(outcomes: Sequence[Outcome]) -> str:

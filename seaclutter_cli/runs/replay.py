@@ -13,14 +13,13 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
 from seaclutter_cli.reporting.replay import Replayed, filtered_topics, recorded_config, replay
 from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork
-from seaclutter_cli.runs.labels import assign_labels
 from seaclutter_cli.runs.methods import Variant, is_default
 from seaclutter_cli.runs.methods import variants as variants_of
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
-from seaclutter_cli.runs.options.methods import LabelSources, MethodOptions
+from seaclutter_cli.runs.options.methods import MethodOptions
 from seaclutter_cli.runs.recordings import open_recording, require_frames
-from seaclutter_cli.runs.studies import StudyWork
+from seaclutter_cli.runs.studies import LabelledRecordings, StudyWork
 from seaclutter_cli.selection import was_filtered
 from seaclutter_cli.sources import Recording
 
@@ -28,29 +27,13 @@ L = TypeVar("L", bound=FrameListener)
 
 
 def filter_or_replay(
-    recordings: Sequence[Recording],
-    labels: LabelSources,
+    pairs: LabelledRecordings,
     methods: MethodOptions,
     reading: ReadOptions,
     observer: Observer,
     make_listener: Callable[[Sequence[Variant]], L],
 ) -> tuple[Comparison, L]:
     """Filter recordings, or read filtered ones back if no method is chosen, and pass every frame to a listener.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Raw logs, or logs filtered with the same configuration.
-    labels : LabelSources
-        Labels of the recordings.
-    methods : MethodOptions
-        Methods that filter the logs.
-    reading : ReadOptions
-        Part of each recording to read, and how.
-    observer : Observer
-        Receives progress and warnings.
-    make_listener : callable
-        Returns the listener for the results of the given variants.
 
     Raises
     ------
@@ -59,7 +42,7 @@ def filter_or_replay(
     InputError
         If the recorded configuration is not valid, or a filtered log lacks the removed points.
     """
-    pairs = list(zip(recordings, assign_labels(labels, recordings), strict=True))
+    recordings = [recording for recording, _ in pairs]
     variant, topics = _recorded_run(recordings, reading) if is_default(methods) else (None, ())
     variants = [variant] if variant else variants_of(methods, configured_first=True)
     listener = make_listener(variants)

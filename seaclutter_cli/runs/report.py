@@ -20,9 +20,10 @@ from seaclutter_cli.reporting.page import render_page, report_data
 from seaclutter_cli.runs.evaluate import Comparison, Evaluated
 from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.options.studies import ReportOptions
-from seaclutter_cli.runs.outputs import Paths, inputs_of, is_file, may_appear, prepare_outputs, write_files
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand
+from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.runs.replay import filter_or_replay
+from seaclutter_cli.runs.studies import prepared
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.text import UNKNOWN, count, printable
@@ -51,17 +52,15 @@ def report(options: ReportOptions) -> "ReportResult":
     (20, 1)
     """
     observer = options.watching
-    recordings = expand(options.logs, options.reading, observer)
     figures = _figures(options)
     if options.figure_folder:
         if is_file(options.figure_folder):
             raise UsageError(f"{options.figure_folder}: is a file; --figures takes a folder")
         check_target(figures[-1])
-    targets: Paths = {"-o": options.output, "--figures": figures}
-    inputs = inputs_of(recordings, options.reading, options.config)
-    prepare_outputs(targets, inputs, options.labels, force=options.force, observer=observer)
+    pairs = prepared(options, {"-o": options.output, "--figures": figures})
+    recordings = [recording for recording, _ in pairs]
     make = partial(_collector, options=options)
-    comparison, collected = filter_or_replay(recordings, options, options, options.reading, observer, make)
+    comparison, collected = filter_or_replay(pairs, options, options.reading, observer, make)
     if missing := _missing(collected, options.picks):
         observer.warn(f"no log has frame {', '.join(map(str, missing))}; --pick counts from 0")
     files: dict[Path, bytes] = {}

@@ -308,6 +308,10 @@ class _Simulated(Outcome):
         """Return the outcome as JSON-compatible data."""
         return {"seed": self.seed, "error": self.error, **(self.result.as_dict() if self.result else {})}
 
+    def as_text(self) -> str:
+        """Return the result as human-readable text."""
+        return self.result.as_text() if self.result else ""
+
 
 @dataclass(frozen=True)
 class _SimulateWork(Work[_Simulated]):
@@ -352,14 +356,6 @@ class SeedsResult(RecordingsResult):
 
     outcomes: Sequence[_Simulated]
 
-    def as_dict(self) -> list[dict[str, Any]]:
-        """Return the outcomes as JSON-compatible data."""
-        return [outcome.as_dict() for outcome in self.outcomes]
-
     def as_text(self) -> str:
         """Return how many were simulated."""
         return statuses(self.outcomes)
-
-    def details(self) -> str:
-        """Return the results as human-readable text."""
-        return "\n\n".join(outcome.result.as_text() for outcome in self.outcomes if outcome.result)

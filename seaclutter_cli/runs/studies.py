@@ -1,19 +1,23 @@
 """What all studies of recordings share: work on each with its labels, and the outcomes of all of them."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
+from seaclutter_cli.config import Config
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.runs.batch import Work, inputs_of_work, run_batch
-from seaclutter_cli.runs.labels import LabelFile
+from seaclutter_cli.runs.labels import LabelFile, assign_labels
 from seaclutter_cli.runs.observer import Observer, Step
 from seaclutter_cli.runs.options import BatchOptions, ReadOptions
+from seaclutter_cli.runs.options.studies import CalibrateOptions, EvaluateOptions, ReportOptions, TuneOptions
+from seaclutter_cli.runs.outputs import Paths, inputs_of, prepare_outputs
 from seaclutter_cli.runs.recordings import (
     Outcome,
+    expand,
     expected_frames,
     finish_labels,
     opened,
@@ -24,7 +28,21 @@ from seaclutter_cli.runs.recordings import (
 from seaclutter_cli.selection import Selection, cloud_channels
 from seaclutter_cli.sources import Recording
 
+StudyOptions = CalibrateOptions | EvaluateOptions | ReportOptions | TuneOptions
 O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
+
+
+LabelledRecordings = list[tuple[Recording, LabelFile | None]]
+"""Recordings with their labels, not yet read."""
+
+
+def prepared(options: StudyOptions, outputs: Paths, configs: Iterable[Config] = ()) -> LabelledRecordings:
+    """Return the recordings of a study with their labels, after a check of its outputs against all inputs."""
+    observer = options.watching
+    recordings = expand(options.logs, options.reading, observer)
+    inputs = inputs_of(recordings, options.reading, options.config, configs)
+    prepare_outputs(outputs, inputs, options.labels, force=options.force, observer=observer)
+    return list(zip(recordings, assign_labels(options, recordings), strict=True))
 
 
 @dataclass(frozen=True)

@@ -23,15 +23,10 @@ _MAX_VARIANTS = 500
 
 @dataclass(frozen=True)
 class Sweep:
-    """A parameter and the values to try.
+    """A parameter and the values to try, as parsed from YAML.
 
-    Parameters
-    ----------
-    key : str
-        Configuration key of the filter, without its section; nested keys are separated by dots. The name of a
-        method may come first, if other methods have the key, too: ``ror.min_neighbors``.
-    values : tuple
-        Values as parsed from YAML.
+    The key is that of the filter's section; nested keys are separated by dots. The name of a method may come first, if
+    other methods have the key, too: ``ror.min_neighbors``.
     """
 
     key: str
@@ -65,29 +60,13 @@ class Sweep:
         return named and self.own_key.partition(".")[0] in base.keys
 
     def value_in(self, settings: Mapping[str, Any]) -> Any:
-        """Return the parameter's value in a section of a configuration.
-
-        Examples
-        --------
-        >>> Sweep("presets.open.min_neighbors", (3, 4)).value_in({"presets": {"open": {"min_neighbors": 4}}})
-        4
-        """
+        """Return the parameter's value in a section of a configuration."""
         return reduce(lambda values, key: values[key], self.own_key.split("."), settings)
 
 
 @dataclass(frozen=True)
 class Combination:
-    """A method with one value for each of its swept parameters.
-
-    Parameters
-    ----------
-    variant : Variant
-        Method and configuration, with a unique name.
-    method : str
-        Name of the method.
-    values : mapping of str to object
-        Value of each swept parameter that the method has, by the key of the sweep.
-    """
+    """A method with one value for each of its swept parameters, by the key of the sweep."""
 
     variant: Variant
     method: str

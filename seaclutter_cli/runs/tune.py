@@ -21,14 +21,13 @@ from seaclutter_cli.plots.curves import draw_rates, draw_thresholds
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
 from seaclutter_cli.runs.evaluate import Evaluated, EvaluateWork
-from seaclutter_cli.runs.labels import assign_labels
 from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.options.studies import TuneOptions
-from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs, write_files
-from seaclutter_cli.runs.recordings import RecordingsResult, expand
+from seaclutter_cli.runs.outputs import may_appear, write_files
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.runs.score_tables import FRAME_ERRORS, FRAMES, score_cells, score_legend
-from seaclutter_cli.runs.studies import study_all
+from seaclutter_cli.runs.studies import prepared, study_all
 from seaclutter_cli.runs.sweep import Combination, Sweep, grid
 from seaclutter_cli.text import count, printable, table
 
@@ -60,13 +59,10 @@ def tune(options: TuneOptions) -> "TuningResult":
     options = replace(options, methods=(*options.methods, *options.method), method=())
     combinations = grid(options.sweeps, options)
     variants = [one.variant for one in combinations]
-    recordings = expand(options.logs, options.reading, observer)
-    inputs = inputs_of(recordings, options.reading, options.config, [one.config for one in variants])
-    prepare_outputs(options.targets, inputs, options.labels, force=options.force, observer=observer)
-    _check_plots(options, combinations, len(recordings))
+    pairs = prepared(options, options.targets, [one.config for one in variants])
+    _check_plots(options, combinations, len(pairs))
     history = _ThresholdHistory(variants, options.ring) if options.thresholds_file else None
     listeners = [history] if history else []
-    pairs = zip(recordings, assign_labels(options, recordings), strict=True)
     works = [EvaluateWork(options.reading, *each, variants, listeners, in_parts=True) for each in pairs]
     batch = BatchOptions() if history else options.batch  # frames reach listeners in this process only
     outcomes = study_all(works, batch, observer)
@@ -258,10 +254,7 @@ class TuningResult(RecordingsResult):
             "combinations": self._rows(),
             "best": self.best,
             "held_out": self.split.title or None,
-            "recordings": [
-                {"recording": outcome.recording, "error": outcome.error, "damage": [str(d) for d in outcome.damage]}
-                for outcome in self.outcomes
-            ],
+            "recordings": [Outcome.as_dict(outcome) for outcome in self.outcomes],
         }
 
     def as_csv(self) -> str:

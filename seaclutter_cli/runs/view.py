@@ -9,6 +9,7 @@ from typing import Any
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.runs.evaluate import Comparison, Evaluated
+from seaclutter_cli.runs.labels import assign_labels
 from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import Logs
@@ -55,6 +56,7 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
         check_target(options.target)
     inputs = inputs_of(recordings, options.reading, options.config)
     prepare_outputs({"--save": options.target}, inputs, options.labels, force=options.force, observer=observer)
+    pairs = list(zip(recordings, assign_labels(options, recordings), strict=True))
     methods = MethodOptions(config=options.config, methods=options.method or (), settings=options.settings)
     with OutputGroup(replace=options.force) as files, ExitStack() as stack:
 
@@ -63,7 +65,7 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
             sink = stack.enter_context(target)
             return FrameStream(variants[0].config.evaluation, sink)
 
-        comparison, stream = filter_or_replay(recordings, options, methods, options.reading, observer, open_stream)
+        comparison, stream = filter_or_replay(pairs, methods, options.reading, observer, open_stream)
         stream.finish()
         if all(outcome.error for outcome in comparison.outcomes):
             raise InputError("nothing to show: no recording could be read")

@@ -24,7 +24,7 @@ from seaclutter_cli.sources.extents import TileHead
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader
 from seaclutter_cli.text import listed
 
-NOT_WGS84 = "GeoJSON is in the coordinates of the tile, not in WGS 84"
+_NOT_WGS84 = "GeoJSON is in the coordinates of the tile, not in WGS 84"
 _LEFT_OUT = "left out of the GeoPackage, which is in WGS 84"
 _PIXELS = 1000
 
@@ -134,7 +134,7 @@ class TileGeodata:
     objects: Sequence[FoundObject] = ()
 
 
-def conversions(tiles: Sequence[tuple[str, Crs]], what: str, observer: Observer) -> list[ToLongitudeLatitude | None]:
+def _conversions(tiles: Sequence[tuple[str, Crs]], what: str, observer: Observer) -> list[ToLongitudeLatitude | None]:
     """Return the conversion of each tile's positions to WGS 84; warn of the tiles for which there is none."""
     found: list[ToLongitudeLatitude | None] = []
     without: dict[str, list[str]] = {}
@@ -153,7 +153,7 @@ def conversions(tiles: Sequence[tuple[str, Crs]], what: str, observer: Observer)
 
 def geojson_of(tiles: Sequence[TileGeodata], observer: Observer) -> bytes:
     """Return objects, then shorelines, as GeoJSON: in WGS 84, or in the coordinates of a tile without a known CRS."""
-    ways = conversions([(tile.name, tile.crs) for tile in tiles], NOT_WGS84, observer)
+    ways = _conversions([(tile.name, tile.crs) for tile in tiles], _NOT_WGS84, observer)
     lines = chain.from_iterable(_line_features(*pair) for pair in zip(tiles, ways, strict=True))
     places = [(tile.crs.unit_m, way) for tile, way in zip(tiles, ways, strict=True)]
     return as_geojson([(tile.name, tile.objects) for tile in tiles], places, list(lines)).encode()
@@ -191,7 +191,7 @@ def geopackage_of(tiles: Sequence[TileGeodata], observer: Observer, *, classifie
     """
     lines: list[Feature] = []
     boxes: list[Feature] = []
-    ways = conversions([(tile.name, tile.crs) for tile in tiles], _LEFT_OUT, observer)
+    ways = _conversions([(tile.name, tile.crs) for tile in tiles], _LEFT_OUT, observer)
     for tile, convert in zip(tiles, ways, strict=True):
         if convert is None:
             continue

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.classification import ClassifiedPoints, classify_points
 from seaclutter_cli.airborne.forest import class_name
 from seaclutter_cli.airborne.model import ObjectModel, load_model
-from seaclutter_cli.airborne.objects import FoundObject, as_csv, as_geojson
+from seaclutter_cli.airborne.objects import FoundObject, as_csv
 from seaclutter_cli.airborne.plausibility import doubts_about_objects
 from seaclutter_cli.airborne.separation import WATER
 from seaclutter_cli.errors import OutputError, UsageError
@@ -23,14 +23,7 @@ from seaclutter_cli.parts import part_path, release
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
 from seaclutter_cli.runs.batch import run_batch
-from seaclutter_cli.runs.classify.maps import (
-    NOT_WGS84,
-    TileGeodata,
-    check_geodata,
-    conversions,
-    geopackage_of,
-    shoreline_in,
-)
+from seaclutter_cli.runs.classify.maps import TileGeodata, check_geodata, geojson_of, geopackage_of, shoreline_in
 from seaclutter_cli.runs.classify.margins import tiles_of
 from seaclutter_cli.runs.classify.tiles import (
     TileOutcome,
@@ -54,8 +47,6 @@ from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, fi
 from seaclutter_cli.text import count, printable, table
 from seaclutter_cli.urls import PathLike
 
-_Classified = tuple["TileObjects", bytes, list[NDArray[np.float64]]]
-"""Objects of a tile, its picture and its shoreline."""
 _DIMENSIONS = {
     "predicted_class": ("u1", "0 none, 1 ship ... 8 garbage"),
     "probability": ("f4", "of the predicted class"),
@@ -119,19 +110,14 @@ def classify_tiles(
     ]
     # The tiles are the main output: they appear after the tables.
     with _classified(works, options.batch, observer, replaced=options.force) as (found, files):
-        result = PredictResult([tile for tile, *_ in found], model.settings.objects.min_probability)
         if options.plot_file:
-            write_files({options.plot_file: found[0][1]}, files)
-        tables = _tables(result, options, observer)
-        if options.gpkg_file:
-            places = [TileGeodata(tile.name, tile.crs, lines, tile.objects) for tile, _, lines in found]
-            tables[options.gpkg_file] = geopackage_of(places, observer, classified=True)
-        write_files(tables, files)
-    return result
+            write_files({options.plot_file: found[0].picture}, files)
+        write_files(_tables(found, options, observer), files)
+    return PredictResult(found, model.settings.objects.min_probability)
 
 
 @dataclass(frozen=True, kw_only=True)
-class _PredictWork(TileWork[TileOutcome[_Classified]]):
+class _PredictWork(TileWork[TileOutcome["TileObjects"]]):
     """Classification of one tile, whose output may be staged until those of all tiles are complete."""
 
     model: ObjectModel
@@ -139,24 +125,24 @@ class _PredictWork(TileWork[TileOutcome[_Classified]]):
     with_shoreline: bool
     staged: Path | None = None
 
-    def run(self, observer: Observer) -> TileOutcome[_Classified]:
+    def run(self, observer: Observer) -> TileOutcome["TileObjects"]:
         """Classify the tile; store an error in the outcome."""
         outcome = self.without_result(None)
         with storing_errors(outcome, observer):
             try:
                 with OutputGroup(replace=True) as files:
                     outcome.result = self.process(observer, files)
-                    outcome.points = outcome.result[0].points
+                    outcome.points = outcome.result.points
             except OutputError as error:
                 raise OutputError(str(error).replace(str(self.staged), str(self.target))) from error
         return outcome
 
-    def without_result(self, reason: str | None) -> TileOutcome[_Classified]:
+    def without_result(self, reason: str | None) -> TileOutcome["TileObjects"]:
         """Return an outcome without a result."""
         return TileOutcome(recording=self.recording.name, error=reason)
 
-    def process(self, observer: Observer, files: OutputGroup) -> _Classified:
-        """Write the classified tile; return its objects, the picture and the shoreline if they are wanted."""
+    def process(self, observer: Observer, files: OutputGroup) -> "TileObjects":
+        """Write the classified tile; return its objects."""
         started, tile = perf_counter(), open_tile(self.path)
         warn_without_intensity(tile, self.model.settings, observer)
         warn_without_classes(tile, self.model.settings.separation, observer)
@@ -169,13 +155,13 @@ class _PredictWork(TileWork[TileOutcome[_Classified]]):
         picture = _picture(tile, found, self.plot_file.suffix) if self.plot_file else b""
         objects = TileObjects.of(self.path.stem, found, perf_counter() - started, tile.crs)
         lines = shoreline_in(tile, found.tile.separation) if self.with_shoreline else []
-        return objects, picture, lines
+        return replace(objects, picture=picture, shoreline=lines)
 
 
 @contextmanager
 def _classified(
     works: Sequence[_PredictWork], batch: BatchOptions, observer: Observer, *, replaced: bool
-) -> Iterator[tuple[list[_Classified], OutputGroup]]:
+) -> Iterator[tuple[list["TileObjects"], OutputGroup]]:
     """Classify tiles; yield their results, and the files that appear at the end of the context."""
     if len(works) == 1:
         with OutputGroup(replace=replaced) as files, OutputGroup(files) as written:
@@ -206,15 +192,16 @@ def _staging(folder: Path) -> Iterator[Path]:
         release(part)
 
 
-def _tables(result: "PredictResult", options: ClassifyTilesOptions, observer: Observer) -> dict[Path, bytes]:
-    objects = [(tile.name, tile.objects) for tile in result.tiles]
+def _tables(tiles: Sequence["TileObjects"], options: ClassifyTilesOptions, observer: Observer) -> dict[Path, bytes]:
     tables: dict[Path, bytes] = {}
     if options.csv_file:
-        tables[options.csv_file] = as_csv(objects).encode()
+        tables[options.csv_file] = as_csv([(tile.name, tile.objects) for tile in tiles]).encode()
     if options.geojson_file:
-        ways = conversions([(tile.name, tile.crs) for tile in result.tiles], NOT_WGS84, observer)
-        places = [(tile.crs.unit_m, way) for tile, way in zip(result.tiles, ways, strict=True)]
-        tables[options.geojson_file] = as_geojson(objects, places).encode()
+        boxes = [TileGeodata(tile.name, tile.crs, (), tile.objects) for tile in tiles]
+        tables[options.geojson_file] = geojson_of(boxes, observer)
+    if options.gpkg_file:
+        places = [TileGeodata(tile.name, tile.crs, tile.shoreline, tile.objects) for tile in tiles]
+        tables[options.gpkg_file] = geopackage_of(places, observer, classified=True)
     return tables
 
 
@@ -254,7 +241,7 @@ def _columns_of(found: ClassifiedPoints) -> dict[str, NDArray[Any]]:
 
 @dataclass(frozen=True)
 class TileObjects:
-    """Objects found in one tile, with centres in its coordinates.
+    """Objects found in one tile, with centres in its coordinates; and its shoreline and picture, if they are wanted.
 
     Clusters that are too unlikely to be objects are left out.
     """
@@ -266,6 +253,8 @@ class TileObjects:
     points_left_out: int
     seconds: float
     crs: Crs = field(default_factory=Crs)
+    shoreline: Sequence[NDArray[np.float64]] = field(default=(), repr=False)
+    picture: bytes = field(default=b"", repr=False)
 
     @classmethod
     def of(cls, name: str, found: ClassifiedPoints, seconds: float, crs: Crs) -> Self:

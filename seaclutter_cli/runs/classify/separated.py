@@ -129,10 +129,6 @@ class SeparateResult(RecordingsResult):
         """Separation of each tile without an error."""
         return [outcome.result for outcome in self.outcomes if outcome.result]
 
-    def as_dict(self) -> list[dict[str, Any]]:
-        """Return the result as JSON-compatible data."""
-        return [outcome.as_dict() for outcome in self.outcomes]
-
     def as_text(self) -> str:
         """Return the result as human-readable text: a table, and of several tiles how many were done."""
         head = ("tile", "points", "non-sea", "share", "waves", "length", "seconds")

@@ -69,7 +69,9 @@ def predict_scenes(
     recordings = expand(logs, reading, observer)
     model = _model(recordings, options, reading, observer)
     new_tracker = partial(SceneTracker, model, every=options.every, hold=options.hold)
-    outcomes = [RecordingScenes(recording=one.name, new_tracker=new_tracker) for one in recordings]
+    outcomes = [
+        RecordingScenes(recording=one.name, new_tracker=new_tracker, classes=model.classes) for one in recordings
+    ]
     _classify(recordings, outcomes, model.classes, options, reading, observer)
     return ScenePrediction(outcomes, model.classes)
 
@@ -204,6 +206,7 @@ class RecordingScenes(_Classified):
     """Predicted scenes of one recording, by topic."""
 
     new_tracker: Callable[[], SceneTracker] = field(repr=False)
+    classes: Sequence[str]
     topics: dict[str, TopicScenes] = field(default_factory=dict)
 
     def add(self, frame: Frame) -> SceneDecision:
@@ -212,21 +215,21 @@ class RecordingScenes(_Classified):
             self.topics[frame.topic] = TopicScenes(self.new_tracker())
         return self.topics[frame.topic].add(frame)
 
-    def as_dict(self, classes: Sequence[str]) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         """Return the scenes as JSON-compatible data."""
         topics = {
-            name: {"scene": one.scene, "changes": one.changes, "frames": {name: one.frames[name] for name in classes}}
-            for name, one in self.topics.items()
+            topic: {"scene": one.scene, "changes": one.changes, "frames": {it: one.frames[it] for it in self.classes}}
+            for topic, one in self.topics.items()
         }
         damage = [str(item) for item in self.damage]
         return {"recording": self.recording, "topics": topics, "damage": damage, "error": self.error}
 
-    def rows(self, classes: Sequence[str]) -> list[tuple[object, ...]]:
+    def rows(self) -> list[tuple[object, ...]]:
         """Return the rows of the table."""
         rows = []
         for name, one in self.topics.items():
             frames = one.frames.total()
-            shares = (share(one.frames[scene], frames) for scene in classes)
+            shares = (share(one.frames[scene], frames) for scene in self.classes)
             rows.append((self.recording, name, frames, one.scene, one.changes, *shares))
         return rows
 
@@ -238,13 +241,9 @@ class ScenePrediction(RecordingsResult):
     outcomes: Sequence[RecordingScenes]
     classes: Sequence[str]
 
-    def as_dict(self) -> list[dict[str, Any]]:
-        """Return the scenes as JSON-compatible data."""
-        return [one.as_dict(self.classes) for one in self.outcomes]
-
     def as_text(self) -> str:
         """Return the scenes as human-readable text."""
-        rows = [row for one in self.outcomes for row in one.rows(self.classes)]
+        rows = [row for one in self.outcomes for row in one.rows()]
         head = ("recording", "topic", "frames", "scene", "changes", *self.classes)
         return table(head, rows) if rows else ""
 
