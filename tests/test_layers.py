@@ -1,11 +1,15 @@
 """Dependencies between parts of the package: they are acyclic, and each part may import only the parts listed."""
 
 import ast
-from pathlib import Path
+import subprocess
+import sys
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "seaclutter_cli"
+from tests.paths import ROOT
+
+PACKAGE = ROOT / "seaclutter_cli"
+MOST_MODULES = 120
 
 BASE = {
     "text",
@@ -186,3 +190,14 @@ def test_nothing_imports_the_commands():
     for path in FILES:
         if part_of(path) != "commands":
             assert "commands" not in parts_in(modules_of(path))
+
+
+def test_filtering_a_local_log_loads_few_modules(tmp_path):
+    """A run does not load worlds that it does not need, such as airborne tiles, object storage and other methods."""
+    arguments = ["filter", str(ROOT / "samples" / "sea.mcap"), "-n", "3", "-q", "-o", str(tmp_path / "out.mcap")]
+    run = f"from seaclutter_cli.commands import cli; cli({arguments!r}, standalone_mode=False)"
+    code = f"import sys; {run}; print(*(name for name in sys.modules if name.startswith('seaclutter_cli')))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = set(done.stdout.split())
+    assert len(loaded) <= MOST_MODULES
+    assert not parts_in(loaded - {"seaclutter_cli"}) & {"airborne", "grids", "plots", "simulation", "storage", "water"}
