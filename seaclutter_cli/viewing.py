@@ -1,4 +1,4 @@
-"""The Rerun viewer: streaming of frames, reasons, boxes, clusters and curves to the Rerun viewer, on one timeline."""
+"""The Rerun viewer: frames, reasons, boxes, clusters and curves are streamed to it, on one timeline."""
 
 import os
 import subprocess

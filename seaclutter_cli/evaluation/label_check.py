@@ -23,6 +23,17 @@ _SIMILAR = {
     "ignore": re.compile("ignor|dontcare"),
     "none": re.compile("(empty|nothing|no(object|target|label)s?|null|nan)$"),
 }
+_LONGEST_M: Mapping[str, float] = {
+    "buoy": 20,
+    "person": 4,
+    "swimmer": 4,
+    "kayak": 15,
+    "canoe": 20,
+    "dinghy": 15,
+    "boat": 150,
+    "yacht": 200,
+}
+"""Length that no target exceeds whose class contains a word; generous, because boxes may include wake and moorings."""
 
 
 @dataclass(frozen=True)
@@ -156,19 +167,6 @@ def _invisible(targets: int, visible: int, least: int) -> Finding:
         f"{text} of {count(targets, 'box')} with at least {count(least, 'point')} inside"
         "; check that the labels belong to this recording, and are in metres and radians in the frame of the lidar",
     )
-
-
-_LONGEST_M: Mapping[str, float] = {
-    "buoy": 20,
-    "person": 4,
-    "swimmer": 4,
-    "kayak": 15,
-    "canoe": 20,
-    "dinghy": 15,
-    "boat": 150,
-    "yacht": 200,
-}
-"""Length that no target exceeds whose class contains a word; generous, because boxes may include wake and moorings."""
 
 
 def _too_long(boxes: Boxes) -> Iterator[tuple[str, float]]:

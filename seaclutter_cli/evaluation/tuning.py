@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from seaclutter_cli.evaluation.scores import FrameScore, Summary
 from seaclutter_cli.truth import CLUTTER, IGNORED
 
+_MAX_PARTS = 64
+
 
 def best(summaries: Mapping[str, Summary]) -> str | None:
     """Return the name of the best summary; None without labelled frames.
@@ -47,9 +49,6 @@ def ideal_threshold(intensity: NDArray[np.float64], points: NDArray[np.int64]) -
     below = np.searchsorted(clutter, thresholds, side="left") / len(clutter)
     kept = 1 - np.searchsorted(target, thresholds, side="left") / len(target)
     return float(thresholds[np.argmax(np.round(below + kept, 12))])
-
-
-_MAX_PARTS = 64
 
 
 class Parts:

@@ -1,4 +1,4 @@
-"""Conversion of labelled objects into the truth of a frame."""
+"""Labelled objects, options of the readers, and the truth of a frame that they become."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

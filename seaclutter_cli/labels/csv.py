@@ -1,4 +1,4 @@
-"""Native label format: a CSV file with one box per line."""
+"""Native label format: a CSV file with one box per line, assigned to frames by number or stamp."""
 
 import csv
 import math
@@ -29,6 +29,8 @@ _LINE_CHARACTERS = 2**16
 _ROW_LINES = 100
 _WHOLE = re.compile(r"[0-9]{1,19}(\.0*)?", re.ASCII)
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
+_RECENT = 16
+_FIRST_TOLERANCE_NS = 25_000_000
 
 
 class _Row(NamedTuple):
@@ -243,10 +245,6 @@ class _StampedLabels(CsvLabels):
 
     def _left(self) -> list[int]:
         return self._matcher.left
-
-
-_RECENT = 16
-_FIRST_TOLERANCE_NS = 25_000_000
 
 
 class StampMatcher:

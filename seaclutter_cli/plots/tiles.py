@@ -28,6 +28,8 @@ LEFT_OUT = "left out"
 
 _MAX_SEA_POINTS = 40_000
 Box = tuple[str, NDArray[np.float64]]
+LAND, _OBJECT, _SHORE = "#D9CBA3", "#D55E00", "#3B2F1E"
+_NARROWEST_M = 0.1
 
 
 def draw_tile(
@@ -80,10 +82,6 @@ def draw_confusion(figure: "Figure", names: Sequence[str], matrix: NDArray[np.in
     axes.set_xlabel("Predicted class")
     axes.set_ylabel("True class")
     figure.colorbar(image, ax=axes, label="Share of the true class (%)", format=lambda value, _: f"{100 * value:.0f}")
-
-
-LAND, _OBJECT, _SHORE = "#D9CBA3", "#D55E00", "#3B2F1E"
-_NARROWEST_M = 0.1
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,19 @@ _MAX_CLUSTERS = 400
 
 Described = dict[str, Any]
 BoxesAndClusters = tuple[list[Described], list[list[Described]]]
+_CLUSTERS = {
+    "target": (palette.STATES["detected"], ""),
+    "false": (palette.STATES["false alarm"], "false alarm"),
+    "unknown": (palette.TRUTH["clutter"], ""),
+    "unconfirmed": (palette.REASONS[Reason.UNCONFIRMED], "unconfirmed"),
+}
+_BOXES = {
+    "detected": (palette.STATES["detected"], "{}"),
+    "missed": (palette.STATES["missed target"], "{} (missed)"),
+    "hidden": (palette.TRUTH["unknown"], "{} (not visible)"),
+    "ignored": (palette.TRUTH["unknown"], ""),
+}
+"""Colours of clusters by their kind, and of boxes by their state, with texts for players."""
 
 
 def deferred_boxes(
@@ -133,21 +146,6 @@ def _described(boxes: Boxes) -> list[Described]:
 
 def _rounded(values: NDArray[np.float64]) -> list[float]:
     return [round(float(value), 3) for value in values]
-
-
-_CLUSTERS = {
-    "target": (palette.STATES["detected"], ""),
-    "false": (palette.STATES["false alarm"], "false alarm"),
-    "unknown": (palette.TRUTH["clutter"], ""),
-    "unconfirmed": (palette.REASONS[Reason.UNCONFIRMED], "unconfirmed"),
-}
-_BOXES = {
-    "detected": (palette.STATES["detected"], "{}"),
-    "missed": (palette.STATES["missed target"], "{} (missed)"),
-    "hidden": (palette.TRUTH["unknown"], "{} (not visible)"),
-    "ignored": (palette.TRUTH["unknown"], ""),
-}
-"""Colours of clusters by their kind, and of boxes by their state, with texts for players."""
 
 
 def scene_updates(params: EvaluationParams, labels: Labels | None) -> Callable[[FilterResult], SceneUpdate]:

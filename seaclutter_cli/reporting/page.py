@@ -25,6 +25,10 @@ LABELLED, FALSE_ALARM, MISSED_TARGET = 1, 2, 4
 """Bits that describe a frame in the timeline."""
 
 _STEPS = 32767
+SCRIPTS = ("dom.js", "charts.js", "cloud.js", "page.js")
+"""JavaScript files of the page, in order of execution."""
+
+_OTHER_SOURCES = "img-src data:; base-uri 'none'; form-action 'none'"
 
 
 def report_data(
@@ -181,12 +185,6 @@ def _plane(water: WaterState) -> dict[str, float]:
 
 def _packed(values: NDArray[Any], dtype: str) -> str:
     return base64.b64encode(np.ascontiguousarray(values, np.dtype(dtype)).tobytes()).decode()
-
-
-SCRIPTS = ("dom.js", "charts.js", "cloud.js", "page.js")
-"""JavaScript files of the page, in order of execution."""
-
-_OTHER_SOURCES = "img-src data:; base-uri 'none'; form-action 'none'"
 
 
 def render_page(data: Mapping[str, Any]) -> bytes:

@@ -11,6 +11,7 @@ from seaclutter_cli.reporting.sample import Sample
 
 Series = NDArray[np.float32]
 MAX_BINS = 600
+_COLUMNS, _ROWS = 120, 64
 
 
 def bin_starts(frames: int) -> NDArray[np.int64]:
@@ -42,9 +43,6 @@ def binned(values: Series, starts: NDArray[np.int64]) -> tuple[Series, Series, S
         for reduce, neutral in ((np.minimum, np.inf), (np.maximum, -np.inf))
     )
     return mean.astype(np.float32), low.astype(np.float32), high.astype(np.float32)
-
-
-_COLUMNS, _ROWS = 120, 64
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Top views of frames, the input of the scene classifier."""
+"""The scene classifier: top views of frames as its input, and trained networks as ONNX files, which contain no code."""
 
 import math
 from pathlib import Path
@@ -15,6 +15,12 @@ IMAGE_SIZE = 224
 """Number of rows, and of columns, of a top view."""
 
 _BLOCK = 16384
+CLASSES_KEY = "seaclutter.classes"
+EXTENT_KEY = "seaclutter.extent_m"
+"""Metadata keys: a JSON list of class names in the order of the outputs; half the side of the square."""
+
+_IMAGE_SHAPE = [1, IMAGE_SIZE, IMAGE_SIZE]
+_MAX_BYTES = 2**26
 
 
 def top_view(xyz: NDArray[np.float64], extent_m: float) -> NDArray[np.uint8]:
@@ -65,14 +71,6 @@ def _cells(xyz: NDArray[np.float64], extent_m: float, size: int) -> NDArray[np.i
     cells *= size
     cells += column.take(seen).astype(np.int32)
     return cells
-
-
-CLASSES_KEY = "seaclutter.classes"
-EXTENT_KEY = "seaclutter.extent_m"
-"""Metadata keys: a JSON list of class names in the order of the outputs; half the side of the square."""
-
-_IMAGE_SHAPE = [1, IMAGE_SIZE, IMAGE_SIZE]
-_MAX_BYTES = 2**26
 
 
 class SceneModel:

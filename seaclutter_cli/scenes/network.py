@@ -1,4 +1,4 @@
-"""Network of the scene classifier, a slim MobileNetV2 ([Bi], Fig. 2)."""
+"""Network of the scene classifier, a slim MobileNetV2 ([Bi], Fig. 2), and its export to ONNX."""
 
 import json
 from collections.abc import Sequence
@@ -12,6 +12,7 @@ from seaclutter_cli import __version__
 from seaclutter_cli.scenes.model import CLASSES_KEY, EXTENT_KEY, IMAGE_SIZE
 
 _STEM_MAPS = 3
+_OPSET, _IR_VERSION = 17, 8  # from 2022, to be readable by older runtimes
 
 
 @dataclass(frozen=True)
@@ -77,9 +78,6 @@ def _convolution(
 
     convolution = nn.Conv2d(maps_in, maps, size, stride, size // 2, groups=groups, bias=False)
     return nn.Sequential(convolution, nn.BatchNorm2d(maps), *([nn.ReLU6()] if activated else []))
-
-
-_OPSET, _IR_VERSION = 17, 8  # from 2022, to be readable by older runtimes
 
 
 def to_onnx(network: Any, classes: Sequence[str], extent_m: float) -> bytes:

@@ -1,4 +1,4 @@
-"""Scores of scene classifiers."""
+"""Training of the scene classifier, and scores of scene classifiers."""
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -13,6 +13,8 @@ from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.scenes import TrainingParams
 from seaclutter_cli.scenes.examples import Examples, Split
 from seaclutter_cli.scenes.network import make_network
+
+_TEST_BATCH = 64
 
 
 @dataclass(frozen=True)
@@ -42,9 +44,6 @@ class SceneScores(Confusion):
 
 def _plain(values: NDArray[np.float64]) -> list[float | None]:
     return [round(value, 6) if np.isfinite(value) else None for value in values.tolist()]
-
-
-_TEST_BATCH = 64
 
 
 @dataclass(frozen=True)

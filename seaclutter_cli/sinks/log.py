@@ -1,4 +1,4 @@
-"""Filtered log, a drop-in replacement for the input."""
+"""A recording as a log: filtered, a drop-in replacement for the input, or as it is."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
