@@ -13,7 +13,7 @@ from functools import wraps
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypeVar
-from weakref import WeakSet
+from weakref import WeakValueDictionary
 
 from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.urls import Url, is_url, parse_url
@@ -25,8 +25,8 @@ P = ParamSpec("P")
 R = TypeVar("R")
 Leaf = Callable[[Any], Any]
 
-_mirrors: "WeakSet[Mirror]" = WeakSet()
-"""Of the runs that work on objects now."""
+_mirrors: "WeakValueDictionary[Path, Mirror]" = WeakValueDictionary()
+"""Of the runs that work on objects now, by their folders."""
 
 _current: "ContextVar[Mirror | None]" = ContextVar("current", default=None)
 """Of the run to which the caller belongs."""
@@ -77,13 +77,18 @@ def _objects() -> "Iterator[Mirror]":
     from seaclutter_cli.storage.mirrors import Mirror
 
     mirror = Mirror()
-    _mirrors.add(mirror)
+    _mirrors[mirror.path] = mirror
     try:
         with naming():
             yield mirror
     finally:
-        _mirrors.discard(mirror)
+        _mirrors.pop(mirror.path, None)
         mirror.close()
+
+
+def _all() -> "list[Mirror]":
+    """Return the mirrors; unlike their dictionary, the list does not change when another thread begins a run."""
+    return [mirror for found in _mirrors.valuerefs() if (mirror := found())]
 
 
 @contextmanager
@@ -163,7 +168,7 @@ def shown(value: R) -> R:
 
 
 def _shown(leaf: Any) -> Any:
-    for mirror in _mirrors:
+    for mirror in _all():
         if isinstance(leaf, str):
             leaf = mirror.shown(leaf)
         elif isinstance(leaf, Path) and mirror.has(leaf):
@@ -186,7 +191,7 @@ def local(value: R) -> R:
 
 def mirror_of(path: Path) -> "Mirror | None":
     """Return the folder of copies to which a path belongs; None for that of a local file."""
-    return next((mirror for mirror in _mirrors if mirror.has(path)), None)
+    return next((mirror for mirror in _all() if mirror.has(path)), None)
 
 
 def look(path: Path) -> None:
@@ -197,7 +202,7 @@ def look(path: Path) -> None:
 
 def fetch(*paths: Path, at_most: int | None = None) -> None:
     """Copy the objects that paths stand for; see `Mirror.fetch`."""
-    for mirror in _mirrors:
+    for mirror in _all():
         if found := [path for path in paths if mirror.has(path)]:
             mirror.fetch(found, at_most)
 

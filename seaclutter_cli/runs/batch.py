@@ -31,7 +31,8 @@ def _engine(options: BatchOptions, works: "Sequence[Work[Any]]", observer: Obser
         from seaclutter_cli.runs.shared_places import shared_places
 
         connection = connection_to(options.cluster, insecure=options.cluster_insecure, workers=options.jobs)
-        with shared_places(works) as check:
+        reads, writes = ([path for work in works for path in getattr(work, name)] for name in ("reads", "writes"))
+        with shared_places(reads, writes) as check:
             yield Cluster(connection, check, observer.warn, options.jobs)
         return
     from seaclutter_cli.jobs.processes import Processes, default_jobs  # not needed for a single recording

@@ -5,7 +5,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from time import sleep
-from typing import Protocol
 
 from seaclutter_cli.buckets import mirror_of
 from seaclutter_cli.errors import OutputError
@@ -16,22 +15,8 @@ _MAX_FOLDERS = 100
 _ATTEMPTS, _PAUSE_S = 5, 1.0
 
 
-class Places(Protocol):
-    """Work with files."""
-
-    @property
-    def reads(self) -> Sequence[Path]:
-        """Files and folders that the work reads."""
-        ...
-
-    @property
-    def writes(self) -> Sequence[Path]:
-        """Files that the work writes."""
-        ...
-
-
 @contextmanager
-def shared_places(works: Iterable[Places]) -> Iterator["SharedPlaces"]:
+def shared_places(reads: Iterable[Path], writes: Iterable[Path]) -> Iterator["SharedPlaces"]:
     """Return the check that a worker sees the folders of a run; an empty file marks the folders of outputs meanwhile.
 
     Raises
@@ -40,12 +25,10 @@ def shared_places(works: Iterable[Places]) -> Iterator["SharedPlaces"]:
         If a folder of outputs cannot be written.
     """
     read: dict[Path, Path] = {}
-    written: dict[Path, None] = {}
-    for work in works:
-        for place in work.reads:
-            if not mirror_of(place):
-                read.setdefault(place.parent, place)
-        written.update((place.parent, None) for place in work.writes if not mirror_of(place))
+    for path in reads:
+        if not mirror_of(path):
+            read.setdefault(path.parent, path)
+    written = dict.fromkeys(path.parent for path in writes if not mirror_of(path))
     samples = [(path, _size(path)) for path in list(read.values())[:_MAX_FOLDERS]]
     with ExitStack() as stack:
         marks = [stack.enter_context(_marked(folder)) for folder in written]

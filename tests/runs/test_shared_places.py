@@ -30,7 +30,7 @@ def places(tmp_path):
 
 
 def check(places, change=lambda: None):
-    with shared_places([places]) as found:
+    with shared_places(places.reads, places.writes) as found:
         change()
         return found(lambda _: None)
 
