@@ -28,13 +28,7 @@ class Task(Protocol[R_co]):
 
 @dataclass(frozen=True)
 class Lost:
-    """The end of a task whose process died, again and again.
-
-    Parameters
-    ----------
-    reason : str
-        What is known about it.
-    """
+    """The end of a task whose process died, again and again, and what is known about the reason."""
 
     reason: str
 
@@ -47,16 +41,10 @@ class Engine(Protocol):
     """A way to run tasks. Results do not depend on it."""
 
     def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Results[R]:
-        """Run tasks and yield the number and the result of each when it is done, in any order.
+        """Run tasks in their order and yield the number and the result of each when it is done, in any order.
 
         Closing the iterator stops the tasks that run. An exception of a task is raised here and stops the others.
-
-        Parameters
-        ----------
-        tasks : sequence of Task
-            Work; tasks start in this order.
-        on_share : callable
-            Receives the number of a task and the share of it that is done.
+        ``on_share`` receives the number of a task and the share of it that is done.
         """
         ...
 
@@ -102,10 +90,7 @@ class Pool(Protocol):
     def answers(self, *, waiting: bool) -> Iterator[tuple[int, str, Any]]:
         """Yield number of the task, kind and content of what processes have sent.
 
-        Parameters
-        ----------
-        waiting : bool
-            Whether tasks wait, so that the pool should rather come back to start a process than wait for an answer.
+        If tasks are waiting, the pool should rather come back to start a process than wait for an answer.
         """
         ...
 

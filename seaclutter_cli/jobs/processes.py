@@ -66,15 +66,10 @@ def _left(limit: Path, used: Path) -> int | None:
 
 
 class Processes:
-    """Engine that runs tasks in processes of this machine, which share its cores.
+    """Engine that runs tasks in a number of processes of this machine, which share its cores.
 
     A process that dies, for example because the system ran out of memory, costs its task one retry, and no other task
     anything.
-
-    Parameters
-    ----------
-    jobs : int
-        Number of processes.
     """
 
     def __init__(self, jobs: int) -> None:

@@ -178,24 +178,10 @@ def run_batch(
 ) -> list[O]:
     """Do the work on several recordings and return the outcomes in the order of the recordings.
 
-    Parameters
-    ----------
-    works : sequence of Work
-        Work on each recording.
-    options : BatchOptions
-        Number of processes, and what to do after an error.
-    observer : Observer
-        Receives messages and the end of each recording as they come, and the progress of all together.
-    in_order : callable, optional
-        Receives each outcome as soon as those of all recordings before are known, except for recordings without a
-        frame in the selected time.
-    together : bool, optional
-        Whether the outcomes are only of use together; an error of one recording then ends the run.
-
-    Raises
-    ------
-    SeaclutterError
-        Error that ends the run.
+    ``observer`` receives messages and the end of each recording as they come, and the progress of all together;
+    ``in_order`` each outcome as soon as those of all recordings before are known, except for recordings without a frame
+    in the selected time. If the outcomes are only of use ``together``, an error of one recording ends the run. Raise
+    `SeaclutterError` if an error ends it.
     """
     outcomes: list[O | None] = [None] * len(works)
     passed = 0

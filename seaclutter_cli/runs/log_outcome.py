@@ -12,16 +12,10 @@ from seaclutter_cli.runs.recordings import Outcome
 
 @dataclass(kw_only=True)
 class LogOutcome(Outcome):
-    """Outcome of work on one recording, with a log as output.
+    """Outcome of work on one recording, with a log as output, or the first of its parts.
 
-    Parameters
-    ----------
-    output : Path
-        The log, or the first of its parts.
-    topics : dict of str to TopicTally
-        Sums over the frames of each cloud topic.
-    bytes_in, bytes_out : int
-        Sizes of the recording and of the log.
+    ``topics`` are sums over the frames of each cloud topic; ``bytes_in`` and ``bytes_out`` are the sizes of recording
+    and log.
     """
 
     output: Path

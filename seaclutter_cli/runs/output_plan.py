@@ -40,16 +40,9 @@ _ONLY_READ = _READ - {kind.suffix for kind in OUTPUT_FORMATS.values()}
 
 
 def is_folder(output: PathLike, outputs: int, marker: str = "") -> bool:
-    """Return whether a path denotes a folder for outputs, and not a single output.
+    """Return whether a path denotes a folder for outputs, and not a single output; a slash at its end means a folder.
 
-    Parameters
-    ----------
-    output : path
-        The path; a slash at its end means a folder.
-    outputs : int
-        Number of outputs.
-    marker : str, optional
-        File by which an output that is a folder is recognised.
+    An output that is a folder is recognised by the file ``marker``.
     """
     if outputs > 1 or named_folder(output):
         return True
@@ -62,15 +55,7 @@ def is_folder(output: PathLike, outputs: int, marker: str = "") -> bool:
 
 @dataclass(frozen=True)
 class PlannedOutputs:
-    """Outputs of recordings.
-
-    Parameters
-    ----------
-    form : str
-        Name of their format.
-    targets : list of Path
-        The output of each recording.
-    """
+    """The output of each recording, and the name of their format."""
 
     form: str
     targets: list[Path]
@@ -79,19 +64,8 @@ class PlannedOutputs:
 def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | None = None) -> PlannedOutputs:
     """Return the output of each recording: ``output`` itself for one, files or folders in it for several.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        The recordings.
-    output : path
-        Where they go.
-    to : str, optional
-        Name of the format; by default that of the name of ``output``, or MCAP.
-
-    Raises
-    ------
-    UsageError
-        If several recordings need a folder but ``output`` is a file, or two recordings would get the same file.
+    ``to`` names the format; by default it is that of the name of ``output``, or MCAP. Raise `UsageError` if several
+    recordings need a folder but ``output`` is a file, or two recordings would get the same file.
     """
     path, several = Path(output), len(recordings) > 1 or named_folder(output)
     form = to or "mcap" if several else format_of(path, to)

@@ -55,12 +55,7 @@ Paths = Mapping[str, Path | Iterable[Path] | None]
 class Root:
     """What the option ``-o`` gives: a folder of outputs, below which folders are created, or an output.
 
-    Parameters
-    ----------
-    place : Path
-        The folder or output.
-    marker : str
-        File by which outputs are recognised that are folders; empty if they are files.
+    Outputs that are folders are recognised by the file ``marker``; it is empty if they are files.
     """
 
     place: Path
@@ -75,16 +70,7 @@ def inputs_of(
 ) -> dict[str, list[Path]]:
     """Return the files and folders that a run reads, by option, also those beside a log.
 
-    Parameters
-    ----------
-    recordings : iterable of Recording
-        Logs; metadata of a sensor beside a capture belongs to it.
-    reading : ReadOptions, optional
-        How they are read.
-    file : Path, mapping or Config, optional
-        Configuration.
-    configs : iterable of Config, optional
-        Effective configurations, which may name a model and a mask.
+    ``file`` is the configuration, ``configs`` are effective ones, which may name a model and a mask.
     """
     logs = [path for recording in recordings for path in recording.paths]
     configs = list(configs)
@@ -147,29 +133,13 @@ def check_outputs(
     log_file: Path | None = None,
     root: Root | None = None,
 ) -> None:
-    """Check the paths of output files.
+    """Check the paths of output files, by option, against each other and against the inputs.
 
-    Parameters
-    ----------
-    outputs : mapping of str to path, paths or None
-        Files that a run writes, by option; None for a file that is not requested.
-    inputs : mapping of str to path, paths or None
-        Files and folders that the run reads, by option: recordings, configurations, models. New files in such folders
-        are refused, too. Paths that do not exist are names of built-in files.
-    labels : sequence of Path, optional
-        Files of labels, and folders whose files are labels; new files in such folders are allowed.
-    force : bool
-        Whether existing files may be replaced.
-    log_file : Path, optional
-        File to which the observer appends messages; it may exist.
-    root : Root, optional
-        What ``-o`` gives.
-
-    Raises
-    ------
-    UsageError
-        If two outputs are the same file, or an output is an input, is inside an input folder, is a folder, is in a
-        folder whose parent does not exist, or exists and may not be replaced.
+    New files in folders of inputs are refused, too, but allowed in those of ``labels``. Inputs that do not exist are
+    names of built-in files. Existing files may be replaced if ``force``; ``log_file``, to which the observer appends
+    messages, may exist. ``root`` is what ``-o`` gives. Raise `UsageError` if two outputs are the same file, or an
+    output is an input, is inside an input folder, is a folder, is in a folder whose parent does not exist, or exists
+    and may not be replaced.
     """
     markers = {"-o": root.marker} if root else {}
     list_objects(path for _, path in _flat(outputs))

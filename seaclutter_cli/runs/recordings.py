@@ -230,10 +230,7 @@ def opened(recording: Recording, reading: ReadOptions, observer: Observer, outco
 def storing_errors(outcome: Outcome, observer: Observer) -> Iterator[None]:
     """Store an error of one recording in its outcome, so that the others are still processed; measure the time.
 
-    Raises
-    ------
-    UsageError
-        If the error would be the same for all recordings.
+    Raise `UsageError` if the error would be the same for all recordings.
     """
     started = perf_counter()
     try:

@@ -55,16 +55,10 @@ _LATER = ("split", "include", "exclude")
 
 @dataclass(frozen=True)
 class RunIdentity:
-    """What the bytes of an output depend on.
+    """What the bytes of an output depend on, as digests, and the version of the program.
 
-    Parameters
-    ----------
-    input : str
-        Digest of the sizes, and first and last MiB of the files of the recording.
-    config, options, labels : str
-        Digests of the effective configuration with its models, of all other options, and of the labels.
-    version : str
-        Version of the program.
+    They are of the sizes, and first and last MiB of the files of the recording; of the effective configuration with its
+    models, of all other options, and of the labels.
     """
 
     input: str
@@ -163,21 +157,8 @@ def earlier_run(
 ) -> tuple[L | None, str]:
     """Return the outcome of an earlier run whose output is complete; otherwise None, and what differs if there is one.
 
-    Parameters
-    ----------
-    blank : LogOutcome
-        Outcome without results; those of the earlier run are filled in.
-    identity : callable
-        Returns what the output depends on.
-    paths : sequence of Path
-        Files of the recording.
-    force : bool
-        Whether a file that is not the output of a run may be replaced.
-
-    Raises
-    ------
-    UsageError
-        If there is such a file, and it may not be replaced.
+    Its results fill ``blank``; ``identity`` returns what the output depends on; ``paths`` are the files of the
+    recording. Raise `UsageError` if the output is not that of a run, and may not be replaced by ``force``.
     """
     try:
         record = record_in(blank.output)
@@ -199,10 +180,7 @@ def earlier_run(
 def record_in(output: Path) -> Mapping[str, str] | None:
     """Return the record of the run that wrote a file; None if there is no file.
 
-    Raises
-    ------
-    UsageError
-        If the file is not a complete output of this program.
+    Raise `UsageError` if the file is not a complete output of this program.
     """
     try:
         records = _metadata_in(output)
@@ -233,10 +211,7 @@ def digest_of_paths(paths: Iterable[Path]) -> str:
 
     Of more than 64 files, names and sizes are enough. Objects have the digest that their copies would have.
 
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
+    Raise `InputError` if a file cannot be read.
     """
     digest = hashlib.sha256()
     try:
@@ -286,19 +261,9 @@ def to_entries(identity: RunIdentity, topics: Mapping[str, TopicTally], damage: 
 
 
 def from_entries(entries: Mapping[str, str], paths: Iterable[Path]) -> tuple[dict[str, TopicTally], list[Damage]]:
-    """Return the sums over the frames of each topic, and the damage, that a record contains.
+    """Return the sums over the frames of each topic, and the damage, that the entries of a record contain.
 
-    Parameters
-    ----------
-    entries : mapping of str to str
-        Entries of the record.
-    paths : iterable of Path
-        Files of the recording.
-
-    Raises
-    ------
-    ValueError
-        If the record is not complete.
+    ``paths`` are the files of the recording. Raise `ValueError` if the record is not complete.
     """
     by_name = {path.name: path for path in paths}
     try:

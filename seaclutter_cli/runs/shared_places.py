@@ -19,10 +19,7 @@ _ATTEMPTS, _PAUSE_S = 5, 1.0
 def shared_places(reads: Iterable[Path], writes: Iterable[Path]) -> Iterator["SharedPlaces"]:
     """Return the check that a worker sees the folders of a run; an empty file marks the folders of outputs meanwhile.
 
-    Raises
-    ------
-    OutputError
-        If a folder of outputs cannot be written.
+    Raise `OutputError` if a folder of outputs cannot be written.
     """
     read: dict[Path, Path] = {}
     for path in reads:
@@ -57,12 +54,8 @@ def _marked(folder: Path) -> Iterator[Path]:
 class SharedPlaces:
     """Check that a worker sees the files of a run; it returns why not, or None.
 
-    Parameters
-    ----------
-    samples : sequence of (Path, int or None)
-        A file of each folder that is read with its size in bytes, or a folder.
-    marks : sequence of Path
-        A file in each folder that is written.
+    ``samples`` are a file of each folder that is read with its size in bytes, or a folder; ``marks`` are files in
+    folders that are written.
     """
 
     samples: Sequence[tuple[Path, int | None]]

@@ -35,14 +35,10 @@ class PartFile(io.FileIO):
 
 
 class CompleteFile:
-    """A complete file that appears under its name with a group.
+    """A complete file, ``part``, that appears under its name with a group.
 
-    Parameters
-    ----------
-    part : Path
-        The file, in a folder of the same file system. It is removed with this object, or at exit.
-    path : Path
-        Target. If it is a symbolic link, the file it refers to is replaced.
+    It is in a folder of the same file system, and removed with this object, or at exit. If the target is a symbolic
+    link, the file it refers to is replaced.
     """
 
     def __init__(self, part: Path, path: Path) -> None:
@@ -55,10 +51,7 @@ class CompleteFile:
     def prepare(self, *, replace: bool = True) -> None:
         """Do all work before the file can appear: for object storage, upload it.
 
-        Raises
-        ------
-        OutputError
-            If the target can no longer be written, or exists and may not be replaced.
+        Raise `OutputError` if the target can no longer be written, or exists and may not be replaced.
         """
         self.send()
         if self._target.is_dir() or not os.access(self._target.parent, os.W_OK):
@@ -74,10 +67,7 @@ class CompleteFile:
     def publish(self, *, replace: bool = True) -> None:
         """Rename the complete file to its target, or let the uploaded object appear.
 
-        Raises
-        ------
-        OutputError
-            If the target exists and may not be replaced.
+        Raise `OutputError` if the target exists and may not be replaced.
         """
         if self._pending is not None:
             self._pending.complete()
@@ -110,17 +100,9 @@ class CompleteFile:
 class AtomicFile(CompleteFile, AbstractContextManager["AtomicFile"]):
     """A file that is written in the folder of its target, then renamed on success or removed after an error.
 
-    Parameters
-    ----------
-    path : Path
-        Target; its folder is created if necessary. If it is a symbolic link, the file it refers to is replaced.
-    group : OutputGroup, optional
-        Files that appear together; this one is then renamed with them.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be created or written, for example because the disk is full.
+    The folder is created if necessary. If the target is a symbolic link, the file it refers to is replaced. In a group,
+    the file is renamed with the others. Raise `OutputError` if it cannot be created or written, for example because the
+    disk is full.
     """
 
     def __init__(self, path: Path, group: "OutputGroup | None" = None) -> None:
@@ -182,21 +164,9 @@ class AtomicFile(CompleteFile, AbstractContextManager["AtomicFile"]):
 class AtomicFolder(AtomicFile):
     """A folder that is written beside its target, then renamed on success or removed after an error.
 
-    An existing folder is moved aside before the new one appears, and removed after.
-
-    Parameters
-    ----------
-    path : Path
-        Target.
-    group : OutputGroup, optional
-        Outputs that appear together.
-    last : str, optional
-        Name of the file that appears last in object storage, and shows that the folder is complete.
-
-    Raises
-    ------
-    OutputError
-        If the folder cannot be created, for example because there is a file of this name.
+    An existing folder is moved aside before the new one appears, and removed after. ``last`` is the file that appears
+    last in object storage, and shows that the folder is complete. Raise `OutputError` if the folder cannot be created,
+    for example because there is a file of this name.
     """
 
     def __init__(self, path: Path, group: "OutputGroup | None" = None, *, last: str = "") -> None:
@@ -222,10 +192,7 @@ class AtomicFolder(AtomicFile):
     def prepare(self, *, replace: bool = True) -> None:
         """Do all work before the folder can appear: for object storage, upload it.
 
-        Raises
-        ------
-        OutputError
-            If the target can no longer be written, or exists and may not be replaced.
+        Raise `OutputError` if the target can no longer be written, or exists and may not be replaced.
         """
         self.send()
         if not os.access(self._target.parent, os.W_OK):
@@ -257,15 +224,9 @@ class OutputGroup(AbstractContextManager["OutputGroup"]):
     """Files that appear under their names together, when all are complete, or not at all.
 
     They are renamed in the order of their completion. A run completes its main output last; once that has appeared, all
-    others have. Everything for object storage is uploaded before the first file appears.
-
-    Parameters
-    ----------
-    group : OutputGroup, optional
-        Larger group, which the files join when this one is complete, and which replaces files or not.
-    replace : bool, optional
-        Whether existing files may be replaced. Otherwise those that appear while a group is written, from another run
-        for example, are an error at its end.
+    others have. Everything for object storage is uploaded before the first file appears. They join a larger ``group``
+    when this one is complete. Unless ``replace``, files that appear while a group is written, from another run for
+    example, are an error at its end.
     """
 
     def __init__(self, group: "OutputGroup | None" = None, *, replace: bool = True) -> None:

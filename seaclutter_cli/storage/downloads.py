@@ -23,12 +23,8 @@ _WAKE_SECONDS = 0.5
 class Download:
     """Copies of objects, complete after `wait`.
 
-    Every range is requested with the version of the object, so a copy never mixes two of them.
-
-    Parameters
-    ----------
-    files : list of (StoredObject, Path)
-        Objects and the files that become their copies.
+    Every range is requested with the version of the object, so a copy never mixes two of them. ``files`` are pairs of
+    an object and the file that becomes its copy.
     """
 
     def __init__(self, files: list[tuple[StoredObject, Path]]) -> None:

@@ -70,12 +70,8 @@ class Mirror:
 
     Objects that were only found are files without content (of their size, where the system has files with holes), so
     names, sizes and kinds are those of the objects. `fetch` copies them. The folder is only for this user, and removed
-    by `close`, with this object, or when the program ends; those that killed runs left behind are removed, too.
-
-    Raises
-    ------
-    OutputError
-        If the scratch folder cannot be used.
+    by `close`, with this object, or when the program ends; those that killed runs left behind are removed, too. Raise
+    `OutputError` if the scratch folder cannot be used.
     """
 
     def __init__(self) -> None:
@@ -127,19 +123,8 @@ class Mirror:
     def find(self, pattern: str, *, with_siblings: bool, also: Sequence[str]) -> str:
         """List what the path or pattern of logs may refer to, and return it for `glob`.
 
-        Parameters
-        ----------
-        pattern : str
-            Path in this folder, or pattern below it.
-        with_siblings : bool
-            Whether what is beside a single object belongs to it.
-        also : sequence of str
-            Suffixes of objects that belong to those that a pattern matches.
-
-        Raises
-        ------
-        UsageError
-            If there is no such object or folder.
+        ``with_siblings`` is whether what is beside a single object belongs to it, ``also`` are suffixes of objects that
+        belong to those that a pattern matches. Raise `UsageError` if there is no such object or folder.
         """
         path = Path(pattern)
         url = self.url(path)
@@ -167,10 +152,7 @@ class Mirror:
     def settle(self, recordings: Sequence[Sequence[Path]]) -> None:
         """Give files that were found the sizes of their objects: while recordings are found, they must be empty.
 
-        Parameters
-        ----------
-        recordings : sequence of sequence of Path
-            Files of each recording; they are fetched while those of the one before are read, if there is space.
+        The files of each recording are fetched while those of the one before are read, if there is space.
         """
         for path, found in self._objects.items():
             if path not in self._complete:
@@ -244,10 +226,8 @@ class Mirror:
     def fetch(self, paths: Sequence[Path], at_most: int | None = None) -> None:
         """Copy the objects at some paths that are not copied yet, and those of the next recording ahead.
 
-        Raises
-        ------
-        InputError
-            If there is no such object, one has more than ``at_most`` bytes, or they do not fit into the scratch folder.
+        Raise `InputError` if there is no such object, one has more than ``at_most`` bytes, or they do not fit into the
+        scratch folder.
         """
         files = self._missing(paths)
         if at_most is not None:

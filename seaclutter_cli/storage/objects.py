@@ -22,17 +22,7 @@ _AT_ONCE = 4
 
 @dataclass(frozen=True)
 class StoredObject:
-    """An object as it was found.
-
-    Parameters
-    ----------
-    url : Url
-        Where it is.
-    size : int
-        Bytes.
-    etag : str or None
-        Identifies its content, if the service has such a value.
-    """
+    """An object as it was found: its size in bytes, and what identifies its content, if the service says so."""
 
     url: Url
     size: int
@@ -42,10 +32,7 @@ class StoredObject:
 def find_object(url: Url) -> StoredObject | None:
     """Return an object; None if there is none.
 
-    Raises
-    ------
-    InputError
-        If there is no such bucket, or no access.
+    Raise `InputError` if there is no such bucket, or no access.
     """
     store = store_of(url)
     with explained(url):
@@ -61,10 +48,7 @@ def find_object(url: Url) -> StoredObject | None:
 def list_objects(folder: Url, *, deep: bool = True) -> Iterator[StoredObject]:
     """Yield the objects in a folder and, if ``deep``, its subfolders, in the order in which the service lists them.
 
-    Raises
-    ------
-    InputError
-        If there is no such bucket, or no access.
+    Raise `InputError` if there is no such bucket, or no access.
     """
     store = store_of(folder)
     with explained(folder):
@@ -77,10 +61,7 @@ def list_objects(folder: Url, *, deep: bool = True) -> Iterator[StoredObject]:
 def list_folder(folder: Url) -> tuple[list[StoredObject], list[Url]]:
     """Return the objects and the folders directly in a folder.
 
-    Raises
-    ------
-    InputError
-        If there is no such bucket, or no access.
+    Raise `InputError` if there is no such bucket, or no access.
     """
     with explained(folder):
         found = store_of(folder).list_with_delimiter(folder.key or None)
@@ -95,10 +76,7 @@ def _stored(url: Url, meta: "ObjectMeta") -> StoredObject:
 def delete_object(url: Url) -> None:
     """Delete an object, if there is one.
 
-    Raises
-    ------
-    OutputError
-        If it cannot be deleted.
+    Raise `OutputError` if it cannot be deleted.
     """
     with explained(url, OutputError), suppress(FileNotFoundError):
         store_of(url).delete(url.key)
@@ -107,10 +85,7 @@ def delete_object(url: Url) -> None:
 def read_range(found: StoredObject, start: int, stop: int) -> bytes:
     """Return bytes of an object; fewer at its end.
 
-    Raises
-    ------
-    InputError
-        If the object has changed since it was found, or cannot be read.
+    Raise `InputError` if the object has changed since it was found, or cannot be read.
     """
     stop = min(stop, found.size)
     if stop <= start:
@@ -162,17 +137,7 @@ def range_options(found: StoredObject, start: int, stop: int) -> "GetOptions":
 class PendingObject:
     """An object that is being written; nobody sees it before `complete`.
 
-    Parameters
-    ----------
-    url : Url
-        The object.
-    size : int
-        Bytes that it will have; they determine the size of the parts.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written.
+    Its ``size`` in bytes determines that of the parts. Raise `OutputError` if it cannot be written.
     """
 
     def __init__(self, url: Url, size: int) -> None:

@@ -42,12 +42,8 @@ RETRIES: "RetryConfig" = {}
 def store_of(url: Url) -> "Store":
     """Return the client for the bucket of a URL.
 
-    Raises
-    ------
-    MissingExtraError
-        If the extra ``cloud`` is not installed.
-    UsageError
-        If settings in the environment are not valid, or a profile needs boto3.
+    Raise `MissingExtraError` if the extra ``cloud`` is not installed; `UsageError` if settings in the environment are
+    not valid, or a profile needs boto3.
     """
     settings = tuple(sorted(item for item in os.environ.items() if item[0].startswith(_PREFIXES)))
     return open_store(url.scheme, url.bucket, settings)
@@ -102,12 +98,7 @@ def explained(url: Url, kind: type[SeaclutterError] = InputError) -> Iterator[No
 
     The original errors are dropped, also from tracebacks: their texts may contain signed URLs.
 
-    Raises
-    ------
-    SeaclutterError
-        Of the given kind.
-    MissingExtraError
-        If the extra ``cloud`` is not installed.
+    Raise `SeaclutterError` of the given kind; `MissingExtraError` if the extra ``cloud`` is not installed.
     """
     try:
         from obstore.exceptions import BaseError

@@ -12,10 +12,7 @@ _PIECE = 4 * 2**20
 def send(file: Path, url: Url) -> PendingObject:
     """Send a file to an object, which does not appear yet.
 
-    Raises
-    ------
-    OutputError
-        If it cannot be sent; nothing is left of it then.
+    Raise `OutputError` if it cannot be sent; nothing is left of it then.
     """
     pending = PendingObject(url, file.stat().st_size)
     try:

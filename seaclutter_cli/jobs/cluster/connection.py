@@ -50,32 +50,17 @@ class Connection(Protocol):
     def connected(self) -> AbstractContextManager["Client"]:
         """Connect to the cluster.
 
-        Raises
-        ------
-        ClusterError
-            If that fails.
+        Raise `ClusterError` if that fails.
         """
         ...
 
 
 def connection_to(address: str, *, insecure: bool = False, workers: int | None = None) -> Connection:
-    """Return the connection for what ``--cluster`` says.
+    """Return the connection for what ``--cluster`` says: ``tls://HOST:PORT`` of a scheduler, or ``slurm``.
 
-    Parameters
-    ----------
-    address : str
-        ``tls://HOST:PORT`` of a scheduler, or ``slurm``.
-    insecure : bool, optional
-        Whether addresses without encryption (``tcp://``) are allowed.
-    workers : int or None, optional
-        Number of workers to start; only for ``slurm``.
-
-    Raises
-    ------
-    UsageError
-        If the address is not valid, or certificates are missing.
-    MissingExtraError
-        If the extra ``cluster`` is not installed.
+    ``insecure`` allows addresses without encryption (``tcp://``), ``workers`` is the number of workers that ``slurm``
+    starts. Raise `UsageError` if the address is not valid, or certificates are missing; `MissingExtraError` if the
+    extra ``cluster`` is not installed.
     """
     scheme, _, rest = address.partition("://")
     if address != "slurm" and (scheme not in ("tls", "tcp") or not rest or "@" in rest):
@@ -95,13 +80,7 @@ def connection_to(address: str, *, insecure: bool = False, workers: int | None =
 
 @dataclass(frozen=True)
 class _Scheduler:
-    """A scheduler that runs.
-
-    Parameters
-    ----------
-    name : str
-        Its address.
-    """
+    """A scheduler that runs; its name is its address."""
 
     name: str
     patience_s: float | None = 300.0
@@ -120,13 +99,7 @@ class _Scheduler:
 
 @dataclass(frozen=True)
 class _Slurm:
-    """Workers in jobs of SLURM, and a scheduler in this process.
-
-    Parameters
-    ----------
-    workers : int
-        Number of workers.
-    """
+    """A number of workers in jobs of SLURM, and a scheduler in this process."""
 
     workers: int
     name: str = "slurm"
@@ -221,10 +194,7 @@ def _closing(client: Any) -> Iterator[Any]:
 def _certificates(*, required: bool) -> "Security | None":
     """Return the certificates of the environment, or else of Dask's configuration; None if there are none.
 
-    Raises
-    ------
-    UsageError
-        If they are required and missing, or cannot be read.
+    Raise `UsageError` if they are required and missing, or cannot be read.
     """
     from distributed.security import Security
 

@@ -38,21 +38,11 @@ _DEAD = "its worker died, perhaps because memory ran out"
 
 
 class Cluster:
-    """Engine that runs tasks on the workers of a Dask cluster.
+    """Engine that runs tasks on the workers of a Dask cluster, on at most ``limit`` at the same time.
 
     Each task is bound to one idle worker, so neither queues of workers nor work stealing ever put two tasks of a run on
     one worker, whatever the settings of the scheduler. There are never more tasks in the cluster than workers.
-
-    Parameters
-    ----------
-    connection : Connection
-        The cluster.
-    check : Task
-        Returns on a worker why it cannot be used; None if it can.
-    warn : callable
-        Receives warnings.
-    limit : int or None, optional
-        Number of workers to use at the same time; None: all.
+    ``check`` is a task that returns why a worker cannot be used; None if it can.
     """
 
     def __init__(
@@ -63,10 +53,8 @@ class Cluster:
     def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Results[R]:
         """Run tasks, as `Engine.run` says.
 
-        Raises
-        ------
-        ClusterError
-            If there is no scheduler or no worker, the versions of their software differ, or the scheduler disappears.
+        Raise `ClusterError` if there is no scheduler or no worker, the versions of their software differ, or the
+        scheduler disappears.
         """
         if not tasks:
             return

@@ -26,14 +26,9 @@ class _Cancelled(BaseException):
 
 
 def run_remotely(task: bytes, folder: str) -> bytes | None:
-    """Do a task on a worker and return its answer; None if it was cancelled.
+    """Do a pickled task, opaque to the scheduler, on a worker and return its answer; None if it was cancelled.
 
-    Parameters
-    ----------
-    task : bytes
-        Pickled `Task`, opaque to the scheduler.
-    folder : str
-        Current folder of the run, for relative paths.
+    Relative paths start from ``folder``, the current folder of the run.
     """
     from distributed import get_worker
 

@@ -37,14 +37,7 @@ class _Worker:
 class Workers:
     """Workers that may be used: those with the same versions of the software, and the files of the run.
 
-    Parameters
-    ----------
-    client : Client
-        Connection to the cluster.
-    connection : Connection
-        The cluster.
-    warn : callable
-        Receives warnings about workers that join later and are left out.
+    ``warn`` receives warnings about workers that join later and are left out.
     """
 
     def __init__(self, client: "Client", connection: Connection, warn: Callable[[str], object]) -> None:
@@ -67,10 +60,7 @@ class Workers:
     def update(self, *, is_busy: bool) -> set[str]:
         """Ask the scheduler for its workers and return the addresses of those whose tasks go on.
 
-        Raises
-        ------
-        ClusterError
-            If there have been none for too long, or those that were there first cannot be used.
+        Raise `ClusterError` if there have been none for too long, or those that were there first cannot be used.
         """
         if self._client.status != "running":
             raise ConnectionError
