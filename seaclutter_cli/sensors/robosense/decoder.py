@@ -138,8 +138,7 @@ class RoboSenseDecoder:
         self._parts: list[NDArray[np.void]] = []
         self._waiting: list[tuple[NDArray[np.uint8], NDArray[np.int64]]] = []
         self._azimuth = self._last_azimuth = -1
-        self._frames = 0
-        self._starts_whole = True
+        self._is_first = True
         self.facts = SensorFacts(device.model.name, dict(device.details), warnings=warnings)
         packets = data_packets(device.model, sample.payloads)
         header_ns = header_times(packets, is_utc=self._is_utc)
@@ -172,8 +171,7 @@ class RoboSenseDecoder:
         """Yield the last revolution."""
         yield from self._decode()
         if self._parts:
-            blocks = self._joined()
-            yield self._frame(blocks, partial=not self._ends_whole(blocks))
+            yield self._frame(is_last=True)
 
     def _may_end(self, payloads: NDArray[np.uint8]) -> bool:
         """Return whether data packets may end a revolution, or make too many wait."""
@@ -200,11 +198,12 @@ class RoboSenseDecoder:
         starts = np.flatnonzero(np.diff(revolution, prepend=0))
         begin = 0
         for start in starts.tolist():
-            self._keep(blocks[begin:start])
+            if start > begin:
+                self._parts.append(blocks[begin:start])
             begin = start
             if self._parts:
-                yield self._frame(self._joined(), partial=False)
-        self._keep(blocks[begin:].copy())
+                yield self._frame()
+        self._parts.append(blocks[begin:].copy())
 
     def _blocks(
         self, packets: NDArray[Any], record_ns: NDArray[np.int64], valid: NDArray[np.bool_]
@@ -232,28 +231,14 @@ class RoboSenseDecoder:
         """Return when the first lasers of packets fired by the recorder's clock, or else by the sensor's clock."""
         return np.where(record_ns == 0, header_ns, record_ns - self._device.model.packet_ns)
 
-    def _keep(self, blocks: NDArray[np.void]) -> None:
-        if len(blocks):
-            if not self._parts and not self._frames:
-                self._starts_whole = abs(int(blocks["azimuth"][0]) - self._limits[0]) <= _TOLERANCE
-            self._parts.append(blocks)
-
-    def _joined(self) -> NDArray[np.void]:
+    def _frame(self, *, is_last: bool = False) -> PacketFrame:
+        """Return the points of the collected blocks; only the first and the last revolution can be partial."""
         blocks = np.concatenate(self._parts)
         self._parts = []
-        return blocks
-
-    @property
-    def _limits(self) -> tuple[int, int]:
-        """First and last azimuth of the field of view in a revolution, in hundredths of a degree."""
         start, end = self._device.fov
-        return (start, end) if start < end else (0, 36000)
-
-    def _ends_whole(self, blocks: NDArray[np.void]) -> bool:
-        return abs(self._limits[1] - int(blocks["azimuth"][-1] + blocks["step"][-1])) <= _TOLERANCE
-
-    def _frame(self, blocks: NDArray[np.void], *, partial: bool) -> PacketFrame:
+        start, end = (start, end) if start < end else (0, 36000)
+        late = self._is_first and abs(int(blocks["azimuth"][0]) - start) > _TOLERANCE
+        early = is_last and abs(end - int(blocks["azimuth"][-1] + blocks["step"][-1])) > _TOLERANCE
+        self._is_first = False
         stamp_ns = int(blocks["times_ns"][-1]) + self._geometry.last_ns
-        partial = partial or (self._frames == 0 and not self._starts_whole)
-        self._frames += 1
-        return PacketFrame(self._geometry.points(blocks), stamp_ns, partial=partial)
+        return PacketFrame(self._geometry.points(blocks), stamp_ns, partial=late or early)

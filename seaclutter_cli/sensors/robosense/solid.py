@@ -117,9 +117,9 @@ class SolidDecoder:
         self.facts = SensorFacts(model.name, details | EXPERIMENTAL)
         self._model, self._clock = model, SensorClock(self.facts)
         self._parts: list[NDArray[np.void]] = []
-        self._size = self._end_ns = self._frames = self._longest = 0
+        self._size = self._end_ns = self._longest = 0
         self._number: int | None = None
-        self._starts_whole = True
+        self._begins_late = False
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
         """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
@@ -153,7 +153,7 @@ class SolidDecoder:
         starts = []
         for position, number in enumerate(numbers):
             if self._number is None:
-                self._starts_whole = number <= 1
+                self._begins_late = number > 1
             elif number < self._number - _LATE:
                 starts.append(position)
                 self._longest = max(self._longest, self._number)
@@ -188,7 +188,6 @@ class SolidDecoder:
 
     def _frame(self, *, partial: bool) -> PacketFrame:
         points = np.concatenate(self._parts)
-        partial = partial or (self._frames == 0 and not self._starts_whole)
-        self._parts, self._size = [], 0
-        self._frames += 1
+        partial |= self._begins_late
+        self._parts, self._size, self._begins_late = [], 0, False
         return PacketFrame(points, self._end_ns, partial=partial)
