@@ -25,14 +25,8 @@ def unpack_draco(
     """Return the fields of a cloud that can be read, and the bytes of its points.
 
     The library reads float64 attributes in single precision, which is enough for coordinates. Other float64 fields,
-    such as times, are left out. The attribute of each field has its index.
-
-    Raises
-    ------
-    CloudError
-        If the data are damaged, or are not those of the cloud.
-    MissingExtraError
-        If the extra ``draco`` is not installed.
+    such as times, are left out. The attribute of each field has its index. `CloudError` if the data are damaged, or are
+    not those of the cloud; `MissingExtraError` if the extra ``draco`` is not installed.
     """
     try:
         import DracoPy

@@ -255,10 +255,7 @@ def known_types(ros: Ros) -> Types:
 def types_of(schema: Schema) -> Types:
     """Return the types that a schema defines, and those that it only names if they are known.
 
-    Raises
-    ------
-    TranslationError
-        If the schema is not a definition of ROS, or has none.
+    `TranslationError` if the schema is not a definition of ROS, or has none.
     """
     name, known = full_name(schema.name), known_types(1 if schema.encoding == "ros1msg" else 2)
     if not schema.data and name in known:
@@ -281,10 +278,7 @@ def types_of(schema: Schema) -> Types:
 def definition_of(types: Types, name: str, ros: Ros) -> tuple[Schema, str]:
     """Return the schema of a type for a version of ROS, and its checksum: MD5 for ROS 1, RIHS01 for ROS 2.
 
-    Raises
-    ------
-    TranslationError
-        If a type that it contains is unknown, or contains itself.
+    `TranslationError` if a type that it contains is unknown, or contains itself.
     """
     store = get_typestore(Stores.EMPTY)
     store.fielddefs.update({**types, _HEADER: known_types(ros)[_HEADER]})
@@ -300,10 +294,7 @@ def definition_of(types: Types, name: str, ros: Ros) -> tuple[Schema, str]:
 def layout_of(types: Types, name: str, *, merged: bool = True) -> Struct:
     """Return the layout of the messages of a type; unless ``merged``, neighbouring numbers do not become one block.
 
-    Raises
-    ------
-    TranslationError
-        If a type is unknown, contains itself or too many others, or has values that are not supported.
+    `TranslationError` if a type is unknown, contains itself or too many others, or has values that are not supported.
     """
     if name not in types:
         raise TranslationError(f"the definition of {name} is unknown")

@@ -63,12 +63,7 @@ def translator(channel: Channel, encoding: str) -> Translator:
     """Return how the messages of a channel become messages of an encoding, ``ros1`` or ``cdr``.
 
     Types that both versions of ROS have get the fields of the other version: what is new there is zero or empty. Clouds
-    in other encodings become PointCloud2.
-
-    Raises
-    ------
-    TranslationError
-        If the messages cannot be translated.
+    in other encodings become PointCloud2. `TranslationError` if the messages cannot be translated.
     """
     if channel.message_encoding == encoding and channel.schema is not None:
         return Translator(_with_checksum(channel, encoding), as_is)

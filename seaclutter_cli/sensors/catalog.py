@@ -137,8 +137,6 @@ def recognise(
     --------
     >>> print(recognise(["x", "y", "z", "intensity", "ring", "time"], 16, 28000))
     resembles Puck Hi-Res or VLP-16
-    >>> print(recognise(["x", "y", "z", "intensity", "tag", "line", "timestamp"], 4, 20000))
-    resembles Mid-360
     >>> print(recognise([], None, 28000, SensorFacts("OS1-32")))
     OS1-32
     """

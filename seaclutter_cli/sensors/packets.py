@@ -26,12 +26,8 @@ _MAX_GAP = 100_000
 class Packets:
     """P packets of one sensor in order of arrival, all of the same length.
 
-    Parameters
-    ----------
-    times_ns : ndarray, shape (P,), int64
-        Recording times in nanoseconds of Unix time.
-    payloads : ndarray, shape (P, L), uint8
-        UDP payloads of L bytes.
+    ``times_ns``, shape (P,), are recording times in nanoseconds of Unix time; ``payloads``, shape (P, L), are UDP
+    payloads of L bytes.
     """
 
     times_ns: NDArray[np.int64]
@@ -43,19 +39,12 @@ class Packets:
 
 @dataclass(frozen=True)
 class PacketFrame:
-    """Points of one revolution.
+    """Points of one revolution, stamped in nanoseconds of Unix time.
 
-    Parameters
-    ----------
-    points : ndarray, shape (N,)
-        Structured: x, y, z in metres and intensity as float32, ring as uint16, timestamp in seconds of Unix time as
-        float64, and ``return_number`` as uint8 if the sensor sends two returns; in firing order.
-    stamp_ns : int
-        Stamp of the frame in nanoseconds of Unix time.
-    height : int
-        Number of rows of an organised frame; 1 otherwise.
-    partial : bool
-        Whether the recording begins or ends within the revolution.
+    Points, shape (N,), are structured: x, y, z in metres and intensity as float32, ring as uint16, timestamp in seconds
+    of Unix time as float64, and ``return_number`` as uint8 if the sensor sends two returns; in firing order. An
+    organised frame has a height of several rows. A frame is partial if the recording begins or ends within the
+    revolution.
     """
 
     points: NDArray[np.void]
@@ -68,16 +57,10 @@ class PacketFrame:
 class DecoderOptions:
     """Settings that packets do not contain.
 
-    Parameters
-    ----------
-    calibration : Path or None
-        File with the unit's angles (RoboSense, Hesai, Velodyne) or metadata (Ouster), if the recording lacks them.
-    model : str or None
-        Sensor model, for packets that several models share.
-    recorded : bytes or None
-        Metadata (Ouster) or angle correction file (Hesai) that the recording contains; ``calibration`` precedes it.
-    info : ndarray, shape (I, M), uint8, or None
-        Calibration packets of the sensor, if their length is not that of its data packets.
+    ``calibration`` is a file with the unit's angles (RoboSense, Hesai, Velodyne) or metadata (Ouster), if the recording
+    lacks them; it precedes ``recorded``, the metadata (Ouster) or angle correction file (Hesai) that the recording
+    contains. ``model`` is for packets that several models share. ``info``, shape (I, M), are calibration packets of the
+    sensor, if their length is not that of its data packets.
     """
 
     calibration: Path | None = None
@@ -164,10 +147,6 @@ class SensorClock:
 
     A clock within a day of the recording time is used as it is. Otherwise, only time differences are used, relative to
     the recording time of a reference packet. A new reference is chosen if the clocks diverge by more than a second.
-
-    Notes
-    -----
-    State: the current correction.
     """
 
     def __init__(self, facts: SensorFacts | None = None) -> None:

@@ -27,13 +27,9 @@ class RotorScan:
     """Scan of a rotor: a frame is a revolution, positions are azimuths in hundredths of a degree.
 
     Azimuths are unwrapped with the clock and the motor speed, so jitter, late packets and gaps longer than a revolution
-    do not disturb the count. The first packet determines the direction of rotation, or the first two firings.
-
-    Parameters
-    ----------
-    elevation_deg, azimuth_deg : ndarray, shape (C,), float64
-        Elevation of each channel, and its offset from the azimuth of the rotor, in degrees. A channel enters the next
-        revolution when it crosses azimuth 0 itself.
+    do not disturb the count. The first packet determines the direction of rotation, or the first two firings. Channels
+    have an elevation and an offset from the azimuth of the rotor, shape (C,), in degrees; a channel enters the next
+    revolution when it crosses azimuth 0 itself.
     """
 
     def __init__(self, elevation_deg: NDArray[np.float64], azimuth_deg: NDArray[np.float64]) -> None:
@@ -52,12 +48,8 @@ class RotorScan:
     ) -> NDArray[np.int64]:
         """Return the number of the frame of each firing and channel, shape (P, F, C), at least `done`.
 
-        Parameters
-        ----------
-        positions, times_ns : ndarray, shape (P, F), int64
-            Position of the motor and time of each firing.
-        rpm : ndarray, shape (P,), int64
-            Motor speed in revolutions per minute; 0 if unknown.
+        Positions of the motor and times of firings have the shape (P, F); the motor speed of each packet, shape (P,),
+        is in revolutions per minute, 0 if unknown.
         """
         if not self._knows_direction:
             self._begin(positions, int(times_ns[0, 0]))

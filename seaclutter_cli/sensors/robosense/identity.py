@@ -36,12 +36,8 @@ def find_model(
     """Return the model of a sensor that sent a data packet, shape (L,), and device information, shape (I, 1248).
 
     ``wanted`` is the model that the user names; there is a warning if the device information is of another one. The
-    hint says what else the user has to pass; the error has it if the packets do not identify the model.
-
-    Raises
-    ------
-    InputError
-        If the packets do not identify the model, or are of another or an unsupported one.
+    hint says what else the user has to pass; the error has it if the packets do not identify the model. `InputError` if
+    they do not, or are of another or an unsupported model.
     """
     if name := name_unsupported(data):
         raise InputError(f"packets of a {name} are not supported; {ADVICE}")

@@ -85,12 +85,7 @@ def second_returns(azimuth: NDArray[np.int64], device: Device, before: int) -> N
 
 
 class RobosenseLosses:
-    """Counter of lost packets. A gap of more than an hour is treated as a clock adjustment.
-
-    Notes
-    -----
-    State: time, duration and azimuths of the last packet.
-    """
+    """Counter of lost packets, which keeps the last one; a gap of more than an hour is a clock adjustment."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
