@@ -234,6 +234,13 @@ def _xt(name: str, blocks: int, lasers: int) -> HesaiModel:
     return HesaiModel(name, _xt_layouts(blocks, lasers), matches, block_ns=50_000, last_block_ns=5_632)
 
 
+def _p128(name: str, status: tuple[int, int], **settings: Any) -> HesaiModel:
+    """Return a Pandar128 or OT128, which the versions in their status tell apart."""
+    matches = partial(_has, lasers=128, blocks=2, version=(1, 4), status=status)
+    settings |= {"states": _states_of_128, "pace": _pace_of_128, "is_experimental": True}
+    return HesaiModel(name, _FLAGGED, matches, block_ns=27_778, **settings)
+
+
 MODELS = (
     _xt("PandarXT-32", 8, 32),
     _xt("PandarXT-16", 8, 16),
@@ -255,26 +262,8 @@ MODELS = (
         first_block_ns=9_000,
         states=_states_of_qt128,
     ),
-    HesaiModel(
-        "Pandar128",
-        _FLAGGED,
-        partial(_has, lasers=128, blocks=2, version=(1, 4), status=(0, 127)),
-        block_ns=27_778,
-        last_block_ns=3_148,
-        states=_states_of_128,
-        pace=_pace_of_128,
-        is_experimental=True,
-    ),
-    HesaiModel(
-        "OT128",
-        _FLAGGED,
-        partial(_has, lasers=128, blocks=2, version=(1, 4), status=(128, 136)),
-        block_ns=27_778,
-        states=_states_of_128,
-        pace=_pace_of_128,
-        least_distance=4,
-        is_experimental=True,
-    ),
+    _p128("Pandar128", status=(0, 127), last_block_ns=3_148),
+    _p128("OT128", status=(128, 136), least_distance=4),
     HesaiModel(
         "AT128",
         _MIRRORS,

@@ -166,25 +166,17 @@ Scan = RotorScan | MirrorScan
 
 def make_scan(model: HesaiModel, options: DecoderOptions) -> tuple[Scan, str]:
     """Return the scan of a sensor, and where its angles are from; `InputError` if they are missing or wrong."""
-    found = _corrections(options)
-    if model.has_mirrors:
-        if found is None:
-            raise InputError(
-                f"{model.name}: the angles of the unit are needed; "
-                "pass its angle correction file (.dat) with --calibration"
-            )
-        data, name, source = found
-        return MirrorScan(parse_corrections(data, name, model.channels)), source
-    if found is None:
-        return RotorScan(*model.angles_deg), "nominal"
-    data, name, source = found
-    return RotorScan(*parse_angles(data, name, model.channels)), source
-
-
-def _corrections(options: DecoderOptions) -> tuple[bytes, str, str] | None:
-    """Return the content of the angle correction file, its name for errors, and its name for display."""
     if options.calibration is not None:
-        return read_calibration(options.calibration), str(options.calibration), options.calibration.name
-    if options.recorded is not None:
-        return options.recorded, "recorded with the packets", "recorded with the packets"
-    return None
+        data, name, source = read_calibration(options.calibration), str(options.calibration), options.calibration.name
+    elif options.recorded is not None:
+        data, name = options.recorded, "recorded with the packets"
+        source = name
+    elif model.has_mirrors:
+        raise InputError(
+            f"{model.name}: the angles of the unit are needed; pass its angle correction file (.dat) with --calibration"
+        )
+    else:
+        return RotorScan(*model.angles_deg), "nominal"
+    if model.has_mirrors:
+        return MirrorScan(parse_corrections(data, name, model.channels)), source
+    return RotorScan(*parse_angles(data, name, model.channels)), source

@@ -72,10 +72,12 @@ def _packet(channel: np.dtype[Any], channels: int, blocks: int, size: int, time:
     return np.dtype({"names": names, "formats": formats, "offsets": [0, 4, 10, 32], "itemsize": size})
 
 
-MODELS = (
-    SolidModel("RS-M1", _packet(_M1_CHANNEL, 5, 25, 1210, [("late_us", "u1"), ("return", "u1")]), 0.2, _m1_positions),
-    SolidModel("RS-E1", _packet(_E1_CHANNEL, 1, 96, 1200, [("late_us", ">u2")]), 0.005, _e1_positions),
-)
+_M1_PACKET = _packet(_M1_CHANNEL, 5, 25, 1210, [("late_us", "u1"), ("return", "u1")])
+_E1_PACKET = _packet(_E1_CHANNEL, 1, 96, 1200, [("late_us", ">u2")])
+_MODELS = {
+    1210: SolidModel("RS-M1", _M1_PACKET, 0.2, _m1_positions),
+    1200: SolidModel("RS-E1", _E1_PACKET, 0.005, _e1_positions),
+}
 """Supported models, by the length of their packets."""
 
 
@@ -90,18 +92,14 @@ class RoboSenseSolid:
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
         """Return whether a UDP payload, shape (L,), is a data packet."""
-        return _model(len(payload)) is not None and payload[:4].tobytes() == _ID
+        return len(payload) in _MODELS and payload[:4].tobytes() == _ID
 
     def decoder(self, packets: Packets, options: DecoderOptions) -> "SolidDecoder":  # noqa: ARG002 - all is in packets
         """Return a decoder for the sensor that sent these packets; `InputError` if none of them has data."""
-        model = _model(packets.payloads.shape[1])
+        model = _MODELS.get(packets.payloads.shape[1])
         if model is None or not any(map(self.recognises, packets.payloads)):
             raise InputError("RoboSense: no data packets of an RS-M1 or RS-E1")
         return SolidDecoder(model)
-
-
-def _model(length: int) -> SolidModel | None:
-    return next((model for model in MODELS if model.packet.itemsize == length), None)
 
 
 class SolidDecoder:

@@ -130,9 +130,9 @@ class VelodyneDecoder:
         self.facts.details["return mode"] = MODES[int(packets["mode"][-1])]
         self._packets = np.concatenate((self._packets, packets))
         self._times_ns = np.concatenate((self._times_ns, times_ns))
-        self._losses.add(packets, host_ns)
         if self._cut is None:
             self._cut = Cut.find(self._azimuths(), self._times_ns)
+        self._losses.add(packets, host_ns, self._cut)
         if self._cut is not None:
             yield from self._revolutions(self._cut)
 
@@ -140,6 +140,7 @@ class VelodyneDecoder:
         """Yield the remaining points; they are partial unless they reach the end of a revolution."""
         if self._cut is None:
             self._cut = Cut.at_zero()
+            self._losses.add(self._packets[:0], self._times_ns[:0], self._cut)
             yield from self._revolutions(self._cut)
         if len(self._packets):
             yield self._frame(len(self._packets), 0, self._cut, ended=False)
@@ -152,7 +153,6 @@ class VelodyneDecoder:
 
     def _revolutions(self, cut: Cut) -> Iterator[PacketFrame]:
         """Yield the complete revolutions and drop their packets."""
-        self._losses.count(cut)
         while (end := self._next_end(cut)) is not None:
             packet, block, ended = end
             yield self._frame(packet, block, cut, ended=ended)

@@ -169,14 +169,11 @@ class VelodyneLosses:
         self._packets = np.empty(0, PACKET)
         self._host_ns = np.empty(0, np.int64)
 
-    def add(self, packets: NDArray[Any], host_ns: NDArray[np.int64]) -> None:
-        """Add the next packets."""
+    def add(self, packets: NDArray[Any], host_ns: NDArray[np.int64], cut: Cut | None) -> None:
+        """Add the next packets; count the gaps between packets once the cut is known, and keep the last packet."""
         self._packets = np.concatenate((self._packets, packets))
         self._host_ns = np.concatenate((self._host_ns, host_ns))
-
-    def count(self, cut: Cut) -> None:
-        """Count the gaps between the added packets, and keep the last packet."""
-        if len(self._packets) < 2:
+        if cut is None or len(self._packets) < 2:
             return
         gaps: NDArray[np.int64] = np.mod(np.diff(self._packets["time_us"].astype(np.int64)) * 1000, _HOUR_NS)
         rates = np.where(self._packets["mode"][:-1] == DUAL, self._model.dual_rate, 1)
