@@ -243,17 +243,9 @@ class ConvertSummary(RecordingsResult):
     outcomes: Sequence[ConvertOutcome]
     seconds: float = 0.0
 
-    def as_dict(self) -> list[dict[str, Any]]:
-        """Return the outcomes as JSON-compatible data."""
-        return [outcome.as_dict() for outcome in self.outcomes]
-
     def as_text(self) -> str:
         """Return the outcome of one recording, or the totals of several, as human-readable text."""
         if len(self.outcomes) == 1:
             return self.details()
         read, written = (sum(getattr(one, name) for one in self.outcomes) for name in ("bytes_in", "bytes_out"))
         return f"{statuses(self.outcomes)}; {data_size(read)} in, {data_size(written)} out"
-
-    def details(self) -> str:
-        """Return the outcomes without an error as human-readable text."""
-        return "\n\n".join(outcome.as_text() for outcome in self.outcomes if not outcome.error)

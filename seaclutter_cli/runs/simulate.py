@@ -27,7 +27,7 @@ from seaclutter_cli.text import count, indented, named_folder, printable, table
 from seaclutter_cli.truth import CLUTTER, IGNORED, OBJECT_CLASSES
 from seaclutter_cli.urls import PathLike
 
-TILE_SUFFIXES = (".las", ".laz")
+_TILE_SUFFIXES = (".las", ".laz")
 _MAX_TARGETS = 12
 
 
@@ -59,37 +59,18 @@ def simulate(options: SimulationOptions) -> "SimulationResult | TileSimulationRe
     if options.seeds is None and named_folder(options.output):
         raise UsageError(f"{output}: names a folder by the slash at its end; -o takes a file, or a folder with --seeds")
     if options.seeds is None:
-        return simulate_scene(options.scene, Path(output), scene, options.observer)
+        return _simulate_scene(options.scene, Path(output), scene, options.observer)
     if options.seed is not None:
         raise UsageError("--seed and --seeds: give one of them")
     return simulate_seeds(options.scene, options.output, options.seeds, scene, options.batch, options.observer)
 
 
-def simulate_scene(
-    scene: PathLike, output: Path, options: SimulateOptions | None = None, observer: Observer = SILENT
+def _simulate_scene(
+    scene: PathLike, output: Path, options: SimulateOptions, observer: Observer
 ) -> "SimulationResult | TileSimulationResult":
-    """Simulate a labelled recording of a scene, or a tile if the output is a LAS or LAZ file.
-
-    Parameters
-    ----------
-    scene : path or str
-        Scene file (YAML), or the name of a built-in scene, layout or tile scene.
-    output : Path
-        File of the recording or tile; the labels of a recording are beside it, with the suffix ``.labels.csv``.
-    options : SimulateOptions, optional
-        Values that replace those of the scene, and output options.
-    observer : Observer, optional
-        Receives progress.
-
-    Raises
-    ------
-    ConfigError
-        If the scene is not valid.
-    UsageError
-        If an option is not for this output, its name does not fit its format, or the file may not be written.
-    """
-    simulate_one = _simulate_tile if output.suffix.lower() in TILE_SUFFIXES else _simulate_recording
-    return simulate_one(str(scene), output, options or SimulateOptions(), observer)
+    """Simulate a labelled recording of a scene, or a tile if the output is a LAS or LAZ file."""
+    simulate_one = _simulate_tile if output.suffix.lower() in _TILE_SUFFIXES else _simulate_recording
+    return simulate_one(str(scene), output, options, observer)
 
 
 def _simulate_recording(name: str, output: Path, options: SimulateOptions, observer: Observer) -> "SimulationResult":
@@ -140,11 +121,11 @@ def _simulate_tile(name: str, output: Path, options: SimulateOptions, observer: 
     land, points = 0, Counter[int]()
     started = perf_counter()
 
-    def on_strip(echoes: NDArray[np.void]) -> None:
+    def on_strip(strip: NDArray[np.void]) -> None:
         nonlocal land
-        on_land = np.isin(echoes["classification"], LAND_CODES)
+        on_land = np.isin(strip["classification"], LAND_CODES)
         land += int(on_land.sum())
-        points.update(dict(enumerate(np.bincount(echoes["object_class"][~on_land]).tolist())))
+        points.update(dict(enumerate(np.bincount(strip["object_class"][~on_land]).tolist())))
 
     with OutputGroup(replace=options.force) as files:
         if options.scene_file:
@@ -282,9 +263,9 @@ def simulate_seeds(
         raise UsageError("--scene-file: is for a single recording; leave out --seeds")
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{output}: is a file, but --seeds needs a folder")
-    suffix = TILE_SUFFIXES[1] if is_tile_scene(str(scene)) else f".{options.form or 'mcap'}"
+    suffix = _TILE_SUFFIXES[1] if is_tile_scene(str(scene)) else f".{options.form or 'mcap'}"
     logs = [folder / f"{Path(scene).stem}_{seed}{suffix}" for seed in seeds]
-    labels = [] if suffix in TILE_SUFFIXES else [log.with_suffix(".labels.csv") for log in logs]
+    labels = [] if suffix in _TILE_SUFFIXES else [log.with_suffix(".labels.csv") for log in logs]
     targets = {"-o": logs, "the labels of -o": labels}
     prepare_outputs(targets, {"SCENE": Path(scene)}, force=options.force, observer=observer)
     works = [_SimulateWork(str(scene), log, replace(options, seed=seed)) for seed, log in zip(seeds, logs, strict=True)]
@@ -340,7 +321,7 @@ class _SimulateWork(Work[_Simulated]):
         """Simulate; store an error in the outcome."""
         outcome = self.without_result(None)
         with storing_errors(outcome, observer):
-            outcome.result = simulate_scene(self.scene, self.output, self.options, observer)
+            outcome.result = _simulate_scene(self.scene, self.output, self.options, observer)
         return outcome
 
     def without_result(self, reason: str | None) -> _Simulated:
