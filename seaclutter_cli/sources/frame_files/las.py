@@ -228,7 +228,11 @@ def read_index(path: Path, header: Any) -> CopcIndex:
     entries = entries[entries["points"] > 0]
     entries = entries[np.argsort(entries["offset"], kind="stable")]
     chunks = np.stack([entries[name].astype(np.int64) for name in ("offset", "bytes", "points")], axis=1)
-    _check_chunks(chunks, header, path.stat().st_size)
+    ends, total = chunks[:, 0] + chunks[:, 1], path.stat().st_size
+    if (chunks < 0).any() or (ends > total).any() or (ends[:-1] > chunks[1:, 0]).any():
+        raise CloudError("the COPC index has impossible chunks")
+    if chunks[:, 2].sum() != header.point_count:
+        raise CloudError(f"the COPC index has {chunks[:, 2].sum():,} points, but the header {header.point_count:,}")
     level = entries["level"]
     if not np.isfinite(center).all() or not half > 0 or (level < 0).any() or (level > _DEEPEST).any():
         raise CloudError("the COPC index has an impossible octree")
@@ -252,14 +256,6 @@ def _copc_entries(path: Path, offset: int, size: int) -> NDArray[Any]:
             below = page[page["points"] == _COPC_PAGE]
             pages += zip(below["offset"].tolist(), below["bytes"].tolist(), strict=True)
     return np.concatenate(found)
-
-
-def _check_chunks(chunks: NDArray[np.int64], header: Any, total: int) -> None:
-    ends = chunks[:, 0] + chunks[:, 1]
-    if (chunks < 0).any() or (ends > total).any() or (ends[:-1] > chunks[1:, 0]).any():
-        raise CloudError("the COPC index has impossible chunks")
-    if chunks[:, 2].sum() != header.point_count:
-        raise CloudError(f"the COPC index has {chunks[:, 2].sum():,} points, but the header {header.point_count:,}")
 
 
 def read_chunks(path: Path, chunks: list[tuple[int, int, int]]) -> Iterator[Any]:

@@ -152,19 +152,16 @@ class PcapReader(RecordReader):
         """Return the next offset where two plausible records begin, or one that ends the file; or the file size."""
         for start in range(offset + 1, self._size - _RECORD_BYTES + 1, _WINDOW):
             count = min(_WINDOW, self._size - _RECORD_BYTES + 1 - start)
-            for candidate in self._candidates(start, count):
+            block = self._file[start : start + count + _RECORD_BYTES]
+            words = (np.ndarray((count,), self._word, block, 4 * n, (1,)) for n in range(4))
+            seconds, fraction, length, original = words
+            likely = (fraction < 10**9 // self._tick_ns) & (length <= _MAX_PACKET) & (length <= original) & (length > 0)
+            if self._time_ns is not None:
+                likely &= np.abs(seconds.astype(np.int64) - self._time_ns // 10**9) <= _DAY_S
+            for candidate in (np.flatnonzero(likely) + start).tolist():
                 if self._is_followed(candidate):
-                    return candidate
+                    return int(candidate)
         return self._size
-
-    def _candidates(self, start: int, count: int) -> list[int]:
-        block = self._file[start : start + count + _RECORD_BYTES]
-        words = (np.ndarray((count,), self._word, block, 4 * n, (1,)) for n in range(4))
-        seconds, fraction, length, original = words
-        likely = (fraction < 10**9 // self._tick_ns) & (length <= _MAX_PACKET) & (length <= original) & (length > 0)
-        if self._time_ns is not None:
-            likely &= np.abs(seconds.astype(np.int64) - self._time_ns // 10**9) <= _DAY_S
-        return (np.flatnonzero(likely) + start).tolist()
 
     def _is_followed(self, offset: int) -> bool:
         seconds, _, length, _ = unpack(self._record, self._file, offset)

@@ -42,6 +42,9 @@ class _Companion(NamedTuple):
     word: str
     serves: Collection[str]
 
+    def is_of(self, channel: Channel) -> bool:
+        return ros2_type(channel) == self.typename and self.word in channel.topic.lower()
+
 
 _COMPANIONS = (
     _Companion("rslidar_msgs/msg/rslidarPacket", "", ("rslidar_msgs/msg/rslidarScan",)),
@@ -54,7 +57,7 @@ _COMPANIONS = (
 def _find_companion(packets: Channel, channels: Iterable[Channel]) -> Channel | None:
     """Return the topic with the calibration of a packet topic: of several, the one whose name begins most alike."""
     kinds = [kind for kind in _COMPANIONS if ros2_type(packets) in kind.serves]
-    found = [channel for channel in channels if any(_is_of(channel, kind) for kind in kinds)]
+    found = [channel for channel in channels if any(kind.is_of(channel) for kind in kinds)]
     return max(found, key=lambda channel: _alike(channel.topic, packets.topic), default=None)
 
 
@@ -62,10 +65,6 @@ def _alike(one: str, other: str) -> int:
     """Return how many first characters two names share."""
     equal = [a == b for a, b in zip(one, other, strict=False)]
     return [*equal, False].index(False)
-
-
-def _is_of(channel: Channel, kind: _Companion) -> bool:
-    return ros2_type(channel) == kind.typename and kind.word in channel.topic.lower()
 
 
 def _read_recorded(message: Message) -> bytes:

@@ -1,7 +1,7 @@
 """Point clouds from packet topics: packets that lidar drivers publish before they are decoded."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from seaclutter_cli.cloud import from_array
@@ -62,7 +62,7 @@ class PacketTopics(SourceWrapper):
         topics = {channel.topic for channel in inner.channels}
         # Topics whose clouds were recorded too, as in the output of `filter`, are not decoded.
         undecoded = [channel for channel in inner.channels if _points_topic(channel) not in topics]
-        self._probe([channel for channel in undecoded if inner.counts.get(channel.id) != 0], families)
+        self._probe([channel for channel in undecoded if inner.counts.get(channel.id) != 0], families.values())
 
     @property
     def channels(self) -> Sequence[Channel]:
@@ -78,24 +78,23 @@ class PacketTopics(SourceWrapper):
                 counts[topic.clouds.id] = counts[number]
         return counts
 
-    def _probe(self, undecoded: Sequence[Channel], families: Mapping[str, PacketFamily]) -> None:
+    def _probe(self, undecoded: Sequence[Channel], families: Collection[PacketFamily]) -> None:
         """Determine from the first packets of each topic whether it can be decoded."""
-        candidates = make_candidates(undecoded, families.values(), self._options)
+        candidates = make_candidates(undecoded, families, self._options)
         for number, decoder in probe(self._inner.records, candidates).items():
-            candidate, facts = candidates[number], decoder.facts
-            if candidate.family and candidate.sample:
-                clouds, single = self._cloud_channel(candidate.channel), has_single_packets(candidate.channel)
-                self._topics[number] = _Topic(clouds, candidate.family, candidate.sample, candidate.options, single)
-                self.facts[clouds.topic] = facts
-                self.warn(*(f"{clouds.topic}: {text}" for text in facts.warnings))
+            one, encoding = candidates[number], candidates[number].channel.message_encoding
+            if one.family and one.sample:
+                taken = {channel.id for channel in self.channels}
+                free = next(id_ for id_ in range(_MAX_IDS, 0, -1) if id_ not in taken)
+                schema = ros1_cloud_schema() if encoding == "ros1" else ros2_schema("sensor_msgs/msg/PointCloud2")
+                clouds, single = (
+                    Channel(free, _points_topic(one.channel), encoding, schema),
+                    has_single_packets(one.channel),
+                )
+                self._topics[number] = _Topic(clouds, one.family, one.sample, one.options, single)
+                self.facts[clouds.topic] = decoder.facts
+                self.warn(*(f"{clouds.topic}: {text}" for text in decoder.facts.warnings))
         self.warn(*(candidate.problems[0] for candidate in candidates.values() if candidate.problems))
-
-    def _cloud_channel(self, packets: Channel) -> Channel:
-        taken = {channel.id for channel in self.channels}
-        number = next(id_ for id_ in range(_MAX_IDS, 0, -1) if id_ not in taken)
-        ros1 = packets.message_encoding == "ros1"
-        schema = ros1_cloud_schema() if ros1 else ros2_schema("sensor_msgs/msg/PointCloud2")
-        return Channel(number, _points_topic(packets), packets.message_encoding, schema)
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:  # noqa: ARG002
         """Yield the records of the log before ``end_ns``, and the clouds between them; can be called again."""
