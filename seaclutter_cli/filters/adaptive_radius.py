@@ -15,7 +15,7 @@ from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.scenes import SceneParams, make_scene_tracker
 
 if TYPE_CHECKING:
-    from seaclutter_cli.scenes.tracker import SceneTracker
+    from seaclutter_cli.scenes.model import SceneTracker
 
 AUTO = "auto"
 """Value of ``scene`` that leaves the choice of the preset to the scene classifier."""

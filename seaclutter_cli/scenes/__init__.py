@@ -15,7 +15,7 @@ from seaclutter_cli.errors import ModelError
 from seaclutter_cli.options import Number, Options, Whole, option
 
 if TYPE_CHECKING:
-    from seaclutter_cli.scenes.tracker import SceneTracker
+    from seaclutter_cli.scenes.model import SceneTracker
 
 _DEFAULT_MODEL = "open_confined"
 """Built-in model: open water, or water confined by quay walls, moored rows or the banks of a channel."""
@@ -90,8 +90,7 @@ def make_scene_tracker(params: SceneParams) -> SceneTracker:
     `MissingExtraError` if onnxruntime is not installed; `ModelError` if the model cannot be used, or its extent differs
     from the configured one.
     """
-    from seaclutter_cli.scenes.model import SceneModel
-    from seaclutter_cli.scenes.tracker import SceneTracker
+    from seaclutter_cli.scenes.model import SceneModel, SceneTracker
 
     model = SceneModel(params.scene_model)
     if params.scene_extent_m is not None and not math.isclose(params.scene_extent_m, model.extent_m, rel_tol=1e-6):

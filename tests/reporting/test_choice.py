@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seaclutter_cli.frame import Reason
-from seaclutter_cli.reporting.choice import Choice
-from seaclutter_cli.reporting.collector import _by_removal
+from seaclutter_cli.reporting.collector import Choice, _by_removal
 from seaclutter_cli.reporting.history import FrameStatistics
 
 BADNESS = st.lists(st.sampled_from([0.0, 0.0, 1.0, 2.0, 5.0]), min_size=1, max_size=300)

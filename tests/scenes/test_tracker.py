@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seaclutter_cli.scenes.tracker import SceneDecision, SceneTracker
+from seaclutter_cli.scenes.model import SceneDecision, SceneTracker
 from tests.filters.frames import make_frame
 
 CLASSES = ("open", "confined", "ice")

@@ -20,8 +20,7 @@ from seaclutter_cli.runs.options.scenes import ClassifierOptions, LabelledLogs
 from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand, storing_errors
 from seaclutter_cli.runs.scene.logs import confusion_table, read_frames
-from seaclutter_cli.scenes.model import SceneModel
-from seaclutter_cli.scenes.tracker import SceneDecision, SceneTracker
+from seaclutter_cli.scenes.model import SceneDecision, SceneModel, SceneTracker
 from seaclutter_cli.scenes.training import SceneScores
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import csv_line
