@@ -55,10 +55,12 @@ class JsonForm:
         folder = label_folder(path, self.folder, ".json")
         if folder is None:
             return None
-        heads = [_head(file) for file in files_in(folder, (".json",))]
-        typical = any(head.startswith(self.mark) and self.key in head for head in heads)
-        foreign = any(head.startswith(b"[" if self.mark == b"{" else b"{") for head in heads)
-        return folder if typical or (folder.resolve().name == self.folder and not foreign) else None
+        files = files_in(folder, (".json",))
+        if any(head.startswith(self.mark) and self.key in head for head in map(_head, files)):
+            return folder
+        other = b"[" if self.mark == b"{" else b"{"
+        named = folder.resolve().name == self.folder
+        return folder if named and not any(head.startswith(other) for head in map(_head, files)) else None
 
     def _read(self, path: Path, _: Frame) -> Truth | None:
         objects = self.objects(read_json(path))
