@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.filters.base import BaseFilter, WholeFrameFilter
 from seaclutter_cli.filters.histogram import IntensityHistogram
 from seaclutter_cli.filters.zones import ZoneParams, Zones
-from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings
+from seaclutter_cli.frame import FilterResult, Frame, Reason
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,12 +68,8 @@ class GlobalIntensity(BaseFilter):
         """Return the reason of every point of a frame; its single range ring spans ``start_m`` to ``end_m``."""
         zone, reason = self._zones.divide(frame)
         threshold = np.array([self._threshold])
-        low = frame.intensity < self._zones.per_point(threshold, zone)
-        reason[low] = Reason.LOW_INTENSITY
-        tally = self._zones.tally
-        counts = tally(zone), tally(zone[low]), np.zeros(1, np.int64)
-        rings = Rings(threshold, np.zeros(1), *counts, self._zones.beyond(zone, reason))
-        return FilterResult(frame, reason, rings)
+        reason[frame.intensity < self._zones.per_point(threshold, zone)] = Reason.LOW_INTENSITY
+        return FilterResult(frame, reason, self._zones.rings(zone, reason, threshold))
 
 
 @dataclass(frozen=True, kw_only=True)

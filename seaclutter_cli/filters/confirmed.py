@@ -16,7 +16,7 @@ from seaclutter_cli.filters.confirmation.objects import DetectedObject, find_obj
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distances, within
 from seaclutter_cli.filters.zones import Zones
-from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings, WaterState
+from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
 from seaclutter_cli.water import WaterTracker
 
 Floats = NDArray[np.float64]
@@ -244,20 +244,8 @@ class Confirmed(BaseFilter):
         # 6. Growth
         if len(kept):
             reason[self._grown(one, kept)] = Reason.KEPT
-        return FilterResult(one.frame, reason, self._rings(one.zone, reason), water=one.water)
-
-    def _rings(self, zone: NDArray[np.uint8], reason: NDArray[np.uint8]) -> Rings | None:
-        """Return thresholds and counts of the range rings; unconfirmed points count as outliers."""
-        if not self._params.use_intensity:
-            return None
-        _, *rings, far = self._zones.tally_by_reason(zone, reason)
-        counts = np.array(rings)
-        outliers = counts[:, Reason.OUTLIER] + counts[:, Reason.UNCONFIRMED]
-        beyond = np.array([far.sum(), far[Reason.KEPT]])
-        zeros = np.zeros(self._zones.count)
-        return Rings(
-            self._thresholds.copy(), zeros, counts.sum(axis=1), counts[:, Reason.LOW_INTENSITY], outliers, beyond
-        )
+        rings = self._zones.rings(one.zone, reason, self._thresholds) if self._params.use_intensity else None
+        return FilterResult(one.frame, reason, rings, water=one.water)
 
     def _grown(self, one: _Undecided, kept: NDArray[np.integer]) -> NDArray[np.int32]:
         """Return the points above the water that are near enough to confirmed objects."""

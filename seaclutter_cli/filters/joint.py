@@ -12,7 +12,7 @@ from seaclutter_cli.filters.adaptive_radius import Preset, isolated_by_range
 from seaclutter_cli.filters.base import BaseFilter
 from seaclutter_cli.filters.statistical import outliers
 from seaclutter_cli.filters.zones import ZoneParams, Zones, ring_edges
-from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings
+from seaclutter_cli.frame import FilterResult, Frame, Reason
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -135,14 +135,10 @@ class _Thresholded:
 
     def result(self, outliers: Sequence[Indices] = (), corrections: Floats | None = None) -> FilterResult:
         """Return the reasons of all points, and thresholds and counts of the range rings."""
-        found = np.zeros(self._zones.count, np.int64)
-        for k, points in enumerate(outliers):
+        for points in outliers:
             self._reason[points] = Reason.OUTLIER
-            found[k] = len(points)
-        used = np.zeros(self._zones.count) if corrections is None else corrections
-        tally, beyond = self._zones.tally, self._zones.beyond(self._zone, self._reason)
-        counts = tally(self._zone), tally(self._zone[self._low]), found
-        return FilterResult(self._frame, self._reason, Rings(self._thresholds.copy(), used, *counts, beyond))
+        rings = self._zones.rings(self._zone, self._reason, self._thresholds, corrections)
+        return FilterResult(self._frame, self._reason, rings)
 
 
 def _outlying(points: Floats, params: RingIntensityOutlierParams) -> NDArray[np.bool_]:

@@ -10,7 +10,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Len
 from numpy.typing import NDArray
 
-from seaclutter_cli.frame import Frame, Reason
+from seaclutter_cli.frame import Frame, Reason, Rings
 
 if TYPE_CHECKING:
     from seaclutter_cli.structure.mask import StructureMask
@@ -141,19 +141,21 @@ class Zones:
         outside = [-np.inf]
         return np.concatenate((outside, values, outside * 3))[zone]
 
-    def tally(self, zone: NDArray[np.uint8]) -> NDArray[np.int64]:
-        """Return the number of points in each range ring, shape (K,)."""
-        return np.bincount(zone, minlength=self.count + 4)[1 : self.count + 1]
-
-    def tally_by_reason(self, zone: NDArray[np.uint8], reason: NDArray[np.uint8]) -> NDArray[np.int64]:
-        """Return the number of points of each zone, from near to far, with each reason, shape (K + 2, reasons)."""
-        counts = np.bincount(zone * np.intp(len(Reason)) + reason, minlength=(self.count + 4) * len(Reason))
-        return counts.reshape(-1, len(Reason))[: self.count + 2]
-
-    def beyond(self, zone: NDArray[np.uint8], reason: NDArray[np.uint8]) -> NDArray[np.int64]:
-        """Return the number of points at ``end_m`` and beyond, before and after filtering, shape (2,)."""
-        reasons = reason[zone == self.count + 1]
-        return np.array([len(reasons), np.count_nonzero(reasons == Reason.KEPT)], np.int64)
+    def rings(
+        self,
+        zone: NDArray[np.uint8],
+        reason: NDArray[np.uint8],
+        thresholds: NDArray[np.float64],
+        corrections: NDArray[np.float64] | None = None,
+    ) -> Rings:
+        """Return thresholds and counts of the range rings; unconfirmed points count as outliers."""
+        each = np.bincount(zone * np.intp(len(Reason)) + reason, minlength=(self.count + 4) * len(Reason))
+        counts, far = np.split(each.reshape(-1, len(Reason))[1 : self.count + 2], [self.count])
+        used = np.zeros(self.count) if corrections is None else corrections
+        outliers = counts[:, Reason.OUTLIER] + counts[:, Reason.UNCONFIRMED]
+        beyond = np.array([far.sum(), far[0, Reason.KEPT]])
+        low = counts[:, Reason.LOW_INTENSITY].copy()
+        return Rings(thresholds.copy(), used, counts.sum(axis=1), low, outliers, beyond)
 
 
 class Exclusion:
