@@ -349,6 +349,7 @@ def function_of(kind: Callable[P, T]) -> Callable[[Callable[[T], R]], Callable[P
         options = declared(kind)  # type: ignore[arg-type]
         shown = [_parameter(signature.parameters[name], one) for name, one in options.items()]
         returned = inspect.signature(run).return_annotation
+        function.options = kind  # type: ignore[attr-defined]
         function.__signature__ = inspect.Signature(shown, return_annotation=returned)  # type: ignore[attr-defined]
         function.__doc__ = documented(run.__doc__, kind)
         return function

@@ -11,8 +11,7 @@ from typing import Any
 
 import click
 
-from seaclutter_cli.commands.command_line import ARGUMENTS
-from seaclutter_cli.commands.console import DEBUG, LOG, show_each_warning_once
+from seaclutter_cli.commands.console import ARGUMENTS, DEBUG, LOG, show_each_warning_once
 from seaclutter_cli.commands.groups import CommandGroup
 from seaclutter_cli.commands.printer import LogHandler, close_output, show, show_error, show_traceback
 from seaclutter_cli.commands.version import version_option

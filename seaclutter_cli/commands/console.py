@@ -28,6 +28,8 @@ DEBUG = "seaclutter.debug"
 """Key in a context's ``meta`` that requests tracebacks."""
 NOTES = "seaclutter.notes"
 """Key in a context's ``meta`` for notes about options, which the console shows."""
+ARGUMENTS = "seaclutter.arguments"
+"""Key in a context's ``meta`` for the arguments of the program."""
 LOG = "seaclutter.log"
 """Key in a context's ``meta`` for the log file."""
 

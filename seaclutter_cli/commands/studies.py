@@ -1,6 +1,11 @@
 """Commands that make labelled logs, and study methods on them."""
 
-from seaclutter_cli.commands.command_line import command_line
+import shlex
+from collections.abc import Sequence
+
+import click
+
+from seaclutter_cli.commands.console import ARGUMENTS
 from seaclutter_cli.commands.options import command
 from seaclutter_cli.runs.options.simulate import SimulationOptions
 from seaclutter_cli.runs.options.studies import (
@@ -10,6 +15,38 @@ from seaclutter_cli.runs.options.studies import (
     ReportOptions,
     TuneOptions,
 )
+
+_OUTPUTS = ("-o", "--output", "--figures", "--log-file")
+_FLAGS = ("--force", "-q", "--quiet", "-v", "--verbose", "--debug", "--json")
+
+
+def _command_line() -> str:
+    """Return the command line as far as results depend on it: with OUT in place of outputs, and without such flags."""
+    arguments = click.get_current_context().meta.get(ARGUMENTS, ())
+    return shlex.join(["seaclutter", *_effective(arguments)])
+
+
+def _effective(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments on which results depend.
+
+    Examples
+    --------
+    >>> _effective(["report", "a.mcap", "-o", "a.html", "--force"]), _effective(["--output=a.html", "-oa.html"])
+    (['report', 'a.mcap', '-o', 'OUT'], ['--output=OUT', '-oOUT'])
+    """
+    shown: list[str] = []
+    for argument in arguments:
+        name, equals, _ = argument.partition("=")
+        if shown and shown[-1] in _OUTPUTS:
+            shown.append("OUT")
+        elif equals and name in _OUTPUTS:
+            shown.append(f"{name}=OUT")
+        elif argument.startswith("-o") and argument != "-o":
+            shown.append("-oOUT")
+        elif argument not in _FLAGS:
+            shown.append(argument)
+    return shown
+
 
 COMMANDS = {
     "calibrate": command(
@@ -55,7 +92,7 @@ COMMANDS = {
         which are not filtered again. The page shows the points of selected frames: the worst, the best, and some
         evenly spaced ones.
         """,
-        command=command_line,
+        command=_command_line,
     ),
     "check": command(
         "check",

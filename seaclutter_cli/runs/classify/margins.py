@@ -21,19 +21,6 @@ from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader
 from seaclutter_cli.text import count
 from seaclutter_cli.threads import in_threads
 
-MARGIN_M = 100.0
-"""Width of the margin around a tile from which points of its neighbours are used."""
-
-_MARGINS_M, _WINDOWS_M = (0.0, 1000.0), (50.0, 100_000.0)
-"""Least and greatest width of margins and windows."""
-
-
-def check_widths(margin_m: float, window_m: float | None) -> None:
-    """Raise `UsageError` if the width of a margin or window is out of range."""
-    for name, value, (least, most) in (("margin_m", margin_m, _MARGINS_M), ("window_m", window_m, _WINDOWS_M)):
-        if value is not None and not least <= value <= most:
-            raise UsageError(f"{name}: must be {least:g} to {most:g} m, got {value:g}")
-
 
 def tiles_of(paths: Sequence[Path], window_m: float | None, observer: Observer) -> list[TileHead]:
     """Return the tiles in files: whole ones, or with ``window_m`` the windows of that width in COPC files.

@@ -16,7 +16,7 @@ from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import CloudError, SelectionError, UsageError
 from seaclutter_cli.runs.batch import run_batch
 from seaclutter_cli.runs.classify.maps import DrawnTile, check_maps, drawn, map_files, pixel_of
-from seaclutter_cli.runs.classify.margins import check_widths, margins_of, points_of, tiles_of
+from seaclutter_cli.runs.classify.margins import margins_of, points_of, tiles_of
 from seaclutter_cli.runs.classify.separated import (
     LAND,
     RUN,
@@ -121,7 +121,6 @@ def separate_tiles(
 
 def _settings(options: SeparateTilesOptions) -> TileSettings:
     """Return the settings, with those that are options of their own; check all of them."""
-    check_widths(options.margin_m, options.window_m)
     raw = options.settings.load().as_dict()
     given = {"land": options.land, "trust_classes": options.trust_classes}
     raw["separation"] |= {key: plain(value) for key, value in given.items() if value is not None}

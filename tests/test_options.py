@@ -1,0 +1,139 @@
+"""Options are declared once: commands, functions, checks and documentation agree."""
+
+import doctest
+import inspect
+import pickle
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import seaclutter
+from seaclutter_cli.commands import cli
+from seaclutter_cli.errors import AdaptedThresholdsWarning, ConfigError, UsageError
+from seaclutter_cli.options import Group, declared
+from seaclutter_cli.runs.options.logs import FilterOptions
+from seaclutter_cli.runs.options.studies import TuneOptions
+from tests.paths import ROOT
+
+SEA, LABELS = ROOT / "samples" / "sea.mcap", ROOT / "samples" / "sea.labels.csv"
+COMMANDS = {
+    "info": "info",
+    "filter": "filter_log",
+    "convert": "convert_log",
+    "calibrate": "calibrate",
+    "mask": "find_mask",
+    "evaluate": "evaluate",
+    "tune": "tune",
+    "report": "report",
+    "simulate": "simulate",
+    "labels check": "check_labels",
+}
+
+
+def parameters_of(words):
+    command = cli
+    for word in words.split():
+        command = command.get_command(click.Context(command), word)
+    return {parameter.name for parameter in command.params if parameter.expose_value}
+
+
+def flat(options, left_out=()):
+    """Yield the names of options with flags, those of groups in place of the groups."""
+    for name, one in declared(options).items():
+        if isinstance(one.kind, Group):
+            yield from flat(one.kind.members, one.kind.left_out)
+        elif one.flags and name not in left_out:
+            yield name
+
+
+@pytest.mark.parametrize(("words", "name"), COMMANDS.items())
+def test_a_command_has_the_options_of_its_function(words, name):
+    function = getattr(seaclutter, name)
+    beside = {"as_json", "quiet", "verbose", "log_file", "dry_run"}
+    options = function.options
+    assert parameters_of(words) - beside == set(flat(options))
+    assert list(inspect.signature(function).parameters) == list(declared(options))
+    for parameter in declared(options):
+        assert f"\n{parameter} : " in function.__doc__
+
+
+@pytest.mark.parametrize(
+    ("arguments", "keywords"),
+    [
+        (("--filter-rate", "nan"), {"filter_rate": np.nan}),
+        (("--filter-rate", "0"), {"filter_rate": 0}),
+        (("--filter-rate", "1.5"), {"filter_rate": 1.5}),
+        (("--max-left", "inf"), {"max_left": np.inf}),
+        (("-n", "0"), {"reading": {"frames": 0}}),
+        (("-n", "1.5"), {"reading": {"frames": 1.5}}),
+        (("--rate", "nan"), {"reading": {"rate_hz": np.nan}}),
+        (("--start", "soon"), {"reading": {"start_s": "soon"}}),
+        (("--sensor", "VLP"), {"reading": {"sensor": "VLP"}}),
+        (("-j", "0"), {"batch": {"jobs": 0}}),
+        (("--clutter-ids", "a"), {"clutter_ids": ["a"]}),
+        (("--labels", "-"), {"labels": "-"}),
+        (("--plot", "folder/"), {"plot_file": "folder/"}),
+    ],
+)
+def test_values_are_refused_alike(tmp_path, arguments, keywords):
+    given = ["calibrate", str(SEA), "-o", str(tmp_path / "c.yaml"), *arguments]
+    assert CliRunner().invoke(cli, given).exit_code == 2
+    with pytest.raises(UsageError):
+        seaclutter.calibrate(
+            SEA,
+            **{key: value for key, value in keywords.items() if key not in ("reading", "batch")},
+            reading=seaclutter.ReadOptions(**keywords.get("reading", {})),
+            batch=seaclutter.BatchOptions(**keywords.get("batch", {})),
+        )
+
+
+def test_a_wrong_keyword_is_an_error():
+    with pytest.raises(TypeError, match="no_such"):
+        seaclutter.filter_log(SEA, "out.mcap", no_such=1)
+
+
+def test_none_stands_for_the_default():
+    options = FilterOptions("a.mcap", "b.mcap", reading=None, labels=None, written=None)
+    assert options == FilterOptions("a.mcap", "b.mcap")
+    assert options.reading == seaclutter.ReadOptions()
+
+
+def test_single_values_are_sequences():
+    options = TuneOptions("a.mcap", "a.csv", {"update_weight": [0.5, 1]}, methods="joint")
+    assert (options.methods, [str(path) for path in options.labels]) == (("joint",), ["a.csv"])
+    assert [(one.key, one.values) for one in options.sweeps] == [("update_weight", (0.5, 1))]
+
+
+def test_options_are_frozen_and_travel_without_logs_and_observer():
+    options = FilterOptions(["a.mcap"] * 3, "b.mcap", observer=seaclutter.LoggingObserver())
+    with pytest.raises(AttributeError):
+        options.force = True
+    other = pickle.loads(pickle.dumps(options))
+    assert (other.logs, other.output, other.reading) == ((), "b.mcap", options.reading)
+
+
+def test_settings_of_python_are_those_of_the_command_line(tmp_path):
+    with pytest.warns(AdaptedThresholdsWarning, match="5 range rings from 3 to 70 m"):
+        made = seaclutter.make_filter("joint", start_m=np.float64(3))
+    assert made.step(seaclutter.Frame.of_arrays(np.ones((1, 3)), np.ones(1))).rings.thresholds.size == 5
+    arguments = ["filter", str(SEA), "-o", str(tmp_path / "c.mcap"), "-q", "-s", "filter.near=keep"]
+    assert CliRunner().invoke(cli, [*arguments, "-s", "filter.update_weight=0.2"]).exit_code == 0
+    texts = ("filter.near=keep", "filter.update_weight=0.2")
+    for settings in (texts, {"filter.near": "keep", "filter.update_weight": 0.2}):
+        seaclutter.filter_log(SEA, tmp_path / "p.mcap", settings=settings, force=True)
+        assert (tmp_path / "c.mcap").read_bytes() == (tmp_path / "p.mcap").read_bytes()
+    with pytest.raises(ConfigError, match="neighbors"):
+        seaclutter.make_filter("sor", neighbors=object())
+
+
+@pytest.mark.parametrize("name", [*COMMANDS.values(), "open_log", "plan_filter", "plan_convert"])
+def test_examples_run(name, tmp_path, monkeypatch):
+    """Of functions of options, which pytest does not find in their modules."""
+    monkeypatch.chdir(ROOT)
+    function = getattr(seaclutter, name)
+    flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+    example = doctest.DocTestParser().get_doctest(function.__doc__, {"folder": tmp_path}, name, None, 0)
+    assert example.examples
+    assert doctest.DocTestRunner(optionflags=flags).run(example).failed == 0
