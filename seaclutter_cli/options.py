@@ -221,7 +221,7 @@ class Option:
         self.kw_only: bool = declared["kw_only"]
         self.kind: Kind = declared["kind"] or (Flag() if isinstance(self.default, bool) else Kind())
         self.help: str = declared["help"]
-        self.metavar: str | None = declared["metavar"]
+        self.metavar: str | None = declared["metavar"] or ("FILE" if isinstance(self.kind, Place) else None)
         self.group: str = declared["group"]
         self.repeatable: bool = declared["repeatable"]
         self.required: bool = declared["required"]
@@ -277,7 +277,7 @@ def option(  # noqa: PLR0913 - what there is to say about an option
     help : str
         What the option does, for the command line and for Python.
     metavar : str, optional
-        Name of the value in the help.
+        Name of the value in the help; ``FILE`` by default for places.
     group : str, optional
         One of `GROUPS`; options without a group are the usual ones.
     repeatable : bool, optional

@@ -59,7 +59,6 @@ class Console(Options):
         "--log-file",
         default=None,
         kind=Place(),
-        metavar="FILE",
         group="Messages",
         help="Append all messages to FILE, with times and details.",
     )

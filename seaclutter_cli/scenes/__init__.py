@@ -56,13 +56,7 @@ class TrainingParams(Options):
         help="Passes over all training frames.",
     )
     batch: int = option(
-        "--batch",
-        default=32,
-        kind=Whole(2),
-        metavar="N",
-        group="Method",
-        show_default=True,
-        help="Frames per step.",
+        "--batch", default=32, kind=Whole(2), metavar="N", group="Method", show_default=True, help="Frames per step."
     )
     learning_rate: float = option(
         "--learning-rate",

@@ -146,10 +146,7 @@ class McapOptions(Options):
         help="Keep the raw cloud on its topic; write the filtered one to TOPIC/filtered.",
     )
     with_removed: bool = option(
-        "--with-removed",
-        default=False,
-        group="Output",
-        help="Write removed points to TOPIC/removed, with the reason.",
+        "--with-removed", default=False, group="Output", help="Write removed points to TOPIC/removed, with the reason."
     )
     keep_organized: bool = option(
         "--keep-organized",

@@ -101,7 +101,6 @@ class Decoding(Options):
         "--calibration",
         default=None,
         kind=Place(),
-        metavar="FILE",
         group="Input",
         help="Angles or metadata of the sensor, for packets that lack them.",
     )
@@ -230,10 +229,7 @@ class BatchOptions(Options):
         type="int or None",
     )
     fail_fast: bool = option(
-        "--fail-fast",
-        default=False,
-        group="Many recordings",
-        help="Stop after the first recording with an error.",
+        "--fail-fast", default=False, group="Many recordings", help="Stop after the first recording with an error."
     )
     resume: bool = option(
         "--resume",
@@ -245,7 +241,6 @@ class BatchOptions(Options):
         "--manifest",
         default=None,
         kind=Place(output=True),
-        metavar="FILE",
         group="Many recordings",
         help="Write a table with a row for each recording (CSV or JSON).",
     )

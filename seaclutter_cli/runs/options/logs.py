@@ -44,7 +44,6 @@ class FilterOptions(WritingLogs, LabelSources, ConfigOptions):
         "--csv",
         default=None,
         kind=Place(remote=True, output=True),
-        metavar="FILE",
         group="Output",
         help="Also write a table with a row for each frame.",
     )
@@ -87,11 +86,7 @@ class MaskOptions(Replacing, OfLogs):
         kw_only=False,
     )
     plot_file: OptionalPath = option(
-        "--plot",
-        default=None,
-        kind=Place(remote=True, output=True),
-        metavar="FILE",
-        help="Draw the mask (.png or .svg).",
+        "--plot", default=None, kind=Place(remote=True, output=True), help="Draw the mask (.png or .svg)."
     )
     reach_m: float = option(
         "--reach",

@@ -92,11 +92,7 @@ class ClassifierOptions(Replacing):
         help="Change the scene only after M consecutive classifications agree on another one.",
     )
     csv_file: OptionalPath = option(
-        "--csv",
-        default=None,
-        kind=Place(output=True),
-        metavar="FILE",
-        help="Write a CSV table with a line for each frame.",
+        "--csv", default=None, kind=Place(output=True), help="Write a CSV table with a line for each frame."
     )
 
 
@@ -114,11 +110,7 @@ class TrainSceneOptions(Replacing):
         "-o", "--output", kind=Place(output=True), metavar="MODEL.onnx", help="Model file to write."
     )
     plot_file: OptionalPath = option(
-        "--plot",
-        default=None,
-        kind=Place(output=True),
-        metavar="FILE",
-        help="Draw loss and precision over the epochs, as PNG or SVG.",
+        "--plot", default=None, kind=Place(output=True), help="Draw loss and precision over the epochs, as PNG or SVG."
     )
     extent_m: float = option(
         "--extent",

@@ -63,9 +63,7 @@ class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
         "the fewest frames with an error.",
     )
     trade_off: bool = option(
-        "--trade-off",
-        default=False,
-        help="With --labels: show what these values cost and gain, without choosing.",
+        "--trade-off", default=False, help="With --labels: show what these values cost and gain, without choosing."
     )
     keep_end: bool = option(
         "--keep-end",
@@ -77,7 +75,6 @@ class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
         "--plot",
         default=None,
         kind=_FILE,
-        metavar="FILE",
         group="Output",
         help="Also plot clutter and thresholds over range (.png or .svg).",
     )
@@ -175,18 +172,12 @@ class TuneOptions(Replacing, OfLabelledLogs, MethodOptions):
         help="Write the configuration with the best values.",
     )
     csv_file: OptionalPath = option(
-        "--csv",
-        default=None,
-        kind=_FILE,
-        metavar="FILE",
-        group="Output",
-        help="Write a table with a row for each combination.",
+        "--csv", default=None, kind=_FILE, group="Output", help="Write a table with a row for each combination."
     )
     curve_file: OptionalPath = option(
         "--plot",
         default=None,
         kind=_FILE,
-        metavar="FILE",
         group="Output",
         help="Plot the rates over the values of a single --sweep (.png or .svg).",
     )
@@ -194,7 +185,6 @@ class TuneOptions(Replacing, OfLabelledLogs, MethodOptions):
         "--plot-thresholds",
         default=None,
         kind=_FILE,
-        metavar="FILE",
         group="Output",
         help="Plot the threshold of a range ring over the frames for each combination and the ideal one (.png, .svg).",
     )

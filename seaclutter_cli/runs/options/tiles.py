@@ -39,7 +39,7 @@ class TileSettingsOptions(Options):
     30
     """
 
-    file: OptionalPath = option("-c", "--config", default=None, kind=Place(), metavar="FILE", help="Settings file.")
+    file: OptionalPath = option("-c", "--config", default=None, kind=Place(), help="Settings file.")
     overrides: tuple[str, ...] = option(
         "-s",
         "--set",
@@ -72,7 +72,6 @@ class MapOptions(Options):
         "--plot",
         default=None,
         kind=_FILE,
-        metavar="FILE",
         group="Output",
         help="Draw a map with water level, land and objects, as PNG or SVG.",
         kw_only=False,
@@ -81,7 +80,6 @@ class MapOptions(Options):
         "--geojson",
         default=None,
         kind=_FILE,
-        metavar="FILE",
         group="Output",
         help="Also write the shoreline and the boxes of objects as GeoJSON.",
         kw_only=False,
@@ -90,7 +88,6 @@ class MapOptions(Options):
         "--gpkg",
         default=None,
         kind=_FILE,
-        metavar="FILE",
         group="Output",
         help="Also write the shoreline and the boxes of objects as GeoPackage.",
         kw_only=False,
@@ -186,20 +183,16 @@ class ClassifyTilesOptions(Replacing):
         "--model", kind=Place(), metavar="MODEL", help="Model file from classify train."
     )
     csv_file: OptionalPath = option(
-        "--csv", default=None, kind=_FILE, metavar="FILE", help="Also write a CSV table with a line for each object."
+        "--csv", default=None, kind=_FILE, help="Also write a CSV table with a line for each object."
     )
     geojson_file: OptionalPath = option(
-        "--geojson", default=None, kind=_FILE, metavar="FILE", help="Also write the boxes of the objects as GeoJSON."
+        "--geojson", default=None, kind=_FILE, help="Also write the boxes of the objects as GeoJSON."
     )
     gpkg_file: OptionalPath = option(
-        "--gpkg",
-        default=None,
-        kind=_FILE,
-        metavar="FILE",
-        help="Also write the boxes and the shoreline as GeoPackage.",
+        "--gpkg", default=None, kind=_FILE, help="Also write the boxes and the shoreline as GeoPackage."
     )
     plot_file: OptionalPath = option(
-        "--plot", default=None, kind=_FILE, metavar="FILE", help="Draw a top view of the tile, as PNG or SVG."
+        "--plot", default=None, kind=_FILE, help="Draw a top view of the tile, as PNG or SVG."
     )
     settings: Grouped[TileSettingsOptions] = grouped(
         default=TileSettingsOptions(), help="Settings that override those in the model, except for the features."
@@ -240,7 +233,7 @@ class TrainForestOptions(Replacing):
         help="Field with object numbers; without it, clusters of a class are objects.",
     )
     plot_file: OptionalPath = option(
-        "--plot", default=None, kind=_FILE, metavar="FILE", help="Draw the confusion matrix, as PNG or SVG."
+        "--plot", default=None, kind=_FILE, help="Draw the confusion matrix, as PNG or SVG."
     )
     settings: Grouped[TileSettingsOptions] = grouped(
         default=TileSettingsOptions(), help="Settings of separation, features and forest."
