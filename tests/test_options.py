@@ -3,6 +3,7 @@
 import doctest
 import inspect
 import pickle
+from pathlib import Path
 
 import click
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 import seaclutter
+from seaclutter_cli import buckets
 from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import AdaptedThresholdsWarning, ConfigError, UsageError
 from seaclutter_cli.options import Group, declared
@@ -137,3 +139,28 @@ def test_examples_run(name, tmp_path, monkeypatch):
     example = doctest.DocTestParser().get_doctest(function.__doc__, {"folder": tmp_path}, name, None, 0)
     assert example.examples
     assert doctest.DocTestRunner(optionflags=flags).run(example).failed == 0
+
+
+def test_urls_become_paths_wherever_they_are_given():
+    """In logs and outputs as they were given, with the slash of a folder; in files and groups of options as paths."""
+    given = ["s3://trial/day1/*.mcap", "b.mcap"]
+    options = FilterOptions(
+        given,
+        "s3://trial/out/",
+        csv_file="s3://trial/frames.csv",
+        labels=["s3://trial/labels"],
+        config="s3://trial/joint.yaml",
+        batch=seaclutter.BatchOptions(cluster="tls://host:8786", jobs=2),
+        observer=seaclutter.LoggingObserver(),
+    )
+    local = buckets._argument(options, lambda url: Path("/copies") / url.key)
+    assert local.logs == ["/copies/day1/*.mcap", "b.mcap"]
+    assert local.output == "/copies/out/"
+    assert local.csv_file == Path("/copies/frames.csv")
+    assert local.labels == (Path("/copies/labels"),)
+    assert local.config == Path("/copies/joint.yaml")
+    assert local.batch == options.batch
+    assert local.observer is not options.observer
+    assert options.logs == given
+    with pytest.raises(UsageError, match="takes a local path"):
+        seaclutter.BatchOptions(manifest="s3://trial/m.csv")
