@@ -16,7 +16,7 @@ from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reading import read
 from seaclutter_cli.records import Channel
 from seaclutter_cli.runs.batch import input_bytes, run_batch
-from seaclutter_cli.runs.log_outcome import LogOutcome
+from seaclutter_cli.runs.log_outcome import LogOutcome, LogSummary
 from seaclutter_cli.runs.log_work import LogRun, LogWork
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ConvertOptions
@@ -27,20 +27,18 @@ from seaclutter_cli.runs.output_plan import (
 )
 from seaclutter_cli.runs.outputs import inputs_of
 from seaclutter_cli.runs.recordings import (
-    RecordingsResult,
     expand,
     expected_frames,
     opened,
     require_frames,
     require_selected,
-    statuses,
     storing_errors,
 )
 from seaclutter_cli.runs.resume import RunIdentity, identity_of, same_output_accepted
 from seaclutter_cli.selection import Selection, cloud_channels
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options
-from seaclutter_cli.text import count, data_size, printable
+from seaclutter_cli.text import count, printable
 
 
 @function_of(ConvertOptions)
@@ -227,7 +225,7 @@ class ConvertOutcome(LogOutcome):
 
 
 @dataclass(frozen=True)
-class ConvertSummary(RecordingsResult):
+class ConvertSummary(LogSummary):
     """Outcomes of the conversion of several recordings.
 
     Parameters
@@ -238,14 +236,4 @@ class ConvertSummary(RecordingsResult):
         Duration of the run.
     """
 
-    is_summary = True
-
     outcomes: Sequence[ConvertOutcome]
-    seconds: float = 0.0
-
-    def as_text(self) -> str:
-        """Return the outcome of one recording, or the totals of several, as human-readable text."""
-        if len(self.outcomes) == 1:
-            return self.details()
-        read, written = (sum(getattr(one, name) for one in self.outcomes) for name in ("bytes_in", "bytes_out"))
-        return f"{statuses(self.outcomes)}; {data_size(read)} in, {data_size(written)} out"

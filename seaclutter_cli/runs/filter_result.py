@@ -7,8 +7,7 @@ from typing import Any
 from seaclutter_cli.frame import Reason
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reporting.palette import reason_names
-from seaclutter_cli.runs.log_outcome import LogOutcome
-from seaclutter_cli.runs.recordings import RecordingsResult, statuses
+from seaclutter_cli.runs.log_outcome import LogOutcome, LogSummary
 from seaclutter_cli.text import count, data_size, indented, printable, share, table
 
 _MOST = 0.5
@@ -164,7 +163,7 @@ def _ring_row(ring: Mapping[str, float]) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class FilterSummary(RecordingsResult):
+class FilterSummary(LogSummary):
     """Outcomes of filtering several recordings.
 
     Parameters
@@ -175,16 +174,9 @@ class FilterSummary(RecordingsResult):
         Duration of the run.
     """
 
-    is_summary = True
-
     outcomes: Sequence[FilterOutcome]
-    seconds: float = 0.0
 
-    def as_text(self) -> str:
-        """Return the outcome of one recording, or the totals of several, as human-readable text."""
-        return self.details() if len(self.outcomes) == 1 else self._totals()
-
-    def _totals(self) -> str:
-        read, written = (sum(getattr(one, name) for one in self.outcomes) for name in ("bytes_in", "bytes_out"))
-        pace = f"; {data_size(read / self.seconds * 60)}/min" if self.seconds else ""
-        return f"{statuses(self.outcomes)}; {data_size(read)} in, {data_size(written)} out{pace}"
+    def totals(self) -> str:
+        """Return how the recordings ended, sizes, and pace."""
+        read = sum(one.bytes_in for one in self.outcomes)
+        return super().totals() + (f"; {data_size(read / self.seconds * 60)}/min" if self.seconds else "")

@@ -1,5 +1,6 @@
 """Outcome of work that writes a log for each recording."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -7,7 +8,8 @@ from typing import Any
 from seaclutter_cli.buckets import mirror_of
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.runs.batch import size_of
-from seaclutter_cli.runs.recordings import Outcome
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, statuses
+from seaclutter_cli.text import data_size
 
 
 @dataclass(kw_only=True)
@@ -50,3 +52,22 @@ def output_size(outcome: LogOutcome) -> int:
         return 0
     mirror = mirror_of(outcome.output)
     return mirror.size(outcome.output) if mirror else size_of(outcome.output)
+
+
+@dataclass(frozen=True)
+class LogSummary(RecordingsResult):
+    """Outcomes of work on several recordings with logs as outputs, and the duration of the run in seconds."""
+
+    is_summary = True
+
+    outcomes: Sequence[LogOutcome]
+    seconds: float = 0.0
+
+    def as_text(self) -> str:
+        """Return the outcome of one recording, or the totals of several, as human-readable text."""
+        return self.details() if len(self.outcomes) == 1 else self.totals()
+
+    def totals(self) -> str:
+        """Return how the recordings ended, and sizes."""
+        read, written = (sum(getattr(one, name) for one in self.outcomes) for name in ("bytes_in", "bytes_out"))
+        return f"{statuses(self.outcomes)}; {data_size(read)} in, {data_size(written)} out"
