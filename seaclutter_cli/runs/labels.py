@@ -44,15 +44,7 @@ def assign_labels(sources: LabelSources, recordings: Sequence[Recording]) -> lis
 
 @dataclass(frozen=True)
 class LabelFile:
-    """Labels of one recording.
-
-    Parameters
-    ----------
-    path : Path
-        File or folder.
-    options : LabelOptions
-        How they are read.
-    """
+    """Labels of one recording, a file or a folder, and how they are read."""
 
     path: Path
     options: "LabelOptions"

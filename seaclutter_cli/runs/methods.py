@@ -24,15 +24,7 @@ COMPARISONS: Mapping[str, Sequence[str]] = {
 
 @dataclass(frozen=True)
 class Variant:
-    """A method with its configuration.
-
-    Parameters
-    ----------
-    name : str
-        Name in tables, such as ``joint``, ``global_intensity@0.80`` or ``update_weight=0.6``.
-    config : Config
-        Configuration of the method.
-    """
+    """A method with its configuration, and its name in tables, such as ``joint`` or ``update_weight=0.6``."""
 
     name: str
     config: Config
@@ -93,19 +85,7 @@ def bases(options: MethodOptions, *additional: str, configured_first: bool = Fal
 
 @dataclass(frozen=True)
 class Base:
-    """A chosen method and the sources of its configuration.
-
-    Parameters
-    ----------
-    name : str
-        Name in tables, such as ``joint`` or ``global_intensity@0.80``.
-    method : str or None
-        The method; None: that of the configuration.
-    file : Path, mapping, Config or None
-        Configuration file.
-    overrides : tuple of str
-        Settings of the form ``section.key=value``, for keys that the method has.
-    """
+    """A chosen method (None: that of the configuration), its name in tables, and the sources of its configuration."""
 
     name: str
     method: str | None

@@ -169,16 +169,8 @@ def _opened(recording: Recording, reading: ReadOptions) -> Iterator[Source | Non
 class Planned(Outcome):
     """What a run would do with one recording.
 
-    Parameters
-    ----------
-    input, output : Path or Url
-        First file of the recording, and its output.
-    bytes_in : int
-        Size of the recording; 0 if it is unknown.
-    frames : int or None
-        Number of frames that are expected; None if it is unknown before reading.
-    reason : str
-        Why it would be done again.
+    The size is 0 and the number of frames None if they are not known before reading; ``reason`` says why the recording
+    would be done again.
     """
 
     input: Path
