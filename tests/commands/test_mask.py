@@ -62,7 +62,7 @@ def test_a_moored_vessel_gets_a_warning_and_no_mask(tmp_path):
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (("--reach", "0"), "--reach 0: must be 1 to 100 m"),
+        (("--reach", "0"), "is not in the range 1<=x<=100"),
         (("--plot", "mask.pdf"), "must end in .png or .svg"),
         (("-t", "/none"), "no point-cloud topic /none"),
     ],
