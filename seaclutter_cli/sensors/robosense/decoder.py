@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
-from seaclutter_cli.sensors.packets import DAY_NS, EXPERIMENTAL, DecoderOptions, PacketFrame, Packets, SensorClock
+from seaclutter_cli.sensors.packets import DAY_NS, EXPERIMENTAL, DecoderOptions, PacketFrame, Packets
 from seaclutter_cli.sensors.robosense.device import Device, assumed_device, file_angles, read_device
 from seaclutter_cli.sensors.robosense.identity import find_model
 from seaclutter_cli.sensors.robosense.models import (
@@ -134,7 +134,7 @@ class RoboSenseDecoder:
         self._device = device
         self._geometry = Geometry(device, device.angles)
         self._is_utc = device.model.format.is_utc
-        self._clock, self._losses = SensorClock(), RobosenseLosses(device)
+        self._clock, self._losses = _Clock(device.model.packet_ns), RobosenseLosses(device)
         self._parts: list[NDArray[np.void]] = []
         self._waiting: list[tuple[NDArray[np.uint8], NDArray[np.int64]]] = []
         self._azimuth = self._last_azimuth = -1
@@ -142,7 +142,7 @@ class RoboSenseDecoder:
         self.facts = SensorFacts(device.model.name, dict(device.details), warnings=warnings)
         packets = data_packets(device.model, sample.payloads)
         header_ns = header_times(packets, is_utc=self._is_utc)
-        wrong = bool((np.abs(header_ns - self._sent_ns(header_ns, sample.times_ns)) > DAY_NS).mean() > 0.5)
+        wrong = bool(_wrong_times(header_ns, sample.times_ns).mean() > 0.5)
         raw, big_endian = packets["temperature"][0].tolist(), device.model.format.temperature_big_endian
         temperature = temperature_degc(*raw, big_endian=big_endian)
         self.facts.details["temperature"] = f"{temperature:.1f} °C at the start"
@@ -217,8 +217,9 @@ class RoboSenseDecoder:
         second = second_returns(azimuth, self._device, self._azimuth)
         self._azimuth = int(used[-1])
         header_ns = header_times(packets, is_utc=self._is_utc)
-        shifts_ns = self._clock.shifts(header_ns, self._sent_ns(header_ns, record_ns))
-        times_ns = (header_ns + shifts_ns)[:, None] + after_ns
+        before = np.cumsum(valid.sum(axis=1)) - valid.sum(axis=1)
+        first = revolution[np.minimum(before, len(revolution) - 1)]
+        times_ns = self._clock.times(header_ns, record_ns, first)[:, None] + after_ns
         self._losses.add(header_ns, after_ns, azimuth)
         self.facts.lost_packets = self._losses.packets
         blocks = np.empty(len(used), block_dtype(self._device.model))
@@ -226,10 +227,6 @@ class RoboSenseDecoder:
             blocks[name] = values[valid]
         blocks["azimuth"] = used
         return blocks, revolution
-
-    def _sent_ns(self, header_ns: NDArray[np.int64], record_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return when the first lasers of packets fired by the recorder's clock, or else by the sensor's clock."""
-        return np.where(record_ns == 0, header_ns, record_ns - self._device.model.packet_ns)
 
     def _frame(self, *, is_last: bool = False) -> PacketFrame:
         """Return the points of the collected blocks; only the first and the last revolution can be partial."""
@@ -242,3 +239,42 @@ class RoboSenseDecoder:
         self._is_first = False
         stamp_ns = int(blocks["times_ns"][-1]) + self._geometry.last_ns
         return PacketFrame(self._geometry.points(blocks), stamp_ns, partial=late or early)
+
+
+def _wrong_times(header_ns: NDArray[np.int64], record_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return which sensor times differ from known recording times by more than a day."""
+    off: NDArray[np.bool_] = (np.abs(header_ns - record_ns) > DAY_NS) & (record_ns != 0)
+    return off
+
+
+class _Clock:
+    """Converter from sensor time to Unix time; ``packet_ns`` is the time from the first firing of a packet to its end.
+
+    If the sensor clock is wrong, only the time since the start of a revolution is used, so that drift does not add up.
+    """
+
+    def __init__(self, packet_ns: int) -> None:
+        self._packet_ns = packet_ns
+        self._shift_ns: int | None = None
+
+    def times(
+        self, header_ns: NDArray[np.int64], record_ns: NDArray[np.int64], revolution: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
+        """Return when the first laser of each packet fired, in nanoseconds of Unix time, all arrays of shape (P,).
+
+        Recording times that are unknown are 0. Revolutions are those of the packets' first blocks, ascending; 0 is the
+        current one.
+        """
+        sent_ns = record_ns - self._packet_ns
+        wrong = _wrong_times(header_ns, record_ns)
+        if not wrong.any():
+            self._shift_ns = None
+            return header_ns
+        revolutions, first, inverse = np.unique(revolution[wrong], return_index=True, return_inverse=True)
+        shifts = (sent_ns - header_ns)[wrong][first]
+        if revolutions[0] == 0 and self._shift_ns is not None:
+            shifts[0] = self._shift_ns
+        self._shift_ns = int(shifts[-1]) if revolutions[-1] == revolution[-1] else None
+        times = header_ns.copy()
+        times[wrong] += shifts[inverse]
+        return np.where(_wrong_times(times, record_ns), sent_ns, times)
