@@ -195,7 +195,7 @@ class Calibration:
             span = f"between {edges[0]:g} and {edges[-1]:g} m" if self.keep_end else f"from {edges[0]:g} m on"
             raise InputError(f"no clutter point {span}; thresholds need recordings with clutter there")
         points = [self._rings[number].points if number in self._rings else 0 for number in range(count)]
-        sources = ring_sources(points, few_points(self.filter_rate))
+        sources = _ring_sources(points, few_points(self.filter_rate))
         rings = tuple(self._ring(number, edges, sources[number]) for number in range(count))
         return Thresholds(rings, float(edges[-1]), last_m, self.points - sum(ring.points for ring in rings))
 
@@ -245,7 +245,7 @@ class Calibration:
         return threshold if whole else _shortened(threshold, float(values[values >= threshold].min(initial=math.inf)))
 
 
-def ring_sources(points: Sequence[int], enough: int) -> list[range]:
+def _ring_sources(points: Sequence[int], enough: int) -> list[range]:
     """Return the range rings whose points determine the threshold of each one.
 
     Neighbours with few points are pooled, from the lidar outwards, until they have enough. If they do not, they take
@@ -253,9 +253,9 @@ def ring_sources(points: Sequence[int], enough: int) -> list[range]:
 
     Examples
     --------
-    >>> ring_sources([900, 60, 40, 12, 500], 100)
+    >>> _ring_sources([900, 60, 40, 12, 500], 100)
     [range(0, 1), range(1, 3), range(1, 3), range(1, 3), range(4, 5)]
-    >>> ring_sources([900, 60, 0], 100), ring_sources([8, 900], 100), ring_sources([8, 9], 100)
+    >>> _ring_sources([900, 60, 0], 100), _ring_sources([8, 900], 100), _ring_sources([8, 9], 100)
     ([range(0, 1), range(0, 1), range(0, 1)], [range(1, 2), range(1, 2)], [range(0, 2), range(0, 2)])
     """
     groups: list[range] = []

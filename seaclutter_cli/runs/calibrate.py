@@ -25,12 +25,12 @@ from seaclutter_cli.plots.clutter import ClutterDensity, draw_clutter
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.runs.calibrate_result import CalibrationResult, ClutterTally
 from seaclutter_cli.runs.calibrate_trade_off import (
+    MIN_FRAMES,
     Candidate,
     OnlyProgress,
     TradeOff,
     candidates,
     held_out_scores,
-    is_enough,
     training_frames,
 )
 from seaclutter_cli.runs.evaluate import EvaluateWork
@@ -117,7 +117,7 @@ def _starting_config(options: ConfigOptions) -> Config:
 def _trade_off(works: Sequence["_CalibrateWork"], found: "_ClutterSums", observer: Observer) -> TradeOff:
     """Return the scores of several filter rates and limits on held-out frames; with ``choose``, use the best one."""
     config, options, frames = works[0].config, works[0].options, found.tally.frames_each
-    if not is_enough(frames):
+    if sum(frames) < MIN_FRAMES:
         raise LabelError(f"{count(sum(frames), 'labelled frame')}: too few to compare filter rates")
     used = Candidate(options.filter_rate, options.max_left)
     compared = candidates(used)

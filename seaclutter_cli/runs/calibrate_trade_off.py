@@ -25,7 +25,8 @@ from seaclutter_cli.text import count, table
 _RATES = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
 _MAX_LEFT = (20.0, 10.0, 5.0, 2.0)
 _TRAINED, _HELD_OUT = 0.4, 0.5
-_MIN_FRAMES = 20
+MIN_FRAMES = 20
+"""Minimum number of labelled frames to compare candidates."""
 _COLUMNS = (N_FP, N_FN, F1, FALSE_ALARMS, POINTS[1])
 _BEST, _USED = "<", "used"
 
@@ -101,11 +102,6 @@ def training_frames(frames: int) -> tuple[range, range]:
     """
     part = math.floor(_TRAINED * frames)
     return range(part), range(frames - part, frames)
-
-
-def is_enough(frames: Sequence[int]) -> bool:
-    """Return whether there are enough labelled frames to compare candidates, given those of each recording."""
-    return sum(frames) >= _MIN_FRAMES
 
 
 def held_out_scores(works: Sequence[EvaluateWork], observer: Observer) -> list[Summary]:

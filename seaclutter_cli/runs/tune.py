@@ -66,7 +66,7 @@ def tune(options: TuneOptions) -> "TuningResult":
     works = [EvaluateWork(options.reading, *each, variants, listeners, in_parts=True) for each in pairs]
     batch = BatchOptions() if history else options.batch  # frames reach listeners in this process only
     outcomes = study_all(works, batch, observer)
-    split = split_scores(outcomes, [one.name for one in variants], options.hold_out)
+    split = _split_scores(outcomes, [one.name for one in variants], options.hold_out)
     result = TuningResult(options.sweeps, combinations, outcomes, split)
     if may_appear(options.targets.values(), result.outcomes, observer):
         write_files(_files(result, history, options), replace=options.force)
@@ -147,7 +147,7 @@ class Split:
     title: str = ""
 
 
-def split_scores(outcomes: Sequence[Evaluated], names: Sequence[str], share: float) -> Split:
+def _split_scores(outcomes: Sequence[Evaluated], names: Sequence[str], share: float) -> Split:
     """Return the scores of recordings without an error, divided into those for tuning and those held out.
 
     Of four or more recordings, a share of whole ones is held out, evenly spaced; of fewer, the last frames of each.
