@@ -101,7 +101,12 @@ def excerpt_of(recording: Recording) -> Excerpt | None:
     """Let a large recording in object storage consist of its first frames; None if it is another one."""
     first, *others = recording.paths
     mirror = mirror_of(first)
-    return mirror.excerpt(first, excerpt) if mirror and not others else None
+    if mirror is None or others or not (parts := mirror.parts(first)):
+        return None
+    part = excerpt(*parts)
+    if part is not None:
+        mirror.fill(first, part.data)
+    return part
 
 
 @dataclass(kw_only=True)

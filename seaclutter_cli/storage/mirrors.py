@@ -9,10 +9,11 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from fnmatch import fnmatchcase
+from functools import partial
 from glob import escape
 from itertools import pairwise, takewhile
 from pathlib import Path
-from typing import BinaryIO, Protocol, TypeVar
+from typing import BinaryIO
 
 from seaclutter_cli.errors import InputError, OutputError, SeaclutterError, UsageError
 from seaclutter_cli.parts import SCRATCH, part_path, release, remove_stale
@@ -36,18 +37,6 @@ _HEAD_BYTES = 4096
 _END_BYTES = 2**20
 _TOLD_BY_CONTENT = (".csv", ".yaml")
 _WORTH_AN_EXCERPT = 16 * 2**20
-
-
-class Excerpt(Protocol):
-    """The beginning of a log as a log."""
-
-    @property
-    def data(self) -> bytes:
-        """Content of the file."""
-        ...
-
-
-E = TypeVar("E", bound=Excerpt)
 
 _copies: "ContextVar[list[tuple[Mirror, Path]] | None]" = ContextVar("copies", default=None)
 
@@ -307,17 +296,17 @@ class Mirror:
                     stream.seek(start)
                     stream.write(read_range(found, start, start + _END_BYTES))
 
-    def excerpt(self, path: Path, make: "Callable[[Callable[[int, int], bytes], int], E | None]") -> E | None:
-        """Let a file be an excerpt of its large object, made from parts of it; return None if there is none."""
-        (first, *others) = self._files_at(path)
-        found = self._objects[first]
-        if others or first != path or found.size < _WORTH_AN_EXCERPT:
+    def parts(self, path: Path) -> tuple[Callable[[int, int], bytes], int] | None:
+        """Return a function that reads from a large object, and its size; None if a path is something else."""
+        found = self._objects[self._files_at(path)[0]]
+        if found.url != self.url(path) or found.size < _WORTH_AN_EXCERPT:
             return None
-        part = make(lambda start, stop: read_range(found, start, stop), found.size)
-        if part is not None:
-            path.write_bytes(part.data)
-            self._note(path)
-        return part
+        return partial(read_range, found), found.size
+
+    def fill(self, path: Path, data: bytes) -> None:
+        """Let a file have other content than its object, as a copy."""
+        path.write_bytes(data)
+        self._note(path)
 
     def remove(self, path: Path) -> None:
         """Remove the content of a copy."""
