@@ -148,8 +148,8 @@ class Console(Options):
 
     def finish(self, result: Result) -> NoReturn:
         """Print a result, and exit with its status."""
-        text = "\n\n".join(filter(None, (result.details() if self.verbose else "", result.as_text())))
         if self.as_json or not (self.quiet and result.is_summary):
+            text = result.as_detailed_text() if self.verbose else result.as_text()
             self.show(result.as_dict() if self.as_json else text)
         raise click.exceptions.Exit(_FAILED if result.failed else _DAMAGED if result.damaged else 0)
 

@@ -132,6 +132,10 @@ class Result(ABC):
         """Return the details of several recordings as text, which verbose output shows first."""
         return ""
 
+    def as_detailed_text(self) -> str:
+        """Return the result with its details, as verbose output shows it."""
+        return "\n\n".join(filter(None, (self.details(), self.as_text())))
+
 
 class RecordingsResult(Result):
     """Result of a run over several recordings."""

@@ -87,6 +87,8 @@ def classify_tiles(
     (161374, True)
     """
     paths = find_tiles(tiles)
+    if options.model.is_dir():
+        raise UsageError(f"{options.model}: is a directory; --model takes a file")
     others = {"--csv": options.csv_file, "--geojson": options.geojson_file, "--plot": options.plot_file}
     others["--gpkg"] = options.gpkg_file
     inputs = {"--model": options.model, "-c": options.settings.file}

@@ -313,3 +313,7 @@ class SceneEvaluation(RecordingsResult):
     def details(self) -> str:
         """Return the recordings that have misclassified frames."""
         return table(_MISCLASSIFIED, self.misclassified) if self.misclassified else ""
+
+    def as_detailed_text(self) -> str:
+        """Return the result with its details below it."""
+        return "\n".join(filter(None, (self.as_text(), self.details())))
