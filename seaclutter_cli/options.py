@@ -95,10 +95,12 @@ class Number(Kind):
 
     def _within(self, value: Any, name: str) -> Any:
         low, high = self.least, self.most
-        if low is not None and (value <= low if self.above else value < low):
-            raise UsageError(f"{name}: must be {'greater than' if self.above else 'at least'} {low:g}, got {value:g}")
-        if high is not None and (value >= high if self.below else value > high):
-            raise UsageError(f"{name}: must be {'less than' if self.below else 'at most'} {high:g}, got {value:g}")
+        too_low = low is not None and (value <= low if self.above else value < low)
+        too_high = high is not None and (value >= high if self.below else value > high)
+        if too_low or too_high:
+            limits = [f"{'greater than' if self.above else 'at least'} {low:g}"] if low is not None else []
+            limits += [f"{'less than' if self.below else 'at most'} {high:g}"] if high is not None else []
+            raise UsageError(f"{name}: must be {' and '.join(limits)}, got {value:g}")
         return value
 
 

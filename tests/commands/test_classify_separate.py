@@ -329,10 +329,10 @@ def test_other_classes_cannot_be_trusted(tmp_path, text):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"land": "sand"}, "options: separation.land: must be"),
-        ({"trust_classes": (3,)}, "options: separation.trust_classes"),
-        ({"margin_m": -5}, "margin_m: must be 0 to 1000 m, got -5"),
-        ({"window_m": 0.1}, "window_m: must be 50 to 100000 m, got 0.1"),
+        ({"land": "sand"}, "land: must be one of 'keep', 'class2', 'ignore', got 'sand'"),
+        ({"trust_classes": (3,)}, "trust_classes: must be 2, 9, or both"),
+        ({"margin_m": -5}, "margin_m: must be at least 0 and at most 1000, got -5"),
+        ({"window_m": 0.1}, "window_m: must be at least 50 and at most 100000, got 0.1"),
     ],
 )
 def test_options_of_the_library_are_checked(tmp_path, options, message):
