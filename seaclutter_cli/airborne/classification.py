@@ -21,14 +21,8 @@ if TYPE_CHECKING:
 class TileFeatures:
     """A separated tile and the features of its non-sea points.
 
-    Parameters
-    ----------
-    separation : Separation
-        Sea and non-sea points.
-    points : NonSeaPoints
-        The N non-sea points.
-    features : ndarray, shape (N, F), float64
-        Features of these points.
+    ``separation``: sea and non-sea points; ``points``: the N non-sea points; ``features``, shape (N, F): features of
+    these points.
     """
 
     separation: Separation
@@ -50,7 +44,8 @@ def tile_features(tile: TilePoints, settings: TileSettings) -> TileFeatures:
     intensity = tile.column("intensity")
     bright = np.zeros(len(other)) if intensity is None else intensity[other].astype(np.float64)
     density = separation.points_per_cell / settings.separation.cell_m**2
-    points = NonSeaPoints(xy, separation.height_m[other].astype(np.float64), bright, density)
+    least_m = separation.sea.object_height_m
+    points = NonSeaPoints(xy, separation.height_m[other].astype(np.float64), bright, density, least_m)
     return TileFeatures(separation, points, features_of(points, settings.features))
 
 
@@ -58,20 +53,9 @@ def tile_features(tile: TilePoints, settings: TileSettings) -> TileFeatures:
 class ClassifiedPoints:
     """Classes and objects of the N non-sea points of a tile.
 
-    Parameters
-    ----------
-    tile : TileFeatures
-        The separated tile.
-    code : ndarray, shape (N,), int64
-        Class of each point.
-    probability : ndarray, shape (N,), float64
-        Probability of that class.
-    number : ndarray, shape (N,), int64
-        Object of each point; 0 for none.
-    left_out : ndarray, shape (N,), int64
-        Cluster of each point if it is too unlikely to be an object; 0 for none.
-    objects : list of FoundObject
-        Objects found in the tile.
+    ``tile``: the separated tile; ``code``, shape (N,): class of each point; ``probability``, shape (N,): probability of
+    that class; ``number``, shape (N,): object of each point; 0 for none; ``left_out``, shape (N,): cluster of each
+    point if it is too unlikely to be an object; 0 for none; ``objects``: objects found in the tile.
     """
 
     tile: TileFeatures

@@ -69,22 +69,16 @@ class FeatureParams:
 class NonSeaPoints:
     """The N non-sea points of a tile.
 
-    Parameters
-    ----------
-    xy : ndarray, shape (2, N), float64
-        Horizontal coordinates in metres.
-    height_m : ndarray, shape (N,), float64
-        Height above the sea surface.
-    intensity : ndarray, shape (N,), float64
-        Intensity in the sensor's unit; 0 where there is none.
-    points_per_m2 : float
-        Density of the whole tile, sea included, over the cells with points.
+    ``xy``, shape (2, N): horizontal coordinates in metres; ``height_m``, shape (N,): height above the sea surface;
+    ``intensity``, shape (N,): intensity in the sensor's unit; 0 where there is none; ``points_per_m2``: density of the
+    whole tile, sea included, over the cells with points; ``least_m``: height that makes a point one of them.
     """
 
     xy: Values
     height_m: Values
     intensity: Values
     points_per_m2: float
+    least_m: float = 0.5
 
 
 def features_of(points: NonSeaPoints, params: FeatureParams) -> Values:

@@ -6,12 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.cells import smoothed, touching
-from seaclutter_cli.airborne.decks import decks
-from seaclutter_cli.airborne.prediction import predict_under
-from seaclutter_cli.airborne.reflection import DIFFUSE, SPECULAR
-from seaclutter_cli.airborne.steps import with_steps
 from seaclutter_cli.airborne.waves import Waves
+from seaclutter_cli.grids.cells import smoothed, touching
 from seaclutter_cli.grids.elevation import ElevationGrid
 
 Cells = NDArray[np.float64]
@@ -26,64 +22,35 @@ _OUTLIERS = 3.5
 _BRIGHT = 2.5
 _FEW, _HALF = 0.1, 0.5
 _UNEVEN = 1.5
-_PATCH_CELLS, _LEAST_ECHOES = 1.5, 20
 _CREST = 1.5
 
 
 @dataclass(frozen=True)
 class CellDetails:
-    """What rough water needs to know about each cell beside its lowest elevation.
+    """What rough water needs to know about each cell beside its lowest elevation, each of shape (S, 256, 256).
 
-    Parameters
-    ----------
-    highest : ndarray, shape (S, 256, 256), float64
-        Highest elevation; not finite in empty cells.
-    brightness : ndarray, shape (S, 256, 256), float64, or None
-        Logarithm of the highest intensity; not finite in empty cells.
-    intensity, squared : ndarray, shape (S, 256, 256), float64, or None
-        Sum of the intensities, and that of their squares.
-    echoes : ndarray, shape (S, 256, 256), int64
-        Number of echoes.
-    standing : ndarray, shape (S, 256, 256), bool
-        Cells of objects that other strips show, too (`standing_objects`).
-    may_mix : bool
-        Whether cells may show several moments: nothing tells strips apart.
+    The highest elevation and the logarithm of the highest intensity, not finite in empty cells; the latter is None
+    without intensities. The number of echoes.
     """
 
     highest: Cells
     brightness: Cells | None
-    intensity: Cells | None
-    squared: Cells | None
     echoes: NDArray[np.int64]
-    standing: Mask
-    may_mix: bool
 
 
 @dataclass(frozen=True)
 class FollowedSurface:
-    """Surface of rough water.
+    """Surface of rough water, and the standard deviation of the water from it, each of shape (S, 256, 256).
 
-    Parameters
-    ----------
-    surface : ndarray, shape (S, 256, 256), float64
-        Elevation of the surface; the level of the water on land.
-    deviation : ndarray, shape (S, 256, 256), float64
-        Standard deviation of the water from that surface.
-    brightness, contrast : ndarray, shape (S, 256, 256), float64
-        Brightness of each cell, and mean brightness around it, in standard deviations above those of the water; where
-        intensities vary less than those of water, by more of its standard deviations, that instead; 0 without
-        intensities.
-    decks : ndarray, shape (S, 256, 256), bool
-        Cells of even surfaces above the water, and of what has a step all around.
-    crests : ndarray, shape (S, 256, 256), bool
-        Cells where the surface is more than 1.5 standard deviations of the waves above their level.
+    The level of the water on land. Brightness of each cell, and mean brightness around it, in standard deviations
+    above those of the water; 0 without intensities. Crests are more than 1.5 standard deviations of the waves above
+    their level.
     """
 
     surface: Cells
     deviation: Cells
     brightness: Cells
     contrast: Cells
-    decks: Mask
     crests: Mask
 
 
@@ -92,20 +59,10 @@ def follow_waves(
 ) -> FollowedSurface:
     r"""Return the surface of rough water.
 
-    Parameters
-    ----------
-    grid : ElevationGrid
-        Grid of the points of one strip.
-    lowest : ndarray, shape (S, 256, 256), float64
-        Lowest elevations without pits; plus infinity in empty cells.
-    land : ndarray, shape (S, 256, 256), bool
-        Land cells.
-    waves : Waves
-        Waves of the tile.
-    above : ndarray, shape (S, 256, 256), float64
-        Height of the lowest elevations above the opened surface.
-    details : CellDetails
-        Highest elevations, intensities, numbers of echoes, and what stands still.
+    ``grid``: grid of the points of one strip; ``lowest``, shape (S, 256, 256): lowest elevations without pits; plus
+    infinity in empty cells; ``land``, shape (S, 256, 256): land cells; ``waves``: waves of the tile; ``above``, shape
+    (S, 256, 256): height of the lowest elevations above the opened surface; ``details``: highest elevations,
+    intensities, and numbers of echoes.
 
     Notes
     -----
@@ -114,26 +71,17 @@ def follow_waves(
     to a metre. Each mean counts by the share of its weight that lies on water.
 
     It begins with the cells below the crests. Cells more than 3.5 standard deviations from the surface are left out,
-    and the mean is repeated. Bright cells, cells that reflect like ground amid water like a mirror, decks, what has a
-    step all around (`with_steps`), and what stands still do not contribute. The deviation is computed from cells below
-    the surface, where no objects are, and locally, since waves come in groups. Where it is more than 1.5 times its
-    median, an object is among the cells: they are left out from 3.5 times that on.
-
-    Under objects that are three cells wide, the surface is predicted from the water around them (`predict_under`).
+    and the mean is repeated. Bright patches do not contribute. The deviation is computed from cells below the surface,
+    where no objects are, and locally, since waves come in groups. Where it is more than 1.5 times its median, an object
+    is among the cells: they are left out from 3.5 times that on.
     """
     known = np.isfinite(lowest)
-    crest = np.full((len(lowest), 1, 1), waves.crest_m)
-    for part in waves.parts:
-        if part.block in grid.blocks:
-            crest[grid.blocks[part.block]] = part.crest_m
     usable = known & ~land
-    water = usable & (above <= crest)
+    water = usable & (above <= waves.crest_m)
     brightness = contrast = np.zeros(lowest.shape)
     if details.brightness is not None:
-        diffuse = _diffuse(grid, details, water)
-        brightness, contrast = (np.maximum(own, diffuse) for own in _contrast(grid, details.brightness, water))
-    even = decks(grid, lowest, usable, waves) | with_steps(grid, lowest, usable, above)
-    objects = excluded = (_patches(grid, contrast > _BRIGHT, known) & ~land) | even | touching(grid, details.standing)
+        brightness, contrast = _contrast(grid, details.brightness, water)
+    excluded = _patches(grid, contrast > _BRIGHT, known) & ~land
     usable &= ~excluded
     water &= usable
     flat = np.full(lowest.shape, waves.level_m), np.full(lowest.shape, waves.deviation_m**2)
@@ -145,19 +93,14 @@ def follow_waves(
             most = _UNEVEN**2 * float(np.median(variance[water])) if water.any() else np.inf
             rise = np.where(known, lowest - surface, 0) / np.sqrt(np.minimum(variance, most))
             risen = _patches(grid, rise > _OUTLIERS, known) & ~land
-            objects = excluded | risen
             water = usable & (np.abs(rise) <= _OUTLIERS) & ~risen
         coarser = surface, variance
     surface, variance = flat
     for width in widths:
         surface, variance = _finer(grid, lowest, water, width, (surface, variance))
-    if objects.any() and water.any():
-        cells, under, error = predict_under(grid, lowest, water, objects, waves.level_m)
-        surface.reshape(-1)[cells] = under
-        variance.reshape(-1)[cells] = error + np.median(variance[water])
     surface[land] = waves.level_m
     crests = surface - waves.level_m > _CREST * waves.deviation_m
-    return FollowedSurface(surface, np.sqrt(variance), brightness, contrast, even, crests)
+    return FollowedSurface(surface, np.sqrt(variance), brightness, contrast, crests)
 
 
 def _widths(length_m: float) -> Sequence[float]:
@@ -195,29 +138,6 @@ def _contrast(grid: ElevationGrid, brightness: Cells, water: Mask) -> tuple[Cell
     own = np.where(known & (share > 0), brightness - around, 0)
     mean = smoothed(grid, own, known, 1.0)[0]
     return _standard(own, known, water), _standard(mean, known, water)
-
-
-def _diffuse(grid: ElevationGrid, details: CellDetails, water: Mask) -> Cells:
-    """Return by how many standard deviations intensities vary less than those of water that reflects like a mirror.
-
-    0 where they vary more than those of ground, where there are few echoes, and if the water does not reflect so.
-    """
-    none = np.zeros(water.shape)
-    if details.intensity is None or details.squared is None:
-        return none
-    seen = details.echoes > 0
-    number, share = smoothed(grid, details.echoes.astype(np.float64), seen, _PATCH_CELLS)
-    one, two = (smoothed(grid, values, seen, _PATCH_CELLS)[0] for values in (details.intensity, details.squared))
-    known = (one > 0) & (number * share * 4 * np.pi * _PATCH_CELLS**2 >= _LEAST_ECHOES)
-    mean = np.divide(one, number, out=none.copy(), where=known)
-    spread = np.sqrt(np.maximum(np.divide(two, number, out=none.copy(), where=known) - mean**2, 0))
-    variation = np.divide(spread, mean, out=np.full(water.shape, np.inf), where=known)
-    if not (known & water).any():
-        return none
-    low, middle = np.quantile(variation[known & water], (0.1587, 0.5))
-    if middle < SPECULAR:
-        return none
-    return np.where(variation <= DIFFUSE, (middle - variation) / max(float(middle - low), 1e-9), 0)
 
 
 def _standard(values: Cells, known: Mask, water: Mask) -> Cells:

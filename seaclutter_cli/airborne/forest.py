@@ -53,14 +53,8 @@ class ForestParams:
 class Samples:
     """Features and ground truth of N points.
 
-    Parameters
-    ----------
-    features : ndarray, shape (N, F), float64
-        Features of each point.
-    code : ndarray, shape (N,), int64
-        Class, from 1; 0 for non-sea points that belong to no object.
-    tile, number : ndarray, shape (N,), int64
-        Index of the tile, and number of the object in it.
+    ``features``, shape (N, F): features of each point; ``code``, shape (N,): class, from 1; 0 for non-sea points that
+    belong to no object; ``tile``, ``number``, shape (N,): index of the tile, and number of the object in it.
     """
 
     features: Values

@@ -22,16 +22,9 @@ _FEWEST_CELLS, _LEAST_SHARE = 100, 0.25
 class TileMap:
     """Map of a tile.
 
-    Parameters
-    ----------
-    cell_m : float
-        Width of a cell.
-    first : (int, int)
-        Number of the first column and row, counted in cells from the origin of the coordinates.
-    kind : ndarray, shape (I, J), uint8
-        `IS_WATER`, `IS_LAND`, `IS_OBJECT`, or `UNKNOWN` without points.
-    level_m : ndarray, shape (I, J), float32
-        Mean elevation of the points of the sea; NaN without any.
+    ``cell_m``: width of a cell; ``first``: number of the first column and row, counted in cells from the origin of the
+    coordinates; ``kind``, shape (I, J): `IS_WATER`, `IS_LAND`, `IS_OBJECT`, or `UNKNOWN` without points; ``level_m``,
+    shape (I, J): mean elevation of the points of the sea; NaN without any.
     """
 
     cell_m: float
@@ -68,14 +61,8 @@ class TileMap:
 def map_of(parts: Iterable[NDArray[np.float64]], found: Separation, cell_m: float) -> TileMap:
     """Return the map of a separated tile.
 
-    Parameters
-    ----------
-    parts : iterable of ndarray, shape (3, n), float64
-        Coordinates of the points in metres; iterated over twice.
-    found : Separation
-        Their separation.
-    cell_m : float
-        Width of a cell; more if there would be too many cells.
+    ``parts``, shape (3, n): coordinates of the points in metres; iterated over twice; ``found``: their separation;
+    ``cell_m``: width of a cell; more if there would be too many cells.
     """
     low, high = _extent(parts, found)
     while np.prod((high - low) // cell_m + 1) > _MAX_CELLS:

@@ -24,14 +24,8 @@ _KEYS = {"format", "version", "settings", "features", "classes", "forest"}
 class ObjectModel:
     """A trained forest and its settings.
 
-    Parameters
-    ----------
-    settings : TileSettings
-        Settings of the training.
-    forest : sklearn.ensemble.RandomForestClassifier
-        The forest; its ``classes_`` are class codes.
-    warnings : tuple of str, optional
-        Warnings about the file of the model.
+    ``settings``: settings of the training; ``forest``: the forest; its ``classes_`` are class codes; ``warnings``,
+    optional: warnings about the file of the model.
     """
 
     settings: TileSettings

@@ -20,14 +20,8 @@ _BLOCK_POINTS = 1 << 13
 class PointBlock:
     """A block of B points and their neighbours, P pairs.
 
-    Parameters
-    ----------
-    points : ndarray, shape (B,), int64
-        Indices of the points.
-    own : ndarray, shape (P,), int64
-        Index of the point of each pair in ``points``, ascending.
-    neighbor : ndarray, shape (P,), int64
-        Index of the neighbour among all points. Each point is its own neighbour, too.
+    ``points``, shape (B,): indices of the points; ``own``, shape (P,): index of the point of each pair in ``points``,
+    ascending; ``neighbor``, shape (P,): index of the neighbour among all points. Each point is its own neighbour, too.
     """
 
     points: NDArray[np.int64]
@@ -47,10 +41,7 @@ class PointBlock:
 class Neighborhoods:
     """Neighbours of points in the horizontal plane.
 
-    Parameters
-    ----------
-    xy : ndarray, shape (2, N), float64
-        Coordinates in metres.
+    ``xy``, shape (2, N): coordinates in metres.
     """
 
     def __init__(self, xy: NDArray[np.float64]) -> None:
@@ -65,12 +56,8 @@ class Neighborhoods:
     def apply(self, radius_m: float, function: Callable[[PointBlock], Values]) -> Values:
         """Return the values that a function computes for each point.
 
-        Parameters
-        ----------
-        radius_m : float
-            Radius of the neighbourhoods in metres, inclusive.
-        function : callable
-            Called with blocks, in several threads; returns values for their points, shape (B, F).
+        ``radius_m``: radius of the neighbourhoods in metres, inclusive; ``function``: called with blocks, in several
+        threads; returns values for their points, shape (B, F).
 
         Returns
         -------

@@ -3,7 +3,7 @@
 import csv
 import io
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Any, Self
@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.features import NonSeaPoints
 from seaclutter_cli.airborne.forest import class_name
+from seaclutter_cli.airborne.map import IS_WATER, TileMap
+from seaclutter_cli.airborne.separation import OTHER, Separation
+from seaclutter_cli.grids.cells import nearest
 
 Values = NDArray[np.float64]
 
@@ -21,7 +24,8 @@ COLUMNS = (
     *("tile", "object", "class", "probability", "points", "x", "y", "length", "width", "yaw"),
     *("height", "area_m2"),
 )
-_LEAST_SIDE_M = 0.1
+_LEAST_SIDE_M, _AROUND_M = 0.1, 10.0
+_TOP, _DOUBT, _STEEPNESS = 0.9, 1.75, 6.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +39,7 @@ class ObjectFindingParams:
     min_points : int
         Minimum number of points of an object.
     min_probability : float
-        Clusters with a lower probability are left out; most of them are wave crests.
+        Classified clusters with a lower probability are left out; most of them are wave crests.
     """
 
     tolerance_m: Annotated[float, Gt(0)] = 4.0
@@ -47,31 +51,17 @@ class ObjectFindingParams:
 class FoundObject:
     """An object found in a tile.
 
-    Parameters
-    ----------
-    number : int
-        Number in the tile, from 1.
-    code : int or None
-        Code of the class; None without a classification.
-    probability : float or None
-        Mean probability of the class over the points; None without a classification.
-    points : int
-        Number of points.
-    center : (float, float)
-        Centre of the box in metres.
-    size : (float, float)
-        Length and width of the smallest enclosing rectangle in metres.
-    yaw : float
-        Direction of the length in radians, counter-clockwise from x, from -pi/2 to pi/2.
-    height_m : float
-        Height above the sea that one point in a hundred exceeds.
-    area_m2 : float
-        Area of the convex hull.
+    ``number``: number in the tile, from 1; ``code``: code of the class; None without a classification; ``probability``:
+    how sure it is that this is an object: `likely_object`, times the mean probability of the class over the points if
+    they are classified; ``points``: number of points; ``center``: centre of the box in metres; ``size``: length and
+    width of the smallest enclosing rectangle in metres; ``yaw``: direction of the length in radians, counter-clockwise
+    from x, from -pi/2 to pi/2; ``height_m``: height above the sea that one point in a hundred exceeds; ``area_m2``:
+    area of the convex hull.
     """
 
     number: int
     code: int | None
-    probability: float | None
+    probability: float
     points: int
     center: tuple[float, float]
     size: tuple[float, float]
@@ -90,7 +80,7 @@ class FoundObject:
         known = {
             "object": self.number,
             "class": self.name,
-            "probability": None if self.probability is None else round(self.probability, 3),
+            "probability": round(self.probability, 3),
             "points": self.points,
             "height": round(self.height_m, 2),
             "area_m2": round(self.area_m2, 1),
@@ -119,8 +109,8 @@ class FoundObject:
 
 def geodata_fields(*, classified: bool) -> dict[str, type]:
     """Return the types of the attributes of objects in geodata by their names, with or without a classification."""
-    classes: dict[str, type] = {"class": str, "probability": float} if classified else {}
-    return {"object": int, **classes, "points": int, "height": float, "area_m2": float}
+    classes: dict[str, type] = {"class": str} if classified else {}
+    return {"object": int, **classes, "probability": float, "points": int, "height": float, "area_m2": float}
 
 
 def find_objects(
@@ -130,16 +120,8 @@ def find_objects(
 
     The numbers have shape (N,); 0 stands for no object, or for no cluster that was left out.
 
-    Parameters
-    ----------
-    points : NonSeaPoints
-        The N non-sea points.
-    probability : ndarray, shape (N, C), float64
-        Probability of each class.
-    classes : sequence of int
-        Codes of the C classes.
-    params : ObjectFindingParams
-        Parameters of the search.
+    ``points``: the N non-sea points; ``probability``, shape (N, C): probability of each class; ``classes``: codes of
+    the C classes; ``params``: parameters of the search.
 
     Notes
     -----
@@ -158,9 +140,9 @@ def find_objects(
     for cluster, (start, end) in enumerate(pairwise(ends), 1):
         own = order[start:end]
         best = int(np.argmax(np.bincount(best_class[own], minlength=len(classes))))
-        mean_probability = float(probability[own, best].mean())
+        heights = points.height_m[own]
+        mean_probability = float(probability[own, best].mean()) * likely_object(heights, points.least_m)
         if mean_probability >= params.min_probability:
-            heights = points.height_m[own]
             found.append(
                 object_around(len(found) + 1, points.xy[:, own], heights, int(classes[best]), mean_probability)
             )
@@ -170,9 +152,68 @@ def find_objects(
     return found, numbers, left_out
 
 
-def object_around(
-    number: int, xy: Values, height_m: Values, code: int | None = None, probability: float | None = None
-) -> FoundObject:
+def likely_object(height_m: Values, least_m: float) -> float:
+    """Return how likely points with these heights above the water around them, shape (N,), are an object, from 0 to 1.
+
+    ``least_m`` is the height that makes a point one. Nine in ten of the points of a group of crests are lower than 1.75
+    times that height; those of ships, reefs, mats and structures rise higher.
+    """
+    top = float(np.quantile(height_m, _TOP)) / least_m
+    return float(1 / (1 + np.exp(-_STEEPNESS * (top - _DOUBT))))
+
+
+def unclassified_objects(
+    parts: Iterable[Values], found: Separation, tile: TileMap, params: ObjectFindingParams
+) -> list[FoundObject]:
+    """Return the objects of a separated tile: clusters of its non-sea points off the land.
+
+    ``parts`` are the coordinates of the points in metres, ``tile`` is its map. Heights of the separation are not used,
+    as the output of an earlier run has none. They are above the mean elevation of the sea up to ten metres around the
+    object, or in the tile where there is none; for the probability, above that of the nearest cell.
+    """
+    from seaclutter_cli.clustering.clusters import euclidean_clusters  # slow to import, only for geodata
+
+    xyz = _off_land(parts, found)
+    if not xyz.shape[1] or not (tile.kind == IS_WATER).any():
+        return []
+    number = euclidean_clusters(xyz * [[1], [1], [0]], params.tolerance_m, params.min_points)
+    order = np.argsort(number, kind="stable")
+    ends = np.searchsorted(number[order], np.arange(number.max() + 2)).tolist()
+    objects = []
+    for one, (start, end) in enumerate(pairwise(ends), 1):
+        own = xyz[:, order[start:end]]
+        mean, level = _levels_around(tile, own)
+        likely = likely_object(own[2] - level, found.sea.object_height_m)
+        objects.append(object_around(one, own[:2], own[2] - mean, None, likely))
+    return objects
+
+
+def _off_land(parts: Iterable[Values], found: Separation) -> Values:
+    """Return the non-sea points that are not on land, shape (3, N)."""
+    chosen = [np.empty((3, 0))]
+    start = 0
+    for xyz in parts:
+        own = xyz[:, found.classification[start : start + xyz.shape[1]] == OTHER]
+        start += xyz.shape[1]
+        chosen.append(own[:, ~found.land.contain(own[:2])])
+    return np.concatenate(chosen, axis=1)
+
+
+def _levels_around(tile: TileMap, xyz: Values) -> tuple[float, Values]:
+    """Return the mean elevation of the sea around the points of an object, and that of the cell nearest to each."""
+    low, high = xyz[:2].min(axis=1) - _AROUND_M, xyz[:2].max(axis=1) + _AROUND_M
+    first, last = (np.maximum(end // tile.cell_m - tile.first, 0).astype(np.int64) for end in (low, high))
+    around = tile.level_m[first[0] : last[0] + 1, first[1] : last[1] + 1]
+    known = np.isfinite(around)
+    if not known.any():
+        mean = float(tile.level_m[np.isfinite(tile.level_m)].mean(dtype=np.float64))
+        return mean, np.full(xyz.shape[1], mean)
+    place = np.stack(np.nonzero(known)) + (first + tile.first)[:, None] + 0.5
+    level = around[known].astype(np.float64)
+    return float(level.mean()), level[nearest(place * tile.cell_m, xyz[:2])]
+
+
+def object_around(number: int, xy: Values, height_m: Values, code: int | None, probability: float) -> FoundObject:
     """Return the object of points with positions, shape (2, N), and heights, shape (N,), in metres."""
     center, size, yaw, area = smallest_rectangle(xy.T)
     top_m = float(np.quantile(height_m, 0.99))
@@ -240,14 +281,8 @@ def as_geojson(
 ) -> str:
     """Return the boxes as a GeoJSON feature collection, in WGS 84 where a conversion is given.
 
-    Parameters
-    ----------
-    tiles : sequence of (str, sequence of FoundObject)
-        Name and objects of each tile; centres in its coordinates.
-    places : sequence of Place, optional
-        Unit and conversion of each tile; by default metres, and none.
-    more : sequence of mapping, optional
-        Further features.
+    ``tiles``: name and objects of each tile; centres in its coordinates; ``places``, optional: unit and conversion of
+    each tile; by default metres, and none; ``more``, optional: further features.
     """
     where = places or [(1.0, None)] * len(tiles)
     features = [_feature(name, one, *place) for (name, own), place in zip(tiles, where, strict=True) for one in own]

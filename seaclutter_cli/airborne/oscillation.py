@@ -22,16 +22,9 @@ _LEAST_PAIRS = 200
 def oscillation(elevation: Cells, water: Mask, *, whole_lengths: bool = False, step: int = 1) -> tuple[float, float]:
     """Return the wave length in cells, and the depth of the minimum of the autocovariance relative to the variance.
 
-    Parameters
-    ----------
-    elevation : ndarray, shape (n, m), float64
-        Elevations above the level of the water.
-    water : ndarray, shape (n, m), bool
-        Cells of the water; the others do not count.
-    whole_lengths : bool
-        Whether a whole wave length must be seen.
-    step : int
-        Every so many cells are in the arrays.
+    ``elevation``, shape (n, m): elevations above the level of the water; ``water``, shape (n, m): cells of the water;
+    the others do not count; ``whole_lengths``: whether a whole wave length must be seen; ``step``: every so many cells
+    are in the arrays.
 
     Notes
     -----

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.cells import joined_cells, smoothed, touching
 from seaclutter_cli.airborne.following import FINEST_M, CellDetails, FollowedSurface
+from seaclutter_cli.grids.cells import joined_cells, touching
 from seaclutter_cli.grids.elevation import ElevationGrid
 
 Cells = NDArray[np.float64]
@@ -21,20 +21,14 @@ _RISE, _EVIDENCE = 0.7, 4.0
 _INDEPENDENT_M = 2 * FINEST_M
 _MANY_ECHOES, _LEAST_CELLS = 30, 50
 _ON_CREST, _FOAM_SURE = 0.5, 0.1
-_LOW, _LOW_M, _LOW_CELLS, _LOW_ECHO_M = 4.0, 0.12, 8, 0.1
-_AROUND_M = 10.0
 
 
 @dataclass(frozen=True)
 class HeightLimits:
     """Heights above the surface of rough water that make an object.
 
-    Parameters
-    ----------
-    limit : ndarray, shape (S, 256, 256), float64
-        Height over which a point of the cell is a non-sea point.
-    alone_m : float
-        Median height from which a single cell stands out from the waves by height alone.
+    ``limit``, shape (S, 256, 256): height over which a point of the cell is a non-sea point; ``alone_m``: median height
+    from which a single cell stands out from the waves by height alone.
     """
 
     limit: Cells
@@ -46,18 +40,9 @@ def height_limits(
 ) -> HeightLimits:
     r"""Return the heights above the surface of rough water that make an object.
 
-    Parameters
-    ----------
-    grid : ElevationGrid
-        Grid of the points of one strip.
-    lowest : ndarray, shape (S, 256, 256), float64
-        Lowest elevations without pits; plus infinity in empty cells.
-    land : ndarray, shape (S, 256, 256), bool
-        Land cells.
-    sea : FollowedSurface
-        Surface, deviation of the water from it, and brightness.
-    details : CellDetails
-        Highest elevations, numbers of echoes, and what stands still.
+    ``grid``: grid of the points of one strip; ``lowest``, shape (S, 256, 256): lowest elevations without pits; plus
+    infinity in empty cells; ``land``, shape (S, 256, 256): land cells; ``sea``: surface, deviation of the water from
+    it, and brightness; ``details``: highest elevations, and numbers of echoes.
 
     Notes
     -----
@@ -73,15 +58,7 @@ def height_limits(
     Waves break at their crests, where foam is higher than the surface, too: a bright group, half of which is on crests
     and a tenth of which at most is that high, is no object.
 
-    What touches an object belongs to it from 3 deviations on, and its bright echoes from the surface on. Decks are
-    objects, and what stands still is one from three deviations on.
-
-    Booms and the collars of fish cages are narrower than a cell, and lower than any of these heights: water is the
-    lowest echo of their cells. But waves do not raise the highest echoes of many cells side by side: groups of eight or
-    more cells, or any that touch an object, are objects if the highest echo of each is above 0.12 m and 4 standard
-    deviations of the highest echoes, and at most half of them are on crests. The highest echoes of steep water deviate
-    more from the surface than its lowest. Where strips are unknown, cells may show water at two moments, whose highest
-    echoes deviate even more: they must be above four standard deviations of the ten metres around, too.
+    What touches an object belongs to it from 3 deviations on, and its bright echoes from the surface on.
 
     The surface is that of the lowest echoes; the other echoes from the water of a cell are higher. The more there are,
     the higher is the highest: the median range of cells with as many echoes is subtracted from it. The median of all
@@ -96,44 +73,18 @@ def height_limits(
     both = np.hypot(np.maximum(high, 0), np.clip(sea.contrast, 0, _BRIGHTEST))
     sure = (low > _SURE) & (low_m > _SURE_M)
     sure |= bright & (both > _SURE) & (high > _SEEN) & (high_m > _SEEN_M)
-    part, group = joined_cells((low > _GROWN) | (bright & (high > 0)) | land | sea.decks, grid.blocks)
+    part, group = joined_cells((low > _GROWN) | (bright & (high > 0)) | land, grid.blocks)
     member, found = part > 0, group[part]
-    certain = sure | land | sea.decks
+    certain = sure | land
     inside = member & _are_objects(found, member, certain, sea, low, grid.cell_m)[found]
     alone = np.maximum(_SURE * sea.deviation, _SURE_M)
-    limit = np.where(touching(grid, inside) | details.standing, np.maximum(_GROWN * sea.deviation, _GROWN_M), alone)
+    limit = np.where(touching(grid, inside), np.maximum(_GROWN * sea.deviation, _GROWN_M), alone)
     echoes = inside & ~land & bright & (sea.brightness > _BRIGHT_ECHO)
     limit[echoes] = (np.where(sea.contrast > _BRIGHTEST, _OF_BRIGHTEST, _OF_BRIGHT) * sea.deviation)[echoes]
-    water = _highest_of_water(grid, high, used, may_mix=details.may_mix)
-    risen = used & (high > water) & (high_m > _LOW_M)
-    flat = _low_objects(grid, risen, touching(grid, inside & certain), sea.crests)
-    limit[flat] = np.minimum(limit, np.maximum(_GROWN * sea.deviation, _LOW_ECHO_M))[flat]
-    limit[sea.decks] = -np.inf
     if not used.any():
         return HeightLimits(limit, 0.0)
     range_m = float(np.median(ranges[used]))
     return HeightLimits(limit + range_m, float(np.median(alone[used])) + range_m)
-
-
-def _low_objects(grid: ElevationGrid, risen: Mask, beside: Mask, crests: Mask) -> Mask:
-    """Return the cells of groups of risen cells that are objects: large ones, and those beside an object."""
-    part, group = joined_cells(risen, grid.blocks)
-    own = group[part[risen]]
-    cells, near, on_crest = (np.bincount(own, weights, len(group)) for weights in (None, beside[risen], crests[risen]))
-    objects = ((cells >= _LOW_CELLS) | (near > 0)) & (on_crest <= _ON_CREST * cells)
-    return np.asarray(risen & objects[group[part]])
-
-
-def _highest_of_water(grid: ElevationGrid, high: Cells, used: Mask, *, may_mix: bool) -> Cells | float:
-    """Return the height in deviations that the highest echoes of water reach, by cell if they may be of two moments."""
-    middle, upper = np.quantile(high[used], (0.5, 0.8413)) if used.any() else (0.0, 0.0)
-    limit = float(middle) + _LOW * max(float(upper - middle), 1.0)
-    if not may_mix:
-        return limit
-    water = used & (high <= limit)
-    height = np.where(water, high, 0)
-    mean, square = (smoothed(grid, values, water, _AROUND_M / grid.cell_m)[0] for values in (height, height**2))
-    return np.maximum(limit, mean + _LOW * np.sqrt(np.maximum(square - mean**2, 0)))
 
 
 def _ranges(details: CellDetails, lowest: Cells, water: Mask) -> Cells:

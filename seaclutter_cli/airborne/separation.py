@@ -3,29 +3,37 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.bottom import Bottom, bottom_of
 from seaclutter_cli.airborne.classes import GROUND, NEVER, OTHER, WATER
-from seaclutter_cli.airborne.echo_reader import EchoReader
-from seaclutter_cli.airborne.following import CellDetails
-from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
-from seaclutter_cli.airborne.land_cells import LandCells
-from seaclutter_cli.airborne.standing import standing_elevations
+from seaclutter_cli.airborne.following import CellDetails, follow_waves
+from seaclutter_cli.airborne.rising import height_limits
+from seaclutter_cli.airborne.shores import LEAST_SQUARES, Shores, commonest_level, island_cells, shores_of
+from seaclutter_cli.airborne.squares import SquareEchoes, Squares, square_table
 from seaclutter_cli.airborne.strips import Column, looks_of, strips_of
-from seaclutter_cli.airborne.surface import CALM_M, RoughWater, SeaSurfaceModel, SeparationParams
-from seaclutter_cli.airborne.tides import LeveledParts, strip_levels
-from seaclutter_cli.airborne.waves import Waves
+from seaclutter_cli.airborne.surface import CALM_M, SeparationParams, Surface
+from seaclutter_cli.airborne.tides import strip_levels
+from seaclutter_cli.airborne.water_model import water_model
+from seaclutter_cli.airborne.waves import Waves, WindowWaves, estimate_waves, window_waves
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.grids.elevation import ElevationGrid
-from seaclutter_cli.grids.opening import SurfaceParams
+from seaclutter_cli.grids.land_cells import LandCells
+from seaclutter_cli.grids.opening import SurfaceParams, open_grid
+from seaclutter_cli.grids.pits import without_pits
+from seaclutter_cli.grids.points import NOWHERE, GriddedPoints
 
 __all__ = ["GROUND", "NEVER", "OTHER", "WATER", "SeaState", "Separation", "separate"]
 
+Cells = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
 _SAMPLE = 20_000
+_PIT, _ROUGH_M = 2.0, 0.4
+_CREST_DEVIATIONS, _CALM_DEVIATIONS, _CALMEST_M = 3.0, 6.0, 0.35
+_LAND_DEVIATIONS, _ISLAND_DEVIATIONS = 4.0, 6.0
+_SURE_ODDS, _MOST_ODDS = 1.5, 6.0
 
 
 def _no_column(_name: str) -> None:
@@ -36,16 +44,10 @@ def _no_column(_name: str) -> None:
 class SeaState:
     """Waves of a tile, and the surface and height that separate objects from them.
 
-    Parameters
-    ----------
-    surface : {"opened", "followed"}
-        Opened surface, or surface that follows the waves of rough water.
-    level_m : float or None
-        Median level of the water; None, like the others, if the height is fixed or most of the tile is not sea.
-    wave_height_m, wave_length_m : float or None
-        Significant wave height, and length of the highest waves.
-    object_height_m : float
-        Height above the surface that makes an object; on rough water, the median over its cells.
+    ``surface``: opened surface, or surface that follows the waves of rough water; ``level_m``: median level of the
+    water; None, like the others, if the height is fixed or most of the tile is not sea; ``wave_height_m``,
+    ``wave_length_m``: significant wave height, and length of the highest waves; ``object_height_m``: height above the
+    surface that makes an object; on rough water, the median over its cells.
     """
 
     surface: Literal["opened", "followed"]
@@ -54,35 +56,15 @@ class SeaState:
     wave_length_m: float | None
     object_height_m: float
 
-    @classmethod
-    def of(cls, surface: SeaSurfaceModel) -> "SeaState":
-        """Return the state of the sea of a tile, rounded to centimetres."""
-        waves, followed = surface.waves, surface.followed
-        height = round(surface.object_height_m, 2)
-        if waves is None:
-            return cls("opened", None, None, None, height)
-        level, wave, length = (round(value, 2) for value in (waves.level_m, waves.height_m, waves.length_m))
-        return cls("followed" if followed else "opened", level, wave, length, height)
-
 
 @dataclass(frozen=True)
 class Separation:
     """Classes and heights of the N points of a tile.
 
-    Parameters
-    ----------
-    classification : ndarray, shape (N,), uint8
-        ASPRS class: `WATER`, `OTHER`, `GROUND`, or `NEVER` for points with a coordinate that is not finite.
-    height_m : ndarray, shape (N,), float32
-        Height above the sea surface in metres; NaN for `NEVER`.
-    cells : int
-        Number of grid cells with points.
-    sea : SeaState
-        What the separation is based on.
-    land : LandCells
-        Where the land is.
-    is_doubtful : bool
-        Whether land was looked for, and nothing in the tile tells it from water.
+    ``classification``, shape (N,): ASPRS class: `WATER`, `OTHER`, `GROUND`, or `NEVER` for points with a coordinate
+    that is not finite; ``height_m``, shape (N,): height above the sea surface in metres; NaN for `NEVER`; ``cells``:
+    number of grid cells with points; ``sea``: what the separation is based on; ``land``: where the land is;
+    ``is_doubtful``: whether land was looked for, and the model is not sure what is water.
     """
 
     classification: NDArray[np.uint8]
@@ -114,14 +96,9 @@ def separate(
 ) -> Separation:
     """Return the separation of a tile into sea and non-sea points.
 
-    Parameters
-    ----------
-    parts : iterable of ndarray, shape (3, n), float64
-        Coordinates in metres; iterated over three times, or on rough water several times.
-    params : SurfaceParams
-        Window and heights. With `SeparationParams`, islands and echoes from below the surface are handled, too.
-    column : callable, optional
-        Returns an attribute of all points by its LAS name, or None.
+    ``parts``, shape (3, n): coordinates in metres; iterated over repeatedly; ``params``: window and heights. With
+    `SeparationParams`, land and echoes from below the surface are handled, too; ``column``, optional: returns an
+    attribute of all points by its LAS name, or None.
 
     Raises
     ------
@@ -131,184 +108,228 @@ def separate(
     points = GriddedPoints.of(parts, params.cell_m)
     if not points.grid.blocks:
         raise InputError("no points with finite coordinates: the sea surface cannot be computed")
-    if isinstance(params, SeparationParams) and params.follows_waves:
-        if (bottom := bottom_of(points, column, params.trust_classes)) is not None:
-            return _above(bottom, points, params, column)
-        return _separated(*_leveled(points, params.cell_m, column), params, column)
-    return _separated(points, None, params, column)
+    if isinstance(params, SeparationParams):
+        found = LeveledTile.of(points, params, column).separation()
+        given = column("classification") if params.trust_classes else None
+        if given is not None:
+            kept = np.isin(given, params.trust_classes) & (found.classification != NEVER)
+            found.classification[kept] = given[kept]
+        return found
+    opened = open_grid(points.grid, params.window_m)
+    surface = Surface(opened, params.height_m, np.zeros(opened.shape, np.bool_))
+    state = SeaState("opened", None, None, None, round(params.height_m, 2))
+    return Separation(*surface.classes(points), _cells(points), state, LandCells(params.cell_m))
 
 
-def _above(bottom: Bottom, points: GriddedPoints, params: SeparationParams, column: Column) -> Separation:
-    """Return the separation of a tile of clear water: that of its surface, with the echoes from below as water."""
-    surface = GriddedPoints.of(_Selected(points.parts, ~bottom.below), params.cell_m)
-    columns = bottom.columns_above(column)
-    found = _separated(*_leveled(surface, params.cell_m, columns), params, columns)
-    classification, height = np.full(points.size, WATER, np.uint8), np.empty(points.size, np.float32)
-    classification[~bottom.below], height[~bottom.below] = found.classification, found.height_m
-    height[bottom.below] = bottom.height_m
-    return replace(found, classification=classification, height_m=height)
+def _cells(points: GriddedPoints) -> int:
+    return int(np.isfinite(points.grid.lowest).sum())
 
 
-def _separated(
-    points: GriddedPoints, change_m: NDArray[np.float64] | None, params: SurfaceParams, column: Column
-) -> Separation:
-    trusted = params.trust_classes if isinstance(params, SeparationParams) else ()
-    looks = _LookGrids(points, params.cell_m, column)
-    surface = SeaSurfaceModel(points.grid, params, EchoReader(points, column, change_m, trusted), looks=looks)
-    if surface.waves is not None and not surface.is_rough:
-        surface.measure_calm(*_water_heights(points, surface))
-    if surface.waves is not None and surface.is_rough:
-        found = _rough(points, surface, surface.waves, column, looks.numbers)
-    else:
-        found = Separation(*_classes(points, surface), surface.cells, SeaState.of(surface), _land(surface))
-    found = replace(found, is_doubtful=surface.is_doubtful)
-    if trusted and (given := column("classification")) is not None:
-        kept = np.isin(given, trusted) & (found.classification != NEVER)
-        found.classification[kept] = given[kept]
-    return found
+@dataclass(frozen=True)
+class LeveledTile:
+    """A tile with the level of all strips made the same.
+
+    ``points``: the N points; ``params``: parameters of the separation; ``column``: returns an attribute of all points;
+    ``look``, shape (N,): what shows each point at one moment, a strip or one direction of a scanner on a cone; None if
+    it is one; ``change_m``: by how much the level of each square of all blocks differs between two strips; ``lowest``,
+    ``opened``, shape (S, 256, 256): lowest elevations without echoes from below the surface, and their opening.
+    """
+
+    points: GriddedPoints
+    params: SeparationParams
+    column: Column
+    look: NDArray[np.uint8] | None
+    change_m: NDArray[np.float64] | None
+    lowest: Cells
+    opened: Cells
+
+    @classmethod
+    def of(cls, points: GriddedPoints, params: SeparationParams, column: Column) -> Self:
+        """Return a tile."""
+        strip = strips_of(column) if params.follows_waves else None
+        levels = None if strip is None else strip_levels(points, strip)
+        if strip is not None and levels is not None and levels.tide_m.any():
+            points = points.lowered(levels.tide_m[strip])
+        change = None if levels is None else levels.changes_m()
+        look = looks_of(strip, points.parts, column) if params.follows_waves else None
+        return cls(points, params, column, look, change, *_surfaces(points, params))
+
+    def separation(self) -> Separation:
+        """Return the separation of the tile."""
+        odds, shores = self._shores()
+        doubtful = self.params.land != "ignore" and _is_doubtful(odds, shores.water)
+        waves = self._waves(shores) if self.params.follows_waves else None
+        if self.params.land == "ignore":
+            shores = replace(shores, land=np.zeros_like(shores.land))
+        surface = self._calm(shores)
+        if waves is None:
+            state = SeaState("opened", None, None, None, self.params.threshold_m)
+            return self._separated(surface, state, is_doubtful=doubtful)
+        middle, deviation = _water_heights(self.points, surface)
+        has_crests = middle + _CREST_DEVIATIONS * deviation > _ROUGH_M
+        if waves.highest_m > _ROUGH_M or has_crests:
+            return replace(self._rough(shores, waves), is_doubtful=doubtful)
+        height = float(np.clip(middle + _CALM_DEVIATIONS * deviation, _CALMEST_M, CALM_M))
+        return self._separated(replace(surface, limit=height), _state("opened", waves, height), is_doubtful=doubtful)
+
+    @property
+    def _top(self) -> Cells:
+        """Elevation up to which echoes are on the surface, shape (S, 256, 256)."""
+        return self.opened + self.params.threshold_m
+
+    def table(self) -> tuple[tuple[str, ...], NDArray[np.float32]]:
+        """Return the features by which the model tells water from land, and their values in each square."""
+        return square_table(self.squares, self._echoes, self._windows, self._changes)
+
+    @cached_property
+    def squares(self) -> Squares:
+        """Squares of the tile."""
+        return Squares.of(self.points.grid, self.lowest, self.lowest <= self._top)
+
+    @cached_property
+    def _echoes(self) -> SquareEchoes:
+        return SquareEchoes.of(self.squares, self.points, self._top, self.column, self.params.trust_classes)
+
+    @cached_property
+    def _windows(self) -> WindowWaves:
+        return window_waves(self._looks(), self.params.cell_m, self.squares.index)
+
+    @property
+    def _changes(self) -> NDArray[np.float64] | None:
+        return None if self.change_m is None else self.change_m[self.squares.index]
+
+    def _shores(self) -> tuple[NDArray[np.float64], Shores]:
+        """Return the log odds of water of the squares, and the land and water of the tile."""
+        few = len(self.squares.index)
+        if few < LEAST_SQUARES:
+            level = np.full(self.lowest.shape, np.median(self.lowest[np.isfinite(self.lowest)]))
+            land = np.zeros(self.lowest.shape, np.bool_)
+            return np.zeros(few), Shores(land, level, 0.0, np.ones(few, np.bool_))
+        odds = water_model().log_odds(self.squares, *self.table(), self._echoes.water)
+        return odds, shores_of(self.points.grid, self.lowest, self.squares, odds, self._windows)
+
+    def _looks(self) -> Iterator[Cells]:
+        """Yield the lowest elevations of each look, shape (S, 256, 256)."""
+        if self.look is None:
+            yield self.lowest
+            return
+        for number in np.unique(self.look).tolist():
+            yield self.points.lowest_of(self.look == number)
+
+    def _waves(self, shores: Shores) -> Waves | None:
+        water = ~shores.land & np.isfinite(self.lowest)
+        if not water.any() or not shores.water.any():
+            return None
+        return estimate_waves(self._looks(), self.lowest - self.opened, shores.level_m, water, self.params.cell_m)
+
+    def _calm(self, shores: Shores) -> Surface:
+        """Return the opened surface, which is at the level of the water on land."""
+        grid, elevation, land, level = self.points.grid, self.opened.copy(), shores.land, shores.level_m
+        island_m = self.params.island_m
+        if not land.any() and island_m is not None:
+            level = np.full(elevation.shape, commonest_level(grid, elevation, island_m / 4))
+            land = island_cells(grid, elevation, level, self.params.threshold_m, island_m)
+        elif land.any() and shores.water.any():
+            land = land | island_cells(grid, elevation, level, shores.bank_m, island_m or np.inf, land)
+        known = land & np.isfinite(level)
+        elevation[known] = level[known]
+        return Surface(elevation, self.params.threshold_m, land, self._ground_top)
+
+    @property
+    def _ground_top(self) -> Cells | None:
+        return self._top if self.params.land == "class2" else None
+
+    def _separated(self, surface: Surface, state: SeaState, *, is_doubtful: bool) -> Separation:
+        land = _land_cells(self.params.cell_m, [(self.points, surface.land)])
+        return Separation(*surface.classes(self.points), _cells(self.points), state, land, is_doubtful)
+
+    def _rough(self, shores: Shores, waves: Waves) -> Separation:
+        """Return the separation of rough water, look by look: where strips overlap, they show it at two moments."""
+        intensity = self.column("intensity")
+        classification, height = np.empty(self.points.size, np.uint8), np.empty(self.points.size, np.float32)
+        looks = []
+        for number in [None] if self.look is None else np.unique(self.look).tolist():
+            own = np.ones(self.points.size, np.bool_) if number is None else self.look == number
+            points = self.points.chosen(own)
+            if not points.grid.blocks:
+                classification[own], height[own] = NEVER, np.nan
+                continue
+            details = _details(points, None if intensity is None else intensity[own])
+            surface, alone_m = self._followed(points, shores, waves, details)
+            classification[own], height[own] = surface.classes(points)
+            looks.append((points, surface.land, alone_m))
+        alone_m = max(looks, key=lambda look: _cells(look[0]))[2]
+        land = _land_cells(self.params.cell_m, [look[:2] for look in looks])
+        return Separation(classification, height, _cells(self.points), _state("followed", waves, alone_m), land)
+
+    def _followed(
+        self, points: GriddedPoints, shores: Shores, waves: Waves, details: CellDetails
+    ) -> tuple[Surface, float]:
+        """Return the surface of the rough water of one look, and the height that a single cell needs to stand out."""
+        grid, params = points.grid, self.params
+        lowest, opened = _surfaces(points, params)
+        slots = [self.points.grid.blocks[block] for block in grid.blocks]
+        own, level, top = shores.land[slots], shores.level_m[slots], self._top[slots]
+        above, high = _LAND_DEVIATIONS * waves.deviation_m, _ISLAND_DEVIATIONS * waves.deviation_m
+        land = own | island_cells(grid, opened, level, above, max(params.island_m or np.inf, high), own)
+        step = level - waves.level_m
+        followed = follow_waves(grid, lowest - step, land, waves, lowest - opened, details)
+        followed = replace(followed, surface=followed.surface + step)
+        limits = height_limits(grid, lowest, land, followed, details)
+        ground_top = top if params.land == "class2" else None
+        return Surface(followed.surface, limits.limit, land, ground_top), limits.alone_m
 
 
-def _water_heights(points: GriddedPoints, surface: SeaSurfaceModel) -> tuple[float, float]:
+def _surfaces(points: GriddedPoints, params: SeparationParams) -> tuple[Cells, Cells]:
+    """Return the lowest elevations without echoes from below the surface, and their opening."""
+    lowest = without_pits(points.grid, _PIT * params.threshold_m)
+    return lowest, open_grid(points.grid, params.window_m, lowest)
+
+
+def _is_doubtful(odds: NDArray[np.float64], water: Mask) -> bool:
+    """Return whether the model is on average hardly sure of what it takes for water, or there is too little for it."""
+    return not len(water) or bool(water.any() and np.clip(odds[water], -_MOST_ODDS, _MOST_ODDS).mean() < _SURE_ODDS)
+
+
+def _state(surface: Literal["opened", "followed"], waves: Waves, height_m: float) -> SeaState:
+    values = (waves.level_m, waves.height_m, waves.length_m, height_m)
+    return SeaState(surface, *(round(value, 2) for value in values))
+
+
+def _water_heights(points: GriddedPoints, surface: Surface) -> tuple[float, float]:
     """Return the median height of the echoes of water above the opened surface, and their deviation below it."""
     step = points.size // _SAMPLE + 1
-    sample, start = [], 0
-    for z, cell in points:
-        every = np.arange(-start % step, len(cell), step)
-        start += len(cell)
+    sample = []
+    for own, z, cell in points:
+        every = np.arange(-own.start % step, len(cell), step)
         used = every[cell[every] != NOWHERE]
         above, limit = surface.heights(z[used], cell[used])
-        sample.append(above[np.broadcast_to(limit, above.shape) > 0])  # no land
+        sample.append(above[limit > 0])  # no land
     above = np.concatenate(sample)
     low, middle = np.quantile(above, (0.1587, 0.5)) if len(above) else (0.0, 0.0)
     return float(middle), float(middle - low)
 
 
-def _leveled(points: GriddedPoints, cell_m: float, column: Column) -> tuple[GriddedPoints, NDArray[np.float64] | None]:
-    """Return the points of a tile with the water of all strips at one level, and how squares change between strips."""
-    strip = strips_of(column)
-    levels = None if strip is None else strip_levels(points, strip)
-    if strip is None or levels is None:
-        return points, None
-    if not levels.tide_m.any():
-        return points, levels.changes_m()
-    leveled = GriddedPoints.of(LeveledParts(points.parts, strip, levels.tide_m), cell_m)
-    return leveled, levels.changes_m()
+def _land_cells(cell_m: float, looks: Iterable[tuple[GriddedPoints, Mask]]) -> LandCells:
+    """Return the land of a tile, which its looks have in parts."""
+    blocks: dict[tuple[int, int], Mask] = {}
+    for points, land in looks:
+        for block, slot in points.grid.blocks.items():
+            if land[slot].any():
+                blocks[block] = blocks[block] | land[slot] if block in blocks else land[slot]
+    return LandCells(cell_m, blocks)
 
 
-def _land(*surfaces: SeaSurfaceModel) -> LandCells:
-    """Return the land of a tile, which its strips have in parts."""
-    blocks: dict[tuple[int, int], NDArray[np.bool_]] = {}
-    for surface in surfaces:
-        for block, own in surface.all_land_by_block.items():
-            blocks[block] = blocks[block] | own if block in blocks else own
-    return LandCells(surfaces[0].params.cell_m, blocks)
-
-
-def _rough(
-    whole_tile: GriddedPoints, whole: SeaSurfaceModel, waves: Waves, column: Column, strip: NDArray[np.uint8] | None
-) -> Separation:
-    """Return the separation of rough water, strip by strip: where strips overlap, they show it at two moments."""
-    intensity = column("intensity")
-    classification, height = np.empty(whole_tile.size, np.uint8), np.empty(whole_tile.size, np.float32)
-    may_mix = strip is None and column("gps_time") is None
-    surfaces = []
-    passes = strips_of(column)  # the looks of a cone are only seconds apart
-    standing = None if passes is None else standing_elevations(whole_tile, passes, waves)
-    for number in [None] if strip is None else np.unique(strip).tolist():
-        own = np.ones(whole_tile.size, np.bool_) if number is None else strip == number
-        points = GriddedPoints.of(_Selected(whole_tile.parts, own), whole.params.cell_m)
-        if not points.grid.blocks:
-            classification[own], height[own] = NEVER, np.nan
-            continue
-        details = _details(points, None if intensity is None else intensity[own], may_mix=may_mix)
-        rough = RoughWater(
-            waves,
-            whole.land_by_block,
-            whole.levels_by_block,
-            details,
-            _by_block(whole_tile, standing),
-            whole.ditches_by_block,
-        )
-        surface = SeaSurfaceModel(points.grid, whole.params, rough=rough)
-        classification[own], height[own] = _classes(points, surface)
-        surfaces.append(surface)
-    largest = max(surfaces, key=lambda surface: surface.cells)
-    return Separation(classification, height, whole.cells, SeaState.of(largest), _land(*surfaces))
-
-
-@dataclass(frozen=True)
-class _LookGrids:
-    """Grids of what each look of a tile shows; none if there is only one."""
-
-    points: GriddedPoints
-    cell_m: float
-    column: Column
-
-    @cached_property
-    def numbers(self) -> NDArray[np.uint8] | None:
-        """Look of each point, shape (N,); None if there is only one."""
-        return looks_of(strips_of(self.column), self.points.parts, self.column)
-
-    def __iter__(self) -> Iterator[ElevationGrid]:
-        if self.numbers is None:
-            return
-        for number in np.unique(self.numbers).tolist():
-            grid = GriddedPoints.of(_Selected(self.points.parts, self.numbers == number), self.cell_m).grid
-            if grid.blocks:
-                yield grid
-
-
-@dataclass(frozen=True)
-class _Selected:
-    """Selected points of each part."""
-
-    parts: Iterable[NDArray[np.float64]]
-    own: NDArray[np.bool_]
-
-    def __iter__(self) -> Iterator[NDArray[np.float64]]:
-        start = 0
-        for xyz in self.parts:
-            yield xyz[:, self.own[start : start + xyz.shape[1]]]
-            start += xyz.shape[1]
-
-
-def _by_block(points: GriddedPoints, cells: NDArray[np.float64] | None) -> dict[tuple[int, int], NDArray[np.float64]]:
-    return {} if cells is None else {block: cells[slot] for block, slot in points.grid.blocks.items()}
-
-
-def _classes(points: GriddedPoints, surface: SeaSurfaceModel) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    classification, height = np.empty(points.size, np.uint8), np.empty(points.size, np.float32)
-    to_ground = isinstance(surface.params, SeparationParams) and surface.params.land == "class2"
-    start = 0
-    for z, cell in points:
-        own = slice(start, start + len(cell))
-        above, limit = surface.heights(z, cell)
-        located = cell != NOWHERE
-        height[own] = np.where(located, above, np.nan)
-        classification[own] = np.where(above > limit, np.uint8(OTHER), np.uint8(WATER))
-        if to_ground:
-            classification[own][surface.is_ground(z, cell) & (above > limit)] = GROUND
-        classification[own][~located] = NEVER
-        start = own.stop
-    return classification, height
-
-
-def _details(points: GriddedPoints, intensity: NDArray[Any] | None, *, may_mix: bool) -> CellDetails:
-    """Return the highest elevation, the number of echoes, and the intensities of each cell."""
+def _details(points: GriddedPoints, intensity: NDArray[Any] | None) -> CellDetails:
+    """Return the highest elevation, the brightness and the number of echoes of each cell."""
     shape = points.grid.lowest.shape
     highest, echoes = np.full(shape, -np.inf), np.zeros(shape, np.int64)
-    brightest, one, two = (None if intensity is None else np.zeros(shape) for _ in range(3))
-    if brightest is not None:
-        brightest[:] = -np.inf
-    start = 0
-    for z, cell in points:
+    brightest = None if intensity is None else np.full(shape, -np.inf)
+    for own, z, cell in points:
         located = cell != NOWHERE
         np.maximum.at(highest.reshape(-1), cell[located], z[located])
         np.add.at(echoes.reshape(-1), cell[located], 1)
-        if intensity is not None and brightest is not None and one is not None and two is not None:
-            value = np.nan_to_num(intensity[start : start + len(cell)][located]).astype(np.float64)
+        if intensity is not None and brightest is not None:
+            value = np.nan_to_num(intensity[own][located]).astype(np.float64)
             np.fmax.at(brightest.reshape(-1), cell[located], np.log1p(np.maximum(value, 0)))
-            np.add.at(one.reshape(-1), cell[located], value)
-            np.add.at(two.reshape(-1), cell[located], value**2)
-        start += len(cell)
-    return CellDetails(highest, brightest, one, two, echoes, np.zeros(shape, np.bool_), may_mix)
+    return CellDetails(highest, brightest, echoes)

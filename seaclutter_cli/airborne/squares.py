@@ -1,107 +1,101 @@
-"""Squares of eight by eight cells: their level, flatness, neighbours and waves, which distinguish water from land."""
+"""The table of features that tells water from land: one row for each square of eight by eight cells."""
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.part_waves import PART_CELLS, PartWaves
+from seaclutter_cli.airborne.classes import GROUND, WATER
+from seaclutter_cli.airborne.strips import Column
+from seaclutter_cli.airborne.waves import WindowWaves
 from seaclutter_cli.grids.elevation import BLOCK, ElevationGrid
+from seaclutter_cli.grids.points import NOWHERE, GriddedPoints
 
 Values = NDArray[np.float64]
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Value = TypeVar("Value", bound=np.generic)
 
 SIDE = 8
 """Width of a square in cells."""
-LEAST_SQUARES = 6
-"""Squares that make a region; the opening takes what is smaller for an object."""
-RELIEF_M = 0.03
-"""Deviation of levels from which they are relief if two strips show them alike."""
 _PER_BLOCK = BLOCK // SIDE
-_LEAST_CELLS = 6
-_STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
-_FAR = 1 << 31
-_AT_LEVEL, _NEAR_LEVEL_M = 4.0, 0.2
-_LEAST_SHARED, _LEAST_RELIEF = 16, 0.5
-_CLEAR_CHANGE = 0.05
-_LEAST_AROUND, _LEAST_MOVING_M = 6, 0.05
+_LEAST_CELLS, _LEAST_ECHOES = 6, 12
+_NEAR, _FAR = 2, 8
+_SAME_M, _STEP_M = 0.15, 0.15
+_FLAT_M, _JOINED_M = 0.15, 0.08
+_TALL_M = 2.0
+_SHARES = (0.1587, 0.5, 0.8413)
 
 
 @dataclass(frozen=True)
 class Squares:
     """The N squares of a tile in which enough cells have points.
 
-    Parameters
-    ----------
-    index : ndarray, shape (N,), int64
-        Index of each square among those of all blocks.
-    xy : ndarray, shape (2, N), int64
-        Column and row.
-    level_m, spread_m : ndarray, shape (N,), float64
-        Median of the lowest elevations, and half the distance between their 16th and 84th percentile; of the cells on
-        the opened surface, if there are enough.
-    open_share : ndarray, shape (N,), float64
-        Share of these cells among those with points.
-    top_m : ndarray, shape (N,), float64
-        The highest of the lowest elevations of all cells.
-    sill_m : ndarray, shape (2, N), float64
-        Height that all ways across reach, from column to column and from row to row: that of a wall, not of a tree.
-    neighbor : ndarray, shape (4, N), int64
-        Index of the square on each side; -1 for none.
-    side_m : float
-        Width of a square.
+    ``index``, shape (N,): index of each square among those of all blocks; ``xy``, shape (2, N): column and row;
+    ``level_m``, ``spread_m``, shape (N,): median of the lowest elevations of cells, and half the distance between their
+    16th and 84th percentile; of those on the opened surface, if there are enough; ``top_m``, shape (N,): the highest of
+    the lowest elevations; ``texture_m``, shape (N,): root mean square of half the difference between cells side by
+    side; NaN without any; ``open_share``, ``filled``, shape (N,): share of the cells with points that are on the opened
+    surface, and of all cells that have points; ``neighbor``, shape (4, N): index of the square on each side; -1 for
+    none.
     """
 
     index: NDArray[np.int64]
     xy: NDArray[np.int64]
     level_m: Values
     spread_m: Values
-    open_share: Values
     top_m: Values
-    sill_m: Values
+    texture_m: Values
+    open_share: Values
+    filled: Values
     neighbor: NDArray[np.int64]
-    side_m: float
+
+    @classmethod
+    def of(cls, grid: ElevationGrid, lowest: Cells, on_surface: Mask) -> "Squares":
+        """Return the squares of a grid from the lowest elevations of cells, and whether these are on the surface."""
+        known, low = (_by_square(values) for values in (on_surface, lowest))
+        cells = np.isfinite(low).sum(axis=1)
+        index = np.flatnonzero(cells >= _LEAST_CELLS)
+        known, low, cells = known[index], low[index], cells[index]
+        enough = known.sum(axis=1) >= _LEAST_CELLS
+        used = np.where(enough[:, None], known, np.isfinite(low))
+        ordered = np.sort(np.where(used, low, np.inf), axis=1)
+        last, row = used.sum(axis=1) - 1, np.arange(len(index))
+        lower, level, upper = (ordered[row, np.rint(part * last).astype(np.int64)] for part in _SHARES)
+        top = np.where(np.isfinite(low), low, -np.inf).max(axis=1, initial=-np.inf)
+        xy = positions(grid, index)
+        share = known.sum(axis=1) / np.maximum(cells, 1)
+        texture, filled = _texture(np.where(used, low, np.nan)), cells / SIDE**2
+        return cls(index, xy, level, (upper - lower) / 2, top, texture, share, filled, _neighbors(xy))
+
+    def around(self, values: Values, times: int) -> Values:
+        """Return the mean of the known values around each square, shape (N,): of three by three, so many times."""
+        known = np.isfinite(values)
+        total, weight = np.where(known, values, 0), known.astype(np.float64)
+        for _ in range(times):
+            for sides in (self.neighbor[::2], self.neighbor[1::2]):
+                total, weight = (own + np.append(own, 0)[sides].sum(axis=0) for own in (total, weight))
+            total, weight = total / 9, weight / 9
+        return np.asarray(np.divide(total, weight, out=np.full(len(values), np.nan), where=weight > 0))
+
+    def joined(self, links: Mask) -> NDArray[np.int32]:
+        """Return the group of each square, shape (N,): those that links, shape (2, N), join to their neighbours."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        size = len(self.index)
+        one, other = np.tile(np.arange(size), 2)[links.reshape(-1)], self.neighbor[:2].reshape(-1)[links.reshape(-1)]
+        graph = coo_array((np.ones(len(one), np.bool_), (one, other)), shape=(size, size))
+        return np.asarray(connected_components(graph, directed=False)[1])
 
 
-def squares_of(grid: ElevationGrid, lowest: Cells, on_surface: Mask) -> Squares:
-    """Return the squares of a grid.
-
-    Parameters
-    ----------
-    grid : ElevationGrid
-        The grid, in S blocks.
-    lowest : ndarray, shape (S, 256, 256), float64
-        Lowest elevations; plus infinity in empty cells.
-    on_surface : ndarray, shape (S, 256, 256), bool
-        Cells whose lowest echo is on the opened surface.
-    """
-    known, low = (_by_square(values) for values in (on_surface, lowest))
-    filled = np.isfinite(low).sum(axis=1)
-    index = np.flatnonzero(filled >= _LEAST_CELLS)
-    known, low, filled = known[index], low[index], filled[index]
-    share = known.sum(axis=1) / np.maximum(filled, 1)
-    enough = known.sum(axis=1) >= _LEAST_CELLS
-    used = np.where(enough[:, None], known, np.isfinite(low))
-    ordered = np.sort(np.where(used, low, np.inf), axis=1)
-    last, row = used.sum(axis=1) - 1, np.arange(len(index))
-    lower, level, upper = (ordered[row, np.rint(part * last).astype(np.int64)] for part in (0.1587, 0.5, 0.8413))
-    cells = np.where(np.isfinite(low), low, -np.inf).reshape(-1, SIDE, SIDE)
-    sill = np.stack([cells.max(axis=way).min(axis=1) for way in (1, 2)])
-    share, xy = np.where(enough, share, 0), positions(grid, index)
-    top, neighbor = cells.max(axis=(1, 2)), _neighbors(xy)
-    return Squares(index, xy, level, (upper - lower) / 2, share, top, sill, neighbor, SIDE * grid.cell_m)
-
-
-def _by_square(values: NDArray[Value]) -> NDArray[Value]:
+def _by_square(values: NDArray[Any]) -> NDArray[Any]:
     split = values.reshape(-1, _PER_BLOCK, SIDE, _PER_BLOCK, SIDE)
     return split.transpose(0, 1, 3, 2, 4).reshape(-1, SIDE * SIDE)
 
 
-def by_cell(values: NDArray[Value]) -> NDArray[Value]:
+def by_cell(values: NDArray[Any]) -> NDArray[Any]:
     """Return values of all squares of S blocks, shape (S * 32 * 32,), for all cells, shape (S, 256, 256)."""
     blocks = values.reshape(-1, _PER_BLOCK, _PER_BLOCK)
     return np.repeat(np.repeat(blocks, SIDE, axis=1), SIDE, axis=2)
@@ -126,155 +120,215 @@ def positions(grid: ElevationGrid, index: NDArray[np.int64]) -> NDArray[np.int64
 
 
 def _neighbors(xy: NDArray[np.int64]) -> NDArray[np.int64]:
-    key = xy[0] * _FAR + xy[1]
+    key = (xy[0] << 32) + xy[1]
     order = np.argsort(key)
-    found = np.full((len(_STEPS), len(key)), -1, np.int64)
-    for own, (dx, dy) in zip(found, _STEPS, strict=True):
-        wanted = key + dx * _FAR + dy
-        at = np.minimum(np.searchsorted(key[order], wanted), max(len(key) - 1, 0))
+    found = np.full((4, len(key)), -1, np.int64)
+    for own, step in zip(found, (1 << 32, 1, -(1 << 32), -1), strict=True):
+        at = np.minimum(np.searchsorted(key[order], key + step), max(len(key) - 1, 0))
         if len(key):
-            hit = key[order][at] == wanted
+            hit = key[order][at] == key + step
             own[hit] = order[at[hit]]
     return found
 
 
+def _texture(low: Cells) -> Values:
+    """Return the root mean square of half the difference of cells side by side, of squares, shape (N, 64)."""
+    cells = low.reshape(-1, SIDE, SIDE)
+    steps = [np.diff(cells, axis=axis).reshape(len(low), -1) for axis in (1, 2)]
+    power = np.concatenate(steps, axis=1) ** 2
+    number = np.isfinite(power).sum(axis=1)
+    total = np.where(np.isfinite(power), power, 0).sum(axis=1)
+    return np.asarray(np.sqrt(np.divide(total, 2 * number, out=np.full(len(low), np.nan), where=number > 0)))
+
+
 @dataclass(frozen=True)
-class SquareWaves:
-    """Waves in each of N squares.
+class SquareEchoes:
+    """Echoes of each of N squares; NaN if unknown.
 
-    Parameters
-    ----------
-    level_m, deviation_m : ndarray, shape (N,), float64
-        Level of the water around the waves, and their standard deviation; the level of the square, and 0, if there are
-        none.
-    length_m : ndarray, shape (N,), float64
-        Length of the waves; 0 without waves.
-    measured : ndarray, shape (N,), bool
-        Whether the waves were measured there, not only beside it.
+    ``number``, shape (N,): number of echoes; ``several``, ``tall``, shape (N,): share of those on the surface that are
+    of pulses with several echoes, and of all that are two metres above it; ``brightness``, ``variation``, shape (N,):
+    logarithm of the mean intensity of pulses with one echo, and their standard deviation divided by their mean;
+    ``water``, shape (N,): 1 if most have the trusted class of water, 0 if most have that of ground.
     """
 
-    level_m: Values
-    deviation_m: Values
-    length_m: Values
-    measured: Mask
+    number: Values
+    several: Values
+    tall: Values
+    brightness: Values
+    variation: Values
+    water: Values
+
+    @classmethod
+    def of(
+        cls, squares: Squares, points: GriddedPoints, top: Cells, column: Column, trusted: Collection[int] = ()
+    ) -> "SquareEchoes":
+        """Return the echoes of squares; those no higher than ``top``, by cell, are on the surface."""
+        intensity, returns = column("intensity"), column("number_of_returns")
+        classes = column("classification") if trusted else None
+        size = squares_in(points.grid)
+        every, tall, surface, single, one, two, water, ground = np.zeros((8, size))
+        high = np.full(size, np.inf)
+        high[squares.index] = squares.level_m + _TALL_M
+        for own, z, cell in points:
+            used = np.flatnonzero(cell != NOWHERE)
+            square = square_of(cell[used])
+            every += np.bincount(square, minlength=size)
+            tall += np.bincount(square, z[used] > high[square], size)
+            low = z[used] <= top.reshape(-1)[cell[used]]
+            used, square = used[low] + own.start, square[low]
+            surface += np.bincount(square, minlength=size)
+            if classes is not None:
+                water += np.bincount(square, (classes[used] == WATER) & (WATER in trusted), size)
+                ground += np.bincount(square, (classes[used] == GROUND) & (GROUND in trusted), size)
+            if returns is not None:
+                whole = returns[used] <= 1
+                used, square = used[whole], square[whole]
+            single += np.bincount(square, minlength=size)
+            if intensity is not None:
+                value = np.nan_to_num(intensity[used]).astype(np.float64)
+                one += np.bincount(square, value, size)
+                two += np.bincount(square, value**2, size)
+        sums = np.stack((every, tall, surface, single, one, two, water, ground))[:, squares.index]
+        every, tall, surface, single, one, two, water, ground = sums
+        unknown = np.full(len(every), np.nan)
+        known = (single >= _LEAST_ECHOES) & (one > 0)
+        mean = np.divide(one, single, out=unknown.copy(), where=known)
+        spread = np.sqrt(np.maximum(np.divide(two, single, out=unknown.copy(), where=known) - mean**2, 0))
+        some = (surface >= _LEAST_ECHOES) & (returns is not None)
+        several = np.divide(surface - single, surface, out=unknown.copy(), where=some)
+        given = np.where(water > surface / 2, 1.0, np.where(ground > surface / 2, 0.0, np.nan))
+        return cls(every, several, tall / np.maximum(every, 1), np.log(mean), spread / mean, given)
 
 
-def waves_of(
-    squares: Squares, centers: Values, parts: Sequence[PartWaves], change_m: Values, ground: Mask | None = None
-) -> SquareWaves:
-    """Return the waves in squares: those of the nearest part at their level. Still parts have none.
+def square_table(
+    squares: Squares, echoes: SquareEchoes, waves: WindowWaves, change_m: Values | None
+) -> tuple[tuple[str, ...], NDArray[np.float32]]:
+    """Return the names of F features, and their values, shape (N, F); NaN if unknown.
 
-    Parameters
-    ----------
-    squares : Squares
-        The N squares of a tile.
-    centers : ndarray, shape (2, P), float64
-        Centres of the parts in cells.
-    parts : sequence of PartWaves
-        Their waves.
-    change_m : ndarray, shape (N,), float64
-        By how much the level of each square differs between two strips; NaN if unknown.
-    ground : ndarray, shape (N,), bool, optional
-        Squares without waves, as are parts of which they are most.
-
-    Notes
-    -----
-    Waves move, so strips show them in other places. What two strips show alike is relief, and no waves. If this is so
-    wherever there are two strips, parts at such a level that one strip shows have none either.
+    ``squares``: the N squares of a tile; ``echoes``: their echoes; ``waves``: waves in the window of each square;
+    ``change_m``, shape (N,): by how much the level differs between two strips; NaN if only one shows the square.
     """
-    level, deviation, length = squares.level_m.copy(), np.zeros(len(squares.index)), np.zeros(len(squares.index))
-    distance, measured = np.full(len(level), np.inf), np.zeros(len(level), np.bool_)
-    free = np.ones(len(level), np.bool_) if ground is None else ~ground
-    offsets = [squares.xy + 0.5 - center[:, None] for center in centers.T / SIDE]
-    inside = [np.abs(offset).max(axis=0) < PART_CELLS / 2 / SIDE for offset in offsets]
-    used = _which_count(squares, parts, inside, change_m, free)
-    for offset, own, part, counts in zip(offsets, inside, parts, used, strict=True):
-        if not counts:
-            continue
-        apart = (offset**2).sum(axis=0)
-        waves_m = part.deviation_m if part.is_sea else 0.0
-        near = _are_near(squares.level_m, part.level_m, waves_m)
-        closer = near & (apart < distance) & free
-        level[closer] = part.level_m if part.is_sea else squares.level_m[closer]
-        deviation[closer], distance[closer] = waves_m, apart[closer]
-        length[closer] = part.length_m if part.is_sea else 0.0
-        measured[closer] = part.is_sea & own[closer]
-    return SquareWaves(level, deviation, length, measured)
+    change = np.full(len(squares.index), np.nan) if change_m is None else change_m
+    named = {
+        **_own(squares, echoes),
+        **_relief(squares, change),
+        **_of_tile(squares, echoes),
+        **waves.features(squares.level_m),
+        **_of_region(squares, echoes, waves),
+    }
+    return tuple(named), np.stack(list(named.values()), axis=1).astype(np.float32)
 
 
-def _which_count(
-    squares: Squares, parts: Sequence[PartWaves], inside: Sequence[Mask], change_m: Values, free: Mask
-) -> Sequence[bool]:
-    """Return which parts count: those of which at least half is free, and whose waves are no relief."""
-    stays = [_stays(squares, change_m, part, own) for part, own in zip(parts, inside, strict=True)]
-    relief = [part for part, stay in zip(parts, stays, strict=True) if stay and False not in stays]
-    counts = []
-    for own, part, stay in zip(inside, parts, stays, strict=True):
-        is_free = np.count_nonzero(own & free) >= np.count_nonzero(own) / 2
-        is_field = stay or any(_are_near(part.level_m, field.level_m, field.deviation_m) for field in relief)
-        counts.append(bool(is_free and not (part.is_sea and is_field)))
-    return counts
+def _middle(values: Values, share: float = 0.5) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.quantile(known, share)) if len(known) else np.nan
 
 
-def _are_near(level_m: Values | float, part_m: float, waves_m: float) -> Mask:
-    """Return whether levels may be those of a part with waves of some deviation."""
-    return np.asarray(np.abs(level_m - part_m) <= _AT_LEVEL * waves_m + _NEAR_LEVEL_M)
+def _own(squares: Squares, echoes: SquareEchoes) -> dict[str, Values]:
+    """Return what squares look like, each alone and over those around it."""
+    own = {
+        "spread": squares.spread_m,
+        "texture": squares.texture_m,
+        "open": squares.open_share,
+        "filled": squares.filled / _middle(squares.filled),
+        "echoes": np.log(echoes.number / _middle(echoes.number)),
+        "several": echoes.several,
+        "tall": echoes.tall,
+        "brightness": echoes.brightness - _middle(echoes.brightness),
+        "variation": echoes.variation,
+    }
+    near = {f"{name}, near": squares.around(values, _NEAR) for name, values in own.items()}
+    far = {f"{name}, far": squares.around(values, _FAR) for name, values in own.items()}
+    return {**own, **near, **far}
 
 
-def _stays(squares: Squares, change_m: Values, part: PartWaves, inside: Mask) -> bool | None:
-    """Return whether two strips show the same elevations in a part with waves; None if that is not known."""
-    if not part.is_sea:
-        return None
-    near = np.abs(squares.level_m - part.level_m) <= _AT_LEVEL * part.deviation_m
-    return is_relief(squares, change_m, inside & near, max(_LEAST_RELIEF * part.deviation_m, RELIEF_M))
+def _relief(squares: Squares, change_m: Values) -> dict[str, Values]:
+    """Return slope, and deviations of levels and of their change between strips, near and far."""
+    level = np.append(squares.level_m, np.nan)
+    east, north, west, south = level[squares.neighbor]
+    slopes = [np.where(np.isfinite(a - b), a - b, 0) / 2 for a, b in ((east, west), (north, south))]
+    center = np.nanmean(np.stack((east, north, west, south, level[:-1])), axis=0)
+    found = {"slope": np.hypot(*slopes), "curvature": np.abs(squares.level_m - center)}
+    middle = _middle(squares.level_m)
+    for name, times in (("near", _NEAR), ("far", _FAR)):
+        above = squares.level_m - middle
+        mean, power = squares.around(above, times), squares.around(above**2, times)
+        found[f"level, {name}"] = above - mean
+        found[f"relief, {name}"] = np.sqrt(np.maximum(power - mean**2, 0))
+        moved = np.sqrt(squares.around(change_m**2, times))
+        found[f"change, {name}"] = moved
+        found[f"change to relief, {name}"] = moved / (found[f"relief, {name}"] + 0.01)
+    return found
 
 
-def is_relief(squares: Squares, change_m: Values, own: Mask | NDArray[np.int64], least_m: float) -> bool | None:
-    """Return whether two strips show the same elevations in some squares.
+def _of_tile(squares: Squares, echoes: SquareEchoes) -> dict[str, Values]:
+    """Return the level of squares among all, and what all squares of the tile have in common."""
+    flat = squares.spread_m <= _FLAT_M
+    ordered = np.sort(squares.level_m)
+    common = np.sort(squares.level_m[flat]) if flat.any() else ordered
 
-    None if fewer than 16 tell, or if the deviation of their levels is less than ``least_m``. The variance of what the
-    strips differ in is at most half of that of the levels; that of waves is twice as large. Half of ``least_m`` is
-    enough if it is at most a twentieth.
-    """
-    known = np.isfinite(change_m[own])
-    if np.count_nonzero(known) < _LEAST_SHARED:
-        return None
-    level, change = (_deviation(values[own][known]) for values in (squares.level_m, change_m))
-    if level >= least_m / 2 and change**2 <= _CLEAR_CHANGE * level**2:
-        return True
-    return change**2 <= level**2 / 2 if level >= least_m else None
+    def share(levels: Values, low: Values, high: Values) -> Values:
+        return np.asarray(np.searchsorted(levels, high, "right") - np.searchsorted(levels, low)) / max(len(levels), 1)
 
-
-def are_moving(squares: Squares, change_m: Values) -> Mask:
-    """Return which squares rise and fall from strip to strip, as waves do, shape (N,).
-
-    The changes of the three by three squares around one deviate by 5 cm, and more than their levels: 1.4 times as much
-    where waves are elsewhere in each strip, but less where relief is. Six of them must be in two strips. These are few
-    squares, so one is moving, too, if most of them are.
-    """
-    known = np.isfinite(change_m)
-    if not known.any():
-        return known
-    number = _around(squares, known.astype(np.float64))
-
-    def deviation(values: Values) -> Values:
-        own = np.where(known, values - np.median(values[known]), 0)
-        mean, power = (_around(squares, part) / np.maximum(number, 1) for part in (own, own**2))
-        return np.asarray(np.sqrt(np.maximum(power - mean**2, 0)))
-
-    change = deviation(change_m)
-    moving = known & (number >= _LEAST_AROUND) & (change >= _LEAST_MOVING_M) & (change > deviation(squares.level_m))
-    return moving | (known & (2 * _around(squares, moving.astype(np.float64)) > number))
+    alike = share(common, squares.level_m - _SAME_M, squares.level_m + _SAME_M)
+    commonest = squares.level_m[np.argmax(alike)] if len(alike) else 0.0
+    ones = np.ones(len(squares.index))
+    whole = {
+        "flat squares": float(flat.mean()) if len(flat) else 0.0,
+        "level range": _middle(squares.level_m, 0.9) - _middle(squares.level_m, 0.1),
+        "most variation": _middle(echoes.variation, 0.9),
+        "least variation": _middle(echoes.variation, 0.1),
+        "contrast": _middle(echoes.brightness, 0.9) - _middle(echoes.brightness, 0.1),
+        "several squares": float((echoes.several > 0.05).mean()) if np.isfinite(echoes.several).any() else np.nan,
+        "tall squares": float((echoes.tall > 0.05).mean()) if len(ones) else 0.0,
+        "squares": np.log(max(len(ones), 1)),
+    }
+    return {
+        "rank": share(ordered, np.full(len(ones), -np.inf), squares.level_m - _SAME_M),
+        "as level": alike,
+        "above commonest": squares.level_m - commonest,
+        "above lowest": squares.level_m - (ordered[len(ordered) // 50] if len(ordered) else 0.0),
+        **{f"tile: {name}": value * ones for name, value in whole.items()},
+    }
 
 
-def _around(squares: Squares, values: Values) -> Values:
-    """Return the sum of values over three by three squares."""
-    for sides in (squares.neighbor[::2], squares.neighbor[1::2]):
-        values = values + np.append(values, 0)[sides].sum(axis=0)
-    return values
+def _of_region(squares: Squares, echoes: SquareEchoes, waves: WindowWaves) -> dict[str, Values]:
+    """Return features of the level region of each square: connected squares, flat but for waves."""
+    deviation = np.nan_to_num(np.where(waves.depth > 0, waves.deviation_m, 0.0))
+    flat = np.append(squares.spread_m <= np.maximum(_FLAT_M, 3 * deviation), False)
+    step = np.maximum(_JOINED_M, 1.5 * deviation)
+    level = np.append(squares.level_m, np.inf)
+    links = flat[squares.neighbor[:2]] & flat[:-1] & (np.abs(level[squares.neighbor[:2]] - level[:-1]) <= step)
+    region = squares.joined(links)
+    size = np.bincount(region)
 
+    def mean(values: Values) -> Values:
+        known = np.isfinite(values)
+        number = np.bincount(region, known)
+        total = np.bincount(region, np.where(known, values, 0))
+        return np.asarray(np.divide(total, number, out=np.full(len(size), np.nan), where=number > 0))
 
-def _deviation(values: Values) -> float:
-    """Return the standard deviation of values, without outliers."""
-    low, high = np.quantile(values, (0.1587, 0.8413))
-    return float(high - low) / 2
+    place = squares.xy - np.stack([mean(axis.astype(np.float64)) for axis in squares.xy])[:, region]
+    above = squares.level_m - mean(squares.level_m)[region]
+    tilt = [mean(axis * above) / np.maximum(mean(axis.astype(np.float64) ** 2), 0.1) for axis in place]
+    rest = above - sum(slope[region] * axis for slope, axis in zip(tilt, place, strict=True))
+    own = np.append(region, -1)
+    outside = own[squares.neighbor] != region
+    missing = squares.neighbor < 0
+    beyond = np.append(squares.level_m, np.nan)[squares.neighbor] - squares.level_m
+    crest = np.append(squares.top_m, np.nan)[squares.neighbor] - squares.level_m
+    edges = {"higher": crest > _STEP_M, "lower": beyond < -_STEP_M, "missing": missing}
+    length = np.maximum(np.bincount(region, outside.sum(axis=0)), 1)
+    found = {
+        "size": np.log(size),
+        "share": size / max(len(region), 1),
+        "slope": np.hypot(*tilt) / SIDE,
+        "bumps": np.sqrt(mean(rest**2)),
+        **{name: np.bincount(region, (outside & mask).sum(axis=0)) / length for name, mask in edges.items()},
+        "spread": mean(squares.spread_m),
+        "variation": mean(echoes.variation),
+        "brightness": mean(echoes.brightness) - _middle(echoes.brightness),
+        "several": mean(echoes.several),
+        "oscillation": mean(waves.depth),
+    }
+    return {f"region: {name}": np.asarray(values)[region] for name, values in found.items()}

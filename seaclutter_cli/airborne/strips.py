@@ -1,8 +1,7 @@
 """Strips of a tile: the passes of the aircraft, each of which shows the water at one moment."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ _TURN_S = 30.0
 _LEAST_SHARE = 0.01
 _MANY_POINTS, _SIDE_M, _LEAST_POINTS = 200_000, 8.0, 4
 _STILL_S, _TWICE_SHARE = 0.25, 0.05
+_ROW = 2.0**24
 
 
 def strips_of(column: Column) -> NDArray[np.uint8] | None:
@@ -63,24 +63,14 @@ def looks_of(
 ) -> NDArray[np.uint8] | None:
     """Return the strip of each point, shape (N,); those that see places twice are divided into their looks.
 
-    Parameters
-    ----------
-    strip : ndarray, shape (N,), uint8, or None
-        Strip of each point; None if all are of one.
-    parts : iterable of ndarray, shape (3, n), float64
-        Coordinates in metres; iterated over repeatedly.
-    column : callable
-        Returns an attribute of all points.
+    ``strip``, shape (N,): strip of each point; None if all are of one; ``parts``, shape (3, n): coordinates in metres;
+    iterated over repeatedly; ``column``: returns an attribute of all points.
 
     Notes
     -----
     A scanner on a cone (Palmer) sees a place ahead of the aircraft and again behind it, seconds later. In the time that
     an aircraft takes, such echoes are before or after those that a plane through the times of the strip expects. Others
     differ by less than a tenth of the period of the shortest waves that are followed, a quarter of a second.
-
-    Near the edge of the cone, both looks are nearly at the same time, and may be on one side of that plane where the
-    aircraft yaws. Squares of 8 m that are seen twice are divided midway between their first and last echo; others at a
-    plane through these middles.
     """
     times = column("gps_time")
     if times is None:
@@ -91,13 +81,13 @@ def looks_of(
     late = np.zeros(len(times), np.bool_)
     for number in np.unique(own[::step]).tolist():
         some = np.isfinite(place).all(axis=0) & np.isfinite(times[::step]) & (own[::step] == number)
-        look_times = _LookTimes.of(place[:, some], np.asarray(times[::step][some], np.float64))
-        if look_times is None:
+        plane = _between_looks(place[:, some], np.asarray(times[::step][some], np.float64))
+        if plane is None:
             continue
         start = 0
         for xyz in parts:
             part = slice(start, start + xyz.shape[1])
-            late[part] |= (own[part] == number) & (times[part] > look_times.between_s(xyz[:2]))
+            late[part] |= (own[part] == number) & (times[part] > _at(plane, xyz[:2]))
             start = part.stop
     return 2 * own + late if late.any() else strip
 
@@ -110,66 +100,28 @@ def _every(parts: Iterable[NDArray[np.float64]], step: int) -> Iterator[NDArray[
         start += xyz.shape[1]
 
 
-@dataclass(frozen=True)
-class _LookTimes:
-    """Times between both looks of a strip.
+def _between_looks(place: NDArray[np.float64], times_s: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return the plane through the times midway between both looks of a strip; None if nearly all is seen once.
 
-    Parameters
-    ----------
-    plane : ndarray, shape (3,), float64
-        Level, and slopes along x and y, of the times of the strip.
-    middle : ndarray, shape (3,), float64
-        The same of the middles between both looks, relative to that plane.
-    corner, end : ndarray, shape (2,), float64
-        Lowest and highest square along x and y.
-    squares : ndarray, shape (S,), float64
-        Numbers of the squares that are seen twice, ascending.
-    middles_s : ndarray, shape (S,), float64
-        Their middles, relative to the plane.
+    ``place``, shape (2, N), and ``times_s``, shape (N,), are those of its echoes. Squares of 8 m whose times deviate by
+    a quarter of a second from a plane through all are seen twice.
     """
-
-    plane: NDArray[np.float64]
-    middle: NDArray[np.float64]
-    corner: NDArray[np.float64]
-    end: NDArray[np.float64]
-    squares: NDArray[np.float64]
-    middles_s: NDArray[np.float64]
-
-    @classmethod
-    def of(cls, place: NDArray[np.float64], times_s: NDArray[np.float64]) -> Self | None:
-        """Return the times between the looks of echoes at places, shape (2, N); None if nearly all are seen once."""
-        if place.shape[1] < _LEAST_POINTS:
-            return None
-        plane = _fitted(place, times_s)
-        late = times_s - _at(plane, place)
-        square = np.floor(place / _SIDE_M)
-        corner, end = square.min(axis=1), square.max(axis=1)
-        numbers, own = np.unique(_number(square, corner, end), return_inverse=True)
-        count = np.bincount(own)
-        mean, power = (np.bincount(own, values) / count for values in (late, late**2))
-        many = count >= _LEAST_POINTS
-        twice = many & (np.sqrt(np.maximum(power - mean**2, 0)) > _STILL_S)
-        if not np.count_nonzero(twice) > _TWICE_SHARE * np.count_nonzero(many):
-            return None
-        first, last = np.full(len(count), np.inf), np.full(len(count), -np.inf)
-        np.minimum.at(first, own, late)
-        np.maximum.at(last, own, late)
-        middles = ((first + last) / 2)[twice]
-        center = np.stack([np.bincount(own, axis) / count for axis in place])[:, twice]
-        return cls(plane, _fitted(center, middles), corner, end, numbers[twice], middles)
-
-    def between_s(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the time from which echoes at places, shape (2, N), are of the later look, shape (N,)."""
-        number = _number(np.floor(place / _SIDE_M), self.corner, self.end)
-        near = np.minimum(np.searchsorted(self.squares, number), len(self.squares) - 1)
-        middle = np.where(self.squares[near] == number, self.middles_s[near], _at(self.middle, place))
-        return np.asarray(_at(self.plane, place) + middle)
-
-
-def _number(square: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a number for each square, shape (N,); those outside have that of the nearest inside."""
-    column, row = np.clip(square, low[:, None], high[:, None]) - low[:, None]
-    return np.asarray(column * (high[1] - low[1] + 1) + row)
+    if place.shape[1] < _LEAST_POINTS:
+        return None
+    plane = _fitted(place, times_s)
+    late = times_s - _at(plane, place)
+    own = np.unique([_ROW, 1.0] @ np.floor(place / _SIDE_M), return_inverse=True)[1]
+    count = np.bincount(own)
+    mean, power = (np.bincount(own, values) / count for values in (late, late**2))
+    many = count >= _LEAST_POINTS
+    twice = many & (np.sqrt(np.maximum(power - mean**2, 0)) > _STILL_S)
+    if not np.count_nonzero(twice) > _TWICE_SHARE * np.count_nonzero(many):
+        return None
+    first, last = np.full(len(count), np.inf), np.full(len(count), -np.inf)
+    np.minimum.at(first, own, late)
+    np.maximum.at(last, own, late)
+    center = np.stack([np.bincount(own, axis) / count for axis in place])[:, twice]
+    return plane + _fitted(center, ((first + last) / 2)[twice])
 
 
 def _fitted(place: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:

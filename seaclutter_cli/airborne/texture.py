@@ -19,14 +19,8 @@ _BINS = 1 << 19
 class Levels:
     """Grey levels of points and of their partners in the shifted clouds.
 
-    Parameters
-    ----------
-    own : ndarray, shape (N,), int64
-        Level of each point, 0 to K - 1.
-    partner : ndarray, shape (4, N), int64
-        For each direction, the level of the nearest point in the cloud shifted that way.
-    count : int
-        Number of levels, K.
+    ``own``, shape (N,): level of each point, 0 to K - 1; ``partner``, shape (4, N): for each direction, the level of
+    the nearest point in the cloud shifted that way; ``count``: number of levels, K.
     """
 
     own: NDArray[np.int64]
@@ -43,14 +37,8 @@ class Levels:
 def grey_levels(height_m: NDArray[np.float64], count: int, max_height_m: float) -> NDArray[np.int64]:
     """Return heights quantised to K grey levels of equal size, 0 to K - 1, shape (N,).
 
-    Parameters
-    ----------
-    height_m : ndarray, shape (N,), float64
-        Heights above the sea surface in metres.
-    count : int
-        Number of levels, K.
-    max_height_m : float
-        Upper bound of the last level. Greater heights have the last level, heights below 0 the first.
+    ``height_m``, shape (N,): heights above the sea surface in metres; ``count``: number of levels, K; ``max_height_m``:
+    upper bound of the last level. Greater heights have the last level, heights below 0 the first.
 
     Examples
     --------
@@ -65,16 +53,8 @@ def levels_of(
 ) -> Levels:
     """Return the grey levels of points and of their partners.
 
-    Parameters
-    ----------
-    near : Neighborhoods
-        Neighbourhoods of the points.
-    height_m : ndarray, shape (N,), float64
-        Heights of the points in metres.
-    count, max_height_m : int and float
-        As for `grey_levels`.
-    shift_m : float
-        Shift of the cloud, d, in metres.
+    ``near``: neighbourhoods of the points; ``height_m``, shape (N,): heights of the points in metres; ``count``,
+    ``max_height_m``: as for `grey_levels`; ``shift_m``: shift of the cloud, d, in metres.
     """
     own = grey_levels(height_m, count, max_height_m)
     angles = np.radians(DIRECTIONS_DEG)

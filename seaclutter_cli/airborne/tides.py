@@ -1,13 +1,12 @@
 """Levels of strips: a survey takes hours; meanwhile the tide rises and falls, waves move, and land stays as it is."""
 
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.gridded import NOWHERE, GriddedPoints
 from seaclutter_cli.airborne.squares import square_of, squares_in
+from seaclutter_cli.grids.points import NOWHERE, GriddedPoints
 
 _LEAST_ECHOES, _FLAT_M = 6, 0.3
 _STEP_M = 0.1
@@ -15,45 +14,12 @@ _LEAST_SQUARES, _LEAST_SHARE, _AGREEING = 6, 0.2, 0.8
 
 
 @dataclass(frozen=True)
-class LeveledParts:
-    """Parts of a tile whose strips are lowered by their tide.
-
-    Parameters
-    ----------
-    parts : iterable of ndarray, shape (3, n), float64
-        Coordinates in metres; can be iterated over repeatedly.
-    strip : ndarray, shape (N,), uint8
-        Strip of each point.
-    tide_m : ndarray, shape (K,), float64
-        Level of the water in each strip.
-    """
-
-    parts: Iterable[NDArray[np.float64]]
-    strip: NDArray[np.uint8]
-    tide_m: NDArray[np.float64]
-
-    def __iter__(self) -> Iterator[NDArray[np.float64]]:
-        """Yield the lowered parts."""
-        start = 0
-        for xyz in self.parts:
-            lowered = xyz.copy()
-            lowered[2] -= self.tide_m[self.strip[start : start + xyz.shape[1]]]
-            start += xyz.shape[1]
-            yield lowered
-
-
-@dataclass(frozen=True)
 class StripLevels:
     """Levels of each of K strips in the S squares of a tile.
 
-    Parameters
-    ----------
-    mean_m : ndarray, shape (K, S), float64
-        Mean elevation.
-    seen : ndarray, shape (K, S), bool
-        Where a strip has enough points, which are flat, and so has another.
-    tide_m : ndarray, shape (K,), float64
-        Level of the water, relative to the largest strip; 0 where it is the same.
+    ``mean_m``, shape (K, S): mean elevation; ``seen``, shape (K, S): where a strip has enough points, which are flat,
+    and so has another; ``tide_m``, shape (K,): level of the water, relative to the largest strip; 0 where it is the
+    same.
     """
 
     mean_m: NDArray[np.float64]
@@ -79,12 +45,7 @@ class StripLevels:
 def strip_levels(points: GriddedPoints, strip: NDArray[np.uint8]) -> StripLevels | None:
     """Return the levels of strips; None if there is only one.
 
-    Parameters
-    ----------
-    points : GriddedPoints
-        The N points of a tile.
-    strip : ndarray, shape (N,), uint8
-        Strip of each point, less than K.
+    ``points``: the N points of a tile; ``strip``, shape (N,): strip of each point, less than K.
 
     Notes
     -----
@@ -146,14 +107,12 @@ def _levels_of(
     seen = count >= _LEAST_ECHOES
     shared = seen.sum(axis=0) > 1
     middle = np.median(points.grid.lowest[np.isfinite(points.grid.lowest)])  # keeps the sums of squares precise
-    start = 0
-    for z, cell in points if shared.any() else ():
+    for part, z, cell in points if shared.any() else ():
         square = square_of(cell)
         used = np.flatnonzero((cell != NOWHERE) & shared[square])
-        own = strip[start + used].astype(np.int64) * squares + square[used]
+        own = strip[part][used].astype(np.int64) * squares + square[used]
         above = z[used] - middle
         mean += np.bincount(own, above, len(mean))
         power += np.bincount(own, above**2, len(mean))
-        start += len(cell)
     mean, power = (sums.reshape(count.shape) / np.maximum(count, 1) for sums in (mean, power))
     return mean, seen & shared & (power - mean**2 <= _FLAT_M**2)

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import ndimage
 
-from seaclutter_cli.airborne.cells import joined_cells
+from seaclutter_cli.grids.cells import joined_cells
 
 
 def test_joined_cells_are_those_that_touch_also_across_blocks():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from seaclutter_cli.airborne.islands import commonest_level, island_cells
+from seaclutter_cli.airborne.shores import commonest_level, island_cells
 from seaclutter_cli.grids.elevation import ElevationGrid
 
 

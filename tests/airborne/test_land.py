@@ -3,12 +3,8 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.airborne.echoes import _speckle
-from seaclutter_cli.airborne.part_waves import PartWaves
 from seaclutter_cli.airborne.separation import GROUND, OTHER, WATER, separate
-from seaclutter_cli.airborne.squares import squares_of, waves_of
 from seaclutter_cli.airborne.surface import SeparationParams
-from seaclutter_cli.grids.elevation import ElevationGrid
 from tests.airborne.coasts import SIZE, hummocks, relief, sea_only, shares, tile, waves
 from tests.paths import shared
 
@@ -241,39 +237,6 @@ def test_a_mirror_and_ground_at_the_level_of_the_same_waves_are_one_sea():
     assert shares(xyz, land, columns | {"intensity": intensity})[1] < 0.01
 
 
-def test_waves_belong_to_the_squares_at_their_level():
-    grid = ElevationGrid(1.0)
-    x, y = np.meshgrid(np.arange(0.5, 64), np.arange(0.5, 16))
-    grid.add(np.stack((x.ravel(), y.ravel(), np.where(x < 32, 0.1, 15).ravel())))
-    squares = squares_of(grid, grid.lowest, np.isfinite(grid.lowest))
-    sea, cliff = (
-        PartWaves((0, 0), 4096, level, deviation, 1.0, [(4096, 1.0)], 30.0, is_sea=True, is_level=True)
-        for level, deviation in ((0.0, 0.3), (15.0, 0.1))
-    )
-    unknown = np.full(len(squares.index), np.nan)
-    found = waves_of(squares, np.array([[-40.0, 30.0], [8.0, 8.0]]), [sea, cliff], unknown)
-    np.testing.assert_array_equal(found.deviation_m, np.where(squares.level_m < 1, 0.3, 0.1))
-    np.testing.assert_array_equal(found.measured, (squares.xy[0] < 3) | (squares.level_m > 1))
-    np.testing.assert_array_equal(waves_of(squares, np.empty((2, 0)), [], unknown).deviation_m, 0.0)
-
-
-@pytest.mark.parametrize(("step", "height"), [(15.0, 0.6), (1.5, 0.6), (0.5, 0.0)])
-def test_relief_that_two_strips_show_alike_has_no_waves_at_its_level(step, height):
-    """A part that one strip shows may be such a field, but not if it lies further from it than that undulates."""
-    grid = ElevationGrid(1.0)
-    x, y = np.meshgrid(np.arange(0.5, 256), np.arange(0.5, 128))
-    relief = 0.2 * np.sin(x / 9) * np.sin(y / 11)
-    grid.add(np.stack((x.ravel(), y.ravel(), (relief + np.where(x < 128, 0, step)).ravel())))
-    squares = squares_of(grid, grid.lowest, np.isfinite(grid.lowest))
-    sea, field = (
-        PartWaves((0, 0), 16384, level, deviation, 1.0, [(16384, 1.0)], 30.0, is_sea=True, is_level=True)
-        for level, deviation in ((0.0, 0.6), (step, 0.2))
-    )
-    change = np.where(squares.xy[0] < 16, np.nan, 0.0)
-    found = waves_of(squares, np.array([[64.0, 192.0], [64.0, 64.0]]), [sea, field], change)
-    np.testing.assert_array_equal(found.deviation_m[squares.xy[0] < 16], height)
-
-
 def test_a_slope_without_water_is_land():
     assert shares(*tile(lambda x, _, bumps: 1 + x / 100 + bumps))[0] > 0.98
 
@@ -330,26 +293,6 @@ def test_real_tiles(folder, name, unit):
     else:
         assert sea[truth == 2].mean() < 0.03
         assert sea[truth == 9].mean() > 0.985
-
-
-def test_squares_have_level_spread_and_neighbours():
-    x, y = (side.ravel() + 0.5 for side in np.mgrid[:32, :16].astype(float))
-    grid = ElevationGrid(1.0)
-    grid.add(np.stack((x, y, np.where(x < 16, 1.0, 0.1 * y))))
-    squares = squares_of(grid, grid.lowest, np.isfinite(grid.lowest))
-    order = np.lexsort(squares.xy)
-    assert squares.xy[:, order].T.tolist() == [[i, j] for j in range(2) for i in range(4)]
-    np.testing.assert_allclose(squares.level_m[order], [1, 1, 0.45, 0.45, 1, 1, 1.25, 1.25], atol=0.06)
-    assert squares.spread_m[order][:2].tolist() == [0, 0]
-    assert (squares.neighbor >= 0).sum() == 2 * (3 * 2 + 4)
-
-
-def test_saturated_speckle_varies_less():
-    light = np.random.default_rng(3).exponential(size=400_000)
-    for share in (0.0, 0.05, 0.2, 0.5, 0.9):
-        recorded = np.minimum(light, np.quantile(light, 1 - share))
-        assert _speckle(np.array([share]))[0] == pytest.approx(recorded.std() / recorded.mean(), rel=0.02)
-    np.testing.assert_array_equal(_speckle(np.array([1.0, np.nan])), 1)
 
 
 @pytest.mark.parametrize("trusted", [(2,), (9,), (2, 9)])

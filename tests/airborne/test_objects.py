@@ -13,6 +13,7 @@ from seaclutter_cli.airborne.objects import (
     as_csv,
     as_geojson,
     find_objects,
+    likely_object,
     object_around,
     smallest_rectangle,
 )
@@ -48,7 +49,7 @@ def test_points_on_a_line(points):
 
 @pytest.mark.parametrize("points", [[(1, 2)], [(1, 2), (4, 6)], [(0, 0), (3, 4), (6, 8)]])
 def test_the_outline_of_points_on_a_line_has_an_area(points):
-    one = object_around(1, np.array(points, float).T, np.zeros(len(points)))
+    one = object_around(1, np.array(points, float).T, np.zeros(len(points)), None, 1.0)
     (feature,) = json.loads(as_geojson([("tile", [one])]))["features"]
     (x, y) = np.array(feature["geometry"]["coordinates"][0]).T
     area = (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() / 2
@@ -64,7 +65,7 @@ def two_objects():
     probability = np.tile([0.7, 0.3], (len(xy), 1))
     probability[300:360] = [0.2, 0.8]
     probability[310:320] = [1.0, 0.0]
-    height = np.concatenate([np.linspace(1, 9, 300), np.full(62, 0.8)])
+    height = np.concatenate([np.linspace(1, 9, 300), np.full(62, 1.5)])
     points = NonSeaPoints(xy.T, height, np.ones(len(xy)), 1.0)
     objects, number, left_out = find_objects(points, probability, (1, 5), ObjectFindingParams())
     assert not left_out.any(), "isolated points are not a cluster"
@@ -83,12 +84,17 @@ def test_objects_have_the_class_of_most_of_their_points():
 def test_unlikely_clusters_are_left_out():
     rng = np.random.default_rng(0)
     xy = np.concatenate([rectangle(rng, (100, 50), (9, 8), 0.0), rectangle(rng, (200, 80), (9, 8), 0.0)])
-    points = NonSeaPoints(xy.T, np.ones(600), np.ones(600), 1.0)
+    points = NonSeaPoints(xy.T, np.full(600, 2.0), np.ones(600), 1.0)
     probability = np.repeat([[0.3, 0.3, 0.2, 0.2], [0.1, 0.7, 0.1, 0.1]], 300, axis=0)
     objects, number, left_out = find_objects(points, probability, (1, 2, 3, 4), ObjectFindingParams())
     assert [(one.number, one.code) for one in objects] == [(1, 2)]
     assert np.bincount(number).tolist() == [300, 300]
     np.testing.assert_array_equal(left_out, number == 0)
+
+
+@pytest.mark.parametrize(("top_m", "low", "high"), [(0.6, 0.0, 0.1), (0.95, 0.5, 0.9), (3.0, 0.99, 1.0)])
+def test_what_hardly_rises_above_crests_is_hardly_an_object(top_m, low, high):
+    assert low <= likely_object(np.linspace(0.5, top_m, 50), 0.5) <= high
 
 
 def test_no_points_no_objects():

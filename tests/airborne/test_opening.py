@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from seaclutter_cli.airborne.pits import without_pits
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.grids import elevation as grids
 from seaclutter_cli.grids import opening as openings
 from seaclutter_cli.grids.elevation import ElevationGrid
 from seaclutter_cli.grids.opening import filled, half_window, open_grid, opened
+from seaclutter_cli.grids.pits import without_pits
 from tests.filters.reference import Opening
 
 GRIDS = st.builds(
@@ -140,52 +140,7 @@ def test_two_pits_beside_an_empty_cell_and_an_object_are_filled():
     assert without_pits(grid, 1.0)[0, :40, :40][known].min() > -0.1
 
 
-def test_a_trough_beside_an_empty_cell_is_no_pit():
-    """Short waves have many; with eight neighbours, each is a pit."""
-    values = np.random.default_rng(3).normal(0, 0.02, (40, 40))
-    values[10, 10] = values[20, 20] = -0.6
-    values[21, 21] = np.inf
-    known = np.isfinite(values)
-    grid = ElevationGrid(1.0)
-    grid.add(np.stack((*np.nonzero(known), values[known])) + np.array([[0.5], [0.5], [0]]))
-    found = without_pits(grid, 1.0)[0, :40, :40]
-    assert found[10, 10] > -0.1
-    assert found[20, 20] == -0.6
-
-
-def test_a_pit_amid_empty_cells_is_filled_from_two_cells_away():
-    values = np.full((40, 40), np.inf)
-    values[::2, ::2] = np.random.default_rng(7).normal(0, 0.02, (20, 20))
-    values[20, 20], values[5:, 30:] = -3.0, np.inf
-    values[30, 35] = -3.0  # alone
-    known = np.isfinite(values)
-    grid = ElevationGrid(1.0)
-    grid.add(np.stack((*np.nonzero(known), values[known])) + np.array([[0.5], [0.5], [0]]))
-    found = without_pits(grid, 1.0)[0, :40, :40]
-    around = values[18:23, 18:23].copy()
-    around[2, 2] = np.inf
-    expected = values.copy()
-    expected[20, 20] = around.min()
-    np.testing.assert_array_equal(found[known], expected[known])
-
-
-def test_groups_of_low_cells_are_pits_only_where_pits_are_many():
-    rng = np.random.default_rng(7)
-    values = rng.normal(0, 0.02, (200, 200))
-    values[60:62, 60:62] = -2.0
-    values[100:103, 20:180] = -2.0  # a ditch
-    few, many = values.copy(), values.copy()
-    many[4::10, 6::10] = -1.5
-    ditch, group = (slice(100, 103), slice(20, 180)), (slice(60, 62), slice(60, 62))
-    for image, filled_group in ((few, False), (many, True)):
-        grid = ElevationGrid(1.0)
-        grid.add(np.stack((*(side.ravel() + 0.5 for side in np.mgrid[:200, :200]), image.ravel())))
-        out = without_pits(grid, 1.0)[0, :200, :200]
-        assert (out[group] > -0.1).all() == filled_group
-        assert (out[ditch][:, 1:-1] < -1).all()
-
-
-@pytest.mark.parametrize("filled_share", [0.3, 0.6])
+@pytest.mark.parametrize("filled_share", [0.6, 1.0])
 def test_many_pits_are_filled_where_most_cells_are_empty(filled_share):
     rng = np.random.default_rng(7)
     values = rng.normal(0, 0.03, (200, 200))

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.airborne.gridded import GriddedPoints
 from seaclutter_cli.airborne.separation import OTHER, separate
 from seaclutter_cli.airborne.strips import looks_of, strips_of
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.airborne.tides import strip_levels
+from seaclutter_cli.grids.points import GriddedPoints
 
 SPEED_M_S, RADIUS_M = 60.0, 120.0
 
@@ -40,14 +40,6 @@ def test_looks_ahead_and_behind_are_strips():
     xyz = np.vstack((place, np.zeros(len(time))))
     found = looks_of(None, np.array_split(xyz, 3, axis=1), {"gps_time": time}.get)
     assert np.mean((found == 0) == (look > 0)) > 0.98
-
-
-def test_looks_of_an_aircraft_that_yaws():
-    place, time, look = cone(np.random.default_rng(1))
-    time = time + 1.2 * np.sin(2 * np.pi * place[0] / 150)  # at the edge, the looks are closer than that
-    late = looks_of(None, [np.vstack((place, np.zeros(len(time))))], {"gps_time": time}.get)
-    behind = late == late[np.argmax(look == -1)]
-    assert np.mean(behind == (look == -1)) > 0.995
 
 
 def test_a_scanner_in_lines_sees_places_once():

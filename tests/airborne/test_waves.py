@@ -2,18 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
-from seaclutter_cli.airborne.cells import smoothed, touching
-from seaclutter_cli.airborne.looks import Look
-from seaclutter_cli.airborne.part_waves import quantiles
 from seaclutter_cli.airborne.separation import OTHER, separate
-from seaclutter_cli.airborne.surface import SeaSurfaceModel, SeparationParams
-from seaclutter_cli.airborne.waves import estimate_waves, local_levels
+from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.grids.cells import smoothed, touching
 from seaclutter_cli.grids.elevation import ElevationGrid
-from tests.paths import shared
 
 SIDES = (300, 200)
 
@@ -29,22 +22,24 @@ def field(height, length, direction=0.6, seed=1, sides=SIDES):
     return np.stack((x, y, z * height / 4 / z.std() + rng.normal(0, 0.03, len(x))))
 
 
-def model(xyz):
-    grid = ElevationGrid(1.0)
-    grid.add(xyz)
-    return SeaSurfaceModel(grid, SeparationParams())
-
-
 def inside(xyz, x, y):
     return (xyz[0] >= x[0]) & (xyz[0] < x[1]) & (xyz[1] >= y[0]) & (xyz[1] < y[1])
 
 
 @pytest.mark.parametrize(("height", "length"), [(0.6, 25.0), (1.1, 40.0), (1.5, 60.0), (1.5, 90.0)])
 def test_height_and_length(height, length):
-    found = model(field(height, length)).waves
-    assert found.height_m == pytest.approx(height, rel=0.2)
-    assert found.length_m == pytest.approx(length, rel=0.25)
+    found = separate([field(height, length)], SeparationParams()).sea
+    assert found.wave_height_m == pytest.approx(height, rel=0.2)
+    assert found.wave_length_m == pytest.approx(length, rel=0.25)
     assert abs(found.level_m) < 0.1 * height
+
+
+def test_objects_do_not_raise_the_waves():
+    xyz = field(1.1, 40.0)
+    alone = separate([xyz], SeparationParams()).sea
+    for at in range(20, 280, 50):
+        xyz[2, inside(xyz, (at, at + 15), (60, 140))] += 8
+    assert separate([xyz], SeparationParams()).sea.wave_height_m == pytest.approx(alone.wave_height_m, rel=0.15)
 
 
 @pytest.mark.parametrize("length", [150.0, 190.0])
@@ -55,34 +50,6 @@ def test_swell_that_is_longer_than_a_quarter_of_a_block(length):
     )
     assert found.sea.wave_length_m == pytest.approx(length, rel=0.25)
     assert (found.classification == OTHER).mean() < 0.005
-
-
-def test_objects_do_not_raise_the_waves():
-    xyz = field(1.1, 40.0)
-    alone = model(xyz).waves
-    for at in range(20, 280, 50):
-        xyz[2, inside(xyz, (at, at + 15), (60, 140))] += 8
-    assert model(xyz).waves.height_m == pytest.approx(alone.height_m, rel=0.15)
-
-
-def test_noise_slopes_and_steps_are_no_waves():
-    flat = field(0.0, 30.0)
-    rng = np.random.default_rng(2)
-    for z in (rng.normal(0, 0.3, flat.shape[1]), 0.1 * flat[0], 3.0 * (flat[0] > 150) + 1.5 * (flat[1] > 90)):
-        assert model(np.stack((flat[0], flat[1], z))).waves is None
-
-
-def test_a_plain_that_undulates_further_than_swell_has_no_waves():
-    x, y = (side.ravel() + 0.5 for side in np.mgrid[:256, :256].astype(float))
-    z = 0.3 * np.sin(2 * np.pi * x / 400) + 0.002 * y + np.random.default_rng(1).normal(0, 0.02, len(x))
-    assert model(np.stack((x, y, z))).waves is None
-
-
-@pytest.mark.parametrize(("folder", "name", "unit"), [("las", "autzen_trim", 0.3048), ("airborne", "ahn3_sluice", 1.0)])
-def test_real_land_and_real_calm_water_keep_the_opened_surface(folder, name, unit):
-    laspy = pytest.importorskip("laspy")
-    tile = laspy.read(shared(folder) / f"{name}.laz")
-    assert model(np.stack((tile.x, tile.y, tile.z)) * unit).followed is None
 
 
 def test_calm_water_is_separated_as_with_half_a_metre():
@@ -235,35 +202,6 @@ def test_a_wide_low_mat_is_found_by_all_of_its_cells():
     assert other[~mat].mean() < 0.002
 
 
-@pytest.mark.parametrize(("level", "deviation", "is_sea"), [(0.0, 0.35, True), (1.0, 0.35, False), (0.0, 0.9, False)])
-def test_parts_that_do_not_oscillate_are_sea_at_its_level_and_deviation(level, deviation, is_sea):
-    """Where swell and wind sea cross, the autocovariance of a part may have no clear minimum."""
-    xyz = field(1.4, 40.0, sides=(768, 256))
-    crossing = xyz[0] >= 256
-    xyz[2, crossing] = level + np.random.default_rng(3).normal(0, deviation, np.count_nonzero(crossing))
-    waves = model(xyz).waves
-    assert (waves is not None) == is_sea
-    if is_sea:
-        assert waves.length_m == pytest.approx(40.0, rel=0.25)
-
-
-@pytest.mark.parametrize(("length", "quarters"), [(80.0, 2), (30.0, 1)])
-def test_swell_is_as_high_as_in_the_group_beside_it(length, quarters):
-    """It is four times as high in one quarter; the basin on its other side has low waves at another level."""
-    xyz = field(0.6, length, sides=(512, 128))
-    group, basin = (xyz[0] // 128 == number for number in (2, 3))
-    xyz[2, group] *= 4
-    xyz[2, basin] += 5
-    grid = ElevationGrid(1.0)
-    grid.add(xyz)
-    look = Look.of(grid, 20.0, None)
-    waves = estimate_waves([look])
-    _, deviations = (np.concatenate(values)[::128, 64] for values in local_levels(look, waves))
-    high = xyz[2, group].std()
-    assert deviations[3 - quarters : 3] == pytest.approx(high, rel=0.25)
-    assert (np.append(deviations[: 3 - quarters], deviations[3]) < 0.8 * high).all()
-
-
 @pytest.mark.parametrize(("step", "width"), [(0.4, 200), (2.3, 140)])
 def test_a_still_basin_beside_a_rough_sea_has_its_own_level(step, width):
     """Sea, a dam, and a basin with hardly any waves, which may be most of the tile."""
@@ -311,8 +249,3 @@ def test_steep_water_is_sea_however_many_echoes_a_cell_has():
     other = separate([xyz], SeparationParams()).classification == OTHER
     assert other[ship].all()
     assert other[~ship].mean() < 0.0005
-
-
-@given(arrays(np.float64, st.integers(1, 60), elements=st.floats(-1e6, 1e6)), st.lists(st.floats(0, 1), min_size=1))
-def test_quantiles_are_those_of_numpy(values, shares):
-    np.testing.assert_array_equal(quantiles(values, shares), np.quantile(values, shares))

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.airborne.land_cells import LandCells
 from seaclutter_cli.airborne.separation import SeaState, Separation
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError, UsageError
+from seaclutter_cli.grids.land_cells import LandCells
 from seaclutter_cli.runs.classify.maps import DrawnTile
 from seaclutter_cli.runs.classify.tiles import TileOutcome
 from seaclutter_cli.runs.recordings import RecordingsResult, statuses

@@ -1,6 +1,7 @@
 """Groups, neighbours and means of the cells of a grid, across its blocks."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,8 @@ from seaclutter_cli.grids.elevation import BLOCK, ElevationGrid
 Cells = NDArray[np.float64]
 
 _WIDTHS, _BOXES = 3, 2.0
+_FEW_PAIRS = 1 << 20
+_STEP = 1 << 10
 _LEAST_WEIGHT = 1e-3
 _ALL, _FIRST, _LAST = slice(None), slice(0, 1), slice(-1, None)
 _EDGES = {
@@ -26,12 +29,8 @@ def joined_cells(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return the groups of cells that touch each other, by side or corner, also across blocks.
 
-    Parameters
-    ----------
-    mask : ndarray, shape (S, B, B), bool
-        The cells, in S blocks.
-    blocks : mapping of (int, int) to int
-        Index of each block, by its block number along x and y.
+    ``mask``, shape (S, B, B): the cells, in S blocks; ``blocks``: index of each block, by its block number along x and
+    y.
 
     Returns
     -------
@@ -79,17 +78,9 @@ def smoothed(
 ) -> tuple[Cells, NDArray[np.float64]]:
     """Return the weighted mean of the values around each cell, and the share of the weight that is used.
 
-    Parameters
-    ----------
-    grid : ElevationGrid
-        The grid.
-    values : ndarray, shape (S, 256, 256), float64
-        A value for each cell.
-    used : ndarray, shape (S, 256, 256), bool
-        Cells that contribute; their values are finite.
-    width : float
-        Standard deviation of the weights in cells: a Gaussian that ends at three of them or, from two cells on, two
-        boxes one after the other, whose time does not depend on the width.
+    ``grid``: the grid; ``values``, shape (S, 256, 256): A value for each cell; ``used``, shape (S, 256, 256): cells
+    that contribute; their values are finite; ``width``: standard deviation of the weights in cells: a Gaussian that
+    ends at three of them or, from two cells on, two boxes one after the other, whose time does not depend on the width.
 
     Returns
     -------
@@ -128,3 +119,24 @@ def touching(grid: ElevationGrid, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     for slot, cells, _ in grid.padded(np.where(mask, 0.0, np.inf), 1):
         out[slot] = ndimage.minimum_filter(cells, 3)[1:-1, 1:-1] == 0
     return out
+
+
+def nearest(positions: NDArray[Any], queries: NDArray[Any]) -> NDArray[np.intp]:
+    """Return the index of the position nearest to each query, shape (Q,).
+
+    ``positions``, shape (2, P): at least one; ``queries``, shape (2, Q): where to search from.
+
+    Examples
+    --------
+    >>> nearest(np.array([[0, 5], [0, 5]]), np.array([[1, 4, 9], [1, 4, 9]]))
+    array([0, 1, 1])
+    """
+    if positions.shape[1] * queries.shape[1] > _FEW_PAIRS:
+        from scipy.spatial import cKDTree  # slow to import
+
+        return np.asarray(cKDTree(positions.T).query(queries.T)[1], np.intp)
+    found = np.empty(queries.shape[1], np.intp)
+    for start in range(0, len(found), _STEP):
+        offset = queries[:, start : start + _STEP, None] - positions[:, None]
+        found[start : start + _STEP] = np.argmin((offset**2).sum(axis=0), axis=1)
+    return found

@@ -20,12 +20,7 @@ _BLOCK_BYTES = BLOCK * BLOCK // 8
 class LandCells:
     """Cells of the grid that are land or a ditch. Points there that are not water belong to the land, not to objects.
 
-    Parameters
-    ----------
-    cell_m : float
-        Width of a cell.
-    blocks : mapping of (int, int) to ndarray, shape (256, 256), bool
-        The cells, in the blocks that contain any.
+    ``cell_m``: width of a cell; ``blocks``, shape (256, 256): the cells, in the blocks that contain any.
 
     Examples
     --------

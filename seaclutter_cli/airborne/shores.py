@@ -1,0 +1,168 @@
+"""Land and water of a tile by cell, from the squares that the model takes for water."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.airborne.squares import SIDE, Squares, by_cell, positions, squares_in
+from seaclutter_cli.airborne.waves import WindowWaves
+from seaclutter_cli.grids.cells import joined_cells, nearest, smoothed
+from seaclutter_cli.grids.elevation import ElevationGrid
+
+Cells = NDArray[np.float64]
+Values = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LEAST_SQUARES = 6
+"""Squares that make land or water; the opening takes what is smaller for an object."""
+_STEP_M, _STEP_DEVIATIONS = 0.25, 1.5
+_WALL = 4.0
+_SMOOTH_CELLS, _LEAST_ODDS, _MOST_ODDS = 4.0, 0.5, 3.0
+_SLOPE_CELLS, _STEEP, _EXPLAINED = 120, 0.002, 0.8
+_BANK_M, _BANK_DEVIATIONS, _CREST_DEVIATIONS = 0.2, 4.0, 3.0
+
+
+@dataclass(frozen=True)
+class Shores:
+    """Land and water of a tile.
+
+    ``land``, shape (S, 256, 256): cells of land; ``level_m``, shape (S, 256, 256): level of the water nearest to each
+    cell; NaN without any; ``bank_m``: height above that level from which cells that touch land belong to it on calm
+    water; ``water``, shape (N,): squares of water.
+    """
+
+    land: Mask
+    level_m: Cells
+    bank_m: float
+    water: Mask
+
+
+def shores_of(
+    grid: ElevationGrid,
+    lowest: Cells,
+    squares: Squares,
+    odds: Values,
+    waves: WindowWaves,
+) -> Shores:
+    """Return the land and water of a tile.
+
+    ``grid``: the grid, in S blocks; ``lowest``, shape (S, 256, 256): lowest elevations; ``squares``: the N squares of
+    the tile; ``odds``, shape (N,): log odds of water; infinite where it is known; ``waves``: waves around the squares.
+
+    Notes
+    -----
+    Fewer than six connected squares are no land and no water: the opening takes what is that small for an object.
+    Squares on the shore contain both. There, cells no higher than the water, and its waves, are water; from 20 cm
+    above it, or four standard deviations of the elevations in squares of water, they are land if they touch land.
+    """
+    deviation = np.nan_to_num(np.where(waves.depth > 0, waves.deviation_m, 0.0))
+    water = _without_small(squares, odds)
+    level = _bodies(squares, water, deviation)
+    water &= ~np.isposinf(level)
+    odds = np.where(np.isposinf(level), -_MOST_ODDS, odds)
+    known = np.flatnonzero(np.isfinite(level))
+    if not len(known):
+        return Shores(np.ones(lowest.shape, np.bool_), np.full(lowest.shape, np.nan), _BANK_M, np.zeros_like(water))
+    level = level[known][nearest(squares.xy[:, known], squares.xy)]
+    bank = max(_BANK_M, _BANK_DEVIATIONS * float(np.median(squares.spread_m[water])))
+    crest = max(bank, _CREST_DEVIATIONS * float(np.median(deviation[water])))
+    rise = squares.level_m - level
+    above = np.append(np.where(water | (rise <= _WALL * bank), -np.inf, np.where(rise > crest, crest, bank)), -np.inf)
+    reach = np.maximum(above[:-1], above[squares.neighbor].max(axis=0))
+    reach[squares.around(water.astype(np.float64), 1) == 0] = -np.inf
+    own = nearest(squares.xy, positions(grid, np.arange(squares_in(grid))))
+    certain = np.where(water, np.maximum(odds, _LEAST_ODDS), np.minimum(odds, -_LEAST_ODDS)).clip(
+        -_MOST_ODDS, _MOST_ODDS
+    )
+    likely, levels = by_cell(certain[own]), by_cell(level[own])
+    land = smoothed(grid, likely, np.ones(likely.shape, np.bool_), _SMOOTH_CELLS)[0] < 0
+    land &= ~(np.abs(np.where(np.isfinite(lowest), lowest, levels) - levels) <= by_cell(reach[own]))
+    return Shores(land, levels, bank, water)
+
+
+def _without_small(squares: Squares, odds: Values) -> Mask:
+    """Return which squares are water, where at least six that are alike touch each other."""
+    water = odds > 0
+    for _ in range(2):  # what is small may be amid what is small, too
+        alike = np.append(water, False)[squares.neighbor[:2]] == water
+        group = squares.joined(alike & (squares.neighbor[:2] >= 0))
+        small = (np.bincount(group) < LEAST_SQUARES)[group] & np.isfinite(odds)
+        if small.all():
+            break
+        water = water ^ small
+    return water
+
+
+def _bodies(squares: Squares, water: Mask, deviation: Values) -> Values:
+    """Return the level of the body of water of each square, shape (N,): infinite for rivers that slope.
+
+    Steps that waves do not explain divide bodies. The level is NaN on land, and in bodies of fewer than six squares.
+    """
+    side = squares.neighbor[:2]
+    level = np.append(squares.level_m, np.inf)
+    step = np.maximum(_STEP_M, _STEP_DEVIATIONS * deviation)
+    body = squares.joined(np.append(water, False)[side] & water & (np.abs(level[side] - level[:-1]) <= step))
+    size = np.bincount(body, water)
+    least = min(LEAST_SQUARES, size.max(initial=0))
+    found = np.full(len(water), np.nan)
+    for number in np.flatnonzero(size >= max(least, 1)).tolist():
+        own = np.flatnonzero(body == number)
+        found[own] = np.inf if _slopes(squares, own) else np.median(squares.level_m[own])
+    return found
+
+
+def _slopes(squares: Squares, own: NDArray[np.int64]) -> bool:
+    """Return whether a plane through most squares of a body is steep, and explains their levels better than waves."""
+    low, middle, high = np.quantile(squares.level_m[own], (0.1587, 0.5, 0.8413))
+    near = own[np.abs(squares.level_m[own] - middle) <= high - low + _STEP_M]
+    place, level = SIDE * squares.xy[:, near], squares.level_m[near]
+    place = place - place.mean(axis=1, keepdims=True)
+    if np.ptp(place, axis=1).max() < _SLOPE_CELLS:
+        return False
+    slope = np.linalg.lstsq(place.T, level - level.mean(), rcond=None)[0]
+    rest = level - level.mean() - slope @ place
+    return bool(np.hypot(*slope) > _STEEP and rest.var() < (1 - _EXPLAINED) * level.var())
+
+
+def island_cells(
+    grid: ElevationGrid,
+    opened: Cells,
+    level_m: float | Cells,
+    height_m: float | Cells,
+    island_m: float | Cells,
+    also: Mask | None = None,
+) -> Mask:
+    """Return a mask of the cells of islands, shape (S, 256, 256).
+
+    ``grid``: the grid, in S blocks; ``opened``, shape (S, 256, 256): opened surface; ``level_m``, shape (S, 256, 256):
+    level of the water; ``height_m``, ``island_m``, shape (S, 256, 256): height above that level from which a cell may
+    belong to an island, and that one cell of it must exceed; ``also``, shape (S, 256, 256), optional: cells that make
+    an island of those that touch them.
+    """
+    levels, heights, islands_m = (np.broadcast_to(value, opened.shape) for value in (level_m, height_m, island_m))
+    land, high = (np.zeros(opened.shape, np.bool_) for _ in range(2))
+    for slot, (lowest, surface) in enumerate(zip(grid.lowest, opened, strict=True)):
+        known, above = np.isfinite(lowest), levels[slot] + heights[slot]
+        land[slot] = (surface > above) | (known & (lowest > above))
+        highest = np.where(known, np.maximum(surface, lowest), surface)
+        high[slot] = (surface > above) & (highest > levels[slot] + islands_m[slot])
+        if also is not None:
+            land[slot] |= also[slot]
+            high[slot] |= also[slot]
+    if not high.any():
+        return high
+    number, group = joined_cells(land, grid.blocks)
+    islands = np.zeros(len(group), np.bool_)
+    islands[group[number[high]]] = True
+    for slot, inside in enumerate(number):
+        land[slot] = islands[group[inside]]
+    return land
+
+
+def commonest_level(grid: ElevationGrid, opened: Cells, step_m: float) -> float:
+    """Return the sea level: the median of the opened surface in its most frequent elevation step."""
+    known = opened[np.isfinite(grid.lowest)]
+    step = np.floor(known / step_m)
+    values, counts = np.unique(step, return_counts=True)
+    return float(np.median(known[step == values[np.argmax(counts)]]))
