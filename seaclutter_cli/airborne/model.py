@@ -1,22 +1,29 @@
 """Model files of trained forests, which load without running code."""
 
+import io
 import json
+import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
 
 from seaclutter_cli import __version__
-from seaclutter_cli.airborne.archive import check_size, reproducible
 from seaclutter_cli.airborne.settings import TileSettings, parse_settings
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import ConfigError, InputError, MissingExtraError, RenamedKeyWarning
 
 _FORMAT = 1
 _TRUSTED = ["sklearn.tree._tree.Tree"]  # compiled arrays of nodes, checked in _check_tree
+_SCHEMA = "schema.json"
+_ADDRESS = re.compile(r'("__id__": |"file": ")(\d+)')
+_MAX_UNPACKED_BYTES = 64 * 2**20
+_MAX_RATIO = 50
+"""Files may unpack to the larger of this size and this multiple of their own; trees shrink to a fifth by packing."""
 _KEYS = {"format", "version", "settings", "features", "classes", "forest"}
 
 
@@ -48,7 +55,7 @@ class ObjectModel:
             "classes": [int(code) for code in self.forest.classes_],
             "forest": self.forest,
         }
-        return reproducible(_skops().dumps(content))
+        return _reproducible(_skops().dumps(content))
 
 
 def load_model(path: Path) -> ObjectModel:
@@ -64,17 +71,17 @@ def load_model(path: Path) -> ObjectModel:
     MissingExtraError
         If scikit-learn or skops is not installed.
     """
-    io = _skops()
+    skops = _skops()
     try:
         data = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     try:
-        check_size(data)
-        foreign = sorted(set(io.get_untrusted_types(data=data)) - set(_TRUSTED))
+        _check_size(data)
+        foreign = sorted(set(skops.get_untrusted_types(data=data)) - set(_TRUSTED))
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            content = None if foreign else io.loads(data, trusted=_TRUSTED)
+            content = None if foreign else skops.loads(data, trusted=_TRUSTED)
         model = None if foreign else _checked(content, _explain(caught))
     except Exception as error:
         text = " ".join(str(error).split()) or type(error).__name__
@@ -137,3 +144,53 @@ def _skops() -> Any:
     except ImportError as error:
         raise MissingExtraError("classification", "classify") from error
     return skops.io
+
+
+def _check_size(data: bytes) -> None:
+    """Raise `ValueError` if a file would unpack to more than the size of any model."""
+    with ZipFile(io.BytesIO(data)) as archive:
+        unpacked = sum(member.file_size for member in archive.infolist())
+    if unpacked > max(_MAX_UNPACKED_BYTES, _MAX_RATIO * len(data)):
+        raise ValueError(f"{len(data):,} bytes that unpack to {unpacked:,}")
+
+
+def _reproducible(data: bytes) -> bytes:
+    """Return a file whose bytes depend on its content only.
+
+    skops names arrays and objects by their addresses in memory and writes the time; the spare bytes between the columns
+    of an array of records are whatever the memory held.
+    """
+    numbers: dict[str, int] = {}
+
+    def by_number(found: re.Match[str]) -> str:
+        return f"{found[1]}{numbers.setdefault(found[2], len(numbers) + 1)}"
+
+    packed = io.BytesIO()
+    with ZipFile(io.BytesIO(data)) as source, ZipFile(packed, "w") as target:
+        schema = _ADDRESS.sub(by_number, source.read(_SCHEMA).decode())
+        for name in source.namelist():
+            if name == _SCHEMA:
+                _write(target, name, schema.encode())
+            else:
+                stem, _, suffix = name.partition(".")
+                _write(target, f"{numbers[stem]}.{suffix}", _without_spare_bytes(source.read(name)))
+    return packed.getvalue()
+
+
+def _without_spare_bytes(array_file: bytes) -> bytes:
+    array = np.load(io.BytesIO(array_file), allow_pickle=False)
+    if not array.dtype.names:
+        return array_file
+    clean = np.zeros(array.shape, array.dtype)
+    for name in array.dtype.names:
+        clean[name] = array[name]
+    written = io.BytesIO()
+    np.save(written, clean, allow_pickle=False)
+    return written.getvalue()
+
+
+def _write(archive: ZipFile, name: str, data: bytes) -> None:
+    member = ZipInfo(name)  # of the year 1980
+    member.create_system = 3  # Unix, also on Windows
+    member.external_attr = 0o600 << 16
+    archive.writestr(member, data, ZIP_DEFLATED, 6)

@@ -8,30 +8,24 @@ from numpy.typing import NDArray
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-LONG_WAVE_M = 100.0
-"""Longer side of a tile that shows its waves; a smaller one may be a part of one wave."""
 MAX_TILT = 0.5
 """Deviation of a plane through waves, at most, relative to that of the waves."""
 _REACH_CELLS = 64
 _REACH = np.r_[0 : _REACH_CELLS + 1]
 _LAGS = np.r_[_REACH, -_REACH[:0:-1]]
 _SPARSE, _CERTAIN = 0.5, 5.0
-_LEAST_PAIRS = 200
 
 
-def oscillation(elevation: Cells, water: Mask, *, whole_lengths: bool = False, step: int = 1) -> tuple[float, float]:
+def oscillation(elevation: Cells, water: Mask, step: int = 1) -> tuple[float, float]:
     """Return the wave length in cells, and the depth of the minimum of the autocovariance relative to the variance.
 
     ``elevation``, shape (n, m): elevations above the level of the water; ``water``, shape (n, m): cells of the water;
-    the others do not count; ``whole_lengths``: whether a whole wave length must be seen; ``step``: every so many cells
-    are in the arrays.
+    the others do not count; ``step``: every so many cells are in the arrays.
 
     Notes
     -----
     Sums of products of pairs are not divided by the number of pairs, so that of many minima the nearest is the deepest.
-    Of a wave that is longer than the water, less than one length is seen, as of any slope or hollow of land. With
-    ``whole_lengths``, a minimum counts only if 200 pairs of cells are a whole length apart, in a full grid. A sparse
-    grid has few pairs: there, each sum is scaled to the pairs that a full grid would have, and a minimum needs
+    A sparse grid has few pairs: there, each sum is scaled to the pairs that a full grid would have, and a minimum needs
     a depth of 5 standard errors.
     """
     covariance = _products(np.where(water, elevation, 0))
@@ -47,18 +41,8 @@ def oscillation(elevation: Cells, water: Mask, *, whole_lengths: bool = False, s
         slope = tilt(np.where(water, elevation, np.inf)) if water.any() else np.inf
         if len(elevation) < 4 * _REACH_CELLS or slope > MAX_TILT * float(elevation[water].std()):
             return 0.0, 0.0
-        return oscillation(elevation[::2, ::2], water[::2, ::2], whole_lengths=whole_lengths, step=2 * step)
-    least = _LEAST_PAIRS * _density(water) ** 2
-    if whole_lengths and step**2 * _pairs(water, 2 * _REACH[i], 2 * _LAGS[j]) < least:
-        return 0.0, 0.0
+        return oscillation(elevation[::2, ::2], water[::2, ::2], 2 * step)
     return 2 * step * float(np.hypot(_REACH[i], _LAGS[j])), -float(correlation[i, j])
-
-
-def _pairs(known: Mask, rows: int, columns: int) -> int:
-    """Return the number of pairs of known cells that are so many rows and columns apart."""
-    if columns < 0:
-        return _pairs(known[:, ::-1], rows, -columns)
-    return int(np.count_nonzero(known[rows:, columns:] & known[: len(known) - rows, : known.shape[1] - columns]))
 
 
 def are_sparse(known: Mask) -> bool:

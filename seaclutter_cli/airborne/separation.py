@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.classes import GROUND, NEVER, OTHER, WATER
-from seaclutter_cli.airborne.following import CellDetails, follow_waves
-from seaclutter_cli.airborne.rising import height_limits
+from seaclutter_cli.airborne.following import CellDetails, follow_waves, height_limits
 from seaclutter_cli.airborne.shores import LEAST_SQUARES, Shores, commonest_level, island_cells, shores_of
 from seaclutter_cli.airborne.squares import SquareEchoes, Squares, square_table
 from seaclutter_cli.airborne.strips import Column, looks_of, strips_of
@@ -275,9 +274,9 @@ class LeveledTile:
         step = level - waves.level_m
         followed = follow_waves(grid, lowest - step, land, waves, lowest - opened, details)
         followed = replace(followed, surface=followed.surface + step)
-        limits = height_limits(grid, lowest, land, followed, details)
+        limit, alone_m = height_limits(grid, lowest, land, followed, details)
         ground_top = top if params.land == "class2" else None
-        return Surface(followed.surface, limits.limit, land, ground_top), limits.alone_m
+        return Surface(followed.surface, limit, land, ground_top), alone_m
 
 
 def _surfaces(points: GriddedPoints, params: SeparationParams) -> tuple[Cells, Cells]:

@@ -16,7 +16,7 @@ Mask = NDArray[np.bool_]
 
 LEAST_SQUARES = 6
 """Squares that make land or water; the opening takes what is smaller for an object."""
-_STEP_M, _STEP_DEVIATIONS = 0.25, 1.5
+_STEP_M, _STEP_DEVIATIONS = 0.25, 2.5
 _WALL = 4.0
 _SMOOTH_CELLS, _LEAST_ODDS, _MOST_ODDS = 4.0, 0.5, 3.0
 _SLOPE_CELLS, _STEEP, _EXPLAINED = 120, 0.002, 0.8

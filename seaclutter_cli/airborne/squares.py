@@ -134,7 +134,7 @@ def _neighbors(xy: NDArray[np.int64]) -> NDArray[np.int64]:
 def _texture(low: Cells) -> Values:
     """Return the root mean square of half the difference of cells side by side, of squares, shape (N, 64)."""
     cells = low.reshape(-1, SIDE, SIDE)
-    steps = [np.diff(cells, axis=axis).reshape(len(low), -1) for axis in (1, 2)]
+    steps = [np.diff(cells, axis=axis).reshape(len(low), SIDE * (SIDE - 1)) for axis in (1, 2)]
     power = np.concatenate(steps, axis=1) ** 2
     number = np.isfinite(power).sum(axis=1)
     total = np.where(np.isfinite(power), power, 0).sum(axis=1)

@@ -44,19 +44,6 @@ def test_a_slope_has_no_length(share):
     assert oscillation(0.01 * np.indices((SIDE, SIDE))[0], own) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize(("length", "fits"), [(40.0, True), (110.0, True), (220.0, False)])
-@pytest.mark.parametrize("share", [0.1, 1.0])
-def test_a_whole_wave_must_be_seen(length, fits, share):
-    """A part of 128 m by 256 m; waves run along both sides."""
-    x, y = np.indices((128, SIDE))
-    wave = np.sin(2 * np.pi * x / length) + 0.02 * np.sin(y / 3)
-    own = water(share)[:128]
-    found, depth = oscillation(np.where(own, wave, np.inf), own, whole_lengths=True)
-    assert (found > 0) == fits
-    assert (depth > 0.3) == fits
-    assert not fits or found == pytest.approx(length, rel=0.25)
-
-
 def test_a_sparse_grid_has_few_neighbours():
     assert are_sparse(water(0.4))
     assert not are_sparse(water(0.6))
