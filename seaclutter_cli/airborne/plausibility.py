@@ -17,10 +17,7 @@ _LARGEST_M = {"ship": (460.0, 130.0, 80.0)}  # length, width, height of the larg
 
 
 def doubts_about_sea(parts: Iterable[NDArray[np.float64]], found: Separation) -> list[str]:
-    """Return reasons to doubt that a tile is of the sea.
-
-    ``parts``, shape (3, n): coordinates of the points in metres; ``found``: their classes and heights.
-    """
+    """Return reasons to doubt that a tile, of points in metres, is of the sea."""
     is_sea = found.classification == WATER
     points = int(np.count_nonzero(is_sea))
     doubts = []

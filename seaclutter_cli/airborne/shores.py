@@ -19,6 +19,7 @@ LEAST_SQUARES = 6
 _STEP_M, _STEP_DEVIATIONS = 0.25, 2.5
 _WALL = 4.0
 _SMOOTH_CELLS, _LEAST_ODDS, _MOST_ODDS = 4.0, 0.5, 3.0
+_OPEN_SHARE = 0.5
 _SLOPE_CELLS, _STEEP, _EXPLAINED = 120, 0.002, 0.8
 _BANK_M, _BANK_DEVIATIONS, _CREST_DEVIATIONS = 0.2, 4.0, 3.0
 
@@ -45,10 +46,7 @@ def shores_of(
     odds: Values,
     waves: WindowWaves,
 ) -> Shores:
-    """Return the land and water of a tile.
-
-    ``grid``: the grid, in S blocks; ``lowest``, shape (S, 256, 256): lowest elevations; ``squares``: the N squares of
-    the tile; ``odds``, shape (N,): log odds of water; infinite where it is known; ``waves``: waves around the squares.
+    """Return the land and water of a tile from the log odds of water of its N squares, infinite where it is known.
 
     Notes
     -----
@@ -108,8 +106,21 @@ def _bodies(squares: Squares, water: Mask, deviation: Values) -> Values:
     found = np.full(len(water), np.nan)
     for number in np.flatnonzero(size >= max(least, 1)).tolist():
         own = np.flatnonzero(body == number)
-        found[own] = np.inf if _slopes(squares, own) else np.median(squares.level_m[own])
+        is_none = _slopes(squares, own) or _drains(squares, own, body, float(np.median(step[own])))
+        found[own] = np.inf if is_none else np.median(squares.level_m[own])
     return found
+
+
+def _drains(squares: Squares, own: NDArray[np.int64], body: NDArray[np.int32], step_m: float) -> bool:
+    """Return whether water would run off along most of the edge of a body in the tile: neither is higher there."""
+    level, top = (np.append(values, np.inf) for values in (squares.level_m, squares.top_m))
+    beyond, start = squares.neighbor[:, own], np.broadcast_to(own, (4, len(own)))
+    edge = (beyond >= 0) & (np.append(body, -1)[beyond] != body[own[0]])
+    middle = float(np.median(squares.level_m[own]))
+    further = np.append(squares.neighbor, np.full((4, 1), -1), axis=1)[np.arange(4)[:, None], beyond]
+    lower = np.minimum(level[beyond], level[further]) < middle - 2 * step_m
+    lower &= np.maximum(top[beyond], top[start]) <= middle + 2 * step_m
+    return bool(edge.any() and np.count_nonzero(lower & edge) > _OPEN_SHARE * np.count_nonzero(edge))
 
 
 def _slopes(squares: Squares, own: NDArray[np.int64]) -> bool:

@@ -63,8 +63,7 @@ def looks_of(
 ) -> NDArray[np.uint8] | None:
     """Return the strip of each point, shape (N,); those that see places twice are divided into their looks.
 
-    ``strip``, shape (N,): strip of each point; None if all are of one; ``parts``, shape (3, n): coordinates in metres;
-    iterated over repeatedly; ``column``: returns an attribute of all points.
+    ``parts`` are coordinates in metres, shape (3, n).
 
     Notes
     -----

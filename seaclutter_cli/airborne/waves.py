@@ -111,16 +111,12 @@ class Waves:
 
     @property
     def height_m(self) -> float:
-        """Significant wave height: four standard deviations of the elevation."""
+        """Significant wave height."""
         return 4 * self.deviation_m
 
     @property
     def highest_m(self) -> float:
-        """Height that the highest crests may reach above the opened surface.
-
-        It lies in the troughs of short waves, and follows the longest swell. Between these, and where strips show the
-        water at two moments, the highest crests rise above it by a little more than the significant height.
-        """
+        """Height that the highest crests may reach above the opened surface, which lies in the troughs of short waves."""
         return max(self.crest_m, _HIGHEST * self.height_m)
 
 
