@@ -30,7 +30,7 @@ def oscillation(elevation: Cells, water: Mask, step: int = 1) -> tuple[float, fl
     """
     covariance = _products(np.where(water, elevation, 0))
     correlation = covariance / max(float(covariance[0, 0]), 1e-12)
-    if are_sparse(water):
+    if _density(water) < _SPARSE:
         pairs = np.maximum(_products(water), 1)
         rows, columns = (1 - np.abs(lags) / side for lags, side in zip((_REACH, _LAGS), water.shape, strict=True))
         correlation *= rows[:, None] * columns * pairs[0, 0] / pairs
@@ -43,11 +43,6 @@ def oscillation(elevation: Cells, water: Mask, step: int = 1) -> tuple[float, fl
             return 0.0, 0.0
         return oscillation(elevation[::2, ::2], water[::2, ::2], 2 * step)
     return 2 * step * float(np.hypot(_REACH[i], _LAGS[j])), -float(correlation[i, j])
-
-
-def are_sparse(known: Mask) -> bool:
-    """Return whether most neighbours of known cells are unknown."""
-    return _density(known) < _SPARSE
 
 
 def _density(known: Mask) -> float:

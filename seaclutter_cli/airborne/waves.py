@@ -116,7 +116,7 @@ class Waves:
 
     @property
     def highest_m(self) -> float:
-        """Height that the highest crests may reach above the opened surface, which lies in the troughs of short waves."""
+        """Height that the highest crests may reach above the opened surface, which lies in the troughs."""
         return max(self.crest_m, _HIGHEST * self.height_m)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.airborne.oscillation import are_sparse, oscillation, tilt
+from seaclutter_cli.airborne.oscillation import oscillation, tilt
 
 SIDE = 256
 
@@ -42,15 +42,6 @@ def test_noise_does_not_oscillate(seed, share):
 def test_a_slope_has_no_length(share):
     own = water(share)
     assert oscillation(0.01 * np.indices((SIDE, SIDE))[0], own) == (0.0, 0.0)
-
-
-def test_a_sparse_grid_has_few_neighbours():
-    assert are_sparse(water(0.4))
-    assert not are_sparse(water(0.6))
-    half = np.zeros((SIDE, SIDE), np.bool_)
-    half[:100] = True
-    assert not are_sparse(half)
-    assert not are_sparse(half & False)
 
 
 def test_tilt_is_the_deviation_of_a_plane():
