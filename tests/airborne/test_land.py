@@ -5,7 +5,7 @@ import pytest
 
 from seaclutter_cli.airborne.separation import GROUND, OTHER, WATER, separate
 from seaclutter_cli.airborne.surface import SeparationParams
-from tests.airborne.coasts import SIZE, hummocks, relief, sea_only, shares, tile, waves
+from tests.airborne.coasts import hummocks, relief, sea_only, shares, tile, waves
 from tests.paths import shared
 
 COASTS = {
@@ -16,63 +16,16 @@ COASTS = {
 }
 
 
-@pytest.mark.parametrize("height", [1.0, 2.0])
-def test_a_quay_beside_waves_without_intensities_is_land(height):
-    xyz, land, _ = tile(
-        lambda x, y, _: np.where(x > 240, height + 0.05 * np.sin(x / 17), -5.0), height=1.5, length=40.0
-    )
-    on_land, on_water = shares(xyz, land, {})
-    assert on_land > 0.97
-    assert on_water < 0.02
-
-
 @pytest.mark.parametrize("seed", [42, 43])
 def test_crests_beside_measured_waves_are_water_that_reflects_like_ground(seed):
     xyz, land, columns = tile(sea_only, height=1.5, length=100.0, speckle=False, seed=seed)
     assert shares(xyz, land, columns)[1] < 0.002
 
 
-def test_a_beach_ends_where_waves_begin():
-    """Squares of a slope in waves of random height: none of the sea continues it, all of the slope does."""
-    xyz, land, columns = tile(COASTS["beach 1 in 30"], height=1.5, length=80.0, speckle=False)
-    other = separate([xyz], SeparationParams(), columns.get).classification == OTHER
-    foot = land & (xyz[2] > 0.6) & (xyz[2] < 1.5) & (xyz[0] > 220)
-    assert other[foot].mean() > 0.95
-    assert other[~land].mean() < 0.03
-
-
-def test_surf_is_water_and_the_beach_above_it_is_not():
-    """Foam and sand reflect alike; the foam moves from strip to strip, on water that waves have raised."""
-    strips = []
-    for number in (1, 2):
-        rng = np.random.default_rng(number)
-        x, y = (rng.uniform(0, side, 120_000) for side in SIZE)
-        ground = (x - 280) / 40
-        surf = np.exp(-(((x - 240) / 40) ** 2))
-        water = waves(rng, x, y, 0.7, 40.0) + 0.3 * surf
-        land = ground > water
-        varied = rng.exponential(60, len(x)) * (1 - surf) + rng.normal(300, 90, len(x)) * surf
-        intensity = np.where(land, rng.normal(400, 50, len(x)), varied).clip(0)
-        strips.append((x, y, np.maximum(ground, water), land, intensity, np.full(len(x), number)))
-    x, y, z, land, intensity, strip = (np.concatenate(values) for values in zip(*strips, strict=True))
-    columns = {"intensity": intensity, "point_source_id": strip, "number_of_returns": np.ones(len(x), int)}
-    other = separate([np.stack((x, y, z))], SeparationParams(), columns.get).classification == OTHER
-    assert other[~land & (x > 190)].mean() < 0.35
-    assert other[land].mean() > 0.95
-
-
 WITHOUT_INTENSITIES = [
     ("cliff", 0.1, 15.0), ("cliff", 1.2, 40.0), ("cliff", 1.5, 80.0),
     ("beach 1 in 30", 0.1, 15.0), ("beach 1 in 30", 0.5, 60.0), ("beach 1 in 30", 1.2, 40.0),
 ]  # fmt: skip
-
-
-@pytest.mark.parametrize(("height", "length"), [(0.1, 15.0), (0.5, 60.0), (1.2, 40.0)])
-@pytest.mark.parametrize("coast", COASTS)
-def test_coasts(coast, height, length):
-    land, water = shares(*tile(COASTS[coast], height=height, length=length))
-    assert land > 0.95
-    assert water < 0.05
 
 
 def test_a_polder_below_the_sea_behind_a_dike():
@@ -97,20 +50,6 @@ def test_basins_on_both_sides_of_a_weir_in_waves(names):
     land, water = shares(*weir[:2], {name: weir[2][name] for name in names})
     assert land > 0.95
     assert water < 0.01
-
-
-@pytest.mark.parametrize("speckle", [True, False])
-def test_the_pool_above_a_weir_is_water_though_it_runs_off_over_the_crest(speckle):
-    """The crest is as high as the upper water; the banks undulate."""
-
-    def reach(x, y, bumps):
-        bank = 2.5 + 0.3 * np.sin(x / 20) * np.sin(y / 17) + bumps / 3
-        return np.where(np.abs(y - 150) > 45, bank, np.where(np.abs(x - 200) < 1, 1.2, -5))
-
-    xyz, land, columns = tile(reach, level=lambda x, _: np.where(x < 200, 1.2, 0.0), height=0.04, length=6.0)
-    on_land, on_water = shares(xyz, land, columns if speckle else {})
-    assert on_land > 0.97
-    assert on_water < 0.02
 
 
 def test_squares_along_the_contours_of_a_slope_are_no_basins():
@@ -147,49 +86,6 @@ def test_the_crest_of_a_weir_holds_back_its_upper_basin(names):
     assert water < 0.02
 
 
-@pytest.mark.parametrize(("height", "length"), [(0.1, 15.0), (1.2, 40.0)])
-def test_basins_of_a_lock_are_water_though_nothing_reflects(height, length):
-    """Both are even; the ground of the lock itself is not."""
-    xyz, land, _ = tile(
-        lambda x, _y, bumps: np.where(np.abs(x - 200) < 30, 3.8 + bumps / 3, -5),
-        level=lambda x, _: np.where(x < 200, 0, 2),
-        height=height,
-        length=length,
-    )
-    upper = ~land & (xyz[0] > 200)
-    xyz[2, upper] = np.random.default_rng(2).normal(2, 0.03, np.count_nonzero(upper))
-    on_land, on_water = shares(xyz, land, {})
-    assert on_land > 0.99
-    assert on_water < 0.02
-
-
-@pytest.mark.parametrize("depth", [1.0, 2.0])
-def test_a_polder_below_the_sea_is_land_though_nothing_reflects(depth):
-    """Its fields of 50 by 60 metres differ by some centimetres, as fields do."""
-    rng = np.random.default_rng(3)
-    xyz, *_ = tile(lambda x, _y, _b: np.where((x > 190) & (x < 205), 4.0, -5.0))
-    low = xyz[0] >= 205
-    field = (xyz[0] // 50 + 8 * (xyz[1] // 60)).astype(int)
-    xyz[2, low] = -depth + (rng.normal(0, 0.06, 60)[field] + relief(rng, *xyz[:2], 0.02))[low]
-    on_land, on_water = shares(xyz, xyz[0] > 190, {})
-    assert on_land > 0.97
-    assert on_water < 0.02
-
-
-@pytest.mark.parametrize(("height", "length", "level"), [(0.06, 15.0, 0.05), (1.1, 30.0, 1.0), (1.1, 30.0, -2.0)])
-def test_a_third_of_a_tile_is_sea_beside_fields_though_nothing_reflects(height, length, level):
-    """Most parts of the tile contain both, so that waves show in few of them; still water is as high as the fields."""
-    rng = np.random.default_rng(3)
-    xyz, *_ = tile(lambda x, _y, _b: np.where(x < 125, -5.0, 5 - np.abs(x - 140) / 3), height=height, length=length)
-    inland = xyz[0] >= 155
-    bumps = [np.sin(rng.normal(0, 1 / 25, 2) @ xyz[:2] + rng.uniform(0, 7)) for _ in range(12)]
-    xyz[2, inland] = (level + 0.02 * np.sum(bumps, axis=0) + rng.normal(0, 0.03, len(inland)))[inland]
-    xyz[0] += 100
-    on_land, on_water = shares(xyz, xyz[0] > 226, {})
-    assert on_land > 0.97
-    assert on_water < 0.02
-
-
 @pytest.mark.parametrize("speckle", [True, False])
 @pytest.mark.parametrize(("height", "length"), [(0.1, 15.0), (0.5, 60.0), (1.2, 40.0)])
 def test_a_tile_of_sea_has_no_land(height, length, speckle):
@@ -214,29 +110,6 @@ RECORDED = {
 }
 
 
-@pytest.mark.parametrize("recorded", RECORDED)
-@pytest.mark.parametrize(
-    ("ground", "height", "length"), [(sea_only, 0.1, 15.0), (sea_only, 1.2, 40.0), (COASTS["cliff"], 1.2, 40.0)]
-)
-def test_water_that_reflects_like_ground_in_a_part_of_it(ground, height, length, recorded):
-    """Water reflects most below the aircraft, and sensors record that in different ways."""
-    xyz, land, columns = tile(ground, height=height, length=length)
-    from_nadir = (xyz[1] - SIZE[1] / 3) / SIZE[1]
-    intensity = np.where(land, columns["intensity"], columns["intensity"] * np.exp(-((4 * from_nadir) ** 2)))
-    on_land, on_water = shares(xyz, land, columns | {"intensity": RECORDED[recorded](intensity)})
-    assert on_land > 0.97
-    assert on_water < 0.02
-
-
-def test_a_mirror_and_ground_at_the_level_of_the_same_waves_are_one_sea():
-    """Gusts roughen one part of it."""
-    xyz, land, columns = tile(sea_only, height=1.0, length=60.0)
-    rough = xyz[1] > 150
-    xyz[2] += np.where(rough, np.random.default_rng(1).normal(0, 0.08, rough.size), 0)
-    intensity = np.where(rough, columns["intensity"], 60 + columns["intensity"] / 6)
-    assert shares(xyz, land, columns | {"intensity": intensity})[1] < 0.01
-
-
 def test_a_slope_without_water_is_land():
     assert shares(*tile(lambda x, _, bumps: 1 + x / 100 + bumps))[0] > 0.98
 
@@ -258,14 +131,6 @@ def test_a_wood_beside_a_lake_is_land_though_its_echoes_differ():
 def test_hills_have_no_sea(names):
     xyz, land, columns = tile(lambda x, y, bumps: 200 + 15 * np.sin(x / 40) * np.sin(y / 35) + 4 * bumps)
     assert shares(xyz, land, {name: columns[name] for name in names})[0] == 1
-
-
-@pytest.mark.parametrize(("coast", "height", "length"), WITHOUT_INTENSITIES)
-def test_a_coast_without_intensities_shows_by_its_shape(coast, height, length):
-    xyz, land, _ = tile(COASTS[coast], height=height, length=length)
-    on_land, on_water = shares(xyz, land, {})
-    assert on_land > 0.9
-    assert on_water < 0.05
 
 
 def test_ground_of_land_is_class_2_on_request():

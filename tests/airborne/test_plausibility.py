@@ -84,13 +84,6 @@ def separate(tile, out):
     return CliRunner().invoke(cli, ["classify", "separate", str(tile), "-o", str(out)])
 
 
-def test_a_real_tile_over_land_in_feet(tmp_path):
-    result = separate(shared("las") / "autzen_trim.laz", tmp_path / "s.laz")
-    assert result.exit_code == 0
-    assert "the unit of its CRS is 0.3048 m" in result.stderr
-    assert "only 1.5 % of the points are sea" in result.stderr
-
-
 @pytest.mark.parametrize("tile", ["sample", "airborne"])
 def test_real_and_simulated_water_gives_no_warning(tmp_path, tile):
     path = ROOT / "samples" / "tile.laz" if tile == "sample" else shared("airborne") / "ahn3_sluice.laz"

@@ -118,18 +118,6 @@ def test_an_echo_from_below_the_surface_is_ignored(at):
     assert found.height_m[-1] == -20
 
 
-@pytest.mark.parametrize("share", [0.01, 0.04])
-def test_many_echoes_from_below_do_not_become_the_surface(share):
-    rng = np.random.default_rng(6)
-    x, y = rng.uniform(0, 250, 150_000), rng.uniform(0, 200, 150_000)
-    ship = (np.abs(x - 100) < 30) & (np.abs(y - 90) < 6)
-    below = ~ship & (rng.random(len(x)) < share)
-    z = np.where(ship, 4.0, rng.normal(0, 0.03, len(x))) - below * rng.uniform(0.3, 5, len(x))
-    found = separate([np.stack((x, y, z))], SeparationParams())
-    assert found.classification[ship & (z > 3)].min() == found.classification[ship].max() == OTHER
-    assert np.mean(found.classification[~ship & ~below] == OTHER) < 0.002
-
-
 def test_water_beside_a_few_points_of_a_ship_is_not_a_pit():
     flat = plane(30, 30)
     ship = inside(flat, (10, 12), (10, 12))
@@ -157,14 +145,6 @@ def test_parameters_that_do_not_fit():
         SeparationParams(cell_m=0.01)
     with pytest.raises(ValueError, match="island_m"):
         SeparationParams(island_m=0.2)
-
-
-def test_an_island_across_blocks_is_one():
-    """Only its peak, in one block, is higher than ``island_m``."""
-    flat = plane(600, 40)
-    shore, peak = inside(flat, (200, 420), (0, 40)), inside(flat, (205, 240), (0, 40))
-    found = other(raised(raised(flat, shore, 1.5), peak, 3.0), SeparationParams())
-    np.testing.assert_array_equal(found, shore)
 
 
 def calm_water(deviation_m):

@@ -26,30 +26,12 @@ def inside(xyz, x, y):
     return (xyz[0] >= x[0]) & (xyz[0] < x[1]) & (xyz[1] >= y[0]) & (xyz[1] < y[1])
 
 
-@pytest.mark.parametrize(("height", "length"), [(0.6, 25.0), (1.1, 40.0), (1.5, 60.0), (1.5, 90.0)])
-def test_height_and_length(height, length):
-    found = separate([field(height, length)], SeparationParams()).sea
-    assert found.wave_height_m == pytest.approx(height, rel=0.2)
-    assert found.wave_length_m == pytest.approx(length, rel=0.25)
-    assert abs(found.level_m) < 0.1 * height
-
-
 def test_objects_do_not_raise_the_waves():
     xyz = field(1.1, 40.0)
     alone = separate([xyz], SeparationParams()).sea
     for at in range(20, 280, 50):
         xyz[2, inside(xyz, (at, at + 15), (60, 140))] += 8
     assert separate([xyz], SeparationParams()).sea.wave_height_m == pytest.approx(alone.wave_height_m, rel=0.15)
-
-
-@pytest.mark.parametrize("length", [150.0, 190.0])
-def test_swell_that_is_longer_than_a_quarter_of_a_block(length):
-    xyz = field(1.5, length, sides=(512.0, 256.0))
-    found = separate(
-        [xyz], SeparationParams(), {"intensity": np.random.default_rng(1).gamma(2.0, 50, xyz.shape[1])}.get
-    )
-    assert found.sea.wave_length_m == pytest.approx(length, rel=0.25)
-    assert (found.classification == OTHER).mean() < 0.005
 
 
 def test_calm_water_is_separated_as_with_half_a_metre():
@@ -166,20 +148,6 @@ def test_strips_show_the_water_at_two_moments(names):
     assert wrong < 0.005 if names else wrong > 0.02
 
 
-@pytest.mark.parametrize(("height", "length"), [(0.5, 30.0), (0.8, 60.0), (1.2, 80.0), (1.5, 100.0)])
-def test_the_highest_crests_of_swell_are_followed(height, length):
-    """The opened surface follows such a swell, but not its highest crests."""
-    found = separate([field(height, length, seed=8)], SeparationParams())
-    assert found.sea.surface == "followed"
-    assert (found.classification == OTHER).mean() < 0.001
-
-
-def test_the_opened_surface_is_used_for_low_swell():
-    xyz = field(0.25, 100.0, seed=8)
-    auto, fixed = (separate([xyz], SeparationParams(height_m=height)) for height in ("auto", 0.5))
-    np.testing.assert_array_equal(auto.height_m, fixed.height_m)
-
-
 def test_strips_without_points_in_the_tile_do_not_matter():
     xyz, strip = two_strips()
     damaged = np.concatenate((xyz, np.full((3, 5000), np.nan)), axis=1)
@@ -200,42 +168,6 @@ def test_a_wide_low_mat_is_found_by_all_of_its_cells():
     other = separate([xyz], SeparationParams(), {"intensity": intensity}.get).classification == OTHER
     assert other[mat].mean() > 0.8
     assert other[~mat].mean() < 0.002
-
-
-@pytest.mark.parametrize(("step", "width"), [(0.4, 200), (2.3, 140)])
-def test_a_still_basin_beside_a_rough_sea_has_its_own_level(step, width):
-    """Sea, a dam, and a basin with hardly any waves, which may be most of the tile."""
-    xyz = field(0.8, 20.0, sides=(500, 256))
-    sea, basin = xyz[0] < 500 - width - 60, xyz[0] >= 500 - width
-    xyz[2, basin] = step + 0.15 * xyz[2, basin]
-    dam = ~sea & ~basin
-    xyz[2, dam] = step + 2 + np.random.default_rng(7).normal(0, 0.4, np.count_nonzero(dam))
-    speckle = np.random.default_rng(8).exponential(100, xyz.shape[1])
-    columns = {"intensity": np.where(dam, 150 + 0.1 * speckle, speckle)}
-    found = separate([xyz], SeparationParams(), columns.get)
-    assert found.sea.wave_height_m == pytest.approx(0.8, rel=0.25)
-    assert found.sea.level_m == pytest.approx(0, abs=0.15)
-    for water in (sea, basin):
-        assert (found.classification[water] == OTHER).mean() < 0.02
-    assert (found.classification[dam] == OTHER).mean() > 0.98
-    assert np.nanmedian(found.height_m[basin]) == pytest.approx(0, abs=0.15)
-
-
-def test_water_is_sea_where_cells_have_few_echoes_and_many():
-    """The highest of many echoes of a cell is higher, and by chance bright."""
-    rng = np.random.default_rng(4)
-    x, y = rng.uniform(0, 200, (2, 20_000))
-    dense = rng.uniform(0, 200, (2, 400_000))
-    dense = dense[:, dense[0] % 40 > 20]
-    xy = np.concatenate((np.stack((x, y)), dense), axis=1)
-    z = np.zeros(xy.shape[1])
-    for length in np.geomspace(2, 30, 40):
-        k, angle = 2 * np.pi / length, rng.normal(0.6, 0.4)
-        z += length * np.sin(k * (np.cos(angle) * xy[0] + np.sin(angle) * xy[1]) + rng.uniform(0, 7))
-    xyz = np.concatenate((xy, [0.35 * z / z.std() + rng.normal(0, 0.02, len(z))]))
-    found = separate([xyz], SeparationParams(), {"intensity": rng.exponential(100, len(z))}.get)
-    assert found.sea.surface == "followed"
-    assert (found.classification == OTHER).mean() < 1e-4
 
 
 def test_steep_water_is_sea_however_many_echoes_a_cell_has():
