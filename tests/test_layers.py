@@ -83,7 +83,7 @@ ALLOWED = {
     "plots": BASE | {"evaluation", "calibration", "reporting", "structure"},
     "viewing": BASE | {"evaluation", "messages", "reporting"},
     "runs": CORE
-    | {"airborne", "calibration", "config", "jobs", "plots", "reporting", "scenes", "simulation", "structure"}
+    | {"airborne", "grids", "calibration", "config", "jobs", "plots", "reporting", "scenes", "simulation", "structure"}
     | {"parameters", "validation", "viewing"},
     "api": BASE | {"config", "messages", "reading", "runs", "selection"},
     "commands": BASE | {"config", "interrupts", "runs", "selection", "sensors"},
