@@ -6,6 +6,7 @@ the fields. Modules with such classes import nothing heavy, so that the help of 
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import inspect
 import math
@@ -380,7 +381,10 @@ def documented(text: str | None, kind: Any) -> str:
 
 def _shown(annotation: str) -> str:
     """Return the type of what is given for an option."""
-    given = re.sub(r"Converted\[(.+), [^],]+\]", r"\1", annotation)
+    given = annotation
+    if annotation.startswith("Converted["):
+        converted: Any = ast.parse(annotation, mode="eval").body
+        given = ast.unparse(converted.slice.elts[0])
     return re.sub(r"Grouped\[(\w+)\]", r"\1 | None", _GIVEN.get(given, given))
 
 

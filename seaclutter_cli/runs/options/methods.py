@@ -73,6 +73,7 @@ def _config_option() -> Any:
         "--config",
         default=None,
         kind=ConfigFile(),
+        metavar="FILE",
         help="Configuration file, or the name of a built-in one. "
         f"[default: {WORKING_CONFIG} in the working folder, if there is one; - is standard input]",
         type="path, mapping or Config",
