@@ -204,7 +204,8 @@ class LeveledTile:
             level = np.full(self.lowest.shape, np.median(self.lowest[np.isfinite(self.lowest)]))
             land = np.zeros(self.lowest.shape, np.bool_)
             return np.zeros(few), Shores(land, level, 0.0, np.ones(few, np.bool_))
-        odds = water_model().log_odds(self.squares, *self.table(), self._echoes.water)
+        name = "water" if np.isfinite(self._echoes.variation).any() else "water_by_shape"
+        odds = water_model(name).log_odds(self.squares, *self.table(), self._echoes.water)
         return odds, shores_of(self.points.grid, self.lowest, self.squares, odds, self._windows)
 
     def _looks(self) -> Iterator[Cells]:

@@ -89,8 +89,8 @@ def around(squares: Squares, likely: Values) -> NDArray[np.float32]:
 
 
 @cache
-def water_model() -> WaterModel:
-    """Return the model that the package contains."""
-    with (files("seaclutter_cli.airborne") / "water.npz").open("rb") as file, np.load(file) as stored:
+def water_model(name: str) -> WaterModel:
+    """Return a model of the package: ``water``, or ``water_by_shape``, trained with most intensities left out."""
+    with (files("seaclutter_cli.airborne") / f"{name}.npz").open("rb") as file, np.load(file) as stored:
         trees = [Trees(*(stored[f"{step}_{name}"] for name in Trees.__dataclass_fields__)) for step in (1, 2)]
         return WaterModel(tuple(stored["features"].tolist()), *trees)
