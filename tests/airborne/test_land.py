@@ -328,3 +328,12 @@ def test_a_swell_that_fields_do_not_resemble_is_not_doubtful():
     x, y = np.random.default_rng(6).uniform(0, 300, (2, 300_000))
     swell = np.stack((x, y, 0.5 * np.sin(2 * np.pi * (x + y / 3) / 40)))
     assert not separate([swell], SeparationParams()).is_doubtful
+
+
+@pytest.mark.parametrize("names", [("intensity", "number_of_returns"), ()])
+@pytest.mark.parametrize(("height", "length"), [(0.1, 15.0), (1.2, 40.0)])
+def test_a_cliff_is_land_with_and_without_intensities(names, height, length):
+    xyz, land, columns = tile(COASTS["cliff"], height=height, length=length)
+    on_land, on_water = shares(xyz, land, {name: columns[name] for name in names})
+    assert on_land > 0.95
+    assert on_water < 0.02
