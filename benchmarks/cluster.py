@@ -35,7 +35,7 @@ def main(address: str, tasks: int) -> None:
 
     engine = Cluster(connection_to(address), Importable(), print)
     started = 0.0
-    for number, _ in enumerate(engine.run([Importable()] * tasks, lambda *_: None)):
+    for number, _ in enumerate(engine([Importable()] * tasks, lambda *_: None)):
         started = started or perf_counter()
         if number % max(1, tasks // 10) == 0:
             print(f"{number:8,} tasks  {resident_mb():6.1f} MB")

@@ -5,6 +5,7 @@ import traceback
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol, TypeVar
 
 from seaclutter_cli.errors import SeaclutterError
@@ -12,18 +13,12 @@ from seaclutter_cli.errors import SeaclutterError
 _ATTEMPTS = 2
 
 R = TypeVar("R")
-R_co = TypeVar("R_co", covariant=True)
 
 Report = Callable[[float], None]
 """Function to call with the share of a task that is done, from 0 to 1."""
 
-
-class Task(Protocol[R_co]):
-    """Work that can be sent to another process: pickle can copy the object and its result."""
-
-    def __call__(self, report: Report) -> R_co:
-        """Do the work; an exception ends the whole run."""
-        ...
+Task = Callable[[Report], R]
+"""Work that can be sent to another process: pickle can copy it and its result. An exception ends the whole run."""
 
 
 @dataclass(frozen=True)
@@ -36,26 +31,21 @@ class Lost:
 Results = Generator[tuple[int, R | Lost], None, None]
 """Numbers and results of tasks."""
 
+OnShare = Callable[[int, float], None]
+"""Function that receives the number of a task and the share of it that is done."""
 
-class Engine(Protocol):
-    """A way to run tasks. Results do not depend on it."""
+Engine = Callable[[Sequence[Task[R]], OnShare], Results[R]]
+"""Function that runs tasks in their order and yields the number and the result of each when it is done, in any order.
 
-    def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Results[R]:
-        """Run tasks in their order and yield the number and the result of each when it is done, in any order.
-
-        Closing the iterator stops the tasks that run. An exception of a task is raised here and stops the others.
-        ``on_share`` receives the number of a task and the share of it that is done.
-        """
-        ...
+Results do not depend on the engine. Closing the iterator stops the tasks that run. An exception of a task is raised in
+it and stops the others.
+"""
 
 
-class InTurn:
-    """Engine that runs tasks in this process, one after another."""
-
-    def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Results[R]:
-        """Run tasks, as `Engine.run` says."""
-        for number, task in enumerate(tasks):
-            yield number, task(lambda share, number=number: on_share(number, share))  # type: ignore[misc]
+def run_in_turn(tasks: Sequence[Task[R]], on_share: OnShare) -> Results[R]:
+    """Run tasks in this process, one after another; see `Engine`."""
+    for number, task in enumerate(tasks):
+        yield number, task(partial(on_share, number))
 
 
 SHARE, DONE, ERROR, DIED = "share", "done", "error", "died"
@@ -95,8 +85,8 @@ class Pool(Protocol):
         ...
 
 
-def run_with_retries(pool: Pool, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Results[R]:
-    """Run tasks, as `Engine.run` says; a process that dies costs its task one retry, and no other task anything."""
+def run_with_retries(pool: Pool, tasks: Sequence[Task[R]], on_share: OnShare) -> Results[R]:
+    """Run tasks, as `Engine` says; a process that dies costs its task one retry, and no other task anything."""
     waiting, attempts = deque(range(len(tasks))), Counter[int]()
     while waiting or pool.is_busy:
         attempts.update(pool.give(waiting, tasks))

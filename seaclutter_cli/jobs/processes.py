@@ -5,7 +5,7 @@ import os
 import signal
 import sys
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -13,7 +13,7 @@ from time import monotonic
 from typing import Any
 
 from seaclutter_cli.interrupts import handle_interrupts, ignore_interrupts
-from seaclutter_cli.jobs.engine import DIED, SHARE, R, Results, Task, answer, run_with_retries
+from seaclutter_cli.jobs.engine import DIED, SHARE, OnShare, R, Results, Task, answer, run_with_retries
 from seaclutter_cli.threads import VARIABLE, cores, threads
 
 _REPORT_S = 0.2
@@ -65,27 +65,20 @@ def _left(limit: Path, used: Path) -> int | None:
         return None
 
 
-class Processes:
-    """Engine that runs tasks in a number of processes of this machine, which share its cores.
+def run_in_processes(jobs: int, tasks: Sequence[Task[R]], on_share: OnShare) -> Results[R]:
+    """Run tasks in a number of processes of this machine, which share its cores; see `Engine`.
 
     A process that dies, for example because the system ran out of memory, costs its task one retry, and no other task
     anything.
     """
-
-    def __init__(self, jobs: int) -> None:
-        self._jobs = jobs
-        # A fork of a process with threads can hang; a server of forks has none, and imports only once.
-        method = "forkserver" if "forkserver" in mp.get_all_start_methods() and sys.platform == "linux" else "spawn"
-        self._context = mp.get_context(method)
-        if method == "forkserver":
-            self._context.set_forkserver_preload(_PRELOADED)
-
-    def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Results[R]:
-        """Run tasks, as `Engine.run` says."""
-        if self._context.get_start_method() == "forkserver":
-            _start_server()
-        with _Pool(self._context, min(self._jobs, len(tasks))) as pool:
-            yield from run_with_retries(pool, tasks, on_share)
+    # A fork of a process with threads can hang; a server of forks has none, and imports only once.
+    method = "forkserver" if "forkserver" in mp.get_all_start_methods() and sys.platform == "linux" else "spawn"
+    context = mp.get_context(method)
+    if method == "forkserver":
+        context.set_forkserver_preload(_PRELOADED)
+        _start_server()
+    with _Pool(context, min(jobs, len(tasks))) as pool:
+        yield from run_with_retries(pool, tasks, on_share)
 
 
 def _start_server() -> None:
@@ -114,13 +107,12 @@ class _Pool(AbstractContextManager["_Pool"]):
         return any(worker.is_busy for worker in self._workers)
 
     @property
-    def has_room(self) -> bool:
-        """Whether another process can be started."""
+    def _has_room(self) -> bool:
         return len(self._workers) < self._size
 
     def give(self, waiting: deque[int], tasks: Sequence[Task[Any]]) -> list[int]:
         """Give waiting tasks to idle processes and return their numbers."""
-        if waiting and self.has_room:
+        if waiting and self._has_room:
             self._workers.append(_Worker(self._context, max(1, min(threads(), cores() // self._size))))
         given = []
         for worker in self._workers:
@@ -131,7 +123,7 @@ class _Pool(AbstractContextManager["_Pool"]):
 
     def answers(self, *, waiting: bool) -> Iterator[tuple[int, str, Any]]:
         """Yield answers, as `Pool.answers` says."""
-        block = not (waiting and self.has_room)
+        block = not (waiting and self._has_room)
         busy = {worker.pipe: worker for worker in self._workers if worker.is_busy}
         for pipe in wait(list(busy), None if block else 0):
             worker = busy[pipe]

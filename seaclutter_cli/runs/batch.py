@@ -4,12 +4,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
 from seaclutter_cli.buckets import copies_removed, local, mirror_of, on_paths, shown
 from seaclutter_cli.errors import SeaclutterError, SelectionError
-from seaclutter_cli.jobs.engine import Engine, InTurn, Lost, Report
+from seaclutter_cli.jobs.engine import Engine, Lost, Report, run_in_turn
 from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.labels import LabelFile
 from seaclutter_cli.runs.observer import Observer, Step
@@ -23,7 +24,7 @@ _MIB = 2**20
 
 
 @contextmanager
-def _engine(options: BatchOptions, works: "Sequence[Work[Any]]", observer: Observer) -> Iterator[Engine]:
+def _engine(options: BatchOptions, works: "Sequence[Work[Any]]", observer: Observer) -> Iterator[Engine[Any]]:
     """Return the engine for work on some recordings."""
     if options.cluster is not None:
         from seaclutter_cli.jobs.cluster.connection import connection_to
@@ -35,11 +36,11 @@ def _engine(options: BatchOptions, works: "Sequence[Work[Any]]", observer: Obser
         with shared_places(reads, writes) as check:
             yield Cluster(connection, check, observer.warn, options.jobs)
         return
-    from seaclutter_cli.jobs.processes import Processes, default_jobs  # not needed for a single recording
+    from seaclutter_cli.jobs.processes import default_jobs, run_in_processes  # not needed for a single recording
 
     recordings = len(works)
     jobs = default_jobs(recordings) if options.jobs is None else options.jobs
-    yield InTurn() if min(jobs, recordings) <= 1 else Processes(jobs)
+    yield run_in_turn if min(jobs, recordings) <= 1 else partial(run_in_processes, jobs)
 
 
 def inputs_of_work(recording: Recording, reading: ReadOptions, labels: LabelFile | None) -> tuple[Path, ...]:
@@ -188,7 +189,7 @@ def run_batch(
     with (
         _progress(works, observer) as on_share,
         _engine(options, works, observer) as engine,
-        closing(engine.run(_tasks(works, engine, observer), on_share)) as results,
+        closing(engine(_tasks(works, engine, observer), on_share)) as results,
     ):
         for number, result in results:
             work, error = works[number], None
@@ -213,8 +214,8 @@ def run_batch(
     return [one or work.without_result(NOT_PROCESSED) for one, work in zip(outcomes, works, strict=True)]
 
 
-def _tasks(works: Sequence[Work[O]], engine: Engine, observer: Observer) -> list[_Task[O]]:
-    direct = observer if isinstance(engine, InTurn) else None
+def _tasks(works: Sequence[Work[O]], engine: Engine[Any], observer: Observer) -> list[_Task[O]]:
+    direct = observer if engine is run_in_turn else None
     return [_Task(work, work.recording.name, direct) for work in works]
 
 

@@ -6,17 +6,22 @@ import subprocess
 import sys
 import time
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.jobs.engine import InTurn, Lost
-from seaclutter_cli.jobs.processes import Processes
+from seaclutter_cli.jobs.engine import Lost, run_in_turn
+from seaclutter_cli.jobs.processes import run_in_processes
 from seaclutter_cli.threads import cores
 from tests.jobs.work import Ask, Blocked, Fail, Kill, Meet, Square, Unsendable, Variable, Wait
 
-ENGINES = {"in turn": InTurn(), "one process": Processes(1), "three processes": Processes(3)}
+ENGINES = {
+    "in turn": run_in_turn,
+    "one process": partial(run_in_processes, 1),
+    "three processes": partial(run_in_processes, 3),
+}
 
 
 @pytest.fixture(params=ENGINES.values(), ids=ENGINES.keys())
@@ -25,70 +30,70 @@ def engine(request):
 
 
 def test_results_by_number(engine):
-    done = dict(engine.run([Square(k) for k in range(7)], lambda *_: None))
+    done = dict(engine([Square(k) for k in range(7)], lambda *_: None))
     assert done == {k: k * k for k in range(7)}
 
 
 def test_no_tasks(engine):
-    assert list(engine.run([], lambda *_: None)) == []
+    assert list(engine([], lambda *_: None)) == []
 
 
 def test_shares_are_reported(engine):
     shares = []
-    list(engine.run([Square(1, wait_s=0.05), Square(2)], lambda *share: shares.append(share)))
+    list(engine([Square(1, wait_s=0.05), Square(2)], lambda *share: shares.append(share)))
     assert (0, 0.5) in shares
 
 
 @pytest.mark.parametrize("error", [InputError, ZeroDivisionError])
 def test_an_error_ends_the_run(engine, error):
     with pytest.raises(error, match="no such sea"):
-        list(engine.run([Square(1), Fail(error), *(Square(k) for k in range(50))], lambda *_: None))
+        list(engine([Square(1), Fail(error), *(Square(k) for k in range(50))], lambda *_: None))
 
 
 def test_tasks_run_at_the_same_time(tmp_path):
     one, other = tmp_path / "one", tmp_path / "other"
     tasks = [Meet(own=one, other=other), Meet(own=other, other=one)]
-    assert dict(Processes(2).run(tasks, lambda *_: None)) == {0: True, 1: True}
+    assert dict(run_in_processes(2, tasks, lambda *_: None)) == {0: True, 1: True}
 
 
 @pytest.mark.parametrize("value", ["one", "two"])
 def test_processes_have_the_environment_of_the_run(value, monkeypatch):
     monkeypatch.setenv("SEACLUTTER_TEST", value)
-    assert dict(Processes(2).run([Variable()] * 2, lambda *_: None)) == {0: value, 1: value}
+    assert dict(run_in_processes(2, [Variable()] * 2, lambda *_: None)) == {0: value, 1: value}
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="no server of forks")
 def test_an_interrupt_of_all_processes_does_not_reach_those_that_import():
     """Ctrl-C reaches the whole group; the server of forks prints a traceback if it is interrupted while it imports."""
-    assert dict(Processes(1).run([Blocked()], lambda *_: None)) == {0: {signal.SIGINT}}
+    assert dict(run_in_processes(1, [Blocked()], lambda *_: None)) == {0: {signal.SIGINT}}
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
 def test_a_result_that_cannot_be_sent_is_an_error():
     with pytest.raises(Exception, match="pickle"):
-        list(Processes(2).run([Square(1), Unsendable()], lambda *_: None))
+        list(run_in_processes(2, [Square(1), Unsendable()], lambda *_: None))
 
 
 def test_processes_share_the_cores():
-    done = [result for _, result in Processes(2).run([Ask()] * 4, lambda *_: None)]
+    done = [result for _, result in run_in_processes(2, [Ask()] * 4, lambda *_: None)]
     assert {threads for threads, _ in done} == {max(1, cores() // 2)}
     assert os.getpid() not in {pid for _, pid in done}
 
 
 def test_a_budget_of_threads_holds_for_each_process(monkeypatch):
     monkeypatch.setenv("SEACLUTTER_THREADS", "1")
-    assert {threads for _, (threads, _) in Processes(1).run([Ask()], lambda *_: None)} == {1}
+    assert {threads for _, (threads, _) in run_in_processes(1, [Ask()], lambda *_: None)} == {1}
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
 class TestDeath:
     def test_a_process_that_dies_costs_one_retry(self, tmp_path):
         tasks = [Square(3), Kill(tmp_path, times=1), Square(4)]
-        assert dict(Processes(2).run(tasks, lambda *_: None)) == {0: 9, 1: "survived", 2: 16}
+        assert dict(run_in_processes(2, tasks, lambda *_: None)) == {0: 9, 1: "survived", 2: 16}
 
     def test_a_task_that_kills_its_processes_is_lost_alone(self, tmp_path):
         tasks = [Square(3), Kill(tmp_path, times=9), Square(4)]
-        done = dict(Processes(2).run(tasks, lambda *_: None))
+        done = dict(run_in_processes(2, tasks, lambda *_: None))
         assert isinstance(done[1], Lost)
         assert "SIGKILL" in done[1].reason
         assert "2 times" in done[1].reason
@@ -97,7 +102,7 @@ class TestDeath:
 
     def test_closing_interrupts_what_runs(self, tmp_path):
         started, ended = tmp_path / "started", tmp_path / "ended"
-        with closing(Processes(2).run([Wait(started, ended), Square(1, wait_s=0.3)], lambda *_: None)) as results:
+        with closing(run_in_processes(2, [Wait(started, ended), Square(1, wait_s=0.3)], lambda *_: None)) as results:
             while not started.exists():
                 assert next(results) == (1, 1)
         assert ended.exists()
@@ -105,10 +110,10 @@ class TestDeath:
     def test_processes_end_when_the_first_one_is_killed(self, tmp_path):
         script = f"""
 import pathlib
-from seaclutter_cli.jobs.processes import Processes
+from seaclutter_cli.jobs.processes import run_in_processes
 from tests.jobs.work import Ask, Square
 if __name__ == "__main__":
-    for _, result in Processes(1).run([Ask(), Square(1, wait_s=1.0), Square(2)], lambda *_: None):
+    for _, result in run_in_processes(1, [Ask(), Square(1, wait_s=1.0), Square(2)], lambda *_: None):
         pathlib.Path({str(tmp_path / "pid")!r}).write_text(str(result[1]))
         input()
 """

@@ -4,13 +4,14 @@ import os
 import shutil
 import signal
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from ssl import SSLError
 from threading import current_thread, main_thread
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.errors import ClusterError, MissingExtraError, UsageError
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 FILES = {"ca_file": "SEACLUTTER_TLS_CA", "client_cert": "SEACLUTTER_TLS_CERT", "client_key": "SEACLUTTER_TLS_KEY"}
 """Environment variables with the paths of certificates, by their names in Dask."""
 
+_PATIENCE_S = 300.0
 _CONNECT_S = 10
 """To connect, and to close a connection."""
 
@@ -34,25 +36,16 @@ _NO_DASHBOARD = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
 _WORKER = [f"export DASK_DISTRIBUTED__WORKER__MEMORY__{name}=False" for name in ("TARGET", "SPILL", "PAUSE")]
 
 
-class Connection(Protocol):
-    """A cluster to connect to."""
+@dataclass(frozen=True)
+class Connection:
+    """A cluster; ``connected`` raises `ClusterError` if there is no connection to it.
 
-    @property
-    def name(self) -> str:
-        """Name in messages."""
-        ...
+    While there are no workers, a run waits for ``patience_s`` seconds; if None, until it is interrupted.
+    """
 
-    @property
-    def patience_s(self) -> float | None:
-        """How long a run waits in seconds while there are no workers; None: until it is interrupted."""
-        ...
-
-    def connected(self) -> AbstractContextManager["Client"]:
-        """Connect to the cluster.
-
-        Raise `ClusterError` if that fails.
-        """
-        ...
+    name: str
+    connected: Callable[[], AbstractContextManager["Client"]]
+    patience_s: float | None = None
 
 
 def connection_to(address: str, *, insecure: bool = False, workers: int | None = None) -> Connection:
@@ -74,55 +67,41 @@ def connection_to(address: str, *, insecure: bool = False, workers: int | None =
     if address == "slurm":
         if workers is None:
             raise UsageError("--cluster slurm: requires the number of workers, such as -j 16")
-        return _Slurm(workers)
-    return _Scheduler(address)
+        return Connection(address, partial(_slurm, workers))
+    return Connection(address, partial(_scheduler, address), _PATIENCE_S)
 
 
-@dataclass(frozen=True)
-class _Scheduler:
-    """A scheduler that runs; its name is its address."""
+@contextmanager
+def _scheduler(address: str) -> Iterator["Client"]:
+    """Connect to a scheduler that runs."""
+    make = _client_class()
+    security = _certificates(required=True) if address.startswith("tls:") else None
+    try:
+        client = make(address, security=security, timeout=_CONNECT_S, set_as_default=False)
+    except (OSError, ValueError, RuntimeError) as error:
+        raise ClusterError(f"{address}: no connection to a scheduler ({_cause(error)})") from error
+    with _closing(client):
+        yield client
 
-    name: str
-    patience_s: float | None = 300.0
 
-    @contextmanager
-    def connected(self) -> Iterator["Client"]:
-        make = _client_class()
-        security = _certificates(required=True) if self.name.startswith("tls:") else None
+@contextmanager
+def _slurm(workers: int) -> Iterator["Client"]:
+    """Submit workers as jobs of SLURM, which are cancelled at the end, and start a scheduler in this process."""
+    make = _client_class()
+    import dask
+
+    if shutil.which("sbatch") is None:
+        raise ClusterError("slurm: there is no command sbatch here; run seaclutter on a login node of the cluster")
+    with dask.config.set(_SCHEDULER):
+        cluster = _cluster()
         try:
-            client = make(self.name, security=security, timeout=_CONNECT_S, set_as_default=False)
-        except (OSError, ValueError, RuntimeError) as error:
-            raise ClusterError(f"{self.name}: no connection to a scheduler ({_cause(error)})") from error
-        with _closing(client):
-            yield client
-
-
-@dataclass(frozen=True)
-class _Slurm:
-    """A number of workers in jobs of SLURM, and a scheduler in this process."""
-
-    workers: int
-    name: str = "slurm"
-    patience_s: float | None = None
-
-    @contextmanager
-    def connected(self) -> Iterator["Client"]:
-        """Submit the jobs, which are cancelled at the end; see `Connection.connected`."""
-        make = _client_class()
-        import dask
-
-        if shutil.which("sbatch") is None:
-            raise ClusterError("slurm: there is no command sbatch here; run seaclutter on a login node of the cluster")
-        with dask.config.set(_SCHEDULER):
-            cluster = _cluster()
-            try:
-                _require_acceptance(cluster.job_script())
-                with _closing(make(cluster, set_as_default=False)) as client:
-                    cluster.scale(self.workers)
-                    yield client
-            finally:
-                with suppress(Exception):  # a job that could not be submitted
-                    cluster.close()
+            _require_acceptance(cluster.job_script())
+            with _closing(make(cluster, set_as_default=False)) as client:
+                cluster.scale(workers)
+                yield client
+        finally:
+            with suppress(Exception):  # a job that could not be submitted
+                cluster.close()
 
 
 def _cluster() -> Any:

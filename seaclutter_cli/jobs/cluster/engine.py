@@ -19,7 +19,7 @@ from seaclutter_cli.errors import ClusterError
 from seaclutter_cli.jobs.cluster.connection import Connection
 from seaclutter_cli.jobs.cluster.remote import TOPIC, run_remotely
 from seaclutter_cli.jobs.cluster.workers import Workers, versions_question
-from seaclutter_cli.jobs.engine import DIED, DONE, ERROR, SHARE, R, Report, Results, Task, run_with_retries
+from seaclutter_cli.jobs.engine import DIED, DONE, ERROR, SHARE, OnShare, R, Report, Results, Task, run_with_retries
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -37,30 +37,30 @@ _STEPS_OF_RELEASE = 2
 _DEAD = "its worker died, perhaps because memory ran out"
 
 
+@dataclass(frozen=True)
 class Cluster:
     """Engine that runs tasks on the workers of a Dask cluster, on at most ``limit`` at the same time.
 
     Each task is bound to one idle worker, so neither queues of workers nor work stealing ever put two tasks of a run on
     one worker, whatever the settings of the scheduler. There are never more tasks in the cluster than workers.
-    ``check`` is a task that returns why a worker cannot be used; None if it can.
     """
 
-    def __init__(
-        self, connection: Connection, check: Check, warn: Callable[[str], object], limit: int | None = None
-    ) -> None:
-        self._connection, self._check, self._warn, self._limit = connection, check, warn, limit
+    connection: Connection
+    check: Check
+    warn: Callable[[str], object]
+    limit: int | None = None
 
-    def run(self, tasks: Sequence[Task[R]], on_share: Callable[[int, float], None]) -> Results[R]:
-        """Run tasks, as `Engine.run` says.
+    def __call__(self, tasks: Sequence[Task[R]], on_share: OnShare) -> Results[R]:
+        """Run tasks; see `Engine`.
 
         Raise `ClusterError` if there is no scheduler or no worker, the versions of their software differ, or the
         scheduler disappears.
         """
         if not tasks:
             return
-        with _quiet(), self._connection.connected() as client:
-            workers = Workers(client, self._connection, self._warn)
-            with _Pool(client, workers, self._check, self._limit or len(tasks)) as pool:
+        with _quiet(), self.connection.connected() as client:
+            workers = Workers(client, self.connection, self.warn)
+            with _Pool(client, workers, self.check, self.limit or len(tasks)) as pool:
                 yield from run_with_retries(pool, tasks, on_share)
 
 
@@ -210,7 +210,7 @@ class _Pool:
         """Wait until workers begin another task, but not for long."""
         until = monotonic() + _END_S
         for address in workers:
-            self._submit(address, run_remotely, *_sent(_NOTHING))
+            self._submit(address, run_remotely, *_sent(_nothing))
         while self._jobs:
             key, kind, _ = self._events.get(timeout=max(0.0, until - monotonic()))
             if kind != SHARE:
@@ -225,14 +225,8 @@ def _raise(error: BaseException, worker: str) -> NoReturn:
     raise ClusterError(f"worker {worker}: {type(error).__name__}: {error}") from error
 
 
-class _Nothing:
-    """A task that does nothing."""
-
-    def __call__(self, report: Report) -> None:
-        """Return."""
-
-
-_NOTHING = _Nothing()
+def _nothing(_: Report) -> None:
+    """Do nothing."""
 
 
 def _sent(task: Task[Any]) -> tuple[bytes, str]:

@@ -72,7 +72,7 @@ def engine(cluster, warnings=None, check=None, limit=None):
 
 
 def run(engine, tasks):
-    return dict(engine.run(tasks, lambda *_: None))
+    return dict(engine(tasks, lambda *_: None))
 
 
 def test_results_by_number(certified):
@@ -85,7 +85,7 @@ def test_no_tasks(certified):
 
 def test_shares_are_reported(certified):
     shares = []
-    list(engine(certified).run([Square(k, wait_s=0.3) for k in range(3)], lambda *share: shares.append(share)))
+    list(engine(certified)([Square(k, wait_s=0.3) for k in range(3)], lambda *share: shares.append(share)))
     assert (0, 0.5) in shares
 
 
@@ -131,7 +131,7 @@ def test_a_limit_of_workers(certified):
 
 def test_the_scheduler_never_has_more_tasks_than_workers(certified):
     with certified.client() as client:
-        results = engine(certified).run([Square(k) for k in range(40)], lambda *_: None)
+        results = engine(certified)([Square(k) for k in range(40)], lambda *_: None)
         assert max(client.run_on_scheduler(count_tasks) for _ in results) <= 3
 
 
@@ -176,7 +176,7 @@ def test_a_task_that_kills_its_workers_is_lost_alone(certified, tmp_path):
 
 def test_closing_interrupts_what_runs(certified, tmp_path):
     started, ended = tmp_path / "started", tmp_path / "ended"
-    with closing(engine(certified).run([Long(started, ended), Square(1, wait_s=0.5)], lambda *_: None)) as results:
+    with closing(engine(certified)([Long(started, ended), Square(1, wait_s=0.5)], lambda *_: None)) as results:
         assert next(results) == (1, 1)
         wait_for(started.exists)
     assert ended.exists()
