@@ -16,8 +16,7 @@ from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reading import read
 from seaclutter_cli.records import Channel
 from seaclutter_cli.runs.batch import input_bytes, run_batch
-from seaclutter_cli.runs.log_outcome import LogOutcome, LogSummary
-from seaclutter_cli.runs.log_work import LogRun, LogWork
+from seaclutter_cli.runs.log_work import LogOutcome, LogRun, LogSummary, LogWork
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ConvertOptions
 from seaclutter_cli.runs.output_plan import (

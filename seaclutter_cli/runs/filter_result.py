@@ -7,7 +7,7 @@ from typing import Any
 from seaclutter_cli.frame import Reason
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reporting.palette import reason_names
-from seaclutter_cli.runs.log_outcome import LogOutcome, LogSummary
+from seaclutter_cli.runs.log_work import LogOutcome, LogSummary
 from seaclutter_cli.text import count, data_size, indented, printable, share, table
 
 _MOST = 0.5

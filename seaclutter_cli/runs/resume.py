@@ -3,11 +3,11 @@
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from mcap.exceptions import McapError
@@ -20,8 +20,8 @@ from seaclutter_cli.errors import InputError, OutputError, UsageError
 from seaclutter_cli.frame import Rings
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Damage, Metadata
+from seaclutter_cli.runs.batch import Work
 from seaclutter_cli.runs.labels import LabelFile
-from seaclutter_cli.runs.log_outcome import LogOutcome
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.recordings import Outcome, open_recording
@@ -33,8 +33,6 @@ if TYPE_CHECKING:  # imports all filters, which tiles do not need
     from seaclutter_cli.config import Config
 
 O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
-O_co = TypeVar("O_co", bound=Outcome, covariant=True)
-L = TypeVar("L", bound=LogOutcome)
 
 NAME = "seaclutter.run"
 """Name of the metadata record in a filtered MCAP file."""
@@ -103,25 +101,7 @@ def identity_of(
     )
 
 
-class ResumableWork(Protocol[O_co]):
-    """Work on a recording whose output contains the record of its run."""
-
-    @property
-    def recording(self) -> Recording:
-        """The recording."""
-        ...
-
-    @property
-    def output(self) -> Path:
-        """The output, or the first of its parts."""
-        ...
-
-    def earlier(self) -> tuple[O_co | None, str]:
-        """Return the outcome of an earlier run whose output is complete, or what differs; see `earlier_run`."""
-        ...
-
-
-def earlier_outcomes(works: Sequence[ResumableWork[O]], observer: Observer, verb: str = "filtered") -> list[O | None]:
+def earlier_outcomes(works: Sequence[Work[O]], observer: Observer, verb: str = "filtered") -> list[O | None]:
     """Return the outcomes of earlier runs whose outputs are complete; None for recordings that must be done again.
 
     Notes say that these are ``verb`` again.
@@ -135,46 +115,21 @@ def earlier_outcomes(works: Sequence[ResumableWork[O]], observer: Observer, verb
     return [outcome for outcome, _ in found]
 
 
-def _earlier(work: ResumableWork[O]) -> tuple[O | None, str]:
+def _earlier(work: Work[O]) -> tuple[O | None, str]:
     with copies_removed():
-        return work.earlier() if os.path.lexists(work.output) else (None, "")
+        return work.earlier() if os.path.lexists(work.writes[0]) else (None, "")
 
 
 @contextmanager
-def same_output_accepted(work: ResumableWork[O]) -> Iterator[None]:
+def same_output_accepted(work: Work[O]) -> Iterator[None]:
     """Accept an output that another process has completed, which died or was given up before its answer came."""
     try:
         yield
     except OutputError:
         with suppress(UsageError, OSError):  # not an output of a run, or none at all
-            if not mirror_of(work.output) and work.earlier()[0] is not None:
+            if not mirror_of(work.writes[0]) and work.earlier()[0] is not None:
                 return
         raise
-
-
-def earlier_run(
-    blank: L, identity: Callable[[], RunIdentity], paths: Sequence[Path], *, force: bool
-) -> tuple[L | None, str]:
-    """Return the outcome of an earlier run whose output is complete; otherwise None, and what differs if there is one.
-
-    Its results fill ``blank``; ``identity`` returns what the output depends on; ``paths`` are the files of the
-    recording. Raise `UsageError` if the output is not that of a run, and may not be replaced by ``force``.
-    """
-    try:
-        record = record_in(blank.output)
-    except UsageError:
-        if force:
-            return None, ""
-        raise
-    if record is None:
-        return None, ""
-    difference = identity().difference(record)
-    try:
-        blank.topics, blank.damage = from_entries(record, paths)
-    except ValueError as error:
-        difference = difference or str(error)
-    blank.skipped = True
-    return (None, f"the earlier output is of {difference}") if difference else (blank, "")
 
 
 def record_in(output: Path) -> Mapping[str, str] | None:

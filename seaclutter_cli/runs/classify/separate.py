@@ -172,11 +172,6 @@ class _SeparateWork(TileWork[SeparateOutcome]):
     pixel_m: float | None = None
 
     @property
-    def output(self) -> Path:
-        """The separated tile."""
-        return self.target
-
-    @property
     def reads(self) -> Sequence[Path]:
         """The tile and its neighbours."""
         return self.path, *(self.margin.neighbors if self.margin else ())
