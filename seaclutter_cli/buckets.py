@@ -12,7 +12,7 @@ from dataclasses import fields, is_dataclass
 from functools import wraps
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 from weakref import WeakValueDictionary
 
 from seaclutter_cli.errors import SeaclutterError
@@ -20,6 +20,9 @@ from seaclutter_cli.urls import Url, is_url, parse_url
 
 if TYPE_CHECKING:
     from seaclutter_cli.storage.mirrors import Mirror
+    from seaclutter_cli.storage.objects import PendingFolder, PendingObject
+
+    Pending = PendingObject | PendingFolder
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -30,16 +33,6 @@ _mirrors: "WeakValueDictionary[Path, Mirror]" = WeakValueDictionary()
 
 _current: "ContextVar[Mirror | None]" = ContextVar("current", default=None)
 """Of the run to which the caller belongs."""
-
-
-class Pending(Protocol):
-    """What was uploaded, and does not appear yet."""
-
-    def complete(self) -> None:
-        """Let it appear."""
-
-    def abort(self) -> None:
-        """Discard it."""
 
 
 def on_paths(use_case: Callable[P, R]) -> Callable[P, R]:

@@ -37,14 +37,15 @@ class RealPaths:
         return Path(os.path.realpath(full) if os.path.islink(full) else full)  # noqa: PTH114
 
 
-class Identities:
-    """Values that only paths of the same file have in common, whether it exists or not, with one look at each folder.
+class Identities(RealPaths):
+    """Real paths, and values that only paths of the same file have in common, whether it exists or not.
 
-    **State**: the identities of folders so far, and whether they ignore case.
+    **State**: also the identities of folders so far, and whether they ignore case.
     """
 
     def __init__(self) -> None:
-        self._folders: dict[Path, Identity] = {}
+        super().__init__()
+        self._identities: dict[Path, Identity] = {}
         self._ignoring: dict[Path, bool] = {}
 
     def of(self, path: Path) -> Identity:
@@ -62,9 +63,9 @@ class Identities:
 
     def of_folder(self, folder: Path) -> Identity:
         """Return the identity of a folder, which is looked at only once."""
-        if folder not in self._folders:
-            self._folders[folder] = self.of(folder)
-        return self._folders[folder]
+        if folder not in self._identities:
+            self._identities[folder] = self.of(folder)
+        return self._identities[folder]
 
 
 def _ignores_case(folder: Path) -> bool:

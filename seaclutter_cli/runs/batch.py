@@ -29,11 +29,11 @@ def _engine(options: BatchOptions, works: "Sequence[Work[Any]]", observer: Obser
     if options.cluster is not None:
         from seaclutter_cli.jobs.cluster.connection import connection_to
         from seaclutter_cli.jobs.cluster.engine import Cluster  # asyncio takes time to import
-        from seaclutter_cli.runs.shared_places import shared_places
+        from seaclutter_cli.runs.shared_files import shared_files
 
         connection = connection_to(options.cluster, insecure=options.cluster_insecure, workers=options.jobs)
         reads, writes = ([path for work in works for path in getattr(work, name)] for name in ("reads", "writes"))
-        with shared_places(reads, writes) as check:
+        with shared_files(reads, writes) as check:
             yield Cluster(connection, check, observer.warn, options.jobs)
         return
     from seaclutter_cli.jobs.processes import default_jobs, run_in_processes  # not needed for a single recording

@@ -16,14 +16,17 @@ from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reading import read
 from seaclutter_cli.records import Channel
 from seaclutter_cli.runs.batch import input_bytes, run_batch
-from seaclutter_cli.runs.log_work import LogOutcome, LogRun, LogSummary, LogWork
-from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options.logs import ConvertOptions
-from seaclutter_cli.runs.output_plan import (
+from seaclutter_cli.runs.log_work import (
+    LogOutcome,
+    LogRun,
+    LogSummary,
+    LogWork,
     plan_outputs,
     warn_of_losses,
     warn_of_patterns,
 )
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.options.logs import ConvertOptions
 from seaclutter_cli.runs.outputs import inputs_of
 from seaclutter_cli.runs.recordings import (
     expand,
@@ -86,10 +89,10 @@ def convert_run(options: ConvertOptions, observer: Observer, *, ahead: bool = Tr
         If there are no recordings, or options do not fit them.
     """
     recordings = expand(options.logs, options.reading, observer, ahead=ahead)
-    planned = plan_outputs(recordings, options.output, options.to)
-    check_options(planned.form, options.written)
-    each = zip(recordings, planned.targets, strict=True)
-    works = [ConvertWork(options, one, target, planned.form, None) for one, target in each]
+    form, targets = plan_outputs(recordings, options.output, options.to)
+    check_options(form, options.written)
+    each = zip(recordings, targets, strict=True)
+    works = [ConvertWork(options, one, target, form, None) for one, target in each]
     return LogRun(works, inputs_of(recordings, options.reading), {})
 
 

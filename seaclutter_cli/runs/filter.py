@@ -25,20 +25,12 @@ from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
 from seaclutter_cli.runs.labels import assign_labels
-from seaclutter_cli.runs.log_work import LogRun, LogWork
+from seaclutter_cli.runs.log_work import LogRun, LogWork, plan_outputs, warn_of_losses, warn_of_patterns
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import FilterOptions
-from seaclutter_cli.runs.output_plan import (
-    plan_outputs,
-    warn_of_losses,
-    warn_of_patterns,
-)
-from seaclutter_cli.runs.outputs import (
-    inputs_of,
-    may_appear,
-)
+from seaclutter_cli.runs.outputs import inputs_of, may_appear
 from seaclutter_cli.runs.recordings import (
     expand,
     expected_frames,
@@ -118,10 +110,10 @@ def filter_run(options: FilterOptions, observer: Observer, *, ahead: bool = True
     config, recordings = configured(options), expand(options.logs, options.reading, observer, ahead=ahead)
     if options.labels and not options.with_scene:
         raise UsageError("--labels: only used for the boxes of --with-scene; add that option or leave out --labels")
-    planned = plan_outputs(recordings, options.output, options.to)
-    check_options(planned.form, options.written, with_scene=options.with_scene)
-    each = zip(recordings, planned.targets, assign_labels(options, recordings), strict=True)
-    works = [FilterWork(options, one, target, planned.form, labels, config) for one, target, labels in each]
+    form, targets = plan_outputs(recordings, options.output, options.to)
+    check_options(form, options.written, with_scene=options.with_scene)
+    each = zip(recordings, targets, assign_labels(options, recordings), strict=True)
+    works = [FilterWork(options, one, target, form, labels, config) for one, target, labels in each]
     inputs = inputs_of(recordings, options.reading, options.config, [config])
     return LogRun(works, inputs, {"--csv": options.csv_file}, options.labels)
 

@@ -1,8 +1,11 @@
 """Runs that write a log for each recording: what filter, convert and their plans share."""
 
+import re
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
+from operator import truediv
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -15,17 +18,51 @@ from seaclutter_cli.runs.batch import Work, inputs_of_work, size_of
 from seaclutter_cli.runs.labels import LabelFile
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import WritingLogs
-from seaclutter_cli.runs.output_plan import check_names, first_part, places_of
-from seaclutter_cli.runs.outputs import Paths, Root, prepare_outputs, write_manifest
+from seaclutter_cli.runs.outputs import Paths, Root, is_file, is_folder, prepare_outputs, write_manifest
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, statuses
 from seaclutter_cli.runs.resume import NAME, RunIdentity, earlier_outcomes, from_entries, record_in, to_entries
-from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
-from seaclutter_cli.sources import Recording
-from seaclutter_cli.text import data_size
+from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, format_of
+from seaclutter_cli.sinks.options import McapOptions, Split, part_path, parts_after
+from seaclutter_cli.sources import SOURCES, Recording
+from seaclutter_cli.sources.frame_files import FRAME_READERS
+from seaclutter_cli.text import count, data_size, named_folder
 from seaclutter_cli.threads import in_threads
+from seaclutter_cli.urls import PathLike
 
 L = TypeVar("L", bound="LogOutcome")
 O = TypeVar("O", bound=WritingLogs)  # noqa: E741 - options
+
+_MAX_LOSSES = 8
+_SUFFIX = re.compile(r"\.(?!v\d)[a-z]\w*")
+"""What is meant as a suffix: not the end of ``trial.2`` or ``trial.v2``."""
+_READ = {suffix for kind in SOURCES.values() for suffix in kind.suffixes} | set(FRAME_READERS)
+_ONLY_READ = _READ - {kind.suffix for kind in OUTPUT_FORMATS.values()}
+
+
+def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | None = None) -> tuple[str, list[Path]]:
+    """Return the format and the output of each recording: ``output`` for one, files or folders in it for several.
+
+    ``to`` names the format; by default it is that of the name of ``output``, or MCAP. Raise `UsageError` if several
+    recordings need a folder but ``output`` is a file, or two recordings would get the same file.
+    """
+    path, several = Path(output), len(recordings) > 1 or named_folder(output)
+    form = to or "mcap" if several else format_of(path, to)
+    kind = OUTPUT_FORMATS[form]
+    if not is_folder(output, len(recordings), kind.marker):
+        return form, [path]
+    form = to or "mcap"
+    kind = OUTPUT_FORMATS[form]
+    if is_file(path):
+        raise UsageError(f"{path}: is a file, but {count(len(recordings), 'recording')} need a folder")
+    targets: dict[Path, Recording] = {}
+    for recording in recordings:
+        name = recording.name + ("" if kind.is_folder else kind.suffix)
+        target = reduce(truediv, recording.inside, path) / name
+        if target in targets:
+            first = targets[target].paths[0]
+            raise UsageError(f"{first} and {recording.paths[0]} would both become {target}; filter them separately")
+        targets[target] = recording
+    return form, list(targets)
 
 
 @dataclass(frozen=True)
@@ -41,7 +78,7 @@ class LogWork(Work[L], Generic[L, O]):
     @property
     def output(self) -> Path:
         """The output, or the first of its parts."""
-        return first_part(self.target, self.form, self.options.written.split)
+        return _first_part(self.target, self.form, self.options.written.split)
 
     @property
     def reads(self) -> Sequence[Path]:
@@ -119,7 +156,7 @@ class LogRun(Generic[W]):
     def outputs(self) -> Paths:
         """All outputs."""
         first = self.works[0]
-        places = places_of([work.target for work in self.works], first.form, first.options.written.split)
+        places = _places_of([work.target for work in self.works], first.form, first.options.written.split)
         return {"-o": places, **self.others, "--manifest": first.options.batch.manifest}
 
     def prepare(self, observer: Observer) -> None:
@@ -140,6 +177,36 @@ class LogRun(Generic[W]):
         first = self.works[0]
         recordings = [work.recording for work in self.works]
         write_manifest(first.options.batch.manifest, recordings, outcomes, replace=first.replaces)
+
+
+def check_names(outputs: Iterable[Path], to: str | None) -> None:
+    """Raise `UsageError` if the name of an output is that of a format that can only be read, or tells no format."""
+    kinds = [kind for kind in OUTPUT_FORMATS.values() if kind.suffix]
+    known = [kind.suffix for kind in kinds if not (kind.is_folder and kind.has_topics)]
+    for output in outputs:
+        suffix = output.suffix.lower()
+        if suffix in _ONLY_READ:
+            raise UsageError(f"{output}: this format can only be read; choose a name such as {output.stem}.mcap")
+        if to is None and suffix not in known and _SUFFIX.fullmatch(suffix):
+            raise UsageError(
+                f"{output}: no format has the suffix {output.suffix}; use {', '.join(known[:-1])} or {known[-1]}, "
+                "or name the format with --to"
+            )
+
+
+def _first_part(target: Path, form: str, split: Split | None) -> Path:
+    """Return the file or folder of an output, or of its first part."""
+    return target if split is None or OUTPUT_FORMATS[form].is_folder else part_path(target, 0)
+
+
+def _places_of(targets: Iterable[Path], form: str, split: Split | None) -> list[Path]:
+    """Return the files and folders that outputs occupy, with the parts of earlier runs."""
+    if split is None or OUTPUT_FORMATS[form].is_folder:
+        return list(targets)
+    places: list[Path] = []
+    for target in targets:
+        places += [part_path(target, 0), *parts_after(target, 0)]
+    return places
 
 
 def _output_size(outcome: "LogOutcome") -> int:
@@ -200,3 +267,18 @@ class LogSummary(RecordingsResult):
         """Return how the recordings ended, and sizes."""
         read, written = (sum(getattr(one, name) for one in self.outcomes) for name in ("bytes_in", "bytes_out"))
         return f"{statuses(self.outcomes)}; {data_size(read)} in, {data_size(written)} out"
+
+
+def warn_of_patterns(source: Source, options: McapOptions, observer: Observer) -> None:
+    """Warn of patterns for other topics that match no topic of a recording."""
+    for option, patterns in (("--include", options.include), ("--exclude", options.exclude)):
+        for pattern in patterns:
+            if not any(re.search(pattern, channel.topic) for channel in source.channels):
+                observer.warn(f"{source.name}: {option} {pattern} matches no topic")
+
+
+def warn_of_losses(output: Path, form: str, lost: Sequence[str], observer: Observer) -> None:
+    """Warn of what an output cannot keep of its recording."""
+    if lost:
+        more = f" and {len(lost) - _MAX_LOSSES} more" if len(lost) > _MAX_LOSSES else ""
+        observer.warn(f"{output}: {OUTPUT_FORMATS[form].title} cannot keep: {', '.join(lost[:_MAX_LOSSES])}{more}")

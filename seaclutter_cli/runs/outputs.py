@@ -22,7 +22,8 @@ from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.formats import is_single_frame
 from seaclutter_cli.sources import Recording, metadata_beside
-from seaclutter_cli.text import count
+from seaclutter_cli.text import count, named_folder
+from seaclutter_cli.urls import PathLike
 
 if TYPE_CHECKING:  # imports all filters, which tiles do not need
     from seaclutter_cli.config import Config, ConfigSource
@@ -89,6 +90,20 @@ def is_file(place: Path) -> bool:
     return place.exists() and not place.is_dir()
 
 
+def is_folder(output: PathLike, outputs: int, marker: str = "") -> bool:
+    """Return whether a path denotes a folder for outputs, and not a single output; a slash at its end means a folder.
+
+    An output that is a folder is recognised by the file ``marker``.
+    """
+    if outputs > 1 or named_folder(output):
+        return True
+    place = Path(output)
+    look(place)
+    if marker and (place / marker).exists():
+        return False
+    return os.path.isdir(place)  # noqa: PTH112 - false if the name is too long
+
+
 def prepare_outputs(
     outputs: Paths,
     inputs: Paths,
@@ -142,8 +157,8 @@ def check_outputs(
     and may not be replaced.
     """
     markers = {"-o": root.marker} if root else {}
-    list_objects(path for _, path in _flat(outputs))
-    known = _Known()
+    _list_objects(path for _, path in _flat(outputs))
+    known = Identities()
     targets = [_Target(path, option, known, markers.get(option, "")) for option, path in _flat(outputs)]
     log = [_Target(log_file, "--log-file", known)] if log_file else []
     _check_distinct([*targets, *log], known)
@@ -161,7 +176,7 @@ def check_outputs(
     _check_folders(targets, root.place if root else None)
 
 
-def list_objects(outputs: Iterable[Path]) -> None:
+def _list_objects(outputs: Iterable[Path]) -> None:
     """Let what there is in the folders of outputs in object storage be there, with one request for each folder."""
     for folder in {path.parent if mirror_of(path.parent) else path for path in outputs}:
         if mirror := mirror_of(folder):
@@ -174,31 +189,24 @@ def _flat(paths: Paths) -> Iterator[tuple[str, Path]]:
             yield from ((option, path) for path in ([given] if isinstance(given, Path) else given))
 
 
-class _Known:
-    """What a check knows about paths."""
-
-    def __init__(self) -> None:
-        self.real, self.identities = RealPaths(), Identities()
-
-
 class _Target:
     """An output, and the option that gives it; ``marker`` is a file in it if it is a folder."""
 
-    def __init__(self, path: Path, option: str, known: _Known, marker: str = "") -> None:
+    def __init__(self, path: Path, option: str, known: Identities, marker: str = "") -> None:
         self.path, self.option, self.marker = path, option, marker
-        self.file = known.real(path)
+        self.file = known(path)
         self.exists = os.path.lexists(self.file)
-        self.identity = known.identities.of(self.file)
+        self.identity = known.of(self.file)
 
 
 class _Inputs:
     """Files and folders that a run reads."""
 
-    def __init__(self, paths: Iterable[tuple[str, Path]], known: _Known) -> None:
-        given = [(option, known.real(path)) for option, path in paths]
+    def __init__(self, paths: Iterable[tuple[str, Path]], known: Identities) -> None:
+        given = [(option, known(path)) for option, path in paths]
         self._paths = [(option, path) for option, path in given if os.path.lexists(path)]
-        self._options = {known.identities.of(path): option for option, path in self._paths}
-        self._identities = known.identities
+        self._options = {known.of(path): option for option, path in self._paths}
+        self._known = known
 
     @cached_property
     def _inside(self) -> dict[Identity, str]:
@@ -209,7 +217,7 @@ class _Inputs:
         """Return the option of the input that an output would change; ``new``: also by a new file in a folder."""
         found = self._options.get(target.identity)
         if found is None and self._options and (target.exists or new):
-            above = map(self._identities.of_folder, target.file.parents)
+            above = map(self._known.of_folder, target.file.parents)
             found = next(filter(None, map(self._options.get, above)), None)
         return self._inside.get(target.identity) if found is None and target.exists else found
 
@@ -218,7 +226,7 @@ class _Inputs:
         return next((option for option, path in self._paths if target.file in path.parents), None)
 
 
-def _check_distinct(targets: Sequence[_Target], known: _Known) -> None:
+def _check_distinct(targets: Sequence[_Target], known: Identities) -> None:
     """Check that no two outputs are the same file, and that none is the folder of another."""
     first: dict[Identity, _Target] = {}
     for target in targets:
@@ -226,7 +234,7 @@ def _check_distinct(targets: Sequence[_Target], known: _Known) -> None:
         if other is not target:
             raise UsageError(f"{target.path}: is given for two outputs, {other.option} and {target.option}")
     for inner in targets:
-        outer = first.get(known.identities.of_folder(inner.file.parent))
+        outer = first.get(known.of_folder(inner.file.parent))
         if outer and (outer.marker or not outer.exists):
             raise UsageError(f"{outer.path}: is given for a file, {outer.option}, and a folder, {inner.option}")
 

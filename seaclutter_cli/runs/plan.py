@@ -17,11 +17,10 @@ from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
 from seaclutter_cli.runs.convert import convert_run
 from seaclutter_cli.runs.filter import filter_run
 from seaclutter_cli.runs.info import excerpt_of
-from seaclutter_cli.runs.log_work import LogRun, LogWork, W
+from seaclutter_cli.runs.log_work import LogRun, LogWork, W, check_names
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import ConvertOptions, FilterOptions
-from seaclutter_cli.runs.output_plan import check_names
 from seaclutter_cli.runs.outputs import Root, check_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expected_frames, open_recording
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS

@@ -8,11 +8,14 @@ import weakref
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, Self, cast
+from typing import TYPE_CHECKING, Any, BinaryIO, Self, cast
 
-from seaclutter_cli.buckets import Pending, look, mirror_of
+from seaclutter_cli.buckets import look, mirror_of
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.parts import part_path, release
+
+if TYPE_CHECKING:
+    from seaclutter_cli.buckets import Pending
 
 
 class PartFile(io.FileIO):

@@ -123,7 +123,7 @@ class _Pool:
 
     def _ask(self, address: str) -> None:
         """Ask a worker for its versions, then for other obstacles, as tasks: a worker that hangs delays nothing."""
-        if self._workers.has_same_versions(address):
+        if self._workers.known[address].has_same_versions:
             self._submit(address, run_remotely, *_sent(self._check), receive=self._receive_check)
         else:
             self._submit(address, *versions_question(), receive=self._workers.set_versions)
@@ -131,7 +131,8 @@ class _Pool:
     def _submit(self, address: str, function: Callable[..., Any], *arguments: Any, **kind: Any) -> None:
         key = next(self._keys)
         future = self._client.submit(function, *arguments, key=key, workers=[address], pure=False)
-        self._jobs[key] = _Job(address, self._workers.home(address), future, **kind)
+        worker = self._workers.known.get(address)
+        self._jobs[key] = _Job(address, worker.home if worker else address, future, **kind)
         self._client.loop.add_callback(self._fetch, key, future)
 
     async def _fetch(self, key: str, future: "Future[Any]") -> None:
@@ -182,7 +183,7 @@ class _Pool:
 
     def _died(self, job: _Job) -> Iterator[tuple[int, str, Any]]:
         if job.number is not None:
-            self._workers.note_death(job.number, job.home)
+            self._workers.deaths[job.number] = job.home
             yield job.number, DIED, _DEAD
 
     def _look(self) -> Iterator[tuple[int, str, Any]]:

@@ -42,9 +42,11 @@ class Workers:
 
     def __init__(self, client: "Client", connection: Connection, warn: Callable[[str], object]) -> None:
         self._client, self._connection, self._warn = client, connection, warn
-        self._versions = versions_here()
-        self._known: dict[str, _Worker] = {}
-        self._deaths: dict[int, str] = {}
+        collect, packages = versions_question()
+        self._versions = collect(packages)
+        self.known: dict[str, _Worker] = {}
+        self.deaths: dict[int, str] = {}
+        """Homes of the workers that died with a task, by its number."""
         self._any_since_s, self._had_any, self._has_warned = monotonic(), False, False
 
     @contextmanager
@@ -65,18 +67,18 @@ class Workers:
         if self._client.status != "running":
             raise ConnectionError
         found = self._client.scheduler_info(n_workers=-1)["workers"]
-        gone = {a for a, worker in self._known.items() if worker.process != found.get(a, {}).get("local_directory")}
+        gone = {a for a, worker in self.known.items() if worker.process != found.get(a, {}).get("local_directory")}
         for address in gone:
-            del self._known[address]
-        new: set[str] = found.keys() - self._known.keys()
+            del self.known[address]
+        new: set[str] = found.keys() - self.known.keys()
         for address in new:
             home, process = found[address].get("nanny") or address, found[address]["local_directory"]
-            self._known[address] = _Worker(home, process, is_first=not self._had_any)
-        for address, worker in self._known.items():
+            self.known[address] = _Worker(home, process, is_first=not self._had_any)
+        for address, worker in self.known.items():
             worker.is_running = found[address].get("status", "running") == "running"
         self._had_any = self._had_any or bool(new)
         self._require_any(is_busy=is_busy)
-        return self._known.keys() - (new & gone)
+        return self.known.keys() - (new & gone)
 
     def compare_scheduler(self) -> None:
         """Raise `ClusterError` if the scheduler has other versions."""
@@ -87,20 +89,20 @@ class Workers:
     def set_versions(self, address: str, found: Any) -> None:
         """Note the versions of a worker."""
         difference = skew(self._versions, found)
-        if address in self._known:
-            self._known[address].has_same_versions = difference is None
+        if address in self.known:
+            self.known[address].has_same_versions = difference is None
             if difference is not None:
                 self._refuse(address, difference)
 
     def _refuse(self, address: str, reason: str) -> None:
-        worker = self._known[address]
+        worker = self.known[address]
         if worker.is_first:
             raise ClusterError(f"{self._connection.name}: worker {address} {reason}")
         worker.refusal = reason
         self._warn(f"{self._connection.name}: worker {address} is left out: it {reason}")
 
     def _require_any(self, *, is_busy: bool) -> None:
-        if is_busy or any(worker.refusal is None for worker in self._known.values()):
+        if is_busy or any(worker.refusal is None for worker in self.known.values()):
             self._any_since_s, self._has_warned = monotonic(), False
             return
         waited_s, patience_s = monotonic() - self._any_since_s, self._connection.patience_s
@@ -112,38 +114,24 @@ class Workers:
 
     def set_checked(self, address: str, reason: str | None) -> None:
         """Note the result of the check of a worker: why it cannot be used, or None."""
-        if address in self._known:
-            self._known[address].is_checked = True
+        if address in self.known:
+            self.known[address].is_checked = True
             if reason is not None:
                 self._refuse(address, reason)
 
     def usable(self) -> list[str]:
         """Return the workers that may have a task."""
-        return [
-            a for a, worker in self._known.items() if worker.is_checked and worker.is_running and not worker.refusal
-        ]
+        return [a for a, worker in self.known.items() if worker.is_checked and worker.is_running and not worker.refusal]
 
     def new(self) -> list[str]:
         """Return the workers whose use is not decided."""
-        return [a for a, worker in self._known.items() if not (worker.is_checked or worker.refusal)]
-
-    def has_same_versions(self, address: str) -> bool:
-        """Return whether a worker is known to have the same versions of the software."""
-        return self._known[address].has_same_versions
-
-    def home(self, address: str) -> str:
-        """Return the address of what starts a worker again after its death."""
-        return self._known[address].home if address in self._known else address
-
-    def note_death(self, number: int, home: str) -> None:
-        """Note that a worker died with a task."""
-        self._deaths[number] = home
+        return [a for a, worker in self.known.items() if not (worker.is_checked or worker.refusal)]
 
     def is_avoided(self, address: str, number: int) -> bool:
         """Return whether a task should rather run elsewhere: it died there, and there is another place."""
-        home = self._deaths.get(number)
-        return home == self._known[address].home and any(
-            worker.home != home for worker in self._known.values() if worker.refusal is None
+        home = self.deaths.get(number)
+        return home == self.known[address].home and any(
+            worker.home != home for worker in self.known.values() if worker.refusal is None
         )
 
 
@@ -189,12 +177,6 @@ def versions_question() -> tuple[Callable[[list[str]], Any], list[str]]:
     from distributed.versions import get_versions
 
     return get_versions, [*_REMOTE, *compared_packages(), *_OPTIONAL]
-
-
-def versions_here() -> Any:
-    """Return the versions here."""
-    function, packages = versions_question()
-    return function(packages)
 
 
 def _packages(found: Mapping[str, Any] | None) -> dict[str, str | None]:

@@ -17,8 +17,7 @@ from seaclutter_cli.jobs.processes import default_jobs
 from seaclutter_cli.runs.batch import Work
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import BatchOptions
-from seaclutter_cli.runs.output_plan import is_folder
-from seaclutter_cli.runs.outputs import Paths, is_file, prepare_outputs
+from seaclutter_cli.runs.outputs import Paths, is_file, is_folder, prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las

@@ -2,7 +2,7 @@
 
 import pytest
 
-from seaclutter_cli.jobs.cluster.workers import compared_packages, skew, versions_here
+from seaclutter_cli.jobs.cluster.workers import compared_packages, skew, versions_question
 
 HERE = {
     "seaclutter": "0.2.0",
@@ -45,4 +45,5 @@ def test_an_answer_without_versions():
 
 def test_what_outputs_depend_on_is_compared():
     assert {"numpy", "scipy", "mcap", "zstandard", "lz4", "rosbags"} <= set(compared_packages())
-    assert not {"pytest", "matplotlib", "click"} & set(versions_here()["packages"])
+    collect, packages = versions_question()
+    assert not {"pytest", "matplotlib", "click"} & set(collect(packages)["packages"])

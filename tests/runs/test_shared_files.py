@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from seaclutter_cli.errors import OutputError
-from seaclutter_cli.runs import shared_places as module
-from seaclutter_cli.runs.shared_places import shared_places
+from seaclutter_cli.runs import shared_files as module
+from seaclutter_cli.runs.shared_files import shared_files
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ def places(tmp_path):
 
 
 def check(places, change=lambda: None):
-    with shared_places(places.reads, places.writes) as found:
+    with shared_files(places.reads, places.writes) as found:
         change()
         return found(lambda _: None)
 

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from time import sleep
 
 from seaclutter_cli.buckets import mirror_of
 from seaclutter_cli.errors import OutputError
-from seaclutter_cli.jobs.engine import Report
+from seaclutter_cli.jobs.engine import Report, Task
 from seaclutter_cli.parts import part_path, release, remove_stale
 
 _MAX_FOLDERS = 100
@@ -16,7 +16,7 @@ _ATTEMPTS, _PAUSE_S = 5, 1.0
 
 
 @contextmanager
-def shared_places(reads: Iterable[Path], writes: Iterable[Path]) -> Iterator["SharedPlaces"]:
+def shared_files(reads: Iterable[Path], writes: Iterable[Path]) -> Iterator[Task[str | None]]:
     """Return the check that a worker sees the folders of a run; an empty file marks the folders of outputs meanwhile.
 
     Raise `OutputError` if a folder of outputs cannot be written.
@@ -29,7 +29,7 @@ def shared_places(reads: Iterable[Path], writes: Iterable[Path]) -> Iterator["Sh
     samples = [(path, _size(path)) for path in list(read.values())[:_MAX_FOLDERS]]
     with ExitStack() as stack:
         marks = [stack.enter_context(_marked(folder)) for folder in written]
-        yield SharedPlaces(tuple(samples), tuple(marks))
+        yield partial(_check, samples, marks)
 
 
 @contextmanager
@@ -50,46 +50,42 @@ def _marked(folder: Path) -> Iterator[Path]:
             folder.rmdir()  # only if it is empty
 
 
-@dataclass(frozen=True)
-class SharedPlaces:
-    """Check that a worker sees the files of a run; it returns why not, or None.
+def _check(samples: Sequence[tuple[Path, int | None]], marks: Sequence[Path], report: Report) -> str | None:
+    """Return why a worker cannot use the files of a run; None if it can. Network file systems show new ones late.
 
     ``samples`` are a file of each folder that is read with its size in bytes, or a folder; ``marks`` are files in
     folders that are written.
     """
+    for _ in range(_ATTEMPTS):
+        report(0.0)
+        if not (reason := _difference(samples) or _obstacle(marks)):
+            break
+        sleep(_PAUSE_S)
+    return reason
 
-    samples: Sequence[tuple[Path, int | None]]
-    marks: Sequence[Path]
 
-    def __call__(self, report: Report) -> str | None:
-        """Check the files; network file systems show new ones with a delay."""
-        for _ in range(_ATTEMPTS):
-            report(0.0)
-            if not (reason := self._difference()):
-                break
-            sleep(_PAUSE_S)
-        return reason
+def _difference(samples: Sequence[tuple[Path, int | None]]) -> str | None:
+    for path, size in samples:
+        if not path.exists():
+            return f"cannot see {path.absolute()}; workers need the files of a run under the same paths"
+        if _size(path) != size:
+            return f"sees another file under {path.absolute()}; workers need the files of a run under the same paths"
+    return None
 
-    def _difference(self) -> str | None:
-        for path, size in self.samples:
-            if not path.exists():
-                return f"cannot see {path.absolute()}; workers need the files of a run under the same paths"
-            if _size(path) != size:
-                return (
-                    f"sees another file under {path.absolute()}; workers need the files of a run under the same paths"
-                )
-        for mark in self.marks:
-            if not mark.exists():
-                return f"cannot see the folder {mark.parent.absolute()}; outputs need a folder that all workers share"
-            try:
-                remove_stale(mark.parent)
-                probe = part_path(mark)
-                probe.touch()
-                probe.unlink()
-                release(probe)
-            except OSError as error:
-                return f"cannot write to {mark.parent.absolute()} ({error.strerror})"
-        return None
+
+def _obstacle(marks: Sequence[Path]) -> str | None:
+    for mark in marks:
+        if not mark.exists():
+            return f"cannot see the folder {mark.parent.absolute()}; outputs need a folder that all workers share"
+        try:
+            remove_stale(mark.parent)
+            probe = part_path(mark)
+            probe.touch()
+            probe.unlink()
+            release(probe)
+        except OSError as error:
+            return f"cannot write to {mark.parent.absolute()} ({error.strerror})"
+    return None
 
 
 def _size(path: Path) -> int | None:
