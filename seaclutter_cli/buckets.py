@@ -10,6 +10,7 @@ from contextvars import ContextVar
 from copy import copy
 from dataclasses import fields, is_dataclass
 from functools import wraps
+from operator import is_
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 R = TypeVar("R")
-Leaf = Callable[[Any], Any]
 
 _mirrors: "WeakValueDictionary[Path, Mirror]" = WeakValueDictionary()
 """Of the runs that work on objects now, by their folders."""
@@ -132,7 +132,7 @@ class _Naming:
         return (lambda *args, **options: value(*shown(args), **options)) if callable(value) else value
 
 
-def _converted(value: Any, leaf: Leaf) -> Any:
+def _converted(value: Any, leaf: Callable[[Any], Any]) -> Any:
     """Return a value with another one in place of each leaf; the value itself if nothing changes."""
     if is_dataclass(value) and not isinstance(value, type | Url):
         found = {one.name: getattr(value, one.name, None) for one in fields(value)}
@@ -143,15 +143,11 @@ def _converted(value: Any, leaf: Leaf) -> Any:
         return other
     if isinstance(value, list | tuple):
         items = [_converted(one, leaf) for one in value]
-        return value if all(map(_is_same, items, value)) else type(value)(items)
+        return value if all(map(is_, items, value)) else type(value)(items)
     if isinstance(value, dict):
         pairs = {_converted(key, leaf): _converted(one, leaf) for key, one in value.items()}
-        return value if all(map(_is_same, pairs.values(), value.values())) and pairs.keys() == value.keys() else pairs
+        return value if all(map(is_, pairs.values(), value.values())) and pairs.keys() == value.keys() else pairs
     return leaf(value)
-
-
-def _is_same(one: object, other: object) -> bool:
-    return one is other
 
 
 def shown(value: R) -> R:

@@ -22,14 +22,7 @@ _BUCKET = re.compile(r"[A-Za-z0-9$][A-Za-z0-9._-]*")
 class Url:
     """URL of an object, or of a folder of objects.
 
-    Parameters
-    ----------
-    scheme : str
-        One of `SCHEMES`.
-    bucket : str
-        Bucket, or container of Azure.
-    key : str
-        Name of the object in the bucket, without slashes at its ends; empty for the bucket.
+    ``bucket`` may be a container of Azure; ``key`` has no slashes at its ends, and is empty for the bucket.
 
     Examples
     --------
@@ -76,24 +69,15 @@ PathLike = str | os.PathLike[str]
 
 
 def place(text: str | os.PathLike[str]) -> Path:
-    """Return a path; a valid URL stays one until a run makes it the path of a copy.
-
-    Raises
-    ------
-    UsageError
-        As `parse_url`.
-    """
+    """Return a path; a valid URL stays one until a run makes it the path of a copy. See `parse_url` for errors."""
     return cast("Path", parse_url(text)) if is_url(text) else Path(text)
 
 
 def parse_url(text: str | os.PathLike[str] | Url) -> Url:
     """Return a URL from text; slashes at the end have no meaning here.
 
-    Raises
-    ------
-    UsageError
-        If it has an unknown scheme, no bucket, a key that no file can have, or contains credentials, which are not
-        repeated in the message.
+    Raise `UsageError` if it has an unknown scheme, no bucket, a key that no file can have, or contains credentials,
+    which are not repeated in the message.
 
     Examples
     --------

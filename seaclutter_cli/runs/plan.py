@@ -213,15 +213,7 @@ class Planned(Outcome):
 
 @dataclass(frozen=True)
 class RunPlan(RecordingsResult):
-    """What a run would do.
-
-    Parameters
-    ----------
-    outcomes : sequence of Planned
-        What it would do with each recording.
-    free_bytes : int or None
-        Free space for the outputs; None in object storage.
-    """
+    """What a run would do with each recording, and the free space for the outputs; None in object storage."""
 
     outcomes: Sequence[Planned]
     free_bytes: int | None = None

@@ -37,24 +37,11 @@ _STATUSES = ("done", "damaged", "failed", NOT_PROCESSED, "skipped")
 
 @dataclass(kw_only=True)
 class Outcome:
-    """Outcome of a run over one recording.
+    """Outcome of a run over one recording, by its name.
 
-    Parameters
-    ----------
-    recording : str
-        Name of the recording.
-    damage : list of Damage
-        Parts of the recording that could not be used.
-    seconds : float
-        Duration of the run.
-    error : str or None
-        Reason why there is no result; None if there is one.
-    skipped : bool
-        Whether the result is that of an earlier run, or there is nothing to do.
-    reason : str
-        Why there is nothing to do; empty otherwise.
-    facts : dict of str to SensorFacts
-        Facts about the sensor of each topic, from packets or metadata.
+    ``damage`` are parts that could not be used; ``error`` says why there is no result. If ``skipped``, the result is
+    that of an earlier run, or there is nothing to do, as ``reason`` says. ``facts`` are about the sensor of each topic,
+    from packets or metadata.
     """
 
     recording: str

@@ -148,12 +148,8 @@ def compared_packages() -> list[str]:
 def skew(here: Mapping[str, Any] | None, there: Mapping[str, Any] | None, *, of_scheduler: bool = False) -> str | None:
     """Return the first difference between versions that matters, as text; None if there is none.
 
-    Parameters
-    ----------
-    here, there : mapping
-        Versions by package as Dask collects them: ``{"packages": {name: version or None}}``.
-    of_scheduler : bool, optional
-        Whether ``there`` is a scheduler, which only passes tasks on.
+    Versions are as Dask collects them: ``{"packages": {name: version or None}}``. Those ``of_scheduler`` matter less,
+    since it only passes tasks on.
 
     Examples
     --------
