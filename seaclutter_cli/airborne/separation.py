@@ -205,7 +205,7 @@ class LeveledTile:
             land = np.zeros(self.lowest.shape, np.bool_)
             return np.zeros(few), Shores(land, level, 0.0, np.ones(few, np.bool_))
         name = "water" if np.isfinite(self._echoes.variation).any() else "water_by_shape"
-        odds = water_model(name).log_odds(self.squares, *self.table(), self._echoes.water)
+        odds = water_model(name).log_odds(self.squares, *self.table(), self._echoes.trusted)
         return odds, shores_of(self.points.grid, self.lowest, self.squares, odds, self._windows)
 
     def _looks(self) -> Iterator[Cells]:

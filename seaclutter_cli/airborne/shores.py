@@ -39,13 +39,7 @@ class Shores:
     water: Mask
 
 
-def shores_of(
-    grid: ElevationGrid,
-    lowest: Cells,
-    squares: Squares,
-    odds: Values,
-    waves: WindowWaves,
-) -> Shores:
+def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, odds: Values, waves: WindowWaves) -> Shores:
     """Return the land and water of a tile from the log odds of water of its N squares, infinite where it is known.
 
     Notes
@@ -70,9 +64,7 @@ def shores_of(
     reach = np.maximum(above[:-1], above[squares.neighbor].max(axis=0))
     reach[squares.around(water.astype(np.float64), 1) == 0] = -np.inf
     own = nearest(squares.xy, positions(grid, np.arange(squares_in(grid))))
-    certain = np.where(water, np.maximum(odds, _LEAST_ODDS), np.minimum(odds, -_LEAST_ODDS)).clip(
-        -_MOST_ODDS, _MOST_ODDS
-    )
+    certain = np.where(water, odds.clip(_LEAST_ODDS, _MOST_ODDS), odds.clip(-_MOST_ODDS, -_LEAST_ODDS))
     likely, levels = by_cell(certain[own]), by_cell(level[own])
     land = smoothed(grid, likely, np.ones(likely.shape, np.bool_), _SMOOTH_CELLS)[0] < 0
     land &= ~(np.abs(np.where(np.isfinite(lowest), lowest, levels) - levels) <= by_cell(reach[own]))

@@ -25,6 +25,7 @@ _NEAR, _FAR = 2, 8
 _SAME_M, _STEP_M = 0.15, 0.15
 _FLAT_M, _JOINED_M = 0.15, 0.08
 _TALL_M = 2.0
+_MISSED_ODDS = 6.0
 _SHARES = (0.1587, 0.5, 0.8413)
 
 
@@ -148,7 +149,8 @@ class SquareEchoes:
     ``number``, shape (N,): number of echoes; ``several``, ``tall``, shape (N,): share of those on the surface that are
     of pulses with several echoes, and of all that are two metres above it; ``brightness``, ``variation``, shape (N,):
     logarithm of the mean intensity of pulses with one echo, and their standard deviation divided by their mean;
-    ``water``, shape (N,): 1 if most have the trusted class of water, 0 if most have that of ground.
+    ``trusted``, shape (N,): log odds of water by the classes that are trusted; infinite where most echoes have one,
+    and 0 if none is trusted.
     """
 
     number: Values
@@ -156,7 +158,7 @@ class SquareEchoes:
     tall: Values
     brightness: Values
     variation: Values
-    water: Values
+    trusted: Values
 
     @classmethod
     def of(
@@ -196,8 +198,15 @@ class SquareEchoes:
         spread = np.sqrt(np.maximum(np.divide(two, single, out=unknown.copy(), where=known) - mean**2, 0))
         some = (surface >= _LEAST_ECHOES) & (returns is not None)
         several = np.divide(surface - single, surface, out=unknown.copy(), where=some)
-        given = np.where(water > surface / 2, 1.0, np.where(ground > surface / 2, 0.0, np.nan))
+        given = _trusted(surface, water) - _trusted(surface, ground)
         return cls(every, several, tall / np.maximum(every, 1), np.log(mean), spread / mean, given)
+
+
+def _trusted(surface: Values, own: Values) -> Values:
+    """Return the log odds of a kind of squares by echoes of its class; to have none is evidence if others do."""
+    most = own > surface / 2
+    missed = most.any() & (surface >= _LEAST_ECHOES) & (own == 0)
+    return np.asarray(np.where(most, np.inf, np.where(missed, -_MISSED_ODDS, 0.0)))
 
 
 def square_table(

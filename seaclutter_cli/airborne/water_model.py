@@ -59,14 +59,12 @@ class WaterModel:
     first: Trees
     second: Trees
 
-    def log_odds(self, squares: Squares, names: tuple[str, ...], table: NDArray[np.float32], known: Values) -> Values:
-        """Return the log odds of water of N squares; ``known`` is 1 for water, 0 for land, and NaN elsewhere."""
+    def log_odds(self, squares: Squares, names: tuple[str, ...], table: NDArray[np.float32], given: Values) -> Values:
+        """Return the log odds of water of N squares; ``given``, shape (N,): log odds by trusted classes."""
         if names != self.features:
             raise ValueError("the model was trained with other features")
-        first = self.first.log_odds(table)
-        likely = np.where(np.isnan(known), 1 / (1 + np.exp(-first)), known)
-        found = self.second.log_odds(np.concatenate((table, around(squares, likely)), axis=1))
-        return np.where(np.isnan(known), found, np.where(known > 0, np.inf, -np.inf))
+        likely = 1 / (1 + np.exp(-self.first.log_odds(table) - given))
+        return self.second.log_odds(np.concatenate((table, around(squares, likely)), axis=1)) + given
 
 
 def around(squares: Squares, likely: Values) -> NDArray[np.float32]:
