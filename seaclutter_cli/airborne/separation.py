@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.classes import GROUND, NEVER, OTHER, WATER
 from seaclutter_cli.airborne.following import CellDetails, follow_waves, height_limits
-from seaclutter_cli.airborne.shores import LEAST_SQUARES, Shores, commonest_level, island_cells, shores_of
+from seaclutter_cli.airborne.shores import Shores, commonest_level, island_cells, shores_of
 from seaclutter_cli.airborne.squares import SquareEchoes, Squares, square_table
 from seaclutter_cli.airborne.strips import Column, looks_of, strips_of
 from seaclutter_cli.airborne.surface import CALM_M, SeparationParams, Surface
@@ -32,7 +32,7 @@ _SAMPLE = 20_000
 _PIT, _ROUGH_M = 2.0, 0.4
 _CREST_DEVIATIONS, _CALM_DEVIATIONS, _CALMEST_M = 3.0, 6.0, 0.35
 _LAND_DEVIATIONS, _ISLAND_DEVIATIONS = 4.0, 6.0
-_SURE_ODDS, _MOST_ODDS = 1.5, 6.0
+_LEAST_SQUARES, _SURE_ODDS, _MOST_ODDS = 64, 1.5, 6.0
 
 
 def _no_column(_name: str) -> None:
@@ -199,14 +199,17 @@ class LeveledTile:
 
     def _shores(self) -> tuple[NDArray[np.float64], Shores]:
         """Return the log odds of water of the squares, and the land and water of the tile."""
-        few = len(self.squares.index)
-        if few < LEAST_SQUARES:
-            level = np.full(self.lowest.shape, np.median(self.lowest[np.isfinite(self.lowest)]))
-            land = np.zeros(self.lowest.shape, np.bool_)
-            return np.zeros(few), Shores(land, level, 0.0, np.ones(few, np.bool_))
-        name = "water" if np.isfinite(self._echoes.variation).any() else "water_by_shape"
-        odds = water_model(name).log_odds(self.squares, *self.table(), self._echoes.trusted)
-        return odds, shores_of(self.points.grid, self.lowest, self.squares, odds, self._windows)
+        odds = np.zeros(len(self.squares.index))
+        if len(odds) >= _LEAST_SQUARES:
+            name = "water" if np.isfinite(self._echoes.variation).any() else "water_by_shape"
+            odds = water_model(name).log_odds(self.squares, *self.table(), self._echoes.trusted)
+            shores = shores_of(self.points.grid, self.lowest, self.squares, odds, self._windows)
+            if shores.water.any() or np.clip(odds, -_MOST_ODDS, _MOST_ODDS).mean() < -_SURE_ODDS:
+                return odds, shores
+        # Less than a wave, or nothing that is sure: as most tiles, it is sea.
+        level = np.full(self.lowest.shape, np.median(self.lowest[np.isfinite(self.lowest)]))
+        land = np.zeros(self.lowest.shape, np.bool_)
+        return odds, Shores(land, level, 0.0, np.ones(len(odds), np.bool_))
 
     def _looks(self) -> Iterator[Cells]:
         """Yield the lowest elevations of each look, shape (S, 256, 256)."""

@@ -14,8 +14,7 @@ Cells = NDArray[np.float64]
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-LEAST_SQUARES = 6
-"""Squares that make land or water; the opening takes what is smaller for an object."""
+_LEAST_SQUARES = 6  # the opening takes what is smaller for an object
 _STEP_M, _STEP_DEVIATIONS = 0.25, 2.5
 _WALL = 4.0
 _SMOOTH_CELLS, _LEAST_ODDS, _MOST_ODDS = 4.0, 0.5, 3.0
@@ -77,7 +76,7 @@ def _without_small(squares: Squares, odds: Values) -> Mask:
     for _ in range(2):  # what is small may be amid what is small, too
         alike = np.append(water, False)[squares.neighbor[:2]] == water
         group = squares.joined(alike & (squares.neighbor[:2] >= 0))
-        small = (np.bincount(group) < LEAST_SQUARES)[group] & np.isfinite(odds)
+        small = (np.bincount(group) < _LEAST_SQUARES)[group] & np.isfinite(odds)
         if small.all():
             break
         water = water ^ small
@@ -94,7 +93,7 @@ def _bodies(squares: Squares, water: Mask, deviation: Values) -> Values:
     step = np.maximum(_STEP_M, _STEP_DEVIATIONS * deviation)
     body = squares.joined(np.append(water, False)[side] & water & (np.abs(level[side] - level[:-1]) <= step))
     size = np.bincount(body, water)
-    least = min(LEAST_SQUARES, size.max(initial=0))
+    least = min(_LEAST_SQUARES, size.max(initial=0))
     found = np.full(len(water), np.nan)
     for number in np.flatnonzero(size >= max(least, 1)).tolist():
         own = np.flatnonzero(body == number)

@@ -51,3 +51,11 @@ def sea_only(x, _y, _bumps):
 def hummocks(x, y):
     """Return ground that is nowhere level."""
     return 0.4 * np.sin(x / 3) * np.sin(y / 4) + 1.2 * np.sin(x / 11 + y / 13) + 1.5
+
+
+COASTS = {
+    "beach 1 in 30": lambda x, _, bumps: (x - 200) / 30 + bumps,
+    "beach 1 in 100": lambda x, _, bumps: (x - 150) / 100 + bumps,
+    "cliff": lambda x, _, bumps: np.where(x > 250, 15 + bumps, -5),
+    "dike and low polder": lambda x, _, bumps: np.select([x < 190, x < 205], [-5.0, 4.0], 0.6 + bumps),
+}

@@ -118,6 +118,17 @@ def test_an_echo_from_below_the_surface_is_ignored(at):
     assert found.height_m[-1] == -20
 
 
+def test_many_echoes_from_below_do_not_become_the_surface():
+    rng = np.random.default_rng(6)
+    x, y = rng.uniform(0, 250, 150_000), rng.uniform(0, 200, 150_000)
+    ship = (np.abs(x - 100) < 30) & (np.abs(y - 90) < 6)
+    below = ~ship & (rng.random(len(x)) < 0.01)
+    z = np.where(ship, 4.0, rng.normal(0, 0.03, len(x))) - below * rng.uniform(0.3, 5, len(x))
+    found = separate([np.stack((x, y, z))], SeparationParams())
+    assert found.classification[ship & (z > 3)].min() == found.classification[ship].max() == OTHER
+    assert np.mean(found.classification[~ship & ~below] == OTHER) < 0.002
+
+
 def test_water_beside_a_few_points_of_a_ship_is_not_a_pit():
     flat = plane(30, 30)
     ship = inside(flat, (10, 12), (10, 12))

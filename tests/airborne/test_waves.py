@@ -26,6 +26,31 @@ def inside(xyz, x, y):
     return (xyz[0] >= x[0]) & (xyz[0] < x[1]) & (xyz[1] >= y[0]) & (xyz[1] < y[1])
 
 
+@pytest.mark.parametrize(("height", "length"), [(0.6, 25.0), (1.1, 40.0)])
+def test_height_and_length(height, length):
+    found = separate([field(height, length)], SeparationParams()).sea
+    assert found.wave_height_m == pytest.approx(height, rel=0.2)
+    assert found.wave_length_m == pytest.approx(length, rel=0.25)
+    assert abs(found.level_m) < 0.1 * height
+
+
+def test_swell_that_is_longer_than_a_quarter_of_a_block():
+    xyz = field(1.5, 150.0, sides=(512.0, 256.0))
+    found = separate(
+        [xyz], SeparationParams(), {"intensity": np.random.default_rng(1).gamma(2.0, 50, xyz.shape[1])}.get
+    )
+    assert found.sea.wave_length_m == pytest.approx(150.0, rel=0.25)
+    assert (found.classification == OTHER).mean() < 0.005
+
+
+@pytest.mark.parametrize(("height", "length"), [(0.5, 30.0), (1.5, 100.0)])
+def test_the_highest_crests_of_swell_are_followed(height, length):
+    """The opened surface follows such a swell, but not its highest crests."""
+    found = separate([field(height, length, seed=8)], SeparationParams())
+    assert found.sea.surface == "followed"
+    assert (found.classification == OTHER).mean() < 0.001
+
+
 def test_objects_do_not_raise_the_waves():
     xyz = field(1.1, 40.0)
     alone = separate([xyz], SeparationParams()).sea
