@@ -238,31 +238,6 @@ def test_level_land_without_water_is_doubtful(names):
     assert separate([xyz], SeparationParams(), columns.get).is_doubtful
 
 
-def test_waves_are_recognised_strip_by_strip_where_cells_have_echoes_of_many():
-    """The lowest of ten moments is no wave."""
-    rng = np.random.default_rng(8)
-    strip = np.repeat(np.arange(10), 45_000)
-    x, y = rng.uniform(0, 300, len(strip)), rng.uniform(0, 200, len(strip))
-    land = x > 180
-    sea = [waves(np.random.default_rng(number), x, y, 1.0, 14.0) for number in range(10)]
-    z = np.where(land, 2.5 + relief(rng, x, y, 0.03), np.choose(strip, sea))
-    on_land, on_water = shares(np.stack((x, y, z)), land, {"point_source_id": strip})
-    assert on_land > 0.99
-    assert on_water < 0.02
-
-
-@pytest.mark.parametrize("depth", [1.0, 2.0])
-def test_a_smooth_polder_is_not_as_level_as_water_though_nothing_reflects(depth):
-    """A plane through it rises by 0.18 m; its step to the sea is no wave of both."""
-    rng = np.random.default_rng(3)
-    xyz, *_ = tile(lambda x, _y, _b: np.where((x > 190) & (x < 205), 4.0, -5.0))
-    low = xyz[0] >= 205
-    xyz[2, low] = (xyz[0, low] - 205) / 1100 - depth + rng.normal(0, 0.03, np.count_nonzero(low))
-    on_land, on_water = shares(xyz, xyz[0] > 190, {})
-    assert on_land > 0.97
-    assert on_water < 0.02
-
-
 def test_waves_are_recognised_in_looks_of_a_tenth_of_the_cells():
     rng = np.random.default_rng(9)
     strip = np.repeat(np.arange(8), 6000)
