@@ -6,12 +6,12 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Self
 
 from seaclutter_cli.buckets import local_copy, naming, shown
+from seaclutter_cli.config import load_config
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.options import Anything, function_of, option
 from seaclutter_cli.reading import frames
-from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.options import Decoding
 from seaclutter_cli.runs.options.methods import ConfigOptions
 from seaclutter_cli.runs.recordings import expand, open_recording
@@ -279,4 +279,6 @@ def make_filter(method: str | None = None, config: Settings | None = None, **par
     array([ True,  True,  True, False])
     """
     settings = {f"filter.{key}": value for key, value in parameters.items()}
-    return configured(ConfigOptions(config=config, method=method, settings=settings)).make_filter()
+    options = ConfigOptions(config=config, method=method, settings=settings)
+    given = load_config(options.config, method=options.method, overrides=options.settings, origin="configuration")
+    return given.make_filter()

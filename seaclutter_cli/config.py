@@ -163,6 +163,7 @@ def load_config(
     *,
     method: str | None = None,
     overrides: Sequence[str] = (),
+    origin: str = "command line",
     undetermined_thresholds: bool = False,
 ) -> Config:
     """Return the effective configuration.
@@ -176,6 +177,8 @@ def load_config(
     overrides : sequence of str
         ``section.key=value`` from the command line; values are YAML. If they change the number of range rings and not
         the thresholds, each range ring gets that of the nearest one before, and `AdaptedThresholdsWarning` says so.
+    origin : str, optional
+        Where the method and the overrides come from, for errors.
     undetermined_thresholds : bool, optional
         Set the threshold of every range ring to 0, regardless of the other settings, because it is not yet known.
 
@@ -191,7 +194,7 @@ def load_config(
         return config
     sections: dict[str, dict[str, Any]] = {name: dict(raw.get(name) or {}) for name in _SECTIONS}
     if method and method != config.method:
-        _check_method(method, "command line")
+        _check_method(method, origin)
         kept = {field.name for field in fields(FILTERS[method].Params)}
         shared = {key: value for key, value in sections["filter"].items() if key in kept}
         sections["filter"] = {**shared, "method": method}
@@ -199,7 +202,7 @@ def load_config(
         sections = merged(sections, _parse_override(override))
     if not undetermined_thresholds:
         sections = _with_adapted_thresholds(sections, config.filter, overrides)
-    return _validate(prepare(sections), "command line")
+    return _validate(prepare(sections), origin)
 
 
 def _read(source: ConfigSource | None) -> tuple[str, Mapping[str, Any]]:

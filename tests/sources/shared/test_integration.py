@@ -10,6 +10,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.records import Message
 from seaclutter_cli.runs.options import ReadOptions
+from seaclutter_cli.runs.recordings import open_recording
 from seaclutter_cli.sources import find_recordings
 from tests import logs
 from tests.messages import wrapped
@@ -35,7 +36,7 @@ def livox_log(path, stamps_ms, encoding="cdr", change=None, late_ms=None):
 
 def opened(path, integrate_ms):
     (recording,) = find_recordings([str(path)])
-    return ReadOptions(integrate_ms=integrate_ms).open(recording)
+    return open_recording(recording, ReadOptions(integrate_ms=integrate_ms))
 
 
 def clouds(source, topic="/livox/lidar"):
@@ -85,7 +86,7 @@ def test_channels_and_order(tmp_path):
 def test_other_topics_are_joined_if_they_are_named(tmp_path):
     path = livox_log(tmp_path / "log.mcap", [0, 20, 40])
     (recording,) = find_recordings([str(path)])
-    source = ReadOptions(integrate_ms=100, topics=("/scan",)).open(recording)
+    source = open_recording(recording, ReadOptions(integrate_ms=100, topics=("/scan",)))
     assert [cloud.size for _, cloud in clouds(source, "/scan")] == [363]
     assert len(clouds(source)) == 3
 
