@@ -381,20 +381,16 @@ def documented(text: str | None, kind: Any) -> str:
 
 def _shown(annotation: str) -> str:
     """Return the type of what is given for an option."""
-    given = annotation
     if annotation.startswith("Converted["):
-        converted: Any = ast.parse(annotation, mode="eval").body
-        given = ast.unparse(converted.slice.elts[0])
-    return re.sub(r"Grouped\[(\w+)\]", r"\1 | None", _GIVEN.get(given, given))
+        annotation = ast.unparse(ast.parse(annotation, mode="eval").body.slice.elts[0])  # type: ignore[attr-defined]
+    return re.sub(r"Grouped\[(\w+)\]", r"\1 | None", _GIVEN.get(annotation, annotation))
 
 
 def _in_python(text: str, kind: type[Any]) -> str:
     """Return the help of an option with names of parameters in place of flags."""
-    names = {flag: name for name, one in _all_declared(kind) for flag in one.flags}
+    names = {flag: f"``{name}``" for name, one in _all_declared(kind) for flag in one.flags}
     text = re.sub(r" *\[default: [^]]*\]|(?:;|,) repeatable(?=\.)", "", text)
-    return re.sub(
-        r"(?<![\w-])--?[a-z][a-z-]*", lambda flag: f"``{names[flag[0]]}``" if flag[0] in names else flag[0], text
-    )
+    return re.sub(r"(?<![\w-])--?[a-z][a-z-]*", lambda flag: names.get(flag[0], flag[0]), text)
 
 
 def _all_declared(kind: type[Any]) -> Iterable[tuple[str, Option]]:
