@@ -177,7 +177,7 @@ class LeveledTile:
         return self.opened + self.params.threshold_m
 
     def table(self) -> tuple[tuple[str, ...], NDArray[np.float32]]:
-        """Return the features by which the model tells water from land, and their values in each square."""
+        """Return the features by which the model separates water from land, and their values in each square."""
         return square_table(self.squares, self._echoes, self._windows, self._changes)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""The table of features that tells water from land: one row for each square of eight by eight cells."""
+"""The table of features that distinguishes water from land: one row for each square of eight by eight cells."""
 
 from collections.abc import Collection
 from dataclasses import dataclass

@@ -17,7 +17,7 @@ _ROW = 2.0**24
 
 
 def strips_of(column: Column) -> NDArray[np.uint8] | None:
-    """Return the strip of each point, from 0 on, shape (N,); None if nothing tells strips apart.
+    """Return the strip of each point, from 0 on, shape (N,); None if nothing distinguishes strips.
 
     Notes
     -----

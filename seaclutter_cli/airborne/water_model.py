@@ -1,4 +1,4 @@
-"""The model that tells water from land: boosted trees over the features of squares, evaluated by numpy."""
+"""The model that distinguishes water from land: boosted trees over the features of squares, evaluated by numpy."""
 
 from dataclasses import dataclass
 from functools import cache

@@ -113,7 +113,7 @@ def excerpt_of(recording: Recording) -> Excerpt | None:
 class Content(Outcome):
     """Content of a recording: its topics with their messages and, for clouds, statistics.
 
-    ``times_ns`` are the log times of the first and last message; ``unreadable`` tells why the clouds of a topic cannot
+    ``times_ns`` are the log times of the first and last message; ``unreadable`` says why the clouds of a topic cannot
     be read. If it is ``sampled``, only the first frames were read, but messages and times are of the whole recording.
     """
 

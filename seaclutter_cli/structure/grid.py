@@ -31,9 +31,9 @@ class BeamGrid:
 
     @classmethod
     def of(cls, frame: Frame) -> Self:
-        """Return the grid for the lidar of a frame: by its beams if they can be told apart, otherwise rows of 1°.
+        """Return the grid for the lidar of a frame: by its beams if they are known, otherwise rows of 1°.
 
-        Beams are told apart by the field of the ring, or by the gaps between elevations.
+        Beams are known by the field of the ring, or by the gaps between elevations.
         """
         elevation = elevation_deg(frame.coordinates[:, frame.valid], frame.range_m[frame.valid])
         beams = _numbered_beams(frame, elevation)

@@ -1,6 +1,6 @@
 """Points as arrays of numbers: NumPy's ``.npy`` and ``.npz`` files, and ``.bin`` files without a header.
 
-The content of a ``.bin`` file tells its layout: points of CANOE have the time in microseconds since 1970, those of
+The content of a ``.bin`` file shows its layout: points of CANOE have the time in microseconds since 1970, those of
 Pohang Canal their range in millimetres; all others are KITTI's, which SemanticKITTI and WADS use too.
 """
 

@@ -232,7 +232,7 @@ def _number(file: Path) -> int:
 
 @dataclass(frozen=True)
 class _Content:
-    """What a file tells about its place in a recording: log times, and topics with their types."""
+    """What a file says about its place in a recording: log times, and topics with their types."""
 
     path: Path
     span_ns: tuple[int, int]
