@@ -40,7 +40,6 @@ class OpenOptions(Decoding):
         kind=Anything(),
         help="MCAP file, ROS 1 or ROS 2 bag, packet capture, folder of frames, single frame, or a folder or glob that "
         "contains one recording of several files.",
-        type="path",
         kw_only=False,
     )
 

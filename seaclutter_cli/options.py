@@ -19,7 +19,7 @@ from copy import copy
 from dataclasses import MISSING, dataclass, field, fields
 from functools import wraps
 from pathlib import Path
-from typing import Any, Generic, ParamSpec, Self, TypeVar, dataclass_transform, overload
+from typing import Any, ClassVar, Generic, ParamSpec, Self, TypeVar, dataclass_transform, overload
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.text import named_folder
@@ -31,14 +31,12 @@ T = TypeVar("T")
 Given = TypeVar("Given")
 Stored = TypeVar("Stored")
 
-GROUPS = ("Input", "Method", "Output", "Many recordings", "Messages")
-"""Groups of options in help, after those that belong to none because they are the usual ones."""
-
 
 class Kind:
     """Values of an option; any text by default. Places are files, folders, URLs and what receives texts about them."""
 
     is_place = False
+    metavar: ClassVar[str | None] = None
 
     def parse(self, text: str) -> Any:
         """Return the value of a text on the command line; raise `ValueError` with the problem if there is none."""
@@ -108,6 +106,8 @@ class Number(Kind):
 class Whole(Number):
     """Whole numbers within limits."""
 
+    metavar = "N"
+
     def check(self, value: Any, name: str) -> Any:
         """Return a whole number."""
         if isinstance(value, bool) or not hasattr(value, "__index__"):
@@ -141,6 +141,7 @@ class Place(Kind):
     """
 
     is_place = True
+    metavar = "FILE"
 
     remote: bool = False
     output: bool = False
@@ -211,26 +212,28 @@ class Converted(Generic[Given, Stored]):
 
 OptionalPath = Converted[PathLike | None, Path | None]
 Grouped = Converted[T | None, T]
-_GIVEN = {"OptionalPath": "PathLike | None"}
+_GIVEN = {"OptionalPath": "PathLike | None", "Logs": "PathLike | Sequence[PathLike]"}
 
 
+@dataclass(eq=False)
 class Option:
     """Declaration of an option; as an attribute, the value, which is checked when it is set. See `option`."""
 
-    def __init__(self, flags: Sequence[str], **declared: Any) -> None:
-        self.flags = flags
-        self.name = ""
-        self.default: Any = declared.get("default", MISSING)
-        self.kw_only: bool = declared["kw_only"]
-        self.kind: Kind = declared["kind"] or (Flag() if isinstance(self.default, bool) else Kind())
-        self.help: str = declared["help"]
-        self.metavar: str | None = declared["metavar"] or ("FILE" if isinstance(self.kind, Place) else None)
-        self.group: str = declared["group"]
-        self.repeatable: bool = declared["repeatable"]
-        self.required: bool = declared["required"]
-        self.show_default: bool = declared["show_default"]
-        self.of_command: Any = declared["of_command"]
-        self.type: str = declared["type"]
+    text: str
+    default: Any
+    kind: Kind
+    help: str
+    repeatable: bool
+    required: bool
+    of_command: Any
+    kw_only: bool
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Tell the flags from the name of the value."""
+        words = self.text.split()
+        self.flags = [word for word in words if word.startswith("-")] or words
+        self.metavar = next((word for word in words if word not in self.flags), self.kind.metavar)
 
     def __set_name__(self, owner: type, name: str) -> None:
         self.name = name
@@ -254,50 +257,25 @@ class Option:
 
 
 def option(  # noqa: PLR0913 - what there is to say about an option
-    *flags: str,
+    text: str = "",
+    *,
     default: Any = MISSING,
     kind: Kind | None = None,
     help: str,  # noqa: A002 - as in click
-    metavar: str | None = None,
-    group: str = "",
     repeatable: bool = False,
     required: bool = False,
-    show_default: bool = False,
     of_command: Any = MISSING,
-    type: str = "",  # noqa: A002
     kw_only: bool = True,
 ) -> Any:
     """Declare an option as a field of a class of `Options`.
 
-    Parameters
-    ----------
-    *flags : str
-        Flags of the command line, or the name of an argument; without any, the option is for Python only.
-    default : object, optional
-        Default; without one, the option must be given.
-    kind : Kind, optional
-        Values and limits; by default any text, or a flag if the default is a Boolean.
-    help : str
-        What the option does, for the command line and for Python.
-    metavar : str, optional
-        Name of the value in the help; ``FILE`` by default for places.
-    group : str, optional
-        One of `GROUPS`; options without a group are the usual ones.
-    repeatable : bool, optional
-        Whether the option can be given several times; in Python, it takes a value or a sequence.
-    required : bool, optional
-        Whether the command line needs it although there is a default.
-    show_default : bool, optional
-        Whether the help shows the default.
-    of_command : object, optional
-        Default of the command line, if it is another one.
-    type : str, optional
-        Type for the documentation, if the annotation does not tell it to users.
-    kw_only : bool, optional
-        Whether Python takes it as a keyword only.
+    ``text`` has the flags of the command line, and the name of the value in its help, or is the name of an argument;
+    without it, the option is for Python only. The ``kind`` of values is text, or a flag if the default is a Boolean. An
+    option that is ``repeatable``, as those with the default () are, takes a value or a sequence in Python. The command
+    line needs it if it is ``required``, and has the default ``of_command`` if it is another one.
     """
-    declared = {name: value for name, value in locals().items() if name != "flags"}
-    return Option(flags, **declared)
+    found = kind or (Flag() if isinstance(default, bool) else Kind())
+    return Option(text, default, found, help, repeatable or default == (), required, of_command, kw_only)
 
 
 def grouped(*left_out: str, default: Options, help: str = "", **words: str) -> Any:  # noqa: A002
@@ -372,8 +350,7 @@ def documented(text: str | None, kind: Any) -> str:
         hints |= inspect.get_annotations(base)
     lines = ["Parameters", "----------"]
     for name, one in declared(kind).items():
-        shown = one.type or _shown(hints[name]).removesuffix(" | None").replace("PathLike", "path")
-        lines += [f"{name} : {shown}{'' if one.default is MISSING else ', optional'}"]
+        lines += [f"{name} : {_in_words(hints[name], one)}{'' if one.default is MISSING else ', optional'}"]
         lines += [f"    {_in_python(one.help, kind)}"]
     summary, *sections = re.split(r"\n\n(?=\w+\n-----)", inspect.cleandoc(text or ""), maxsplit=1)
     return "\n\n".join([summary, "\n".join(lines), *sections])
@@ -384,6 +361,25 @@ def _shown(annotation: str) -> str:
     if annotation.startswith("Converted["):
         annotation = ast.unparse(ast.parse(annotation, mode="eval").body.slice.elts[0])  # type: ignore[attr-defined]
     return re.sub(r"Grouped\[(\w+)\]", r"\1 | None", _GIVEN.get(annotation, annotation))
+
+
+def _in_words(annotation: str, one: Option) -> str:
+    """Return the type of what is given for an option, for the documentation."""
+    text = _shown(annotation)
+    text = text if one.of_command is None else text.removesuffix(" | None")
+    for pattern, words in _WORDS.items():
+        text = re.sub(pattern, words, text)
+    return text
+
+
+_WORDS = {
+    "PathLike": "path",
+    "Moment": "float or datetime",
+    r"Sequence\[(.+?\]?)\]": r"sequence of \1",
+    r"Mapping\[.*?\]": "mapping",
+    r"Literal\[(.*?)\]": r"{\1}",
+    r" \| ": " or ",
+}
 
 
 def _in_python(text: str, kind: type[Any]) -> str:

@@ -6,10 +6,8 @@ from seaclutter_cli.runs.options.tiles import ClassifyTilesOptions, SeparateTile
 
 _TILES = option("TILE...", kind=Anything(), help="Tiles.")
 _OUTPUT = option(
-    "-o",
-    "--output",
+    "-o --output OUT",
     kind=Place(output=True, or_folder=True),
-    metavar="OUT",
     help="Output file for one tile; folder for several, or with a slash at its end: LAS, LAZ, PCD, PLY or MCAP.",
 )
 

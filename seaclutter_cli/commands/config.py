@@ -25,10 +25,8 @@ _KINDS = ("sensors", "methods", "formats", "configs", "scenes", "layouts", "tile
 class _ListOptions(Options):
     """What is listed."""
 
-    kinds: Sequence[str] = option("[KIND]...", default=(), kind=Choice(_KINDS), help="Kinds of items.", repeatable=True)
-    text: str = option(
-        "--match", default="", metavar="TEXT", help="List only names, makers and summaries that contain TEXT."
-    )
+    kinds: Sequence[str] = option("[KIND]...", default=(), kind=Choice(_KINDS), help="Kinds of items.")
+    text: str = option("--match TEXT", default="", help="List only names, makers and summaries that contain TEXT.")
 
 
 def _show(console: Console, **sources: Any) -> None:

@@ -46,21 +46,13 @@ _LOG_HEAD = "# seaclutter log\n"
 class Console(Options):
     """Observer that prints to the terminal, and prints results at the end."""
 
-    as_json: bool = option("--json", default=False, group="Messages", help="Print results as JSON.")
+    as_json: bool = option("--json", default=False, help="Print results as JSON.")
     quiet: bool = option(
-        "-q",
-        "--quiet",
-        default=False,
-        group="Messages",
-        help="Show no progress, no warnings, and no summary of what was written.",
+        "-q --quiet", default=False, help="Show no progress, no warnings, and no summary of what was written."
     )
-    verbose: bool = option("-v", "--verbose", default=False, group="Messages", help="Show details.")
+    verbose: bool = option("-v --verbose", default=False, help="Show details.")
     log_file: OptionalPath = option(
-        "--log-file",
-        default=None,
-        kind=Place(),
-        group="Messages",
-        help="Append all messages to FILE, with times and details.",
+        "--log-file", default=None, kind=Place(), help="Append all messages to FILE, with times and details."
     )
 
     def __post_init__(self) -> None:

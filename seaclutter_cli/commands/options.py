@@ -16,7 +16,6 @@ import click
 from seaclutter_cli.commands.console import DEBUG, NOTES, Console
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.options import (
-    GROUPS,
     Choice,
     Flag,
     Group,
@@ -35,12 +34,17 @@ Takes = type[Options] | Mapping[str, Option | type[Options]]
 """Options of a command: a class, or several objects by the names of the parameters that take them."""
 
 
-class _Parameter(click.Option):
-    """Option with its group in the help."""
+_GROUPS = {
+    "Input": "rate calibration sensor integrate intensity-field join recursive scratch clutter-ids ignore-ids",
+    "Method": "keep-end clustering epochs batch learning-rate",
+    "Output": "parents to keep-raw with-removed keep-organized diagnostics compression split include exclude latched "
+    "csv with-scene plot plot-thresholds ring figures figure-format show pick geojson gpkg",
+    "Many recordings": "fail-fast resume manifest cluster cluster-insecure",
+    "Messages": "json quiet verbose log-file debug",
+}
+"""Options in the help, after the usual ones, which belong to no group."""
 
-    def __init__(self, *arguments: Any, group: str = "", **keywords: Any) -> None:
-        super().__init__(*arguments, **keywords)
-        self.group = group
+_GROUP_OF = {f"--{name}": group for group, names in _GROUPS.items() for name in names.split()}
 
 
 class _Command(click.Command):
@@ -48,13 +52,13 @@ class _Command(click.Command):
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write a section for each group."""
-        sections: dict[str, list[tuple[str, str]]] = {name: [] for name in ("", *GROUPS)}
+        sections: dict[str, list[tuple[str, str]]] = {name: [] for name in ("Options", *_GROUPS)}
         for parameter in self.get_params(ctx):
             if isinstance(parameter, click.Option) and (record := parameter.get_help_record(ctx)):
-                sections[getattr(parameter, "group", "")].append(record)
+                sections[_GROUP_OF.get(max(parameter.opts, key=len), "Options")].append(record)
         for name, records in sections.items():
             if records:
-                with formatter.section(name or "Options"):
+                with formatter.section(name):
                     formatter.write_dl(records)
 
 
@@ -144,14 +148,13 @@ def _parameter(name: str, one: Option, words: Mapping[str, str]) -> click.Parame
         keywords["default"] = one.default if one.of_command is MISSING else one.of_command
     if isinstance(one.kind, ConfigFile):
         keywords["callback"] = _of_working_folder
-    return _Parameter(
+    return click.Option(
         [*one.flags, name],
         metavar=one.metavar,
         multiple=one.repeatable,
         required=is_required,
-        show_default=one.show_default,
+        show_default=not isinstance(one.kind, Flag) and keywords.get("default") not in (None, "", ()),
         help=text,
-        group=one.group,
         **keywords,
     )
 
@@ -178,14 +181,13 @@ def _remember_debug(context: click.Context, _: click.Parameter, value: bool) -> 
 
 
 def _debug() -> click.Parameter:
-    return _Parameter(
+    return click.Option(
         ["--debug"],
         is_flag=True,
         is_eager=True,
         expose_value=False,
         callback=_remember_debug,
         help="Show the traceback of an error.",
-        group="Messages",
     )
 
 
@@ -193,13 +195,12 @@ def _beside(name: str) -> Sequence[click.Parameter]:
     """Return the options of the command line only that belong to an option."""
     if name == "force":
         text = "Create all missing folders of outputs, not only the last of a path."
-        yes = {"is_flag": True, "expose_value": False, "callback": _make_parents}
-        return (_Parameter(["--parents"], help=text, group="Output", **yes),)
+        return [click.Option(["--parents"], is_flag=True, expose_value=False, callback=_make_parents, help=text)]
     if name == "recursive":
         text = "Folder for copies of logs and outputs in object storage. [default: the system's for temporary files]"
-        given = {"metavar": "FOLDER", "expose_value": False, "callback": _use_scratch}
-        return (_Parameter(["--scratch"], help=text, group="Input", **given),)
-    return ()
+        flags = ["--scratch"]
+        return [click.Option(flags, metavar="FOLDER", expose_value=False, callback=_use_scratch, help=text)]
+    return []
 
 
 def _declared(takes: Takes) -> Mapping[str, Option | type[Options]]:

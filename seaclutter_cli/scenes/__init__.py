@@ -46,36 +46,15 @@ class SceneParams:
 class TrainingParams(Options):
     """Parameters of the training."""
 
-    epochs: int = option(
-        "--epochs",
-        default=30,
-        kind=Whole(1),
-        metavar="N",
-        group="Method",
-        show_default=True,
-        help="Passes over all training frames.",
-    )
-    batch: int = option(
-        "--batch", default=32, kind=Whole(2), metavar="N", group="Method", show_default=True, help="Frames per step."
-    )
+    epochs: int = option("--epochs", default=30, kind=Whole(1), help="Passes over all training frames.")
+    batch: int = option("--batch", default=32, kind=Whole(2), help="Frames per step.")
     learning_rate: float = option(
-        "--learning-rate",
+        "--learning-rate RATE",
         default=0.005,
         kind=Number(0, above=True),
-        metavar="RATE",
-        group="Method",
-        show_default=True,
         help="Initial learning rate of Adam; it falls to 0 along half a cosine.",
     )
-    seed: int = option(
-        "--seed",
-        default=1,
-        kind=Whole(0),
-        metavar="N",
-        group="Method",
-        show_default=True,
-        help="Seed of split, initial weights, order and rotations.",
-    )
+    seed: int = option("--seed", default=1, kind=Whole(0), help="Seed of split, initial weights, order and rotations.")
 
 
 def make_scene_tracker(params: SceneParams) -> SceneTracker:

@@ -140,65 +140,44 @@ class McapOptions(Options):
     """
 
     keep_raw: bool = option(
-        "--keep-raw",
-        default=False,
-        group="Output",
-        help="Keep the raw cloud on its topic; write the filtered one to TOPIC/filtered.",
+        "--keep-raw", default=False, help="Keep the raw cloud on its topic; write the filtered one to TOPIC/filtered."
     )
     with_removed: bool = option(
-        "--with-removed", default=False, group="Output", help="Write removed points to TOPIC/removed, with the reason."
+        "--with-removed", default=False, help="Write removed points to TOPIC/removed, with the reason."
     )
     keep_organized: bool = option(
-        "--keep-organized",
-        default=False,
-        group="Output",
-        help="Keep the shape of organised clouds; set removed points to NaN.",
+        "--keep-organized", default=False, help="Keep the shape of organised clouds; set removed points to NaN."
     )
     diagnostics: bool = option(
-        "--diagnostics/--no-diagnostics",
-        default=True,
-        group="Output",
-        help="Write the topic /seaclutter/diagnostics, or leave it out.",
+        "--diagnostics/--no-diagnostics", default=True, help="Write the topic /seaclutter/diagnostics, or leave it out."
     )
     compression: str | None = option(
         "--compression",
         default=None,
         kind=Choice({"zstd": "zstd", "lz4": "lz4", "none": ""}),
-        group="Output",
         help="Compression of the output; by default that of the input, or the usual one of the format.",
     )
     split: Converted[Split | str | None, Split | None] = option(
-        "--split",
+        "--split LIMIT",
         default=None,
         kind=Parsed(_split),
-        metavar="LIMIT",
-        group="Output",
         help="Write parts of at most this size before compression (500MB, 2GiB) or duration (30s, 10min, 1h).",
     )
     include: Converted[str | Sequence[str], tuple[str, ...]] = option(
-        "--include",
+        "--include REGEX",
         default=(),
         kind=Parsed(_pattern),
-        metavar="REGEX",
-        group="Output",
-        repeatable=True,
         help="Of the other topics, write only those whose name contains a match; repeatable.",
     )
     exclude: Converted[str | Sequence[str], tuple[str, ...]] = option(
-        "--exclude",
+        "--exclude REGEX",
         default=(),
         kind=Parsed(_pattern),
-        metavar="REGEX",
-        group="Output",
-        repeatable=True,
         help="Leave out other topics whose name contains a match; repeatable.",
     )
     latched: Converted[str | Sequence[str], tuple[str, ...]] = option(
-        "--latched",
+        "--latched TOPIC",
         default=(),
-        metavar="TOPIC",
-        group="Output",
-        repeatable=True,
         help="Keep the last message of TOPIC before --start, as of /tf_static and other latched topics; repeatable.",
     )
     config: str = option(default="", help="Effective configuration as YAML; the run fills it in, and all below.")

@@ -38,7 +38,6 @@ class OfLogs(Options):
         "LOGS...",
         help="Files, folders or globs of logs, or URLs of objects.",
         kind=Anything(is_place=True),
-        type="path, or sequence of paths",
         kw_only=False,
     )
     keep_going: bool = option(
@@ -89,35 +88,27 @@ class Decoding(Options):
     """How recordings are decoded."""
 
     rate_hz: float = option(
-        "--rate",
+        "--rate HZ",
         default=10.0,
         kind=Number(0, above=True),
-        metavar="HZ",
-        group="Input",
-        show_default=True,
         help="Frames per second of recordings without time stamps.",
     )
     calibration: OptionalPath = option(
         "--calibration",
         default=None,
         kind=Place(),
-        group="Input",
         help="Angles or metadata of the sensor, for packets that lack them.",
     )
     sensor: str | None = option(
-        "--sensor",
+        "--sensor MODEL",
         default=None,
         kind=Parsed(_known_sensor),
-        metavar="MODEL",
-        group="Input",
         help="Sensor model, for packets that do not identify it.",
     )
     integrate_ms: float | None = option(
-        "--integrate",
+        "--integrate MS",
         default=None,
         kind=Number(1, 2000),
-        metavar="MS",
-        group="Input",
         help="Join the clouds of each MS milliseconds into one frame, for lidars whose scans do not repeat.",
     )
 
@@ -139,48 +130,27 @@ class ReadOptions(Decoding):
     """
 
     topics: Converted[str | Sequence[str], tuple[str, ...]] = option(
-        "-t",
-        "--topic",
-        default=(),
-        metavar="NAME",
-        repeatable=True,
-        help="Point-cloud topic, if there are several; repeatable.",
+        "-t --topic NAME", default=(), help="Point-cloud topic, if there are several; repeatable."
     )
     start_s: Moment | None = option(
-        "--start",
+        "--start TIME",
         default=None,
         kind=Parsed(_moment, _Time()),
-        metavar="TIME",
         help="Start at TIME: seconds from the start of the recording, ISO 8601 (UTC), or seconds since 1970.",
-        type="float or datetime",
     )
-    end_s: Moment | None = option(
-        "--end",
-        default=None,
-        kind=Parsed(_moment, _Time()),
-        metavar="TIME",
-        help="Stop before TIME.",
-        type="float or datetime",
-    )
-    frames: int | None = option(
-        "-n", "--frames", default=None, kind=Whole(1), metavar="N", help="Stop after N frames of each topic."
-    )
+    end_s: Moment | None = option("--end TIME", default=None, kind=Parsed(_moment, _Time()), help="Stop before TIME.")
+    frames: int | None = option("-n --frames", default=None, kind=Whole(1), help="Stop after N frames of each topic.")
     intensity_field: str | None = option(
-        "--intensity-field",
-        default=None,
-        metavar="NAME",
-        group="Input",
-        help="Intensity field, if it has no usual name.",
+        "--intensity-field NAME", default=None, help="Intensity field, if it has no usual name."
     )
     join: bool | None = option(
         "--join/--no-join",
         default=None,
         kind=Flag(),
-        group="Input",
         help="Read the numbered files of a folder as one recording, or one by one. "
         "[default: as one if each begins where the one before ends]",
     )
-    recursive: bool = option("--recursive", default=False, group="Input", help="Also search subfolders for recordings.")
+    recursive: bool = option("--recursive", default=False, help="Also search subfolders for recordings.")
 
     @property
     def selection(self) -> Selection:
@@ -219,43 +189,31 @@ class BatchOptions(Options):
     """
 
     jobs: int | None = option(
-        "-j",
-        "--jobs",
+        "-j --jobs N",
         default=1,
         of_command=None,
         kind=Parsed(_jobs, Whole(1)),
-        metavar="N",
         help="Process N recordings at the same time. [default: as many as there are cores and memory for]",
-        type="int or None",
     )
-    fail_fast: bool = option(
-        "--fail-fast", default=False, group="Many recordings", help="Stop after the first recording with an error."
-    )
+    fail_fast: bool = option("--fail-fast", default=False, help="Stop after the first recording with an error.")
     resume: bool = option(
         "--resume",
         default=False,
-        group="Many recordings",
         help="Skip recordings whose output of the same run is complete; replace outputs of other runs.",
     )
     manifest: OptionalPath = option(
         "--manifest",
         default=None,
         kind=Place(output=True),
-        group="Many recordings",
         help="Write a table with a row for each recording (CSV or JSON).",
     )
     cluster: str | None = option(
-        "--cluster",
+        "--cluster ADDRESS",
         default=None,
-        metavar="ADDRESS",
-        group="Many recordings",
         help="Process recordings on the workers of a Dask cluster: tls://HOST:PORT, or slurm to start -j N workers.",
     )
     cluster_insecure: bool = option(
-        "--cluster-insecure",
-        default=False,
-        group="Many recordings",
-        help="Allow a cluster without encryption, tcp://HOST:PORT.",
+        "--cluster-insecure", default=False, help="Allow a cluster without encryption, tcp://HOST:PORT."
     )
 
     def runs_here(self, recordings: int) -> bool:

@@ -17,19 +17,15 @@ class WritingLogs(Replacing, OfLogs):
     """Options of functions that write a log for each recording."""
 
     output: PathLike = option(
-        "-o",
-        "--output",
+        "-o --output OUT",
         kind=Place(remote=True, output=True, or_folder=True),
-        metavar="OUT",
         help="Output of one recording; folder for several, or with a slash at its end.",
-        type="path",
         kw_only=False,
     )
     to: str | None = option(
         "--to",
         default=None,
         kind=Choice(FORMATS),
-        group="Output",
         help="Format of the output. [default: by the suffix of OUT, or mcap]",
     )
     reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
@@ -44,13 +40,11 @@ class FilterOptions(WritingLogs, LabelSources, ConfigOptions):
         "--csv",
         default=None,
         kind=Place(remote=True, output=True),
-        group="Output",
         help="Also write a table with a row for each frame.",
     )
     with_scene: bool = option(
         "--with-scene",
         default=False,
-        group="Output",
         help="Write boxes around clusters, and those of --labels, to /seaclutter/scene, for 3D panels.",
     )
 
@@ -77,11 +71,9 @@ class MaskOptions(Replacing, OfLogs):
     """Options of the search for own ship's structure."""
 
     output: OptionalPath = option(
-        "-o",
-        "--output",
+        "-o --output MASK.csv",
         default=None,
         kind=Place(remote=True, output=True),
-        metavar="MASK.csv",
         help="Write the mask, for the configuration key filter.mask.",
         kw_only=False,
     )
@@ -89,11 +81,9 @@ class MaskOptions(Replacing, OfLogs):
         "--plot", default=None, kind=Place(remote=True, output=True), help="Draw the mask (.png or .svg)."
     )
     reach_m: float = option(
-        "--reach",
+        "--reach METRES",
         default=20.0,
         kind=Number(1, 100),
-        metavar="METRES",
-        show_default=True,
         help="Range up to which structure is searched; somewhat more than own ship's length.",
     )
     reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
@@ -110,11 +100,10 @@ class ViewOptions(Replacing, LabelSources, ConfigOptions):
     """
 
     target: OptionalPath = option(
-        "--save",
+        "--save FILE.rrd",
         default=None,
         kind=Place(output=True),
-        metavar="FILE.rrd",
         help="Write a file for the viewer instead of opening it; needs no display.",
     )
-    port: int = option("--port", default=9876, kind=Whole(1, 65535), show_default=True, help="Port of the viewer.")
+    port: int = option("--port", default=9876, kind=Whole(1, 65535), help="Port of the viewer.")
     reading: Grouped[ReadOptions] = grouped(default=ReadOptions())

@@ -62,57 +62,36 @@ def _as_yaml(value: Any, key: str) -> str:
         raise ConfigError(f"{key}: not a value of a configuration: {value!r}") from error
 
 
-if TYPE_CHECKING:
-    OptionalConfig = Converted[PathLike | Mapping[str, Any] | Config | None, ConfigSource | None]
-    Settings = Converted[Sequence[str] | Mapping[str, Any], tuple[str, ...]]
+class _Configured(Options):
+    """Sources of configurations."""
 
-
-def _config_option() -> Any:
-    return option(
-        "-c",
-        "--config",
+    config: Converted[PathLike | Mapping[str, Any] | Config | None, ConfigSource | None] = option(
+        "-c --config FILE",
         default=None,
         kind=ConfigFile(),
-        metavar="FILE",
         help="Configuration file, or the name of a built-in one. "
         f"[default: {WORKING_CONFIG} in the working folder, if there is one; - is standard input]",
-        type="path, mapping or Config",
     )
-
-
-def _settings_option(subject: str) -> Any:
-    return option(
-        "-s",
-        "--set",
+    settings: Converted[Sequence[str] | Mapping[str, Any], tuple[str, ...]] = option(
+        "-s --set KEY=VALUE",
         default=(),
         kind=_Settings(),
-        metavar="KEY=VALUE",
-        repeatable=True,
-        help=f"Set {subject}, such as filter.start_m=5; repeatable.",
-        type="mapping or sequence of str",
+        help="Set a key, such as filter.start_m=5; repeatable.",
     )
 
 
-class ConfigOptions(Options):
+class ConfigOptions(_Configured):
     """Sources of the configuration of a run, in ascending precedence: file, method, single keys."""
 
-    config: OptionalConfig = _config_option()
-    method: str | None = option(
-        "-m", "--method", default=None, metavar="NAME", help="Filter method; overrides the configuration."
-    )
-    settings: Settings = _settings_option("a key")
+    method: str | None = option("-m --method NAME", default=None, help="Filter method; overrides the configuration.")
 
 
-class MethodOptions(Options):
+class MethodOptions(_Configured):
     """Methods that a run compares, and the sources of their configurations."""
 
-    config: OptionalConfig = _config_option()
     methods: Converted[str | Sequence[str], tuple[str, ...]] = option(
-        "-m",
-        "--method",
+        "-m --method NAME",
         default=(),
-        metavar="NAME",
-        repeatable=True,
         help="Filter method, by default that of the configuration; none leaves the logs unfiltered; repeatable.",
     )
     compare: Converted[
@@ -121,11 +100,8 @@ class MethodOptions(Options):
         "--compare",
         default=(),
         kind=Choice(("paper", "peers", "all")),
-        repeatable=True,
         help="Compare the stages of joint as in its paper; joint, confirmed and their peers; or all and none.",
-        type='{"paper", "peers", "all"}, or sequence of these',
     )
-    settings: Settings = _settings_option("a key for every method that has it")
 
 
 class _Ids(Kind):
@@ -148,31 +124,19 @@ class LabelSources(Options):
     """Labels of recordings, and how to read them."""
 
     labels: Converted[PathLike | Sequence[PathLike] | None, tuple[Path, ...]] = option(
-        "--labels",
-        default=(),
-        kind=Place(remote=True),
-        metavar="LABELS",
-        repeatable=True,
-        help=_LABELS_HELP,
-        type="path, or sequence of paths",
+        "--labels LABELS", default=(), kind=Place(remote=True), help=_LABELS_HELP
     )
     clutter_ids: Converted[Sequence[int] | None, tuple[int, ...] | None] = option(
-        "--clutter-ids",
+        "--clutter-ids IDS",
         default=None,
         kind=_Ids(),
-        metavar="IDS",
-        group="Input",
         help="Class ids of clutter in point labels, such as 110,111. [default: 110]",
-        type="sequence of int",
     )
     ignore_ids: Converted[Sequence[int] | None, tuple[int, ...] | None] = option(
-        "--ignore-ids",
+        "--ignore-ids IDS",
         default=None,
         kind=_Ids(),
-        metavar="IDS",
-        group="Input",
         help="Class ids to ignore in point labels. [default: 0,99]",
-        type="sequence of int",
     )
 
 
@@ -180,11 +144,9 @@ class OfLabelledLogs(LabelSources, OfLogs):
     """What every function for labelled logs takes."""
 
     labels: Converted[PathLike | Sequence[PathLike], tuple[Path, ...]] = option(
-        "--labels",
+        "--labels LABELS",
         kind=Place(remote=True),
-        metavar="LABELS",
         repeatable=True,
         help=_LABELS_HELP,
-        type="path, or sequence of paths",
         kw_only=False,
     )

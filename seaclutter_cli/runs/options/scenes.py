@@ -40,15 +40,10 @@ class LabelledLogs(Options):
         "FOLDERS",
         default=(),
         kind=Place(),
-        repeatable=True,
         help="Folders that each contain a folder of recordings for each class, named after the class.",
     )
     scenes: Converted[str | Sequence[str], tuple[str, ...]] = option(
-        "--scene",
-        default=(),
-        metavar="CLASS=LOGS",
-        repeatable=True,
-        help="A class, and the file, folder or glob of its logs; repeatable.",
+        "--scene CLASS=LOGS", default=(), help="A class, and the file, folder or glob of its logs; repeatable."
     )
 
     def find(self) -> list[LabelledLog]:
@@ -69,26 +64,13 @@ class ClassifierOptions(Replacing):
     """
 
     model: str = option(
-        "--model",
-        default="open_confined",
-        metavar="FILE",
-        show_default=True,
-        help="ONNX file of a classifier, or the name of a built-in one.",
+        "--model FILE", default="open_confined", help="ONNX file of a classifier, or the name of a built-in one."
     )
-    every: int = option(
-        "--every",
-        default=1,
-        kind=Whole(1),
-        metavar="N",
-        show_default=True,
-        help="Classify one frame in N; the others keep its scene.",
-    )
+    every: int = option("--every", default=1, kind=Whole(1), help="Classify one frame in N; the others keep its scene.")
     hold: int = option(
-        "--hold",
+        "--hold M",
         default=1,
         kind=Whole(1),
-        metavar="M",
-        show_default=True,
         help="Change the scene only after M consecutive classifications agree on another one.",
     )
     csv_file: OptionalPath = option(
@@ -107,26 +89,16 @@ class TrainSceneOptions(Replacing):
     """
 
     output: Converted[PathLike, Path] = option(
-        "-o", "--output", kind=Place(output=True), metavar="MODEL.onnx", help="Model file to write."
+        "-o --output MODEL.onnx", kind=Place(output=True), help="Model file to write."
     )
     plot_file: OptionalPath = option(
         "--plot", default=None, kind=Place(output=True), help="Draw loss and precision over the epochs, as PNG or SVG."
     )
     extent_m: float = option(
-        "--extent",
-        default=60.0,
-        kind=Number(0, above=True),
-        metavar="METRES",
-        show_default=True,
-        help="Half the side of the square in the top view.",
+        "--extent METRES", default=60.0, kind=Number(0, above=True), help="Half the side of the square in the top view."
     )
     every: int = option(
-        "--every",
-        default=1,
-        kind=Whole(1),
-        metavar="N",
-        show_default=True,
-        help="Use one frame in N; consecutive frames are nearly the same.",
+        "--every", default=1, kind=Whole(1), help="Use one frame in N; consecutive frames are nearly the same."
     )
     training: Grouped[TrainingParams] = grouped(default=TrainingParams())
     reading: Grouped[ReadOptions] = grouped(default=ReadOptions())

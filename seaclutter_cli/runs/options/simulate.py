@@ -65,16 +65,12 @@ class SimulateOptions(Replacing):
     """
 
     frames: int | None = option(
-        "-n", "--frames", default=None, kind=Whole(1), metavar="N", help="Number of frames; overrides the scene."
+        "-n --frames", default=None, kind=Whole(1), help="Number of frames; overrides the scene."
     )
     seed: int | None = option(
-        "--seed",
-        default=None,
-        kind=Whole(0),
-        metavar="N",
-        help="Random seed; overrides the scene. 1 by default for a layout.",
+        "--seed", default=None, kind=Whole(0), help="Random seed; overrides the scene. 1 by default for a layout."
     )
-    lidar: str | None = option("--lidar", default=None, metavar="NAME", help="Lidar model; overrides the scene.")
+    lidar: str | None = option("--lidar NAME", default=None, help="Lidar model; overrides the scene.")
     form: Literal["mcap", "pcap"] | None = option(
         "--format",
         default=None,
@@ -82,10 +78,9 @@ class SimulateOptions(Replacing):
         help="MCAP with PointCloud2, or packets of a RoboSense lidar; by default from the suffix of LOG.",
     )
     scene_file: OptionalPath = option(
-        "--scene-file",
+        "--scene-file YAML",
         default=None,
         kind=Place(output=True),
-        metavar="YAML",
         help="Save the scene with all defaults and comments, for editing.",
     )
 
@@ -100,20 +95,16 @@ class SimulationOptions(SimulateOptions):
         kw_only=False,
     )
     output: PathLike = option(
-        "-o",
-        "--output",
+        "-o --output OUT",
         kind=Place(output=True, or_folder=True),
-        metavar="OUT",
         help="Recording to write; .las or .laz for a tile; with --seeds, a folder.",
         kw_only=False,
     )
     seeds: Converted[str | Sequence[int] | None, tuple[int, ...] | None] = option(
-        "--seeds",
+        "--seeds SEEDS",
         default=None,
         kind=Parsed(parse_seeds),
-        metavar="SEEDS",
         help="Simulate a recording for each seed, such as 1..5 or 1,2,7.",
-        type="str or sequence of int",
     )
     batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
     observer: Observer = option(default=SILENT, kind=Anything(is_place=True), help="Receives progress.")

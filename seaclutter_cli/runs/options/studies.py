@@ -33,27 +33,18 @@ class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
     """Options of a calibration."""
 
     output: OptionalPath = option(
-        "-o",
-        "--output",
-        default=None,
-        kind=_FILE,
-        metavar="CONFIG",
-        required=True,
-        help="Configuration to write, for filter -c.",
+        "-o --output CONFIG", default=None, kind=_FILE, required=True, help="Configuration to write, for filter -c."
     )
     filter_rate: float = option(
-        "--filter-rate",
+        "--filter-rate SHARE",
         default=0.8,
         kind=Number(0, 1, above=True),
-        metavar="SHARE",
-        show_default=True,
         help="Share of the clutter points in each range ring that its threshold must remove.",
     )
     max_left: float | None = option(
-        "--max-left",
+        "--max-left POINTS",
         default=None,
         kind=Number(0, above=True),
-        metavar="POINTS",
         help="Raise the filter rate of a range ring until at most POINTS clutter points per frame are left.",
     )
     choose: bool = option(
@@ -68,15 +59,10 @@ class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
     keep_end: bool = option(
         "--keep-end",
         default=False,
-        group="Method",
         help="Keep the far limit end_m of the configuration; implied by -s filter.end_m=METRES.",
     )
     plot_file: OptionalPath = option(
-        "--plot",
-        default=None,
-        kind=_FILE,
-        group="Output",
-        help="Also plot clutter and thresholds over range (.png or .svg).",
+        "--plot", default=None, kind=_FILE, help="Also plot clutter and thresholds over range (.png or .svg)."
     )
     reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
     batch: Grouped[BatchOptions] = grouped("fail_fast", "resume", "manifest", default=BatchOptions())
@@ -92,21 +78,15 @@ class EvaluateOptions(Replacing, OfLabelledLogs, MethodOptions):
     """Options of an evaluation."""
 
     frames_file: OptionalPath = option(
-        "-o",
-        "--output",
-        default=None,
-        kind=_FILE,
-        metavar="FRAMES.csv",
-        help="Write a table with a row for each frame and method.",
+        "-o --output FRAMES.csv", default=None, kind=_FILE, help="Write a table with a row for each frame and method."
     )
     summary_file: OptionalPath = option(
-        "--summary", default=None, kind=_FILE, metavar="FILE.json", help="Write all results as JSON."
+        "--summary FILE.json", default=None, kind=_FILE, help="Write all results as JSON."
     )
     clustering: Literal["euclidean", "dbscan"] | None = option(
         "--clustering",
         default=None,
         kind=Choice(("euclidean", "dbscan")),
-        group="Method",
         help="Clustering algorithm; by default that of the configuration. With dbscan, also show its measures.",
     )
     reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
@@ -141,62 +121,39 @@ class TuneOptions(Replacing, OfLabelledLogs, MethodOptions):
     """Options of a comparison of methods and parameter values."""
 
     sweeps: Converted[Mapping[str, Sequence[Any]] | Sequence[str], tuple[Sweep, ...]] = option(
-        "--sweep",
+        "--sweep KEY=VALUES",
         default=(),
         kind=_Sweeps(_sweep),
-        metavar="KEY=VALUES",
-        repeatable=True,
         help="Filter key and values to try: V1,V2,... or START:STOP:STEP. Repeatable, for all combinations. Of several "
         "methods, those that have the key; METHOD.KEY for one.",
-        type="mapping of str to sequence, or sequence of str",
         kw_only=False,
     )
     method: Converted[str | Sequence[str] | None, tuple[str, ...]] = option(
-        default=(), repeatable=True, help="Another name of ``methods``.", type="str or sequence of str"
+        default=(), help="Another name of ``methods``."
     )
     hold_out: float = option(
-        "--hold-out",
+        "--hold-out SHARE",
         default=0.25,
         kind=Number(0, 1, below=True),
-        metavar="SHARE",
-        show_default=True,
         help="Share of the recordings, or of fewer than four the last frames of each, on which the best combination is "
         "judged but not chosen; 0 for none.",
     )
     output: OptionalPath = option(
-        "-o",
-        "--output",
-        default=None,
-        kind=_FILE,
-        metavar="CONFIG.yaml",
-        help="Write the configuration with the best values.",
+        "-o --output CONFIG.yaml", default=None, kind=_FILE, help="Write the configuration with the best values."
     )
     csv_file: OptionalPath = option(
-        "--csv", default=None, kind=_FILE, group="Output", help="Write a table with a row for each combination."
+        "--csv", default=None, kind=_FILE, help="Write a table with a row for each combination."
     )
     curve_file: OptionalPath = option(
-        "--plot",
-        default=None,
-        kind=_FILE,
-        group="Output",
-        help="Plot the rates over the values of a single --sweep (.png or .svg).",
+        "--plot", default=None, kind=_FILE, help="Plot the rates over the values of a single --sweep (.png or .svg)."
     )
     thresholds_file: OptionalPath = option(
         "--plot-thresholds",
         default=None,
         kind=_FILE,
-        group="Output",
         help="Plot the threshold of a range ring over the frames for each combination and the ideal one (.png, .svg).",
     )
-    ring: int = option(
-        "--ring",
-        default=2,
-        kind=Whole(1),
-        metavar="K",
-        group="Output",
-        show_default=True,
-        help="Range ring of --plot-thresholds, from 1.",
-    )
+    ring: int = option("--ring K", default=2, kind=Whole(1), help="Range ring of --plot-thresholds, from 1.")
     reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
     batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
 
@@ -215,46 +172,25 @@ class ReportOptions(Replacing, OfLogs, LabelSources, MethodOptions):
     """Options of a report."""
 
     output: Converted[PathLike, Path] = option(
-        "-o",
-        "--output",
+        "-o --output REPORT.html",
         kind=_FILE,
-        metavar="REPORT.html",
         help="HTML page to write; one file that opens offline in any browser.",
         kw_only=False,
     )
     figure_folder: OptionalPath = option(
-        "--figures",
+        "--figures DIR",
         default=None,
         kind=Place(remote=True),
-        metavar="DIR",
-        group="Output",
         help="Also write every figure as a separate file for print.",
     )
     figure_format: Literal["svg", "png"] = option(
-        "--figure-format",
-        default="svg",
-        kind=Choice(("svg", "png")),
-        group="Output",
-        show_default=True,
-        help="Format of --figures.",
+        "--figure-format", default="svg", kind=Choice(("svg", "png")), help="Format of --figures."
     )
     shown: int = option(
-        "--show",
-        default=12,
-        kind=Whole(1, 100),
-        metavar="N",
-        group="Output",
-        show_default=True,
-        help="Number of frames whose points are included in the page.",
+        "--show", default=12, kind=Whole(1, 100), help="Number of frames whose points are included in the page."
     )
     picks: Converted[int | Sequence[int], tuple[int, ...]] = option(
-        "--pick",
-        default=(),
-        kind=Whole(0),
-        metavar="K",
-        group="Output",
-        repeatable=True,
-        help="Also show frame K; repeatable.",
+        "--pick K", default=(), kind=Whole(0), help="Also show frame K; repeatable."
     )
     command: str | None = option(default=None, help="Command line that the page shows.")
     reading: Grouped[ReadOptions] = grouped(default=ReadOptions())

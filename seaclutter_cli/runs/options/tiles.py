@@ -39,14 +39,9 @@ class TileSettingsOptions(Options):
     30
     """
 
-    file: OptionalPath = option("-c", "--config", default=None, kind=Place(), help="Settings file.")
+    file: OptionalPath = option("-c --config", default=None, kind=Place(), help="Settings file.")
     overrides: tuple[str, ...] = option(
-        "-s",
-        "--set",
-        default=(),
-        metavar="KEY=VALUE",
-        repeatable=True,
-        help="Set a key, such as separation.window_m=30; repeatable.",
+        "-s --set KEY=VALUE", default=(), help="Set a key, such as separation.window_m=30; repeatable."
     )
 
     def load(self, base: TileSettings | None = None) -> TileSettings:
@@ -72,7 +67,6 @@ class MapOptions(Options):
         "--plot",
         default=None,
         kind=_FILE,
-        group="Output",
         help="Draw a map with water level, land and objects, as PNG or SVG.",
         kw_only=False,
     )
@@ -80,7 +74,6 @@ class MapOptions(Options):
         "--geojson",
         default=None,
         kind=_FILE,
-        group="Output",
         help="Also write the shoreline and the boxes of objects as GeoJSON.",
         kw_only=False,
     )
@@ -88,7 +81,6 @@ class MapOptions(Options):
         "--gpkg",
         default=None,
         kind=_FILE,
-        group="Output",
         help="Also write the shoreline and the boxes of objects as GeoPackage.",
         kw_only=False,
     )
@@ -140,26 +132,22 @@ class SeparateTilesOptions(Replacing):
         " [default: keep]",
     )
     margin_m: float = option(
-        "--margin",
+        "--margin METRES",
         default=100.0,
         kind=Number(0, 1000),
-        metavar="METRES",
-        show_default=True,
         help="Width of the margin in which points of neighbouring tiles count; 0 for none.",
     )
     trust_classes: tuple[Literal[2, 9], ...] | None = option(
-        "--trust-classes",
+        "--trust-classes CLASSES",
         default=None,
         kind=_Classes(),
-        metavar="CLASSES",
         help="Classes of the input that are right: 2 (ground), 9 (water), or 2,9. Their points keep them, and show"
         " where land and water are. [default: none]",
     )
     window_m: float | None = option(
-        "--window",
+        "--window METRES",
         default=None,
         kind=Number(50, 100_000),
-        metavar="METRES",
         help="Read COPC files in windows of this width, and write a tile for each; for files larger than memory.",
     )
     maps: Grouped[MapOptions] = grouped(
@@ -179,9 +167,7 @@ class ClassifyTilesOptions(Replacing):
     False
     """
 
-    model: Converted[PathLike, Path] = option(
-        "--model", kind=Place(), metavar="MODEL", help="Model file from classify train."
-    )
+    model: Converted[PathLike, Path] = option("--model MODEL", kind=Place(), help="Model file from classify train.")
     csv_file: OptionalPath = option(
         "--csv", default=None, kind=_FILE, help="Also write a CSV table with a line for each object."
     )
@@ -215,21 +201,13 @@ class TrainForestOptions(Replacing):
     100
     """
 
-    output: Converted[PathLike, Path] = option(
-        "-o", "--output", kind=_FILE, metavar="MODEL", help="Model file to write."
-    )
+    output: Converted[PathLike, Path] = option("-o --output MODEL", kind=_FILE, help="Model file to write.")
     class_field: str = option(
-        "--class-field",
-        default="object_class",
-        metavar="NAME",
-        show_default=True,
-        help="Field with the class of each point, 1 to 8; 0 for none.",
+        "--class-field NAME", default="object_class", help="Field with the class of each point, 1 to 8; 0 for none."
     )
     object_field: str = option(
-        "--object-field",
+        "--object-field NAME",
         default="object_id",
-        metavar="NAME",
-        show_default=True,
         help="Field with object numbers; without it, clusters of a class are objects.",
     )
     plot_file: OptionalPath = option(
