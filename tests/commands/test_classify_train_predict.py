@@ -117,11 +117,15 @@ def test_clusters_that_are_left_out_are_reported(trained, tiles, tmp_path):
 
 def test_objects_are_listed_with_numbers_in_80_columns():
     from seaclutter_cli.airborne.objects import FoundObject
-    from seaclutter_cli.runs.classify.predict import TileObjects
+    from seaclutter_cli.runs.classify.maps import MappedTile
+    from seaclutter_cli.runs.classify.predict import ClassifiedTile
+    from seaclutter_cli.sources.crs import Crs
 
     far = FoundObject(1, 7, 0.621, 123456, (833978.4, 9997964.9), (1234.5, 234.5), 0.1, 12.34, 123456.7)
     objects = [replace(far, number=number) for number in range(1, 100)]
-    lines = TileObjects("t", 3, objects, 1, 2, 0.1).as_text(0.4).splitlines()
+    found = MappedTile("t", Crs(), (), objects)
+    tile = ClassifiedTile(recording="t", points=3, clusters_left_out=1, points_left_out=2, map=found)
+    lines = tile.described(0.4).splitlines()
     assert max(map(len, lines)) <= 80
     assert " ".join(lines[2].split()) == "1 fishing fence 0.62 123,456 833978 9997965 1234.5 234.5 12.3 123,457"
     assert lines[-3].startswith("99 fishing fence")

@@ -196,7 +196,7 @@ def test_a_resumed_run_has_the_maps_of_all_tiles(tiles, mapped, tmp_path):
 def test_a_tile_without_its_land_is_separated_again_for_a_map(tiles, tmp_path, monkeypatch):
     """The land of a tile may be too long for a record."""
     run_again = ("separate", tiles, "-o", f"{tmp_path / 'out'}/", "--plot", tmp_path / "map.png", "--resume", "-j", 1)
-    monkeypatch.setattr("seaclutter_cli.runs.classify.separated._MAX_RECORD_BYTES", 50)
+    monkeypatch.setattr("seaclutter_cli.runs.classify.separate._MAX_RECORD_BYTES", 50)
     assert run(*run_again).exit_code == 0
     monkeypatch.undo()
     result = run(*run_again)

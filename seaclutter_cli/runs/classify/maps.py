@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.map import IS_LAND, IS_OBJECT, TileMap, map_of, shoreline_of, total_length_m
+from seaclutter_cli.airborne.map import IS_LAND, IS_OBJECT, map_of, shoreline_of, total_length_m
 from seaclutter_cli.airborne.objects import (
     FoundObject,
     ObjectFindingParams,
@@ -29,16 +29,20 @@ from seaclutter_cli.sources.extents import TileHead
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader
 from seaclutter_cli.text import listed
 
-_NOT_WGS84 = "GeoJSON is in the coordinates of the tile, not in WGS 84"
-_LEFT_OUT = "left out of the GeoPackage, which is in WGS 84"
 _PIXELS = 1000
 
 
-def check_maps(options: MapOptions) -> None:
-    """Check names and libraries before a run."""
-    if options.plot_file:
-        check_target(options.plot_file)
-    check_geodata(shoreline=options.wanted, package=options.gpkg_file is not None)
+def check_maps(plot_file: Path | None, *, shoreline: bool, package: bool) -> None:
+    """Check the name of a picture and the libraries for maps before a run."""
+    if plot_file:
+        check_target(plot_file)
+    if shoreline:
+        try:
+            import contourpy  # noqa: F401 - availability check
+        except ImportError as error:
+            raise MissingExtraError("the shoreline", "geo") from error
+    if package:
+        geopackage([])
 
 
 def pixel_of(tiles: Sequence[TileHead]) -> float:
@@ -51,11 +55,18 @@ def pixel_of(tiles: Sequence[TileHead]) -> float:
 
 
 @dataclass(frozen=True)
-class DrawnTile:
-    """One tile of the maps of a run: its part of the picture, and its geodata."""
+class MappedTile:
+    """Shoreline in metres and objects of one tile, with centres in its coordinates, and what a picture shows of it.
 
-    part: MapPart = field(repr=False)
-    geodata: "TileGeodata" = field(repr=False)
+    The lines between water and land have shape (N, 2), float64. There is no picture of classified tiles.
+    """
+
+    name: str
+    crs: Crs
+    shoreline: Sequence[NDArray[np.float64]] = ()
+    objects: Sequence[FoundObject] = ()
+    part: MapPart | None = field(default=None, repr=False)
+    sea: SeaState | None = None
 
 
 def shoreline_in(tile: LasTile | CloudTile, found: Separation) -> list[NDArray[np.float64]]:
@@ -63,9 +74,9 @@ def shoreline_in(tile: LasTile | CloudTile, found: Separation) -> list[NDArray[n
     return shoreline_of(map_of(TilePointReader(tile), found, found.land.cell_m))
 
 
-def drawn(
+def mapped(
     tile: LasTile | CloudTile, found: Separation, name: str, pixel_m: float, params: ObjectFindingParams | None
-) -> DrawnTile:
+) -> MappedTile:
     """Return the map of a separated tile with pixels of about a width in metres; 0: as its own size requires.
 
     ``params`` are those of the search for objects; None: they are not searched for.
@@ -75,38 +86,33 @@ def drawn(
     lines = shoreline_of(fine)
     objects = [] if params is None else unclassified_objects(points, found, fine, params)
     placed = [one.placed(tile.crs.unit_m) for one in objects]
-    width = pixel_m or max(fine.kind.shape) * fine.cell_m / _PIXELS
-    return DrawnTile(_part(fine.coarser(width), lines), TileGeodata(name, tile.crs, lines, placed))
+    drawn = fine.coarser(pixel_m or max(fine.kind.shape) * fine.cell_m / _PIXELS)
+    low = np.array(drawn.first) * drawn.cell_m
+    (west, south), (east, north) = low.tolist(), (low + np.array(drawn.kind.shape) * drawn.cell_m).tolist()
+    kinds = drawn.kind == IS_LAND, drawn.kind == IS_OBJECT
+    part = MapPart((west, south), (east, north), drawn.level_m, *kinds, lines)
+    return MappedTile(name, tile.crs, lines, placed, part, found.sea)
 
 
-def _part(one: TileMap, lines: Sequence[NDArray[np.float64]]) -> MapPart:
-    low = np.array(one.first) * one.cell_m
-    high = low + np.array(one.kind.shape) * one.cell_m
-    (west, south), (east, north) = low.tolist(), high.tolist()
-    return MapPart((west, south), (east, north), one.level_m, one.kind == IS_LAND, one.kind == IS_OBJECT, lines)
-
-
-def map_files(
-    options: MapOptions, tiles: Sequence[DrawnTile], seas: Sequence[SeaState], observer: Observer
-) -> dict[Path, bytes]:
+def map_files(options: MapOptions, tiles: Sequence[MappedTile], observer: Observer) -> dict[Path, bytes]:
     """Return the contents of the maps of a run by their paths."""
     files: dict[Path, bytes] = {}
     if not tiles:
         return files
-    geodata = [tile.geodata for tile in tiles]
-    if not any(tile.shoreline for tile in geodata) and (options.geojson_file or options.gpkg_file):
+    if not any(tile.shoreline for tile in tiles) and (options.geojson_file or options.gpkg_file):
         observer.note("no shoreline: water and land do not meet in these tiles")
     if options.geojson_file:
-        files[options.geojson_file] = geojson_of(geodata, observer)
+        files[options.geojson_file] = geojson_of(tiles, observer)
     if options.gpkg_file:
-        files[options.gpkg_file] = geopackage_of(geodata, observer, classified=False)
+        files[options.gpkg_file] = geopackage_of(tiles, observer, classified=False)
     if options.plot_file:
-        systems = {tile.crs.by_code for tile in geodata}
+        systems = {tile.crs.by_code for tile in tiles}
         if len(systems) > 1:
             observer.warn(
                 f"{options.plot_file}: shows tiles with {len(systems)} coordinate reference systems as one map"
             )
-        parts, title = [tile.part for tile in tiles], waves_line(seas)
+        parts = [tile.part for tile in tiles if tile.part]
+        title = waves_line([tile.sea for tile in tiles if tile.sea])
         suffix = options.plot_file.suffix
         files[options.plot_file] = render(lambda it: draw_map(it, parts, title), suffix, aspect=aspect_of(parts))
     return files
@@ -126,45 +132,32 @@ def _range(values: Sequence[float], digits: int) -> str:
     return low if low == high else f"{low.removesuffix(' m')} to {high}"
 
 
-@dataclass(frozen=True)
-class TileGeodata:
-    """Shoreline in metres and objects of one tile, with centres in its coordinates.
-
-    The lines between water and land have shape (N, 2), float64.
-    """
-
-    name: str
-    crs: Crs
-    shoreline: Sequence[NDArray[np.float64]]
-    objects: Sequence[FoundObject] = ()
-
-
-def _conversions(tiles: Sequence[tuple[str, Crs]], what: str, observer: Observer) -> list[ToLongitudeLatitude | None]:
+def _conversions(tiles: Sequence[MappedTile], what: str, observer: Observer) -> list[ToLongitudeLatitude | None]:
     """Return the conversion of each tile's positions to WGS 84; warn of the tiles for which there is none."""
     found: list[ToLongitudeLatitude | None] = []
     without: dict[str, list[str]] = {}
-    for name, crs in tiles:
+    for tile in tiles:
         try:
-            conversion, reason = crs.to_wgs84(), "its CRS is unknown"
+            conversion, reason = tile.crs.to_wgs84(), "its CRS is unknown"
         except MissingExtraError as error:
             conversion, reason = None, str(error)
         if conversion is None:
-            without.setdefault(reason, []).append(name)
+            without.setdefault(reason, []).append(tile.name)
         found.append(conversion)
     for reason, names in without.items():
         observer.warn(f"{listed(names)}: {what}: {reason}")
     return found
 
 
-def geojson_of(tiles: Sequence[TileGeodata], observer: Observer) -> bytes:
+def geojson_of(tiles: Sequence[MappedTile], observer: Observer) -> bytes:
     """Return objects, then shorelines, as GeoJSON: in WGS 84, or in the coordinates of a tile without a known CRS."""
-    ways = _conversions([(tile.name, tile.crs) for tile in tiles], _NOT_WGS84, observer)
+    ways = _conversions(tiles, "GeoJSON is in the coordinates of the tile, not in WGS 84", observer)
     lines = chain.from_iterable(_line_features(*pair) for pair in zip(tiles, ways, strict=True))
     places = [(tile.crs.unit_m, way) for tile, way in zip(tiles, ways, strict=True)]
     return as_geojson([(tile.name, tile.objects) for tile in tiles], places, list(lines)).encode()
 
 
-def _line_features(tile: TileGeodata, convert: ToLongitudeLatitude | None) -> list[dict[str, Any]]:
+def _line_features(tile: MappedTile, convert: ToLongitudeLatitude | None) -> list[dict[str, Any]]:
     digits = 3 if convert is None else 8
     return [
         {
@@ -189,14 +182,14 @@ def _placed(line: NDArray[np.float64], crs: Crs, convert: ToLongitudeLatitude | 
     return [(float(x), float(y)) for x, y in (own if convert is None else convert(own))]
 
 
-def geopackage_of(tiles: Sequence[TileGeodata], observer: Observer, *, classified: bool) -> bytes:
+def geopackage_of(tiles: Sequence[MappedTile], observer: Observer, *, classified: bool) -> bytes:
     """Return shorelines and objects as layers of a GeoPackage in WGS 84; tiles without a known CRS are left out.
 
     ``classified`` is whether the objects have classes.
     """
     lines: list[Feature] = []
     boxes: list[Feature] = []
-    ways = _conversions([(tile.name, tile.crs) for tile in tiles], _LEFT_OUT, observer)
+    ways = _conversions(tiles, "left out of the GeoPackage, which is in WGS 84", observer)
     for tile, convert in zip(tiles, ways, strict=True):
         if convert is None:
             continue
@@ -212,14 +205,3 @@ def geopackage_of(tiles: Sequence[TileGeodata], observer: Observer, *, classifie
             Layer("objects", "POLYGON", {"tile": str, **geodata_fields(classified=classified)}, boxes),
         ]
     )
-
-
-def check_geodata(*, shoreline: bool, package: bool) -> None:
-    """Check that the libraries for geodata are installed; raise `MissingExtraError` otherwise."""
-    if shoreline:
-        try:
-            import contourpy  # noqa: F401 - availability check
-        except ImportError as error:
-            raise MissingExtraError("the shoreline", "geo") from error
-    if package:
-        geopackage([])

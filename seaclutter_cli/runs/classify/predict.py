@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,27 +20,26 @@ from seaclutter_cli.airborne.plausibility import doubts_about_objects
 from seaclutter_cli.airborne.separation import WATER
 from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.parts import part_path, release
-from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
 from seaclutter_cli.runs.batch import run_batch
-from seaclutter_cli.runs.classify.maps import TileGeodata, check_geodata, geojson_of, geopackage_of, shoreline_in
-from seaclutter_cli.runs.classify.margins import tiles_of
+from seaclutter_cli.runs.classify.maps import MappedTile, check_maps, geojson_of, geopackage_of, shoreline_in
 from seaclutter_cli.runs.classify.tiles import (
     TileOutcome,
     TileWork,
     errors_of,
     jobs_for,
     plan_tiles,
+    tiles_of,
     warn_of_doubts,
-    warn_without_classes,
-    warn_without_intensity,
+    warn_of_missing,
     write_tile,
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import BatchOptions, Logs
 from seaclutter_cli.runs.options.tiles import ClassifyTilesOptions
 from seaclutter_cli.runs.outputs import write_files
-from seaclutter_cli.runs.recordings import Result, storing_errors
+from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.sinks.atomic import CompleteFile, OutputGroup
 from seaclutter_cli.sources.crs import Crs
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, find_tiles, open_tile
@@ -86,96 +85,78 @@ def classify_tiles(
     >>> tile.points, len(tile.objects) > 3
     (161374, True)
     """
-    paths = find_tiles(tiles)
+    paths, plot_file, package = find_tiles(tiles), options.plot_file, options.gpkg_file is not None
     if options.model.is_dir():
         raise UsageError(f"{options.model}: is a directory; --model takes a file")
-    others = {"--csv": options.csv_file, "--geojson": options.geojson_file, "--plot": options.plot_file}
+    others = {"--csv": options.csv_file, "--geojson": options.geojson_file, "--plot": plot_file}
     others["--gpkg"] = options.gpkg_file
     inputs = {"--model": options.model, "-c": options.settings.file}
     heads = tiles_of(paths, None, observer)
     targets = plan_tiles(heads, output, others, inputs, force=options.force, observer=observer)
-    check_geodata(shoreline=options.gpkg_file is not None, package=options.gpkg_file is not None)
-    if options.plot_file:
-        check_target(options.plot_file)
-        if len(paths) > 1:
-            raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
+    check_maps(plot_file, shoreline=package, package=package)
+    if plot_file and len(paths) > 1:
+        raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
     model = _load(options, observer)
-    works = [
-        _PredictWork(
-            tile=head,
-            target=target,
-            model=model,
-            plot_file=options.plot_file,
-            with_shoreline=options.gpkg_file is not None,
-        )
-        for head, target in zip(heads, targets, strict=True)
-    ]
     # The tiles are the main output: they appear after the tables.
-    with _classified(works, options.batch, observer, replaced=options.force) as (found, files):
-        if options.plot_file:
-            write_files({options.plot_file: found[0].picture}, files)
-        write_files(_tables(found, options, observer), files)
+    with _staging(targets[0].parent) as folder, OutputGroup(replace=options.force) as files:
+        staged = [folder / target.name for target in targets]
+        pairs = zip(heads, targets, staged, strict=True)
+        works = [
+            _PredictWork(*each, model, plot_file.suffix if plot_file else "", with_shoreline=package) for each in pairs
+        ]
+        found = _classified(works, options.batch, observer)
+        with OutputGroup(files) as written:
+            for part, target in zip(staged, targets, strict=True):
+                written.add(CompleteFile(part, target))
+            if plot_file:
+                write_files({plot_file: found[0].picture}, files)
+            write_files(_tables(found, options, observer), files)
     return PredictResult(found, model.settings.objects.min_probability)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _PredictWork(TileWork[TileOutcome["TileObjects"]]):
-    """Classification of one tile, whose output may be staged until those of all tiles are complete."""
+@dataclass(frozen=True)
+class _PredictWork(TileWork["ClassifiedTile"]):
+    """Classification of one tile, whose output is staged until those of all tiles are complete."""
 
+    staged: Path
     model: ObjectModel
-    plot_file: Path | None
+    plot_suffix: str
     with_shoreline: bool
-    staged: Path | None = None
 
-    def run(self, observer: Observer) -> TileOutcome["TileObjects"]:
-        """Classify the tile; store an error in the outcome."""
-        outcome = self.without_result(None)
-        with storing_errors(outcome, observer):
-            try:
-                with OutputGroup(replace=True) as files:
-                    outcome.result = self.process(observer, files)
-                    outcome.points = outcome.result.points
-            except OutputError as error:
-                raise OutputError(str(error).replace(str(self.staged), str(self.target))) from error
-        return outcome
-
-    def without_result(self, reason: str | None) -> TileOutcome["TileObjects"]:
+    def without_result(self, reason: str | None) -> "ClassifiedTile":
         """Return an outcome without a result."""
-        return TileOutcome(recording=self.recording.name, error=reason)
+        return ClassifiedTile(recording=self.recording.name, error=reason)
 
-    def process(self, observer: Observer, files: OutputGroup) -> "TileObjects":
-        """Write the classified tile; return its objects."""
+    def run(self, observer: Observer) -> "ClassifiedTile":
+        """Write the classified tile; an error ends the whole run."""
         started, tile = perf_counter(), open_tile(self.path)
-        warn_without_intensity(tile, self.model.settings, observer)
-        warn_without_classes(tile, self.model.settings.separation, observer)
+        warn_of_missing(tile, self.model.settings, observer)
         with errors_of(self.path):
             found = classify_points(TilePointReader(tile), self.model)
         warn_of_doubts(tile, found.tile.separation, observer)
         for text in doubts_about_objects(found.objects):
             observer.warn(f"{tile.path.stem}: {text}")
-        write_tile(tile, self.staged or self.target, _columns_of(found), _DIMENSIONS, files)
-        picture = _picture(tile, found, self.plot_file.suffix) if self.plot_file else b""
-        objects = TileObjects.of(self.path.stem, found, perf_counter() - started, tile.crs)
+        try:
+            write_tile(tile, self.staged, _columns_of(found), _DIMENSIONS)
+        except OutputError as error:
+            raise OutputError(str(error).replace(str(self.staged), str(self.target))) from error
         lines = shoreline_in(tile, found.tile.separation) if self.with_shoreline else []
-        return replace(objects, picture=picture, shoreline=lines)
+        objects = [one.placed(tile.crs.unit_m) for one in found.objects]
+        return ClassifiedTile(
+            recording=self.recording.name,
+            points=tile.size,
+            clusters_left_out=int(found.left_out.max(initial=0)),
+            points_left_out=int(np.count_nonzero(found.left_out)),
+            map=MappedTile(self.path.stem, tile.crs, lines, objects),
+            picture=_picture(tile, found, self.plot_suffix) if self.plot_suffix else b"",
+            seconds=perf_counter() - started,
+        )
 
 
-@contextmanager
-def _classified(
-    works: Sequence[_PredictWork], batch: BatchOptions, observer: Observer, *, replaced: bool
-) -> Iterator[tuple[list["TileObjects"], OutputGroup]]:
-    """Classify tiles; yield their results, and the files that appear at the end of the context."""
+def _classified(works: Sequence[_PredictWork], batch: BatchOptions, observer: Observer) -> "list[ClassifiedTile]":
     if len(works) == 1:
-        with OutputGroup(replace=replaced) as files, OutputGroup(files) as written:
-            yield [works[0].process(observer, written)], files
-        return
-    with _staging(works[0].target.parent) as folder, OutputGroup(replace=replaced) as files:
-        staged = [replace(work, staged=folder / work.target.name) for work in works]
-        outcomes = run_batch(staged, jobs_for(batch, len(works)), observer, together=True)
-        with OutputGroup(files) as written:
-            for work in staged:
-                written.add(CompleteFile(folder / work.target.name, work.target))
-            yield [outcome.result for outcome in outcomes if outcome.result is not None], files
+        return [works[0].run(observer)]
+    return run_batch(works, jobs_for(batch, len(works)), observer, together=True)
 
 
 @contextmanager
@@ -194,16 +175,14 @@ def _staging(folder: Path) -> Iterator[Path]:
         release(part)
 
 
-def _tables(tiles: Sequence["TileObjects"], options: ClassifyTilesOptions, observer: Observer) -> dict[Path, bytes]:
+def _tables(tiles: Sequence["ClassifiedTile"], options: ClassifyTilesOptions, observer: Observer) -> dict[Path, bytes]:
     tables: dict[Path, bytes] = {}
     if options.csv_file:
-        tables[options.csv_file] = as_csv([(tile.name, tile.objects) for tile in tiles]).encode()
+        tables[options.csv_file] = as_csv([(tile.recording, tile.objects) for tile in tiles]).encode()
     if options.geojson_file:
-        boxes = [TileGeodata(tile.name, tile.crs, (), tile.objects) for tile in tiles]
-        tables[options.geojson_file] = geojson_of(boxes, observer)
+        tables[options.geojson_file] = geojson_of([replace(tile.map, shoreline=()) for tile in tiles], observer)
     if options.gpkg_file:
-        places = [TileGeodata(tile.name, tile.crs, tile.shoreline, tile.objects) for tile in tiles]
-        tables[options.gpkg_file] = geopackage_of(places, observer, classified=True)
+        tables[options.gpkg_file] = geopackage_of([tile.map for tile in tiles], observer, classified=True)
     return tables
 
 
@@ -241,46 +220,37 @@ def _columns_of(found: ClassifiedPoints) -> dict[str, NDArray[Any]]:
     return {"classification": classes, **out}
 
 
-@dataclass(frozen=True)
-class TileObjects:
-    """Objects found in one tile, with centres in its coordinates; and its shoreline and picture, if they are wanted.
+@dataclass(kw_only=True)
+class ClassifiedTile(TileOutcome):
+    """Outcome of the classification of one tile: its objects and, if they are wanted, its shoreline and picture.
 
     Clusters that are too unlikely to be objects are left out.
     """
 
-    name: str
-    points: int
-    objects: list[FoundObject]
-    clusters_left_out: int
-    points_left_out: int
-    seconds: float
-    crs: Crs = field(default_factory=Crs)
-    shoreline: Sequence[NDArray[np.float64]] = field(default=(), repr=False)
+    clusters_left_out: int = 0
+    points_left_out: int = 0
+    map: MappedTile = field(default_factory=lambda: MappedTile("", Crs()), repr=False)
     picture: bytes = field(default=b"", repr=False)
 
-    @classmethod
-    def of(cls, name: str, found: ClassifiedPoints, seconds: float, crs: Crs) -> Self:
-        """Return the objects of a classified tile."""
-        left_out = found.left_out
-        clusters, points = int(left_out.max(initial=0)), int(np.count_nonzero(left_out))
-        size = len(found.tile.separation.classification)
-        objects = [one.placed(crs.unit_m) for one in found.objects]
-        return cls(name, size, objects, clusters, points, seconds, crs)
+    @property
+    def objects(self) -> Sequence[FoundObject]:
+        """Objects, with centres in the coordinates of the tile."""
+        return self.map.objects
 
     def as_dict(self) -> dict[str, Any]:
         """Return the objects as JSON-compatible data."""
         return {
-            "tile": self.name,
+            "tile": self.recording,
             "objects": [{"class": one.name, **vars(one)} for one in self.objects],
             "clusters_left_out": self.clusters_left_out,
             "points_left_out": self.points_left_out,
         }
 
-    def as_text(self, min_probability: float) -> str:
+    def described(self, min_probability: float) -> str:
         """Return the objects in lines of at most 80 characters; positions are rounded to the metre."""
         counts = Counter(one.name for one in self.objects)
         found = ", ".join(f"{many:,} {kind}" for kind, many in counts.items()) or "no objects"
-        lines = [f"{printable(self.name)}: {found}"]
+        lines = [f"{printable(self.recording)}: {found}"]
         if self.objects:
             digits = len(str(len(self.objects)))
             head = (" " * digits + " class", "prob", "points", "x", "y", "length", "width", "height", "area")
@@ -306,7 +276,7 @@ class PredictResult(Result):
 
     is_summary = True
 
-    tiles: list[TileObjects]
+    tiles: list[ClassifiedTile]
     min_probability: float
 
     def as_dict(self) -> list[dict[str, Any]]:
@@ -315,4 +285,4 @@ class PredictResult(Result):
 
     def as_text(self) -> str:
         """Return the objects as human-readable text."""
-        return "\n".join(tile.as_text(self.min_probability) for tile in self.tiles)
+        return "\n".join(tile.described(self.min_probability) for tile in self.tiles)

@@ -1,7 +1,7 @@
 """Separation of airborne tiles into sea and non-sea points."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
@@ -9,53 +9,56 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.airborne.objects import ObjectFindingParams
 from seaclutter_cli.airborne.separation import NEVER, WATER, SeaState, Separation, separate
 from seaclutter_cli.airborne.settings import TileSettings, parse_settings
-from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError, SelectionError, UsageError
+from seaclutter_cli.grids.land_cells import LandCells
 from seaclutter_cli.runs.batch import run_batch
-from seaclutter_cli.runs.classify.maps import DrawnTile, check_maps, drawn, map_files, pixel_of
-from seaclutter_cli.runs.classify.margins import margins_of, points_of, tiles_of
-from seaclutter_cli.runs.classify.separated import (
-    LAND,
-    RUN,
-    SEA_STATE,
-    SeparatedTile,
-    SeparateOutcome,
-    SeparateResult,
-    land_text,
-    record_text,
-    recorded_run,
-    recorded_separation,
-)
+from seaclutter_cli.runs.classify.maps import MappedTile, check_maps, map_files, mapped, pixel_of
 from seaclutter_cli.runs.classify.tiles import (
+    LAS,
+    TileOutcome,
     TileWork,
     errors_of,
     jobs_for,
+    margins_of,
     plan_tiles,
+    points_of,
+    tiles_of,
     warn_of_doubts,
-    warn_without_classes,
+    warn_of_missing,
     write_tile,
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import BatchOptions, Logs
-from seaclutter_cli.runs.options.tiles import MapOptions, SeparateTilesOptions
+from seaclutter_cli.runs.options.tiles import SeparateTilesOptions
 from seaclutter_cli.runs.outputs import write_files, write_manifest
-from seaclutter_cli.runs.recordings import storing_errors
+from seaclutter_cli.runs.recordings import RecordingsResult, statuses, storing_errors
 from seaclutter_cli.runs.resume import RunIdentity, digest_of, digest_of_paths, earlier_outcomes, same_output_accepted
 from seaclutter_cli.sinks.atomic import OutputGroup
+from seaclutter_cli.sinks.las import TextRecord, text_in
 from seaclutter_cli.sources.extents import Margin, open_tile_or_window
-from seaclutter_cli.sources.tiles import CloudTile, LasTile, find_tiles
+from seaclutter_cli.sources.tiles import CloudTile, LasTile, find_tiles, read_columns
+from seaclutter_cli.text import UNKNOWN, count, share, table
 from seaclutter_cli.urls import PathLike
 from seaclutter_cli.validation import plain
 
 _HEIGHT = {"height_above_sea": ("f4", "metres above the sea surface")}
 
+_SEA_STATE = TextRecord(1, "sea state of the separation")
+"""Record of LAS and LAZ files with a `SeaState` as JSON."""
+_RUN = TextRecord(2, "run that wrote this tile")
+"""Record of each of several tiles with the identity and the result of the run as JSON."""
+_LAND = TextRecord(3, "land of the separation")
+"""Record with the `LandCells` of the tile as JSON, by which a later run draws its map."""
+
+_MAX_RECORD_BYTES = 2**16 - 1
+
 
 def separate_tiles(
     tiles: Logs, output: PathLike, options: SeparateTilesOptions | None = None, observer: Observer = SILENT
-) -> SeparateResult:
+) -> "SeparateResult":
     """Separate tiles into sea and non-sea points, and write them with ASPRS classes.
 
     Parameters
@@ -87,34 +90,21 @@ def separate_tiles(
     [('tile', 161374)]
     """
     options = options or SeparateTilesOptions()
-    settings = _settings(options)
-    batch = options.batch
+    batch, maps, settings = options.batch, options.maps, _settings(options)
     replaced = options.force or batch.resume
-    inputs, others = {"-c": options.settings.file}, {"--manifest": batch.manifest}
-    maps = options.maps
-    others |= {"--plot": maps.plot_file, "--geojson": maps.geojson_file, "--gpkg": maps.gpkg_file}
-    check_maps(maps)
+    check_maps(maps.plot_file, shoreline=maps.wanted, package=maps.gpkg_file is not None)
     heads = tiles_of(find_tiles(tiles), options.window_m, observer)
-    targets = plan_tiles(heads, output, others, inputs, force=replaced, observer=observer)
+    others = {"--plot": maps.plot_file, "--geojson": maps.geojson_file, "--gpkg": maps.gpkg_file}
+    others["--manifest"] = batch.manifest
+    targets = plan_tiles(heads, output, others, {"-c": options.settings.file}, force=replaced, observer=observer)
     margins = margins_of(heads, options.margin_m, observer)
-    works = [
-        _SeparateWork(
-            tile=head,
-            target=target,
-            replaced=replaced,
-            params=settings.separation,
-            objects=settings.objects if maps.with_geodata else None,
-            with_height=options.with_height,
-            margin=margin,
-            is_recorded=len(heads) > 1 or batch.resume,
-            pixel_m=pixel_of(heads) if maps.wanted else None,
-        )
-        for head, target, margin in zip(heads, targets, margins, strict=True)
-    ]
+    several, pixel_m = len(heads) > 1, pixel_of(heads) if maps.wanted else None
+    tiled = zip(heads, targets, margins, strict=True)
+    works = [_SeparateWork(*each, options, settings, several=several, pixel_m=pixel_m) for each in tiled]
     # The tiles are the main output: a single one appears after its maps.
     with OutputGroup(replace=replaced) as files, OutputGroup(files) as written:
         outcomes = _run(works, batch, observer, written, force=options.force)
-        write_files(_map_files(maps, outcomes, observer), files)
+        write_files(map_files(maps, [one.map for one in outcomes if one.map], observer), files)
     write_manifest(batch.manifest, [work.recording for work in works], outcomes, replace=replaced)
     return SeparateResult(outcomes)
 
@@ -129,47 +119,36 @@ def _settings(options: SeparateTilesOptions) -> TileSettings:
 
 def _run(
     works: "Sequence[_SeparateWork]", batch: BatchOptions, observer: Observer, files: OutputGroup, *, force: bool
-) -> list[SeparateOutcome]:
+) -> "list[SeparatedTile]":
     """Separate tiles whose outputs are not complete; each of several appears at once, a single one with ``files``."""
     if not batch.resume and batch.runs_here(len(works)):
-        return [works[0].alone(observer, files)]
-    if batch.resume:
-        _check_resumable(works, force=force)
+        outcome = works[0].without_result(None)
+        works[0].write(outcome, observer, files)
+        return [outcome]
+    for work in works if batch.resume else ():
+        if work.target.suffix.lower() not in LAS:
+            raise UsageError(f"{work.target}: --resume needs LAS or LAZ outputs, which say which run wrote them")
+        if not force:
+            _recorded_run(work.target)
     earlier = earlier_outcomes(works, observer, "separated") if batch.resume else [None] * len(works)
     todo = [work for work, outcome in zip(works, earlier, strict=True) if outcome is None]
     done = iter(run_batch(todo, jobs_for(batch, len(todo)), observer) if todo else [])
     return [outcome or next(done) for outcome in earlier]
 
 
-def _map_files(options: MapOptions, outcomes: Sequence[SeparateOutcome], observer: Observer) -> dict[Path, bytes]:
-    found = [(one.map, one.result.sea_state) for one in outcomes if one.map and one.result]
-    return map_files(options, [one for one, _ in found], [sea for _, sea in found], observer)
-
-
-def _check_resumable(works: "Sequence[_SeparateWork]", *, force: bool) -> None:
-    for work in works:
-        if work.target.suffix.lower() not in (".las", ".laz"):
-            raise UsageError(f"{work.target}: --resume needs LAS or LAZ outputs, which say which run wrote them")
-        if not force:
-            recorded_run(work.target)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _SeparateWork(TileWork[SeparateOutcome]):
+@dataclass(frozen=True)
+class _SeparateWork(TileWork["SeparatedTile"]):
     """Separation of one tile.
 
-    With ``margin``, points of other tiles count. If it ``is_recorded``, a later run recognises the output. ``pixel_m``
-    is the width of the pixels of a map, 0 as the tile requires, None without a map; ``objects`` are searched for the
-    geodata.
+    With ``margin``, points of other tiles count; ``several`` are separated. ``pixel_m`` is the width of the pixels of a
+    map, 0 as the tile requires, None without a map.
     """
 
-    replaced: bool
-    params: SeparationParams
-    objects: ObjectFindingParams | None
-    with_height: bool
-    margin: Margin | None = None
-    is_recorded: bool = False
-    pixel_m: float | None = None
+    margin: Margin | None
+    options: SeparateTilesOptions
+    settings: TileSettings
+    several: bool
+    pixel_m: float | None
 
     @property
     def reads(self) -> Sequence[Path]:
@@ -181,89 +160,179 @@ class _SeparateWork(TileWork[SeparateOutcome]):
         """The separated tile."""
         return (self.target,)
 
-    def without_result(self, reason: str | None) -> SeparateOutcome:
+    def without_result(self, reason: str | None) -> "SeparatedTile":
         """Return an outcome without a result."""
-        return SeparateOutcome(recording=self.recording.name, output=self.target, error=reason)
+        return SeparatedTile(recording=self.recording.name, output=self.target, error=reason)
 
-    def run(self, observer: Observer) -> SeparateOutcome:
+    def run(self, observer: Observer) -> "SeparatedTile":
         """Separate the tile; store an error in the outcome."""
         outcome = self.without_result(None)
-        with storing_errors(outcome, observer), same_output_accepted(self), OutputGroup(replace=self.replaced) as files:
-            self._into(outcome, observer, files)
+        replaced = self.options.force or self.options.batch.resume
+        with storing_errors(outcome, observer), same_output_accepted(self), OutputGroup(replace=replaced) as files:
+            self.write(outcome, observer, files)
         return outcome
 
-    def alone(self, observer: Observer, files: OutputGroup) -> SeparateOutcome:
-        """Separate the only tile of a run, whose output appears with other files; raise its error."""
-        outcome = self.without_result(None)
-        self._into(outcome, observer, files)
-        return outcome
+    def write(self, outcome: "SeparatedTile", observer: Observer, files: OutputGroup) -> None:
+        """Write the separated tile; store its figures in the outcome, and its map if there is to be one."""
+        started = perf_counter()
+        tile = open_tile_or_window(self.path, self.tile.window)
+        if self.tile.window and not tile.size:
+            raise SelectionError(f"{self.path}: no points in this window")
+        warn_of_missing(tile, self.settings, observer, intensity=False)
+        with errors_of(self.path):
+            points = points_of(tile, self.margin, observer)
+            found = separate(points, self.settings.separation, points.column).first(tile.size)
+        warn_of_doubts(tile, found, observer)
+        columns: dict[str, Any] = {"classification": found.classification}
+        if self.options.with_height:
+            columns["height_above_sea"] = found.height_m
+        figures = _figures(found)
+        texts = {_SEA_STATE: json.dumps(asdict(found.sea))} if self.settings.separation.follows_waves else {}
+        if self.several or self.options.batch.resume:
+            result = {**figures, "sea_state": asdict(found.sea)}
+            texts[_RUN] = json.dumps({**asdict(self.identity()), "result": result}, sort_keys=True)
+            land = found.land.as_text()
+            texts[_LAND] = land if len(land) <= _MAX_RECORD_BYTES else ""
+        write_tile(tile, self.target, columns, _HEIGHT if self.options.with_height else {}, files, texts)
+        outcome.map = self._mapped(tile, found)
+        vars(outcome).update(figures, seconds=perf_counter() - started)
 
-    def _into(self, outcome: SeparateOutcome, observer: Observer, files: OutputGroup) -> None:
-        outcome.result, outcome.map = self._separate(observer, files)
-        outcome.points = outcome.result.points
+    def _mapped(self, tile: LasTile | CloudTile, found: Separation) -> MappedTile | None:
+        objects = self.settings.objects if self.options.maps.with_geodata else None
+        return None if self.pixel_m is None else mapped(tile, found, self.tile.name, self.pixel_m, objects)
 
     def identity(self) -> RunIdentity:
         """Return what the separated tile depends on."""
         places = (self.margin.region if self.margin else None, self.tile.window)
-        options = (self.with_height, *map(str, places))
-        files = [place for place in self.reads if isinstance(place, Path)]
-        return RunIdentity(digest_of_paths(files), digest_of(asdict(self.params)), digest_of(options), digest_of([]))
+        options = (self.options.with_height, *map(str, places))
+        params = asdict(self.settings.separation)
+        return RunIdentity(digest_of_paths(self.reads), digest_of(params), digest_of(options), digest_of([]))
 
-    def earlier(self) -> tuple[SeparateOutcome | None, str]:
+    def earlier(self) -> "tuple[SeparatedTile | None, str]":
         """Return the outcome of an earlier run whose output is complete; otherwise None, and what differs."""
         try:
-            record = recorded_run(self.target)
+            record = _recorded_run(self.target)
         except UsageError:  # may be replaced, or is refused before
             return None, ""
         if record is None:
             return None, ""
         difference = self.identity().difference(record)
         outcome = self.without_result(None)
+        outcome.skipped = True
         try:
-            found = dict(record["result"])
-            state = SeaState(**found.pop("sea_state"))
-            outcome.result = SeparatedTile(self.tile.name, str(self.target), **found, sea_state=state, seconds=0.0)
+            found = record["result"]
+            state = SeaState(**found["sea_state"])
+            vars(outcome).update({name: found[name] for name in ("points", "sea", "other")}, sea_state=state)
         except (KeyError, TypeError, ValueError) as error:
             difference = difference or f"incomplete record: {error!r}"
         else:
-            outcome.points, outcome.skipped = outcome.result.points, True
             difference = difference or self._redraw(outcome, state)
         return (None, f"the earlier output is of {difference}") if difference else (outcome, "")
 
-    def _redraw(self, outcome: SeparateOutcome, sea: SeaState) -> str | None:
+    def _redraw(self, outcome: "SeparatedTile", sea: SeaState) -> str | None:
         """Draw the map of a complete output if there is to be one; return what its record lacks for it."""
         if self.pixel_m is not None:
             try:
-                outcome.map = self._drawn(*recorded_separation(self.target, sea), self.pixel_m)
+                outcome.map = self._mapped(*_recorded_separation(self.target, sea))
             except (CloudError, OSError, ValueError) as error:
                 return f"a run that recorded no land for the maps ({error})"
         return None
 
-    def _separate(self, observer: Observer, files: OutputGroup | None) -> tuple[SeparatedTile, DrawnTile | None]:
-        """Write the separated tile; return its figures, and its map if there is to be one."""
-        started = perf_counter()
-        tile = open_tile_or_window(self.path, self.tile.window)
-        if self.tile.window and not tile.size:
-            raise SelectionError(f"{self.path}: no points in this window")
-        warn_without_classes(tile, self.params, observer)
-        with errors_of(self.path):
-            points = points_of(tile, self.margin, observer)
-            found = separate(points, self.params, points.column).first(tile.size)
-        warn_of_doubts(tile, found, observer)
-        columns: dict[str, Any] = {"classification": found.classification}
-        if self.with_height:
-            columns["height_above_sea"] = found.height_m
-        sea, never = (int(np.count_nonzero(found.classification == code)) for code in (WATER, NEVER))
-        counts = {"points": tile.size, "sea": sea, "other": tile.size - sea - never}
-        texts = {SEA_STATE: json.dumps(asdict(found.sea))} if self.params.follows_waves else {}
-        if self.is_recorded:
-            texts[RUN] = record_text(self.identity(), {**counts, "sea_state": asdict(found.sea)})
-            texts[LAND] = land_text(found.land)
-        write_tile(tile, self.target, columns, _HEIGHT if self.with_height else {}, files, texts)
-        own_map = None if self.pixel_m is None else self._drawn(tile, found, self.pixel_m)
-        seconds = perf_counter() - started
-        result = SeparatedTile(self.tile.name, str(self.target), **counts, sea_state=found.sea, seconds=seconds)
-        return result, own_map
 
-    def _drawn(self, tile: LasTile | CloudTile, found: Separation, pixel_m: float) -> DrawnTile:
-        return drawn(tile, found, self.tile.name, pixel_m, self.objects)
+def _figures(found: Separation) -> dict[str, Any]:
+    """Return the numbers of points of a separation, and its sea."""
+    sea, never = (int(np.count_nonzero(found.classification == code)) for code in (WATER, NEVER))
+    points = len(found.classification)
+    return {"points": points, "sea": sea, "other": points - sea - never, "sea_state": found.sea}
+
+
+def _recorded_separation(output: Path, sea: SeaState) -> tuple[LasTile, Separation]:
+    """Return an output and its separation, without heights; raise `ValueError` if there is no record of the land."""
+    tile = LasTile(output)
+    land = LandCells.from_text(text_in(tile.header, _LAND) or "")
+    classes = read_columns(tile, ["classification"]).get("classification", np.empty(0, np.uint8))
+    return tile, Separation(classes, np.empty(0, np.float32), 0, sea, land)
+
+
+def _recorded_run(output: Path) -> Mapping[str, Any] | None:
+    """Return the record in an output; None if there is no such file.
+
+    Raise `UsageError` if the file is not a tile that a run over several tiles wrote.
+    """
+    if not output.exists():
+        return None
+    try:
+        text = text_in(LasTile(output).header, _RUN)
+        if text is None:
+            raise UsageError(f"{output}: without a record of its run, not replaced; use --force to replace it")
+        record = load_json(text)
+    except (CloudError, OSError, ValueError) as error:
+        raise UsageError(
+            f"{output}: not a separated tile, not replaced ({error}); use --force to replace it"
+        ) from error
+    return record if isinstance(record, dict) else {}
+
+
+@dataclass(kw_only=True)
+class SeparatedTile(TileOutcome):
+    """Outcome of the separation of one tile: numbers of sea and non-sea points, the sea, and its part of the maps."""
+
+    output: Path
+    sea: int = 0
+    other: int = 0
+    sea_state: SeaState | None = None
+    map: MappedTile | None = None
+
+    @property
+    def tile(self) -> str:
+        """Name of the tile."""
+        return self.recording
+
+    def figures(self) -> str:
+        """Return points and share of the non-sea points, for a line about the outcome."""
+        if self.skipped:
+            return f"{count(self.points, 'point')}; skipped, the output was complete"
+        return f"{count(self.points, 'point')}, {share(self.other, self.points)} non-sea, {self.seconds:.1f} s"
+
+    def counts(self) -> dict[str, Any]:
+        """Return further columns of the manifest of a run."""
+        return {"output": self._written, "points_in": self.points, "points_out": self.other}
+
+    @property
+    def _written(self) -> str | None:
+        return None if self.error else str(self.output)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the outcome as JSON-compatible data."""
+        state = self.sea_state and asdict(self.sea_state)
+        counts = {"points": self.points, "sea": self.sea, "other": self.other, "sea_state": state}
+        last = {"seconds": self.seconds, "status": self.status, "error": self.error}
+        return {"tile": self.tile, "output": self._written, **counts, **last}
+
+    def cells(self) -> tuple[str, ...]:
+        """Return the row of the table."""
+        known = self.sea_state
+        height, length = (known.wave_height_m, known.wave_length_m) if known else (None, None)
+        waves = (UNKNOWN if height is None else f"{height:.1f} m", UNKNOWN if length is None else f"{length:.0f} m")
+        counts = f"{self.points:,}", f"{self.other:,}", share(self.other, self.points)
+        return self.tile, *counts, *waves, f"{self.seconds:.2f}"
+
+
+@dataclass(frozen=True)
+class SeparateResult(RecordingsResult):
+    """Separation of several tiles."""
+
+    is_summary = True
+
+    outcomes: Sequence[SeparatedTile]
+
+    @property
+    def tiles(self) -> list[SeparatedTile]:
+        """Tiles without an error."""
+        return [outcome for outcome in self.outcomes if not outcome.error and outcome.sea_state]
+
+    def as_text(self) -> str:
+        """Return the result as human-readable text: a table, and of several tiles how many were done."""
+        head = ("tile", "points", "non-sea", "share", "waves", "length", "seconds")
+        rows = [table(head, [tile.cells() for tile in self.tiles])] if self.tiles else []
+        return "\n".join([*rows, *([statuses(self.outcomes)] if len(self.outcomes) > 1 else [])])

@@ -1,17 +1,16 @@
-"""What all commands for tiles share: settings, warnings, output files, and work on each tile."""
+"""What all commands for tiles share: tiles and their margins, warnings, output files, and work on each tile."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.plausibility import doubts_about_sea
 from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.settings import TileSettings
-from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.jobs.processes import default_jobs
 from seaclutter_cli.runs.batch import Work
@@ -23,18 +22,83 @@ from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las
 from seaclutter_cli.sinks.point_files import POINT_WRITERS, with_columns, write_points
 from seaclutter_cli.sources import Recording
-from seaclutter_cli.sources.extents import TileHead
+from seaclutter_cli.sources.crs import Crs
+from seaclutter_cli.sources.extents import (
+    Margin,
+    PointsWithMargin,
+    TileHead,
+    is_indexed,
+    neighbors_of,
+    read_head,
+    read_margin,
+    region_of,
+    windows_of,
+)
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, intensity_name, read_columns
 from seaclutter_cli.text import count
+from seaclutter_cli.threads import in_threads
 from seaclutter_cli.urls import PathLike
 
-R = TypeVar("R")
 O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
 
-_LAS = (".las", ".laz")
+LAS = (".las", ".laz")
 _MEMORY_PER_TILE = 1500 * 2**20
 """Memory in bytes that a tile may need: some ten million points."""
+
+
+def tiles_of(paths: Sequence[Path], window_m: float | None, observer: Observer) -> list[TileHead]:
+    """Return the tiles in files: whole ones, or with ``window_m`` the windows of that width in COPC files.
+
+    Raises
+    ------
+    UsageError
+        If there are to be windows, but no COPC file.
+    InputError
+        If the index of a COPC file is damaged.
+    """
+    if window_m is None:
+        return in_threads(read_head, paths) if len(paths) > 1 else [TileHead(path, Crs(), None) for path in paths]
+    heads: list[TileHead] = []
+    for path in paths:
+        with errors_of(path):
+            heads += windows_of(path, window_m) if is_indexed(path) else [read_head(path)]
+    whole = [head.path.name for head in heads if not head.window]
+    if len(whole) == len(heads):
+        raise UsageError("--window: only COPC files can be read by window, and no TILE is one")
+    if whole:
+        observer.warn(f"not read by window, because only COPC files can be: {', '.join(whole)}")
+    return heads
+
+
+def margins_of(heads: Sequence[TileHead], margin_m: float, observer: Observer) -> list[Margin | None]:
+    """Return the margin of each tile, wider around small ones; None for those without neighbours, or a width of 0."""
+    if len(heads) < 2 or margin_m <= 0:
+        return [None] * len(heads)
+    systems = {head.crs.by_code for head in heads if head.extent}
+    if len(systems) > 1:
+        observer.warn(f"tiles have {len(systems)} coordinate reference systems; margins come from tiles with the same")
+    found = neighbors_of(heads, margin_m)
+    pairs = sum(map(len, found)) // 2
+    observer.note(f"{count(len(heads), 'tile')}, {count(pairs, 'pair')} of neighbours", detail=True)
+    return [_margin(*pair, margin_m) for pair in zip(heads, found, strict=True)]
+
+
+def _margin(head: TileHead, neighbors: Sequence[TileHead], margin_m: float) -> Margin | None:
+    region = region_of(head, margin_m)
+    if region is None or not neighbors:
+        return None
+    return Margin(region, tuple(dict.fromkeys(one.path for one in neighbors)), head.window)
+
+
+def points_of(tile: LasTile | CloudTile, margin: Margin | None, observer: Observer) -> TilePointReader:
+    """Return the points of a tile, followed by those in its margin; warn of neighbours that cannot be read."""
+    if margin is None:
+        return TilePointReader(tile)
+    found, failed = read_margin(tile.path, margin)
+    for path, reason in failed.items():
+        observer.warn(f"{tile.path.stem}: no margin from {path.name}, which cannot be read ({reason})")
+    return PointsWithMargin(tile, found)
 
 
 @contextmanager
@@ -46,18 +110,16 @@ def errors_of(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: {error}") from error
 
 
-def warn_without_intensity(tile: LasTile | CloudTile, settings: TileSettings, observer: Observer) -> None:
-    """Warn if a tile lacks the intensities that the features need."""
-    if settings.features.features == "full" and intensity_name(tile) is None:
+def warn_of_missing(
+    tile: LasTile | CloudTile, settings: TileSettings, observer: Observer, *, intensity: bool = True
+) -> None:
+    """Warn if a tile lacks the ``intensity`` that features need, or points of the classes that are to be trusted."""
+    if intensity and settings.features.features == "full" and intensity_name(tile) is None:
         observer.warn(f"{tile.path}: no intensity field; intensities count as 0")
-
-
-def warn_without_classes(tile: LasTile | CloudTile, params: SeparationParams, observer: Observer) -> None:
-    """Warn if a tile has no points of the classes that are to be trusted."""
-    if not params.trust_classes:
+    if not (trusted := settings.separation.trust_classes):
         return
     given = read_columns(tile, ["classification"]).get("classification")
-    missing = [code for code in params.trust_classes if given is None or not (given == code).any()]
+    missing = [code for code in trusted if given is None or not (given == code).any()]
     if missing:
         observer.warn(f"{tile.path.stem}: no points of {' and '.join(f'class {code}' for code in missing)} to trust")
 
@@ -98,7 +160,7 @@ def plan_tiles(
         raise UsageError(f"{output}: is a file, but {count(len(tiles), 'tile')} need a folder")
     targets = [Path(output) / tile.file_name for tile in tiles] if into_folder else [Path(output)]
     if into_folder:  # formats without a writer become PCD
-        targets = [t if t.suffix.lower() in (*_LAS, *POINT_WRITERS) else t.with_suffix(".pcd") for t in targets]
+        targets = [t if t.suffix.lower() in (*LAS, *POINT_WRITERS) else t.with_suffix(".pcd") for t in targets]
     named: dict[Path, Path] = {}
     for tile, target in zip(tiles, targets, strict=True):
         if target in named:
@@ -118,9 +180,9 @@ def plan_tiles(
 
 def _check_format(tile: Path, target: Path) -> None:
     suffix = target.suffix.lower()
-    if suffix not in (*_LAS, *POINT_WRITERS):
-        raise UsageError(f"{target}: unknown format; tiles can be written as {', '.join((*_LAS, *POINT_WRITERS))}")
-    if suffix in _LAS and tile.suffix.lower() not in _LAS:
+    if suffix not in (*LAS, *POINT_WRITERS):
+        raise UsageError(f"{target}: unknown format; tiles can be written as {', '.join((*LAS, *POINT_WRITERS))}")
+    if suffix in LAS and tile.suffix.lower() not in LAS:
         raise UsageError(f"{target}: only LAS and LAZ tiles can become LAS or LAZ; use {', '.join(POINT_WRITERS)}")
 
 
@@ -133,7 +195,7 @@ def write_tile(
     texts: Mapping[TextRecord, str] | None = None,
 ) -> None:
     """Write a tile with replaced or additional columns, and LAS with text records; everything else is kept."""
-    if isinstance(tile, LasTile) and target.suffix.lower() in _LAS:
+    if isinstance(tile, LasTile) and target.suffix.lower() in LAS:
         if tile.header.global_encoding.waveform_data_packets_internal:
             raise InputError(f"{tile.path}: internal waveform packets cannot be copied; store them in a separate file")
         header = with_texts(tile.header, texts) if texts else tile.header
@@ -144,11 +206,10 @@ def write_tile(
 
 
 @dataclass(kw_only=True)
-class TileOutcome(Outcome, Generic[R]):
-    """Outcome of the work on one tile: its number of points, and a result unless there is an error."""
+class TileOutcome(Outcome):
+    """Outcome of the work on one tile."""
 
     points: int = 0
-    result: R | None = None
 
     def figures(self) -> str:
         """Return the number of points and the duration, for a line about the outcome."""
@@ -172,7 +233,7 @@ class _Window(Recording):
         return self.tile.size
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class TileWork(Work[O]):
     """Work on one tile, and its output."""
 

@@ -17,7 +17,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import draw_confusion
-from seaclutter_cli.runs.classify.tiles import errors_of, warn_without_classes, warn_without_intensity
+from seaclutter_cli.runs.classify.tiles import errors_of, warn_of_missing
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import Logs
 from seaclutter_cli.runs.options.tiles import TrainForestOptions
@@ -80,8 +80,7 @@ def _samples(
     if class_field not in tile.names:
         found = ", ".join(tile.names)
         raise InputError(f"{path}: no field {class_field!r} with ground truth; the tile has {found}")
-    warn_without_intensity(tile, settings, observer)
-    warn_without_classes(tile, settings.separation, observer)
+    warn_of_missing(tile, settings, observer)
     with errors_of(path):
         found_points = tile_features(TilePointReader(tile), settings)
     truth = read_columns(tile, (class_field, object_field))
