@@ -13,6 +13,7 @@ from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.scenes import TrainingParams
 from seaclutter_cli.scenes.examples import Examples, Split
 from seaclutter_cli.scenes.network import make_network
+from seaclutter_cli.text import share, table
 
 _TEST_BATCH = 64
 
@@ -40,6 +41,16 @@ class SceneScores(Confusion):
             name: {"predicted": dict(zip(self.classes, row, strict=True)), "precision": precision, "recall": recall}
             for name, row, precision, recall in columns
         }
+
+    def as_text(self) -> str:
+        """Return a table of frames by true class (row) and predicted class (column)."""
+        correct, predicted = self.counts.diagonal().tolist(), self.counts.sum(axis=0).tolist()
+        rows = [
+            (name, *(f"{frames:,}" for frames in row), share(right, sum(row)))
+            for name, row, right in zip(self.classes, self.counts.tolist(), correct, strict=True)
+        ]
+        rows.append(("precision", *map(share, correct, predicted), ""))
+        return table(("true \\ predicted", *self.classes, "recall"), rows)
 
 
 def _plain(values: NDArray[np.float64]) -> list[float | None]:

@@ -1,11 +1,11 @@
 """Trained classifiers of scenes on recordings: prediction, and evaluation where the scenes are known."""
 
-from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from seaclutter_cli.runs.options import Logs, ReadOptions
 from seaclutter_cli.runs.options.scenes import ClassifierOptions, LabelledLogs
 from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand, storing_errors
-from seaclutter_cli.runs.scene.logs import confusion_table, read_frames
+from seaclutter_cli.runs.scene.logs import read_frames
 from seaclutter_cli.scenes.model import SceneDecision, SceneModel, SceneTracker
 from seaclutter_cli.scenes.training import SceneScores
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
@@ -64,15 +64,8 @@ def predict_scenes(
     >>> scenes.topics["/points"].scene, dict(scenes.topics["/points"].frames)
     ('open', {'open': 60})
     """
-    options, reading = options or ClassifierOptions(), reading or ReadOptions()
     recordings = expand(logs, reading, observer)
-    model = _model(recordings, options, reading, observer)
-    new_tracker = partial(SceneTracker, model, every=options.every, hold=options.hold)
-    outcomes = [
-        RecordingScenes(recording=one.name, new_tracker=new_tracker, classes=model.classes) for one in recordings
-    ]
-    _classify(recordings, outcomes, model.classes, options, reading, observer)
-    return ScenePrediction(outcomes, model.classes)
+    return ScenePrediction(*_classify([(one, "") for one in recordings], options, reading, observer))
 
 
 def evaluate_scenes(
@@ -109,72 +102,44 @@ def evaluate_scenes(
     array([[60,  0],
            [ 0,  0]])
     """
-    options, reading = options or ClassifierOptions(), reading or ReadOptions()
-    labelled = logs.find()
-    recordings = [log.recording for log in labelled]
-    model = _model(recordings, options, reading, observer)
-    unknown = sorted({log.scene for log in labelled} - set(model.classes))
-    if unknown:
-        raise UsageError(f"{model.name}: unknown class {', '.join(unknown)}; the model has {', '.join(model.classes)}")
-    new_tracker = partial(SceneTracker, model, every=options.every, hold=options.hold)
-    outcomes = [EvaluatedLog(recording=it.recording.name, truth=it.scene, tracker=new_tracker()) for it in labelled]
-    _classify(recordings, outcomes, model.classes, options, reading, observer)
-    return SceneEvaluation(outcomes, model.classes)
-
-
-def _model(
-    recordings: Sequence[Recording], options: ClassifierOptions, reading: ReadOptions, observer: Observer
-) -> SceneModel:
-    """Return the classifier of a run, after a check of its output."""
-    inputs: Paths = {**inputs_of(recordings, reading), "--model": Path(options.model)}
-    prepare_outputs({"--csv": options.csv_file}, inputs, force=options.force, observer=observer)
-    return SceneModel(options.model)
-
-
-@dataclass(kw_only=True)
-class _Classified(Outcome):
-    """Outcome of a classifier on one recording; with its true class, where it is known."""
-
-    truth: str = ""
-
-    @abstractmethod
-    def add(self, frame: Frame) -> SceneDecision:
-        """Classify a frame, in order; return its scene."""
+    labelled = [(one.recording, one.scene) for one in logs.find()]
+    return SceneEvaluation(*_classify(labelled, options, reading, observer))
 
 
 def _classify(
-    recordings: Sequence[Recording],
-    outcomes: Sequence[_Classified],
-    classes: Sequence[str],
-    options: ClassifierOptions,
-    reading: ReadOptions,
+    logs: Sequence[tuple[Recording, str]],
+    options: ClassifierOptions | None,
+    reading: ReadOptions | None,
     observer: Observer,
-) -> None:
-    """Classify the frames of all recordings, and write the table of frames; an error is kept in its outcome."""
-    truth_known = any(found.truth for found in outcomes)
-    columns = ("recording", "topic", "frame", "stamp_ns", *(["truth"] if truth_known else []), "scene", "decided")
+) -> "tuple[list[ClassifiedLog], Sequence[str]]":
+    """Classify the frames of recordings, and write the table of frames; an error is kept in its outcome.
+
+    Each recording comes with its true class, if it is known. The classes of the model are returned, too.
+    """
+    options, reading = options or ClassifierOptions(), reading or ReadOptions()
+    inputs: Paths = {**inputs_of((one for one, _ in logs), reading), "--model": Path(options.model)}
+    prepare_outputs({"--csv": options.csv_file}, inputs, force=options.force, observer=observer)
+    model = SceneModel(options.model)
+    known = sorted({scene for _, scene in logs} - {""})
+    if unknown := [scene for scene in known if scene not in model.classes]:
+        raise UsageError(f"{model.name}: unknown class {', '.join(unknown)}; the model has {', '.join(model.classes)}")
+    columns = ("recording", "topic", "frame", "stamp_ns", *(["truth"] if known else []), "scene", "decided")
+    new_tracker = partial(SceneTracker, model, every=options.every, hold=options.hold)
+    outcomes = [ClassifiedLog(recording=one.name, truth=scene, new_tracker=new_tracker) for one, scene in logs]
     with OutputGroup(replace=options.force) as files:
         with ExitStack() as stack:
             step = stack.enter_context(observer.progress("frames", None))
-            table = stack.enter_context(AtomicFile(options.csv_file, files)).stream if options.csv_file else None
-            if table:
-                table.write(csv_line((*columns, *(f"p_{name}" for name in classes))))
-            for recording, found in zip(recordings, outcomes, strict=True):
+            table = stack.enter_context(AtomicFile(options.csv_file, files)).stream if options.csv_file else BytesIO()
+            table.write(csv_line((*columns, *(f"p_{name}" for name in model.classes))))
+            for (recording, _), found in zip(logs, outcomes, strict=True):
                 with storing_errors(found, observer):
-                    for frame in read_frames(recording, reading, observer, step, found.damage):
-                        decision = found.add(frame)
-                        if table:
-                            table.write(csv_line(_cells(frame, decision, found, classes)))
+                    for frame in read_frames(recording, reading, observer, step, found):
+                        row = found.add(frame)
+                        if options.csv_file:
+                            table.write(csv_line(row))
         if not may_appear([options.csv_file], outcomes, observer):
             files.discard()
-
-
-def _cells(frame: Frame, decision: SceneDecision, found: _Classified, classes: Sequence[str]) -> list[object]:
-    """Return the row of a frame, with the probability of each class in the latest classification."""
-    truth = [found.truth] if found.truth else []
-    probabilities = (f"{decision.probabilities[name]:.4f}" for name in classes)
-    position = (found.recording, frame.topic, frame.index, frame.stamp_ns)
-    return [*position, *truth, decision.name, int(decision.decided), *probabilities]
+    return outcomes, model.classes
 
 
 @dataclass
@@ -201,80 +166,74 @@ class TopicScenes:
 
 
 @dataclass(kw_only=True)
-class RecordingScenes(_Classified):
-    """Predicted scenes of one recording, by topic."""
+class ClassifiedLog(Outcome):
+    """Predicted scenes of one recording, by topic; with its true class, where it is known."""
 
+    truth: str = ""
     new_tracker: Callable[[], SceneTracker] = field(repr=False)
-    classes: Sequence[str]
     topics: dict[str, TopicScenes] = field(default_factory=dict)
 
-    def add(self, frame: Frame) -> SceneDecision:
-        """Classify a frame among those of its topic; return its scene."""
+    def add(self, frame: Frame) -> list[object]:
+        """Classify a frame among those of its topic; return its row, with the latest probability of each class."""
         if frame.topic not in self.topics:
             self.topics[frame.topic] = TopicScenes(self.new_tracker())
-        return self.topics[frame.topic].add(frame)
+        found = self.topics[frame.topic].add(frame)
+        probabilities = (f"{value:.4f}" for value in found.probabilities.values())
+        position = (self.recording, frame.topic, frame.index, frame.stamp_ns)
+        return [*position, *([self.truth] if self.truth else []), found.name, int(found.decided), *probabilities]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the scenes as JSON-compatible data."""
-        topics = {
-            topic: {"scene": one.scene, "changes": one.changes, "frames": {it: one.frames[it] for it in self.classes}}
-            for topic, one in self.topics.items()
-        }
-        damage = [str(item) for item in self.damage]
-        return {"recording": self.recording, "topics": topics, "damage": damage, "error": self.error}
-
-    def rows(self) -> list[tuple[object, ...]]:
-        """Return the rows of the table."""
-        rows = []
-        for name, one in self.topics.items():
-            frames = one.frames.total()
-            shares = (share(one.frames[scene], frames) for scene in self.classes)
-            rows.append((self.recording, name, frames, one.scene, one.changes, *shares))
-        return rows
-
-
-@dataclass(frozen=True)
-class ScenePrediction(RecordingsResult):
-    """Predicted scenes of several recordings, among the classes of the model."""
-
-    outcomes: Sequence[RecordingScenes]
-    classes: Sequence[str]
-
-    def as_text(self) -> str:
-        """Return the scenes as human-readable text."""
-        rows = [row for one in self.outcomes for row in one.rows()]
-        head = ("recording", "topic", "frames", "scene", "changes", *self.classes)
-        return table(head, rows) if rows else ""
-
-
-@dataclass(kw_only=True)
-class EvaluatedLog(_Classified):
-    """Evaluation of a classifier on one recording: the number of frames by predicted class."""
-
-    tracker: SceneTracker = field(repr=False)
-    frames: Counter[str] = field(default_factory=Counter)
-
-    def add(self, frame: Frame) -> SceneDecision:
-        """Classify a frame and return its scene."""
-        decision = self.tracker.scene(frame)
-        self.frames[decision.name] += 1
-        return decision
+    @property
+    def frames(self) -> Counter[str]:
+        """Number of frames by predicted class."""
+        return sum((one.frames for one in self.topics.values()), Counter())
 
     @property
     def wrong(self) -> int:
         """Number of misclassified frames."""
         return self.frames.total() - self.frames[self.truth]
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return the scenes as JSON-compatible data."""
+        topics = {
+            topic: {
+                "scene": one.scene,
+                "changes": one.changes,
+                "frames": {name: one.frames[name] for name in one.tracker.classes},
+            }
+            for topic, one in self.topics.items()
+        }
+        damage = [str(item) for item in self.damage]
+        return {"recording": self.recording, "topics": topics, "damage": damage, "error": self.error}
+
+
+@dataclass(frozen=True)
+class ScenePrediction(RecordingsResult):
+    """Predicted scenes of several recordings, among the classes of the model."""
+
+    outcomes: Sequence[ClassifiedLog]
+    classes: Sequence[str]
+
+    def as_text(self) -> str:
+        """Return the scenes as human-readable text."""
+        rows = []
+        for log in self.outcomes:
+            for name, one in log.topics.items():
+                frames = one.frames.total()
+                shares = (share(one.frames[scene], frames) for scene in self.classes)
+                rows.append((log.recording, name, frames, one.scene, one.changes, *shares))
+        head = ("recording", "topic", "frames", "scene", "changes", *self.classes)
+        return table(head, rows) if rows else ""
+
 
 @dataclass(frozen=True)
 class SceneEvaluation(RecordingsResult):
     """Evaluation of a classifier on several recordings, by the classes of the model."""
 
-    outcomes: Sequence[EvaluatedLog]
+    outcomes: Sequence[ClassifiedLog]
     classes: Sequence[str]
 
     @property
-    def read(self) -> list[EvaluatedLog]:
+    def read(self) -> list[ClassifiedLog]:
         """Recordings that could be read."""
         return [log for log in self.outcomes if log.error is None]
 
@@ -308,7 +267,7 @@ class SceneEvaluation(RecordingsResult):
         confusion = self.confusion
         frames, correct = count(int(confusion.counts.sum()), "frame"), len(self.read) - len(self.misclassified)
         title = f"{frames} of {count(len(self.read), 'recording')}, {correct} of them without a misclassified frame"
-        return f"{title}\n{confusion_table(confusion)}"
+        return f"{title}\n{confusion.as_text()}"
 
     def details(self) -> str:
         """Return the recordings that have misclassified frames."""

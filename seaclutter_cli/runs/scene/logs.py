@@ -1,22 +1,18 @@
-"""Recordings with known scenes, their frames, and how they are classified."""
+"""Recordings with known scenes, and the frames of recordings."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.reading import frames
-from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.observer import Observer, Step
 from seaclutter_cli.runs.options import ReadOptions
-from seaclutter_cli.runs.recordings import open_recording, warnings_of
-from seaclutter_cli.scenes.training import SceneScores
+from seaclutter_cli.runs.recordings import Outcome, opened
 from seaclutter_cli.sources import Recording, find_recordings
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
 from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
-from seaclutter_cli.text import share, table
 
 
 def find_labelled(folders: Sequence[Path], scenes: Sequence[str]) -> "list[LabelledLog]":
@@ -69,35 +65,20 @@ def _class_folders(parent: Path) -> Sequence[Path]:
 
 
 def read_frames(
-    recording: Recording, reading: ReadOptions, observer: Observer, step: Step, damage: list[Damage]
+    recording: Recording, reading: ReadOptions, observer: Observer, step: Step, outcome: Outcome
 ) -> Iterator[Frame]:
-    """Yield the selected frames of a recording; pass on its warnings, and add its damage to a list.
+    """Yield the selected frames of a recording; pass on its warnings, and store its damage in the outcome.
 
     Raises
     ------
     InputError
         If no frame can be read.
     """
-    with closing(open_recording(recording, reading)) as source:
-        found = 0
-        with warnings_of(source, observer):
-            for frame in frames(source, reading.selection):
-                found += 1
-                step()
-                yield frame
-        damage += source.damage
-        observer.damage(source.damage)
-        if not found:
-            raise InputError(f"{source.name}: no frame can be read" + (f"; {source.damage[0]}" if damage else ""))
-
-
-def confusion_table(confusion: SceneScores) -> str:
-    """Return a table of frames by true class (row) and predicted class (column)."""
-    classes = list(confusion.classes)
-    rows = []
-    for name, counts, index in zip(classes, confusion.counts.tolist(), range(len(classes)), strict=True):
-        rows.append((name, *(f"{frames:,}" for frames in counts), share(counts[index], sum(counts))))
-    predicted = confusion.counts.sum(axis=0).tolist()
-    correct = confusion.counts.diagonal().tolist()
-    rows.append(("precision", *(share(part, whole) for part, whole in zip(correct, predicted, strict=True)), ""))
-    return table(("true \\ predicted", *classes, "recall"), rows)
+    found = 0
+    with opened(recording, reading, observer, outcome) as source:
+        for found, frame in enumerate(frames(source, reading.selection), 1):  # noqa: B007 - used below
+            step()
+            yield frame
+    if not found:
+        damage = "".join(f"; {item}" for item in outcome.damage[:1])
+        raise InputError(f"{source.name}: no frame can be read{damage}")

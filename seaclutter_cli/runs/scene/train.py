@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, astuple, dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,8 @@ from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options.scenes import LabelledLogs, TrainSceneOptions
 from seaclutter_cli.runs.outputs import inputs_of, prepare_outputs, write_files
-from seaclutter_cli.runs.recordings import Result
-from seaclutter_cli.runs.scene.logs import LabelledLog, confusion_table, read_frames
+from seaclutter_cli.runs.recordings import Outcome, Result
+from seaclutter_cli.runs.scene.logs import LabelledLog, read_frames
 from seaclutter_cli.scenes import TrainingParams
 from seaclutter_cli.scenes.examples import Examples
 from seaclutter_cli.scenes.network import to_onnx
@@ -62,8 +63,7 @@ def train_scenes(logs: LabelledLogs, options: TrainSceneOptions, observer: Obser
         raise UsageError(f"{options.output}: the name of a model file must end in .onnx")
     if options.plot_file:
         check_target(options.plot_file)
-    damage: list[Damage] = []
-    examples = _read(labelled, options, observer, damage)
+    examples, damage = _read(labelled, options, observer)
     trained = _train(examples, options.training, observer)
     files = {options.output: to_onnx(trained.network, examples.classes, examples.extent_m)}
     if options.plot_file:
@@ -72,21 +72,21 @@ def train_scenes(logs: LabelledLogs, options: TrainSceneOptions, observer: Obser
     return SceneTraining(trained, examples, options.output, damage)
 
 
-def _read(
-    logs: Sequence[LabelledLog], options: TrainSceneOptions, observer: Observer, damage: list[Damage]
-) -> Examples:
+def _read(logs: Sequence[LabelledLog], options: TrainSceneOptions, observer: Observer) -> tuple[Examples, list[Damage]]:
     classes = list(dict.fromkeys(log.scene for log in logs))
     if len(classes) < 2:
         raise UsageError(f"all logs are of class {classes[0]}; training needs at least two classes")
-    examples = Examples(classes, options.extent_m)
+    examples, damage = Examples(classes, options.extent_m), list[Damage]()
     with observer.progress("reading", None) as step:
         for log in logs:
             examples.begin(log.recording.name, classes.index(log.scene))
-            frames = read_frames(log.recording, options.reading, observer, step, damage)
-            for number, frame in enumerate(frames):
-                if number % options.every == 0:
-                    examples.add(frame.coordinates)
-    return examples
+            outcome = Outcome(recording=log.recording.name)
+            for frame in islice(
+                read_frames(log.recording, options.reading, observer, step, outcome), 0, None, options.every
+            ):
+                examples.add(frame.coordinates)
+            damage += outcome.damage
+    return examples, damage
 
 
 def _train(examples: Examples, params: TrainingParams, observer: Observer) -> Trained:
@@ -138,7 +138,7 @@ class SceneTraining(Result):
     def as_text(self) -> str:
         """Return the training as human-readable text."""
         trained, examples = self.trained, self.examples
-        best, confusion = trained.epochs[trained.best], confusion_table(trained.test)
+        best, confusion = trained.epochs[trained.best], trained.test.as_text()
         parts = ", ".join(
             f"{len(part)} {name}" for name, part in zip(trained.split._fields, trained.split, strict=True)
         )
