@@ -101,7 +101,7 @@ class FrameStream(FrameListener):
         )
         self._log(f"world/{name}", entity)
 
-    def _curves(self, statistics: FrameStatistics) -> None:
+    def _curves(self, statistics: FrameStatistics | FilterResult) -> None:
         for reason in palette.REASONS:
             self._log(f"counts/{reason.name.lower()}", self._rerun.Scalars(float(statistics.counts[reason])))
         if statistics.rings is not None:

@@ -110,7 +110,7 @@ def _draw_own_structure(figure: "Figure", collected: Collector) -> None:
 
 def _draw_rings(figure: "Figure", collected: Collector, *, name: str) -> None:
     """Draw the threshold or correction of each range ring over the frames."""
-    values: NDArray[np.float32] = getattr(collected.histories[0], name)
+    values: NDArray[np.float32] = collected.histories[0][name]
     edges = collected.methods[0].edges
     axes = figure.add_subplot()
     colors = _ring_colors(values.shape[1])
@@ -147,7 +147,7 @@ def _ring_colors(count: int) -> list[str]:
 
 def _draw_reasons(figure: "Figure", collected: Collector) -> None:
     """Draw the number of points of each frame by reason."""
-    counts = np.nan_to_num(collected.histories[0].counts)
+    counts = np.nan_to_num(collected.histories[0]["counts"])
     used = [reason for reason in palette.REASONS if counts[:, reason].any()]
     axes = figure.add_subplot()
     frames = np.arange(len(counts)) if len(counts) > 1 else np.array([-0.5, 0.5])
@@ -170,9 +170,9 @@ def _draw_alarms(figure: "Figure", collected: Collector) -> None:
     axes = figure.add_subplot()
     named = set()
     for row, history in enumerate(collected.histories):
-        labelled = np.isfinite(history.false_alarms)
-        states = {"correct": (labelled, 0.1, 0.8), "false alarm": (history.false_alarms > 0, 0.1, 0.4)}
-        states["missed target"] = (history.missed > 0, 0.5, 0.4)
+        labelled = np.isfinite(history["false_alarms"])
+        states = {"correct": (labelled, 0.1, 0.8), "false alarm": (history["false_alarms"] > 0, 0.1, 0.4)}
+        states["missed target"] = (history["missed"] > 0, 0.5, 0.4)
         for state, (mask, low, height) in states.items():
             spans = [(first - 0.5, last - first) for first, last in _runs(mask)]
             if not spans:
@@ -203,7 +203,7 @@ def _draw_scenes(figure: "Figure", collected: Collector) -> None:
 
 def _draw_water(figure: "Figure", collected: Collector) -> None:
     """Draw level and significant wave height of the water over the frames."""
-    water = collected.histories[0].water
+    water = collected.histories[0]["water"]
     panels = figure.subplots(2, 1, sharex=True)
     for axes, name, label in zip(panels, _WATER_LABELS, _WATER_LABELS.values(), strict=True):
         values = water[:, WATER_COLUMNS.index(name)]
@@ -236,7 +236,11 @@ def _set_frame_axis(axes: "Axes", frames: int, *, whole: bool = False) -> None:
 
 
 def _has_rings(collected: Collector) -> bool:
-    return bool(collected.methods[0].edges) and bool(np.isfinite(collected.histories[0].thresholds).any())
+    return bool(collected.methods[0].edges) and bool(np.isfinite(collected.histories[0]["thresholds"]).any())
+
+
+def _has_water(collected: Collector) -> bool:
+    return bool(np.isfinite(collected.histories[0]["water"]).any())
 
 
 def _has_intensity(collected: Collector) -> bool:
@@ -251,7 +255,9 @@ FIGURES: Mapping[str, ReportFigure] = {
     "intensity": ReportFigure(_draw_intensity, _has_intensity),
     "thresholds": ReportFigure(partial(_draw_rings, name="thresholds"), _has_rings),
     "corrections": ReportFigure(partial(_draw_rings, name="corrections"), _has_rings),
-    "water": ReportFigure(_draw_water, lambda collected: bool(np.isfinite(collected.histories[0].water).any()), 0.75),
+    "water": ReportFigure(
+        _draw_water, lambda collected: bool(np.isfinite(collected.histories[0]["water"]).any()), 0.75
+    ),
     "own_structure": ReportFigure(_draw_own_structure, _has_excluded, aspect=0.95),
     "reasons": ReportFigure(_draw_reasons, lambda collected: bool(collected.chosen)),
     "alarms": ReportFigure(_draw_alarms, lambda collected: collected.labelled and bool(collected.chosen), 0.27, 0.08),

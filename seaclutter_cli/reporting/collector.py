@@ -9,7 +9,7 @@ import numpy as np
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.scores import FrameScore
-from seaclutter_cli.frame import Reason
+from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.reporting.history import FrameListener, FrameStatistics, History, ScoredFrame
 from seaclutter_cli.reporting.sample import Sample, take_sample
 
@@ -224,7 +224,7 @@ class Collector(FrameListener):
     def chosen(self) -> list[Chosen[Sample]]:
         """Frames to show, the worst first."""
         history = self.histories[0]
-        errors = np.nan_to_num(history.false_alarms) + np.nan_to_num(history.missed)
+        errors = np.nan_to_num(history["false_alarms"]) + np.nan_to_num(history["missed"])
         found = [one for one in self._choice.chosen() if one.row not in self._picked]
         found += [Chosen(row, "picked", sample) for row, sample in self._picked.items()]
         return sorted(found, key=lambda one: (-float(errors[one.row]), one.row if self.labelled else 0))
@@ -248,7 +248,7 @@ def _by_alarms(score: FrameScore | None) -> tuple[float | None, float | None]:
     return float(errors), None if errors else float(score.alarms.detected)
 
 
-def _by_removal(statistics: FrameStatistics | None) -> tuple[float | None, float | None]:
+def _by_removal(statistics: FrameStatistics | FilterResult | None) -> tuple[float | None, float | None]:
     """Return badness and merit of an unlabelled frame: the share removed as clutter, and its negative."""
     if statistics is None:
         return None, None

@@ -78,15 +78,15 @@ def _palette(methods: Sequence[Method]) -> dict[str, Any]:
 
 
 def _method(method: Method, history: History, summary: dict[str, Any], starts: NDArray[np.int64]) -> dict[str, Any]:
-    counts, _, _ = binned(history.counts, starts)
-    thresholds = binned(history.thresholds, starts)
-    corrections, _, _ = binned(history.corrections, starts)
+    counts, _, _ = binned(history["counts"], starts)
+    thresholds = binned(history["thresholds"], starts)
+    corrections, _, _ = binned(history["corrections"], starts)
     return {
         "name": method.name,
         "edges": list(method.edges),
         "config": method.config,
         "summary": summary,
-        "totals": np.nansum(history.counts, axis=0, dtype=np.float64).astype(int).tolist(),
+        "totals": np.nansum(history["counts"], axis=0, dtype=np.float64).astype(int).tolist(),
         "mean_thresholds": mean_thresholds(history),
         "counts": _packed(counts.T, "<f4"),
         "thresholds": _packed(thresholds[0].T, "<f4"),
@@ -96,23 +96,23 @@ def _method(method: Method, history: History, summary: dict[str, Any], starts: N
         "water": _water(history, starts),
         "scenes": {name: _packed(frames, "u1") for name, frames in history.scenes.items()},
         "alarms": _packed(_alarm_bits(history), "u1"),
-        "false_alarms": _packed(np.nan_to_num(history.false_alarms).clip(0, 255), "u1"),
-        "missed": _packed(np.nan_to_num(history.missed).clip(0, 255), "u1"),
+        "false_alarms": _packed(np.nan_to_num(history["false_alarms"]).clip(0, 255), "u1"),
+        "missed": _packed(np.nan_to_num(history["missed"]).clip(0, 255), "u1"),
     }
 
 
 def _water(history: History, starts: NDArray[np.int64]) -> dict[str, list[str]] | None:
     """Return mean, minimum and maximum of level and wave height by their names; None if no water is known."""
-    if not np.isfinite(history.water).any():
+    if not np.isfinite(history["water"]).any():
         return None
-    series = binned(history.water, starts)
+    series = binned(history["water"], starts)
     columns = {name: WATER_COLUMNS.index(name) for name in ("water_level_m", "significant_wave_height_m")}
     return {name: [_packed(one[:, k], "<f4") for one in series] for name, k in columns.items()}
 
 
 def mean_thresholds(history: History) -> list[float]:
     """Return the threshold of each range ring, averaged over the frames where it is known."""
-    values = history.thresholds
+    values = history["thresholds"]
     known = np.isfinite(values)
     total = np.where(known, values, 0).sum(axis=0, dtype=np.float64)
     return [float(mean) for mean in total / np.maximum(known.sum(axis=0), 1)]
@@ -120,14 +120,14 @@ def mean_thresholds(history: History) -> list[float]:
 
 def _alarm_bits(history: History) -> NDArray[np.uint8]:
     """Return the bits `LABELLED`, `FALSE_ALARM` and `MISSED_TARGET` of each frame, shape (frames,), uint8."""
-    labelled = np.isfinite(history.false_alarms)
-    bits = LABELLED * labelled + FALSE_ALARM * (history.false_alarms > 0) + MISSED_TARGET * (history.missed > 0)
+    labelled = np.isfinite(history["false_alarms"])
+    bits = LABELLED * labelled + FALSE_ALARM * (history["false_alarms"] > 0) + MISSED_TARGET * (history["missed"] > 0)
     return np.asarray(bits, np.uint8)
 
 
 def _density(collected: Collector, number: int, history: History) -> dict[str, Any] | None:
     method = collected.methods[number]
-    top = float(np.nanmax(history.thresholds, initial=0)) if len(method.edges) else 0.0
+    top = float(np.nanmax(history["thresholds"], initial=0)) if len(method.edges) else 0.0
     found = density_of(collected.spread, number, method.edges, top)
     if found is None:
         return None

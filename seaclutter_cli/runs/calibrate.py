@@ -77,7 +77,8 @@ def calibrate(options: CalibrateOptions) -> CalibrationResult:
         raise UsageError(f"{'--choose' if options.choose else '--trade-off'}: filter rates are compared by --labels")
     if options.plot_file:
         check_target(options.plot_file)
-    pairs = prepared(options, {"-o": options.output, "--plot": options.plot_file}, [config])
+    outputs = {"-o": options.output, "--plot": options.plot_file}
+    pairs = prepared(options.logs, options, outputs, observer, [config])
     works = [_CalibrateWork(options.reading, *each, config, options) for each in pairs]
     sums = _ClutterSums(config, options)
 

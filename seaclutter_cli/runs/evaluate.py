@@ -15,7 +15,7 @@ from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import run_each
-from seaclutter_cli.reporting.history import FrameListener, FrameStatistics, ScoredFrame
+from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.methods import Variant, variants
 from seaclutter_cli.runs.observer import Observer
@@ -68,7 +68,8 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     chosen = variants(options, *overrides)
     targets = {"-o": options.frames_file, "--summary": options.summary_file}
     manifest = options.batch.manifest
-    pairs = prepared(options, {**targets, "--manifest": manifest}, [one.config for one in chosen])
+    outputs, configs = {**targets, "--manifest": manifest}, [one.config for one in chosen]
+    pairs = prepared(options.logs, options, outputs, observer, configs)
     tabulated = options.frames_file is not None
     works = [EvaluateWork(options.reading, *each, chosen, tabulated=tabulated) for each in pairs]
     with OutputGroup(replace=options.force) as files:
@@ -211,8 +212,7 @@ class _FrameScorer:
         if truth is not None and self._outcome.parts:
             self._outcome.parts.add(scores)
         for listener in self._work.listeners:
-            statistics = [FrameStatistics.of(result) for result in results]
-            listener.add(ScoredFrame(frame, statistics, truth, scores, lambda: results))
+            listener.add(ScoredFrame(frame, results, truth, scores, lambda: results))
         for variant, result, found, spent in zip(self._work.variants, results, scores, seconds, strict=True):
             if result is None or found is None:
                 continue

@@ -17,11 +17,10 @@ from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import run_each
-from seaclutter_cli.runs.labels import assign_labels
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.studies import LabelCheckOptions
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand
-from seaclutter_cli.runs.studies import StudyWork, frame_progress, study_all
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
+from seaclutter_cli.runs.studies import StudyWork, frame_progress, prepared, study_all
 from seaclutter_cli.text import UNKNOWN, count, printable, table
 from seaclutter_cli.truth import Boxes, Truth
 
@@ -46,8 +45,7 @@ def check_labels(options: LabelCheckOptions) -> "LabelCheckResult":
     (120, 120, [])
     """
     observer = options.watching
-    recordings = expand(options.logs, options.reading, observer)
-    pairs = zip(recordings, assign_labels(options, recordings), strict=True)
+    pairs = prepared(options.logs, options, {}, observer)
     works = [_LabelCheckWork(options.reading, *each) for each in pairs]
     return LabelCheckResult(study_all(works, options.batch, observer))
 

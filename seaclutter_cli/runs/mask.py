@@ -14,9 +14,9 @@ from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.structure import draw_mask
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import MaskOptions
-from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs, write_files
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand
-from seaclutter_cli.runs.studies import StudyWork, frame_progress
+from seaclutter_cli.runs.outputs import may_appear, write_files
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
+from seaclutter_cli.runs.studies import StudyWork, frame_progress, prepared
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.structure.search import MIN_FRAMES, FoundStructure, StructureSearch
 from seaclutter_cli.text import count
@@ -45,12 +45,10 @@ def find_mask(options: MaskOptions) -> "MaskResult":
     observer = options.watching
     if options.plot_file:
         check_target(options.plot_file)
-    recordings = expand(options.logs, options.reading, observer)
-    inputs = inputs_of(recordings, options.reading)
     targets = {"-o": options.output, "--plot": options.plot_file}
-    prepare_outputs(targets, inputs, force=options.force, observer=observer)
+    pairs = prepared(options.logs, options, targets, observer)
     search = StructureSearch(options.reach_m)
-    outcomes = [_MaskWork(options.reading, recording, None, search).run(observer) for recording in recordings]
+    outcomes = [_MaskWork(options.reading, *each, search).run(observer) for each in pairs]
     result = MaskResult(outcomes, search.found(), options.reach_m)
     for warning in result.warnings:
         observer.warn(warning)

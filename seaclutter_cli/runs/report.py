@@ -17,11 +17,11 @@ from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.reporting.collector import Collector, Method
 from seaclutter_cli.reporting.history import ScoredFrame
 from seaclutter_cli.reporting.page import render_page, report_data
-from seaclutter_cli.runs.evaluate import Comparison, Evaluated
+from seaclutter_cli.runs.evaluate import Comparison
 from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.options.studies import ReportOptions
 from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
+from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.runs.replay import filter_or_replay
 from seaclutter_cli.runs.studies import prepared
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
@@ -51,45 +51,34 @@ def report(options: ReportOptions) -> "ReportResult":
     >>> done.frames, len(done.sizes)
     (20, 1)
     """
-    observer = options.watching
-    figures = _figures(options)
-    if options.figure_folder:
-        if is_file(options.figure_folder):
-            raise UsageError(f"{options.figure_folder}: is a file; --figures takes a folder")
+    observer, folder = options.watching, options.figure_folder
+    figures = [folder / f"{name}.{options.figure_format}" for name in FIGURES] if folder else []
+    if folder:
+        if is_file(folder):
+            raise UsageError(f"{folder}: is a file; --figures takes a folder")
         check_target(figures[-1])
-    pairs = prepared(options, {"-o": options.output, "--figures": figures})
-    recordings = [recording for recording, _ in pairs]
+    pairs = prepared(options.logs, options, {"-o": options.output, "--figures": figures}, observer)
     make = partial(_collector, options=options)
     comparison, collected = filter_or_replay(pairs, options, options.reading, observer, make)
-    if missing := _missing(collected, options.picks):
+    found = {one.item.frame for one in collected.chosen if one.why == "picked"}
+    if missing := sorted(set(options.picks) - found):
         observer.warn(f"no log has frame {', '.join(map(str, missing))}; --pick counts from 0")
     files: dict[Path, bytes] = {}
     if may_appear([options.output, *figures], comparison.outcomes, observer):
-        origin = _provenance(collected, recordings, comparison.outcomes, options.labels, options.command)
+        origin = _provenance(collected, [recording for recording, _ in pairs], comparison.outcomes, options)
         files[options.output] = _page(comparison, collected, origin)
-        if folder := options.figure_folder:
+        if folder:
             drawn = draw_figures(collected, options.figure_format)
             files |= {folder / name: content for name, content in drawn.items()}
     write_files(files, replace=options.force)
-    return ReportResult(comparison, collected, {path: len(content) for path, content in files.items()})
-
-
-def _figures(options: ReportOptions) -> list[Path]:
-    """Return the paths of all figures that may be written."""
-    folder = options.figure_folder
-    return [folder / f"{name}.{options.figure_format}" for name in FIGURES] if folder else []
+    sizes = {path: len(content) for path, content in files.items()}
+    return ReportResult(comparison.variants, comparison.outcomes, collected, sizes)
 
 
 def _collector(variants: Sequence[Variant], options: ReportOptions) -> "_OriginCollector":
     methods = [Method(one.name, one.config.ring_edges, one.config.to_yaml()) for one in variants]
-    labelled = bool(options.labels)
-    params = variants[0].config.evaluation
+    labelled, params = bool(options.labels), variants[0].config.evaluation
     return _OriginCollector(methods, params, labelled=labelled, frames=options.shown, picks=options.picks)
-
-
-def _missing(collected: Collector, picks: Sequence[int]) -> list[int]:
-    """Return the requested frames that no recording has."""
-    return sorted(set(picks) - {one.item.frame for one in collected.chosen if one.why == "picked"})
 
 
 def _page(comparison: Comparison, collected: Collector, origin: Mapping[str, Any]) -> bytes:
@@ -104,29 +93,13 @@ def _page(comparison: Comparison, collected: Collector, origin: Mapping[str, Any
 
 
 @dataclass(frozen=True)
-class ReportResult(RecordingsResult):
-    """Content of a report, and its files.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        Scores of each method and recording.
-    collected : Collector
-        Statistics of all frames, and points of the frames shown.
-    sizes : mapping of Path to int
-        Written files, and their sizes in bytes.
-    """
+class ReportResult(Comparison):
+    """Scores of each method and recording, what a report shows of all frames, and the size in bytes of its files."""
 
     is_summary = True
 
-    comparison: Comparison
     collected: Collector
     sizes: Mapping[Path, int]
-
-    @property
-    def outcomes(self) -> Sequence[Evaluated]:  # type: ignore[override]
-        """Outcome of each recording."""
-        return self.comparison.outcomes
 
     @property
     def frames(self) -> int:
@@ -141,7 +114,7 @@ class ReportResult(RecordingsResult):
             for one in self.collected.chosen
         ]
         files = [{"path": str(path), "bytes": size} for path, size in self.sizes.items()]
-        return {"files": files, "frames": self.frames, "shown": shown, **self.comparison.as_dict()}
+        return {"files": files, "frames": self.frames, "shown": shown, **super().as_dict()}
 
     def as_text(self) -> str:
         """Return the result as human-readable text."""
@@ -210,8 +183,7 @@ def _provenance(
     collected: _OriginCollector,
     recordings: Sequence[Recording],
     outcomes: Sequence[Outcome],
-    labels: Sequence[Path],
-    command: str | None,
+    options: ReportOptions,
 ) -> dict[str, Any]:
     """Return where a report comes from, as data of its page; the same for the same input and command line."""
     rows = []
@@ -222,8 +194,8 @@ def _provenance(
     return shown(
         {
             "version": __version__,
-            "command": command,
-            "labels": [str(path) for path in labels][:_MAX_LISTED],
+            "command": options.command,
+            "labels": [str(path) for path in options.labels][:_MAX_LISTED],
             "recordings": rows[:_MAX_LISTED],
             "left_out": max(len(rows) - _MAX_LISTED, 0),
         }

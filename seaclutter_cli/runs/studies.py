@@ -12,8 +12,15 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.runs.batch import Work, inputs_of_work, run_batch
 from seaclutter_cli.runs.labels import LabelFile, assign_labels
 from seaclutter_cli.runs.observer import Observer, Step
-from seaclutter_cli.runs.options import BatchOptions, ReadOptions
-from seaclutter_cli.runs.options.studies import CalibrateOptions, EvaluateOptions, ReportOptions, TuneOptions
+from seaclutter_cli.runs.options import BatchOptions, Logs, ReadOptions
+from seaclutter_cli.runs.options.logs import MaskOptions, ViewOptions
+from seaclutter_cli.runs.options.studies import (
+    CalibrateOptions,
+    EvaluateOptions,
+    LabelCheckOptions,
+    ReportOptions,
+    TuneOptions,
+)
 from seaclutter_cli.runs.outputs import Paths, inputs_of, prepare_outputs
 from seaclutter_cli.runs.recordings import (
     Outcome,
@@ -28,21 +35,26 @@ from seaclutter_cli.runs.recordings import (
 from seaclutter_cli.selection import Selection, cloud_channels
 from seaclutter_cli.sources import Recording
 
-StudyOptions = CalibrateOptions | EvaluateOptions | ReportOptions | TuneOptions
+StudyOptions = (
+    CalibrateOptions | EvaluateOptions | LabelCheckOptions | MaskOptions | ReportOptions | TuneOptions | ViewOptions
+)
 O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
-
 
 LabelledRecordings = list[tuple[Recording, LabelFile | None]]
 """Recordings with their labels, not yet read."""
 
 
-def prepared(options: StudyOptions, outputs: Paths, configs: Iterable[Config] = ()) -> LabelledRecordings:
+def prepared(
+    logs: Logs, options: StudyOptions, outputs: Paths, observer: Observer, configs: Iterable[Config] = ()
+) -> LabelledRecordings:
     """Return the recordings of a study with their labels, after a check of its outputs against all inputs."""
-    observer = options.watching
-    recordings = expand(options.logs, options.reading, observer)
-    inputs = inputs_of(recordings, options.reading, options.config, configs)
-    prepare_outputs(outputs, inputs, options.labels, force=options.force, observer=observer)
-    return list(zip(recordings, assign_labels(options, recordings), strict=True))
+    recordings = expand(logs, options.reading, observer)
+    inputs = inputs_of(recordings, options.reading, getattr(options, "config", None), configs)
+    sources = None if isinstance(options, MaskOptions) else options
+    labels, force = sources.labels if sources else (), getattr(options, "force", False)
+    prepare_outputs(outputs, inputs, labels, force=force, observer=observer)
+    assigned = assign_labels(sources, recordings) if sources else [None] * len(recordings)
+    return list(zip(recordings, assigned, strict=True))
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,7 @@ def tune(options: TuneOptions) -> "TuningResult":
     options = replace(options, methods=(*options.methods, *options.method), method=())
     combinations = grid(options.sweeps, options)
     variants = [one.variant for one in combinations]
-    pairs = prepared(options, options.targets, [one.config for one in variants])
+    pairs = prepared(options.logs, options, options.targets, observer, [one.config for one in variants])
     _check_plots(options, combinations, len(pairs))
     history = _ThresholdHistory(variants, options.ring) if options.thresholds_file else None
     listeners = [history] if history else []

@@ -8,16 +8,15 @@ from typing import Any
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.runs.evaluate import Comparison, Evaluated
-from seaclutter_cli.runs.labels import assign_labels
+from seaclutter_cli.runs.evaluate import Comparison
 from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import Logs
 from seaclutter_cli.runs.options.logs import ViewOptions
 from seaclutter_cli.runs.options.methods import MethodOptions
-from seaclutter_cli.runs.outputs import inputs_of, may_appear, prepare_outputs
-from seaclutter_cli.runs.recordings import RecordingsResult, expand
+from seaclutter_cli.runs.outputs import may_appear
 from seaclutter_cli.runs.replay import filter_or_replay
+from seaclutter_cli.runs.studies import prepared
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.text import printable
 from seaclutter_cli.viewing import FrameStream, check_target, require_rerun, viewer
@@ -51,12 +50,9 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
     'trial.rrd'
     """
     require_rerun()
-    recordings = expand(logs, options.reading, observer)
     if options.target:
         check_target(options.target)
-    inputs = inputs_of(recordings, options.reading, options.config)
-    prepare_outputs({"--save": options.target}, inputs, options.labels, force=options.force, observer=observer)
-    pairs = list(zip(recordings, assign_labels(options, recordings), strict=True))
+    pairs = prepared(logs, options, {"--save": options.target}, observer)
     methods = MethodOptions(config=options.config, methods=options.method or (), settings=options.settings)
     with OutputGroup(replace=options.force) as files, ExitStack() as stack:
 
@@ -72,7 +68,7 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
         stack.close()
         if not may_appear([options.target], comparison.outcomes, observer):
             files.discard()
-    return ViewResult(comparison, options.target)
+    return ViewResult(comparison.variants, comparison.outcomes, options.target)
 
 
 @contextmanager
@@ -83,22 +79,16 @@ def _complete_file(target: Path, group: OutputGroup) -> Iterator[Callable[[Any],
 
 
 @dataclass(frozen=True)
-class ViewResult(RecordingsResult):
+class ViewResult(Comparison):
     """Scores of recordings that were shown, and the file that was written, if it is not the viewer that showed them."""
 
     is_summary = True
 
-    comparison: Comparison
     target: Path | None
-
-    @property
-    def outcomes(self) -> Sequence[Evaluated]:  # type: ignore[override]
-        """Outcome of each recording."""
-        return self.comparison.outcomes
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as JSON-compatible data."""
-        return {"output": str(self.target) if self.target else None, **self.comparison.as_dict()}
+        return {"output": str(self.target) if self.target else None, **super().as_dict()}
 
     def as_text(self) -> str:
         """Return the file and its size as text; empty for the viewer."""

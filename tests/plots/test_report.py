@@ -36,8 +36,8 @@ def collect(*, edges=EDGES, names=("joint", "none"), frames=FRAMES, labelled=Tru
     for index in range(frames):
         frame = frame_of(TARGET, *([WAVE] if index % 2 else []), index=index)
         results = [method.step(frame) for method in methods]
-        statistics, scores = map(FrameStatistics.of, results), score_frame(frame, results, truth, EvaluationParams())
-        collected.add(ScoredFrame(frame, list(statistics), truth, scores, lambda results=results: results))
+        statistics, scores = results, score_frame(frame, results, truth, EvaluationParams())
+        collected.add(ScoredFrame(frame, statistics, truth, scores, lambda results=results: results))
     return collected
 
 
@@ -89,7 +89,7 @@ def test_thresholds_are_those_of_the_filter():
     lines = drawn("thresholds", collected).axes[0].lines
     assert len(lines) == 4
     for ring, line in enumerate(lines):
-        np.testing.assert_array_equal(line.get_ydata(), collected.histories[0].thresholds[:, ring])
+        np.testing.assert_array_equal(line.get_ydata(), collected.histories[0]["thresholds"][:, ring])
     assert lines[0].get_label() == "10 to 25 m"
 
 
@@ -98,7 +98,7 @@ def test_the_threshold_over_range_is_the_mean():
     steps = [patch for patch in drawn("intensity", collected).axes[0].patches if patch.get_label() == "mean threshold"]
     values, edges, _ = steps[0].get_data()
     assert tuple(edges) == EDGES
-    np.testing.assert_allclose(values, collected.histories[0].thresholds.mean(axis=0))
+    np.testing.assert_allclose(values, collected.histories[0]["thresholds"].mean(axis=0))
     outlier = palette.REASONS[Reason.OUTLIER]
     assert difference(to_hex(steps[0].get_edgecolor()), outlier) > 30
 
@@ -133,7 +133,7 @@ def test_a_value_between_unknown_ones_has_a_marker():
     collected = collect()
     rows = collected.histories[0]._rows
     for row in (4, 6):
-        rows[row][-8:] = np.nan
+        rows[row]["thresholds"] = rows[row]["corrections"] = np.nan
     assert all(line.get_markevery() == [5] for line in drawn("thresholds", collected).axes[0].lines)
 
 

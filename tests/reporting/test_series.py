@@ -23,15 +23,15 @@ def test_a_history_returns_the_values_added():
     history.add(FrameStatistics(np.arange(8), rings, water=water), FrameScore(21, 0, 4, 0, alarms, None))
     history.add(None, None)
     history.add(FrameStatistics(np.arange(8), None), FrameScore(21, 0, 5, 0, None, None))
-    assert history.counts[0].tolist() == list(range(8))
-    assert np.isnan(history.counts[1]).all()
-    assert history.thresholds[0].tolist() == [30, 16]
-    assert history.corrections[0].tolist() == [0, 5]
-    assert np.isnan(history.thresholds[1:]).all()
-    assert history.water[0].tolist() == [-2.5, 1.0, -2.0, 0.75]
-    assert np.isnan(history.water[1:]).all()
-    assert (history.missed[0], history.false_alarms[0]) == (1, 3)
-    assert np.isnan(history.false_alarms[1:]).all()
+    assert history["counts"][0].tolist() == list(range(8))
+    assert np.isnan(history["counts"][1]).all()
+    assert history["thresholds"][0].tolist() == [30, 16]
+    assert history["corrections"][0].tolist() == [0, 5]
+    assert np.isnan(history["thresholds"][1:]).all()
+    assert history["water"][0].tolist() == [-2.5, 1.0, -2.0, 0.75]
+    assert np.isnan(history["water"][1:]).all()
+    assert (history["missed"][0], history["false_alarms"][0]) == (1, 3)
+    assert np.isnan(history["false_alarms"][1:]).all()
 
 
 def test_scenes_by_name():
