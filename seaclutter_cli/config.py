@@ -21,18 +21,19 @@ from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
-from seaclutter_cli.parameters import descriptions, yaml_value
 from seaclutter_cli.text import count, suggestion
 from seaclutter_cli.validation import (
     build,
+    descriptions,
     find_file,
-    kind_of,
     merged,
     parse_value,
     parse_yaml,
     plain,
     raise_problems,
     read_yaml,
+    sections_of,
+    yaml_value,
 )
 
 DEFAULT_METHOD = "joint"
@@ -295,12 +296,7 @@ def _parse_override(text: str) -> dict[str, Any]:
 
 def _validate(raw: Mapping[str, Any], where: str) -> Config:
     problems = [f"{key}: unknown section; allowed: {', '.join(_SECTIONS)}" for key in raw if key not in _SECTIONS]
-    sections: dict[str, dict[str, Any]] = {}
-    for name in _SECTIONS:
-        value = raw.get(name)
-        sections[name] = dict(value) if isinstance(value, dict) else {}
-        if value is not None and not isinstance(value, dict):
-            problems.append(f"{name}: must be a section with keys, got {kind_of(value)}")
+    sections = sections_of(raw, _SECTIONS, problems)
     method = sections["filter"].pop("method", DEFAULT_METHOD)
     if not isinstance(method, str) or method not in FILTERS:
         problems.append(f"filter.method: unknown method {method!r}; {_methods(method)}")

@@ -1,19 +1,34 @@
-"""Validation of YAML settings against the dataclasses that declare them, for configurations and scenes."""
+"""Settings in YAML against the dataclasses that declare them: types, limits, former names, words, and comments."""
 
 import json
+import math
+import operator
+import re
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, Field, field, fields, is_dataclass
-from functools import cache
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from functools import cache, partial
 from pathlib import Path
-from typing import Any, get_args, get_origin, get_type_hints
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import yaml
 
 from seaclutter_cli.documents import MAX_YAML_CHARACTERS, DocumentError, load_yaml
 from seaclutter_cli.errors import ConfigError, RenamedKeyWarning
-from seaclutter_cli.parameters import name_choices
 from seaclutter_cli.text import count, printable, suggestion
 
 _SHOWN_PROBLEMS = 100
+_hints: Callable[[Any], dict[str, Any]] = cache(partial(get_type_hints, include_extras=True))
+"""Types of a dataclass; cached, since a scene has hundreds of one kind."""
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """Annotation of a parameter that is one of several names, which are those of a ``noun``."""
+
+    noun: str
+    names: tuple[str, ...]
 
 
 def builtin_files(folder: str = "") -> Mapping[str, Path]:
@@ -73,45 +88,27 @@ def parse_value(text: str, option: str) -> Any:
 
 
 def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, problems: list[str]) -> Any:
-    """Return a parameter object, or None if the values are not valid.
+    """Return a parameter object from keys and values of YAML; None if they are not valid.
 
-    Parameters
-    ----------
-    kind : type
-        Dataclass whose fields are the allowed keys; their annotations declare types and limits.
-    values : mapping
-        Keys and values as loaded from YAML.
-    section, owner : str
-        Path of the keys and name of their owner, for messages.
-    problems : list of str
-        A line is appended for every problem.
+    ``kind`` is a dataclass whose annotations declare types and limits. ``section`` is the path of the keys, ``owner``
+    the name of their owner for messages. A line is appended to ``problems`` for each problem.
     """
     values = _with_current_names(kind, values, section)
-    known = [field.name for field in fields(kind)]
-    allowed = ", ".join(known) or "no keys"
-    wrong = [
-        f"{section}.{key}: unknown key; {suggestion(str(key), known)}allowed for {owner}: {allowed}"
-        for key in values
-        if key not in known
-    ]
-    unknown = len(wrong)
-    hints = get_type_hints(kind)
-    nested = {name: entry for name, hint in hints.items() if (entry := _entry_kind(hint))}
-    listed = {name: entry for name, hint in hints.items() if (entry := _listed_kind(hint))}
-    given = {key: _tuples(values[key]) for key in known if key in values and key not in (*nested, *listed)}
-    wrong += _type_problems(kind, given, section)
-    for key, entry in nested.items():
-        if key in values:
-            default = _plain_default(kind, key)
-            given[key] = _entries(entry, merged(default, values[key]), f"{section}.{key}", wrong)
-    for key, entry in listed.items():
-        if key in values:
-            given[key] = tuple(build_list(entry, values[key], f"{section}.{key}", "each entry", wrong))
+    hints, known = _hints(kind), [one.name for one in fields(kind)]
+    allowed = f"allowed for {owner}: {', '.join(known) or 'no keys'}"
+    unknown = [key for key in values if key not in known]
+    problems += [f"{section}.{key}: unknown key; {suggestion(str(key), known)}{allowed}" for key in unknown]
+    wrong: list[str] = []
+    given = {}
+    for one in fields(kind):
+        place, hint = f"{section}.{one.name}", hints[one.name]
+        if one.name in values:
+            given[one.name] = _read(hint, merged(plain(_default_of(one)), values[one.name]), place, wrong)
+        elif _default_of(one) is MISSING:
+            wrong.append(f"{place}: is missing")
     problems += wrong
-    if len(wrong) > unknown:
-        return None
     try:
-        return kind(**given)
+        return None if wrong else kind(**given)
     except ValueError as error:  # values that contradict each other
         problems.append(f"{section}.{error}")
         return None
@@ -133,16 +130,17 @@ def _with_current_names(kind: type[Any], values: Mapping[str, Any], section: str
     return values
 
 
+def sections_of(raw: Mapping[str, Any], names: Iterable[str], problems: list[str]) -> dict[str, dict[str, Any]]:
+    """Return the keys of each section of a file; a line is appended to ``problems`` for each that is none."""
+    sections = {name: {} if raw.get(name) is None else raw[name] for name in names}
+    problems += [_not_a_section(name, values) for name, values in sections.items() if not isinstance(values, Mapping)]
+    return {name: dict(values) if isinstance(values, Mapping) else {} for name, values in sections.items()}
+
+
 def build_sections(kinds: Mapping[str, type[Any]], raw: Mapping[str, Any], problems: list[str]) -> dict[str, Any]:
     """Return the parameter object of each section, with defaults for missing sections; see `build`."""
-    parts = {}
-    for section, kind in kinds.items():
-        values = raw.get(section) or {}
-        if not isinstance(values, dict):
-            problems.append(_not_a_section(section, values))
-            values = {}
-        parts[section] = build(kind, values, section, section, problems)
-    return parts
+    found = sections_of(raw, kinds, problems)
+    return {section: build(kind, found[section], section, section, problems) for section, kind in kinds.items()}
 
 
 def build_list(kind: type[Any], raw: Any, section: str, owner: str, problems: list[str]) -> list[Any]:
@@ -172,165 +170,132 @@ def merged(values: Any, over: Any) -> Any:
     return {**values, **{key: merged(values.get(key), value) for key, value in over.items()}}
 
 
-def _entry_kind(hint: Any) -> type[Any] | None:
-    """Return the dataclass of the values of a mapping; None if the type is not a mapping to a dataclass."""
-    kind = get_args(hint)[1] if get_origin(hint) is Mapping else None
-    return kind if isinstance(kind, type) and is_dataclass(kind) else None
-
-
-def _listed_kind(hint: Any) -> type[Any] | None:
-    """Return the dataclass of the items of a tuple of any length; None if the type is another one."""
-    kind = get_args(hint)[0] if get_origin(hint) is tuple and get_args(hint)[1:] == (...,) else None
-    return kind if isinstance(kind, type) and is_dataclass(kind) else None
-
-
-def _entries(kind: type[Any], values: Any, section: str, problems: list[str]) -> dict[str, Any]:
-    """Return the values of a mapping as parameter objects; problems are appended."""
-    if not isinstance(values, Mapping):
-        problems.append(_not_a_section(section, values))
-        return {}
-    entries = {}
-    for name, value in values.items():
-        path = f"{section}.{name}"
-        if not isinstance(name, str):
-            problems.append(f"{path}: the name must be text, got {kind_of(name)}")
-        elif isinstance(value, Mapping):
-            entries[name] = build(kind, value, path, "each entry", problems)
-        else:
-            problems.append(_not_a_section(path, value))
-    return entries
-
-
 def _not_a_section(path: str, value: Any) -> str:
     return f"{path}: must be a section with keys, got {kind_of(value)}"
 
 
-def _default_of(field: "Field[Any]") -> Any:
-    """Return the default of a field; an ellipsis, as pydantic expects, if it has none."""
-    if field.default_factory is not MISSING:
-        return field.default_factory()
-    return ... if field.default is MISSING else field.default
+def _default_of(one: "Field[Any]") -> Any:
+    return one.default if one.default_factory is MISSING else one.default_factory()
 
 
-def _plain_default(kind: type[Any], key: str) -> Any:
-    """Return the default of a key as a YAML value."""
-    return plain(next(_default_of(field) for field in fields(kind) if field.name == key))
+def _read(hint: Any, value: Any, place: str, problems: list[str]) -> Any:
+    """Return a value of YAML as its type declares it; a line is appended to ``problems`` for each problem."""
+    kinds = _alternatives(hint)
+    if value is None and NoneType in kinds:
+        return None
+    other = next((one for one in kinds[1:] if not _problems(one, value)), kinds[0])
+    kind, items, bounds, choice = _declared(other)
+    before = len(problems)
+    if kind is Mapping or is_dataclass(kind):
+        if not isinstance(value, Mapping):
+            problems.append(_not_a_section(place, value))
+            return None
+        if kind is not Mapping:
+            return build(kind, value, place, "each entry", problems)  # type: ignore[arg-type]
+        names = [name for name in value if not isinstance(name, str)]
+        problems += [f"{place}.{name}: the name must be text, got {kind_of(name)}" for name in names]
+        return {name: _read(items[1], one, f"{place}.{name}", problems) for name, one in value.items()}
+    if kind is tuple and isinstance(value, list | tuple):
+        kinds = items[:1] * len(value) if items[1:] == (...,) else items
+        known = zip(kinds, value, strict=False)
+        parts = (_read(one, part, f"{place}.{index}", problems) for index, (one, part) in enumerate(known))
+        value = (*parts, *value[len(kinds) :])
+    if len(problems) == before and not _fits(kind, items, bounds, value):
+        expected = _in_words(hint)
+        if isinstance(value, float) and not math.isfinite(value):
+            expected = expected.replace("a number", "a finite number")
+        problems.append(f"{place}: must be {expected}, got {_shown(value)}")
+    elif choice and value not in choice.names:
+        meant = suggestion(value, choice.names)
+        problems.append(f"{place}: unknown {choice.noun} {value!r}; {meant}allowed: {', '.join(choice.names)}")
+    return value
 
 
-def _type_problems(kind: type[Any], values: Mapping[str, Any], section: str) -> list[str]:
-    """Return a line for each value of the wrong type or outside its limits."""
-    from pydantic import ValidationError
-
-    try:
-        _model(kind).model_validate(values)  # type: ignore[arg-type] # a class is hashable
-    except ValidationError as error:
-        schema = _model(kind).model_json_schema()  # type: ignore[arg-type]
-        found = error.errors()
-        # A list with a wrong value is also reported as too short, since pydantic counts only valid values.
-        inner = {problem["loc"][:end] for problem in found for end in range(1, len(problem["loc"]))}
-        primary = [problem for problem in found if problem["type"] != "too_short" or problem["loc"] not in inner]
-        return list(dict.fromkeys(_explain(problem, schema, section) for problem in primary))
-    return []
+def _alternatives(hint: Any) -> tuple[Any, ...]:
+    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
 
 
-@cache
-def _model(kind: type[Any]) -> Any:
-    """Return the pydantic model of a dataclass; cached, since a scene has hundreds of one kind."""
-    from pydantic import ConfigDict, create_model
-
-    hints = get_type_hints(kind, include_extras=True)
-    declared: dict[str, Any] = {
-        field.name: (hints[field.name], _default_of(field))
-        for field in fields(kind)
-        if not (_entry_kind(hints[field.name]) or _listed_kind(hints[field.name]))
-    }
-    return create_model(kind.__name__, __config__=ConfigDict(strict=True, allow_inf_nan=False), **declared)
+def _problems(hint: Any, value: Any) -> list[str]:
+    problems: list[str] = []
+    _read(hint, value, "", problems)
+    return problems
 
 
-def _explain(problem: Any, schema: Any, section: str) -> str:
-    """Return the message for a problem found by pydantic; the JSON schema describes the valid values."""
-    place = section
-    for part in problem["loc"]:
-        options = [option for option in schema.get("anyOf", (schema,)) if option["type"] != "null"]
-        if isinstance(part, str) and "properties" not in options[0]:
-            break  # pydantic names the alternative of a union that did not match
-        place = f"{place}.{part}"
-        if problem["type"] != "missing":
-            schema = options[0]["properties"][part] if isinstance(part, str) else _item(options[0], part)
-    if problem["type"] == "missing":
-        return f"{place}: is missing"
-    expected = _expected(schema)
-    if problem["type"] == "finite_number":
-        expected = expected.replace("number", "finite number")
-    return f"{place}: must be {expected}, got {_shown(problem['input'])}"
+def _declared(hint: Any) -> tuple[Any, tuple[Any, ...], dict[str, Any], OneOf | None]:
+    """Return the type in an annotation, its arguments, its limits by name, and the names that are allowed."""
+    kind, *notes = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    items = get_args(kind)
+    bounds = {name: limit for note in notes for name in _LIMITS if (limit := getattr(note, name, None)) is not None}
+    if get_origin(kind) is tuple and items[1:] != (...,):
+        bounds = {"min_length": len(items), "max_length": len(items)}
+    return get_origin(kind) or kind, items, bounds, next((note for note in notes if isinstance(note, OneOf)), None)
+
+
+def _fits(kind: Any, items: Sequence[Any], bounds: Mapping[str, Any], value: Any) -> bool:
+    """Return whether a value has a type and is within its limits."""
+    if kind is Literal:
+        return any(value == one and type(value) is type(one) for one in items)
+    if isinstance(value, bool) or kind is bool:
+        return isinstance(value, bool) and kind is bool
+    if not isinstance(value, int | float if kind is float else kind):
+        return False
+    if isinstance(value, float) and not math.isfinite(value):
+        return False
+    size: Any = len(value) if isinstance(value, tuple) else value
+    return all(_LIMITS[name][0](size, limit) for name, limit in bounds.items())
+
+
+def _in_words(hint: Any) -> str:
+    """Return the values that a type allows, in words.
+
+    Examples
+    --------
+    >>> from annotated_types import Ge, Interval
+    >>> _in_words(Annotated[float, Interval(gt=0, le=1)]), _in_words(Annotated[int, Ge(1)] | None)
+    ('a number greater than 0 and less than or equal to 1', 'a whole number greater than or equal to 1 or null')
+    """
+    if hint is NoneType:
+        return "null"
+    if len(kinds := _alternatives(hint)) > 1:
+        return " or ".join(map(_in_words, kinds))
+    kind, items, bounds, choice = _declared(hint)
+    if choice:
+        return f"one of {', '.join(choice.names)}"
+    if kind is Literal:
+        return " or ".join(map(json.dumps, items))
+    limits = [f"{words} {bounds[name]}" for name, (_, words) in _LIMITS.items() if name in bounds]
+    if "ge" in bounds and "le" in bounds:
+        limits = [f"from {bounds['ge']} to {bounds['le']}"]
+    if "min_length" in bounds:
+        limits = [f"of {'' if 'max_length' in bounds else 'at least '}{count(bounds['min_length'], 'value')}"]
+    return " ".join((_KINDS[kind], " and ".join(limits))).rstrip()
+
+
+_KINDS = {
+    tuple: "a list",
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number",
+    str: "text",
+}
+_LIMITS: Mapping[str, tuple[Callable[[Any, Any], bool], str]] = {
+    "ge": (operator.ge, "greater than or equal to"),
+    "gt": (operator.gt, "greater than"),
+    "le": (operator.le, "less than or equal to"),
+    "lt": (operator.lt, "less than"),
+    "min_length": (operator.ge, "of at least"),
+    "max_length": (operator.le, "of at most"),
+}
 
 
 def allowed_values(kind: type[Any]) -> dict[str, str]:
-    """Return the values that each parameter of a class allows, in words.
-
-    Examples
-    --------
-    >>> from seaclutter_cli.evaluation import EvaluationParams
-    >>> allowed_values(EvaluationParams)["min_cluster_points"]
-    'a whole number greater than or equal to 1'
-    """
-    schema, names = _model(kind).model_json_schema(), name_choices(kind)  # type: ignore[arg-type]
-    words = {key: _expected(value) for key, value in schema["properties"].items()}
-    return {**words, **{key: f"one of {', '.join(choice.names)}" for key, choice in names.items()}}
+    """Return the values that each parameter of a class allows, in words."""
+    return {name: _in_words(hint) for name, hint in _hints(kind).items()}
 
 
-def _item(schema: Any, index: int) -> Any:
-    return schema["items"] if "items" in schema else schema["prefixItems"][index]
-
-
-def _expected(schema: Any) -> str:
-    """Return the values that a JSON schema allows, in words.
-
-    Examples
-    --------
-    >>> _expected({"type": "number", "exclusiveMinimum": 0, "maximum": 1})
-    'a number greater than 0 and less than or equal to 1'
-    >>> _expected({"anyOf": [{"type": "integer", "minimum": 1, "maximum": 9}, {"type": "null"}]})
-    'a whole number from 1 to 9 or null'
-    """
-    if "anyOf" in schema:
-        return " or ".join(_expected(option) for option in schema["anyOf"])
-    if "const" in schema:
-        return json.dumps(schema["const"])
-    if "enum" in schema:
-        return " or ".join(json.dumps(value) for value in schema["enum"])
-    kind, limits = _TYPES[schema["type"]], [f"{words} {schema[key]}" for key, words in _LIMITS.items() if key in schema]
-    if "minimum" in schema and "maximum" in schema:
-        limits = [f"from {schema['minimum']} to {schema['maximum']}"]
-    if "minItems" in schema:
-        limits = [f"of {'' if 'maxItems' in schema else 'at least '}{count(schema['minItems'], 'value')}"]
-    return " ".join((kind, " and ".join(limits))).rstrip()
-
-
-_TYPES = {
-    "array": "a list",
-    "boolean": "true or false",
-    "integer": "a whole number",
-    "null": "null",
-    "number": "a number",
-    "string": "text",
-}
-_LIMITS = {
-    "minimum": "greater than or equal to",
-    "exclusiveMinimum": "greater than",
-    "maximum": "less than or equal to",
-    "exclusiveMaximum": "less than",
-}
-
-
-def _tuples(value: Any) -> Any:
-    """Return a YAML value with tuples in place of lists, as frozen parameters need it."""
-    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
-
-
-def as_lists(value: Any) -> Any:
-    """Return a value of frozen parameters with lists in place of tuples, as YAML needs it."""
-    return [as_lists(item) for item in value] if isinstance(value, tuple) else value
+def name_choices(kind: type[Any]) -> dict[str, OneOf]:
+    """Return the parameters of a class that are one of several names."""
+    return {name: choice for name, hint in _hints(kind).items() if (choice := _declared(hint)[3])}
 
 
 def plain(value: Any) -> Any:
@@ -365,3 +330,36 @@ def raise_problems(where: str, problems: Sequence[str], advice: str = "") -> Non
         more = [f"and {len(problems) - _SHOWN_PROBLEMS} more"] if len(problems) > _SHOWN_PROBLEMS else []
         shown = (f"{where}: {len(problems)} problems", *problems[:_SHOWN_PROBLEMS], *more, advice)
         raise ConfigError("\n  ".join(filter(None, shown)))
+
+
+def summary(kind: type[Any]) -> str:
+    """Return the first sentence of a class's docstring, without its full stop."""
+    return (kind.__doc__ or "").partition("\n")[0].removesuffix(".")
+
+
+def descriptions(kind: type[Any]) -> dict[str, str]:
+    """Return the description of each parameter from the docstrings of a class and its bases."""
+    found: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        found |= _documented(base.__doc__ or "")
+    return found
+
+
+def _documented(docstring: str) -> Iterable[tuple[str, str]]:
+    found = re.findall(r"^    (\w[\w, ]*) : .*\n((?:        .*\n)+)", docstring, re.MULTILINE)
+    for names, text in found:
+        plain = re.sub(r":math:`([^`]*)`|``([^`]*)``", r"\1\2", " ".join(text.split()))
+        for name in names.split(", "):
+            yield name, plain
+
+
+def yaml_value(value: Any) -> str:
+    """Return a value as YAML on one line.
+
+    Examples
+    --------
+    >>> yaml_value([1, None, "a: b"])
+    "[1, null, 'a: b']"
+    """
+    text = yaml.safe_dump(value, default_flow_style=True, width=10**6, sort_keys=False, allow_unicode=True)
+    return str(text).splitlines()[0]

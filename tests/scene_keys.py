@@ -2,13 +2,12 @@
 
 from dataclasses import MISSING, fields
 
-from seaclutter_cli.parameters import descriptions, summary, yaml_value
 from seaclutter_cli.simulation.airborne.land import LANDS, LandParams
 from seaclutter_cli.simulation.airborne.scene import AirborneParams, TileObjectParams, TileParams, WaterParams
 from seaclutter_cli.simulation.lidar.models import NoiseParams
 from seaclutter_cli.simulation.marine.scene import RecordingParams, SceneObjectParams, VesselParams
 from seaclutter_cli.simulation.marine.terrain import TERRAINS
-from seaclutter_cli.validation import allowed_values, plain
+from seaclutter_cli.validation import allowed_values, descriptions, plain, summary, yaml_value
 from tests.paths import ROOT
 
 PAGE = ROOT / "docs" / "scene-keys.md"

@@ -119,7 +119,7 @@ def test_all_problems_are_reported_at_once(load, tmp_path):
         ("filter: {ring_width_m: 1.0e-308}", "gives inf range rings; the maximum is 250"),
         ("filter: {end_m: 1.0e+300}", "gives 6.66666666667e+298 range rings; the maximum is 250"),
         ("filter: {exclude_boxes: [[2, 1, 0, 1, 0, 1]]}", "box 1 has a minimum greater than its maximum"),
-        ("filter: {exclude_boxes: [[1, 2, 3]]}", "exclude_boxes.0.3"),
+        ("filter: {exclude_boxes: [[1, 2, 3]]}", "exclude_boxes.0: must be a list of 6 values"),
         ("filter: {method: magic}", "unknown method 'magic'; allowed: joint"),
         ("filter: {method: sor, update_weight: 0.5}", "unknown key; allowed for method sor: neighbors, std_ratio"),
         ("filter: {start_m: true}", "must be a number greater than or equal to 0, got true"),

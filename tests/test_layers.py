@@ -58,8 +58,7 @@ ALLOWED = {
     "truth": {"errors"},
     "groups": set(),
     "interfaces": BASE,
-    "parameters": {"text"},
-    "validation": {"text", "errors", "documents", "parameters"},
+    "validation": {"text", "errors", "documents"},
     "messages": BASE,
     "sensors": BASE,
     "sources": BASE | {"messages", "sensors"},
@@ -77,14 +76,14 @@ ALLOWED = {
     "reading": BASE | {"messages", "selection"},
     "pipeline": BASE | {"reading", "selection"},
     "calibration": BASE | {"filters"},
-    "config": BASE | {"filters", "evaluation", "parameters", "validation"},
-    "simulation": BASE | {"parameters", "validation", "messages", "sensors", "sinks"},
+    "config": BASE | {"filters", "evaluation", "validation"},
+    "simulation": BASE | {"validation", "messages", "sensors", "sinks"},
     "reporting": BASE | {"evaluation", "messages", "reading", "selection"},
     "plots": BASE | {"evaluation", "calibration", "reporting", "structure"},
     "viewing": BASE | {"evaluation", "messages", "reporting"},
     "runs": CORE
     | {"airborne", "grids", "calibration", "config", "jobs", "plots", "reporting", "scenes", "simulation", "structure"}
-    | {"parameters", "validation", "viewing"},
+    | {"validation", "viewing"},
     "api": BASE | {"config", "messages", "reading", "runs", "selection"},
     "commands": BASE | {"config", "interrupts", "runs", "selection", "sensors"},
 }

@@ -6,9 +6,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from seaclutter_cli.parameters import descriptions, name_choices, summary, yaml_value
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.validation import plain
+from seaclutter_cli.validation import descriptions, name_choices, plain, summary, yaml_value
 
 KEYS = "docs/scene-keys.md has all keys; so has a file that simulate --scene-file saves"
 """Advice in errors of scenes."""

@@ -54,7 +54,7 @@ def _as_yaml(value: Any, key: str) -> str:
     """Return a value as on the command line; raise `ConfigError` if it can be none in a configuration."""
     from yaml import YAMLError
 
-    from seaclutter_cli.parameters import yaml_value
+    from seaclutter_cli.validation import yaml_value
 
     try:
         return yaml_value(value.tolist() if hasattr(value, "tolist") else value)

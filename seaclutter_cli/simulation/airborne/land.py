@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval, Len
 from numpy.typing import NDArray
 
-from seaclutter_cli.parameters import OneOf, check_names
+from seaclutter_cli.validation import OneOf
 
 Map = NDArray[np.float64]
 Share = Annotated[float, Interval(ge=0, le=1)]
@@ -65,10 +65,6 @@ class LandParams:
     trees: Share | None = None
     houses: Share | None = None
     reflectivity: Share | None = None
-
-    def __post_init__(self) -> None:
-        """Check the kind."""
-        check_names(self)
 
     def complete(self) -> "Land":
         """Return the land with the values of its kind for those that are null."""

@@ -9,13 +9,13 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval, Len
 
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.parameters import OneOf, check_names
 from seaclutter_cli.simulation.airborne.land import LandParams
 from seaclutter_cli.simulation.airborne.shapes import KINDS, Size
 from seaclutter_cli.simulation.scene_file import KEYS, write_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.truth import OBJECT_CLASSES
 from seaclutter_cli.validation import (
+    OneOf,
     build_list,
     build_sections,
     builtin_files,
@@ -145,10 +145,6 @@ class TileObjectParams:
     heading_deg: float | None = None
     size_m: Annotated[tuple[Annotated[float, Interval(gt=0, le=3000)], ...], Len(3, 3)] | None = None
     reflectivity: Annotated[float, Interval(ge=0, le=1)] | None = None
-
-    def __post_init__(self) -> None:
-        """Check the class."""
-        check_names(self)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 from annotated_types import Ge, Gt, Interval, Len
 
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.parameters import OneOf, check_names
 from seaclutter_cli.simulation.lidar.models import LIDARS, NoiseParams
 from seaclutter_cli.simulation.marine.motion import Track
 from seaclutter_cli.simulation.marine.shapes import SHAPES
@@ -17,6 +16,7 @@ from seaclutter_cli.simulation.marine.terrain import TERRAINS, TerrainParams, te
 from seaclutter_cli.simulation.scene_file import KEYS, write_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.validation import (
+    OneOf,
     build_list,
     build_sections,
     builtin_files,
@@ -54,10 +54,6 @@ class RecordingParams:
     frames: Annotated[int, Interval(ge=1, le=10**6)] = 100
     seed: Annotated[int, Ge(0)] = 1
     dropout: Annotated[float, Interval(ge=0, le=1)] = 0.01
-
-    def __post_init__(self) -> None:
-        """Check the lidar's name."""
-        check_names(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,10 +135,6 @@ class SceneObjectParams(MovingParams):
     reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.5
     wave_response: Annotated[float, Interval(ge=0, le=1)] = renamed(1.0, formerly="sway")
     ignore: bool = False
-
-    def __post_init__(self) -> None:
-        """Check the shape's name."""
-        check_names(self)
 
 
 @dataclass(frozen=True)
