@@ -1,9 +1,10 @@
 """Translators of the messages of a channel to the other version of ROS, with their definitions."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.messages import CODECS, declares_latched, find_codec
@@ -46,8 +47,48 @@ _LATCHED_QOS = """\
 """Quality of service of a latched topic in ROS 2, as rosbag2 stores it: reliable, transient local, depth 1."""
 
 
-@dataclass(frozen=True)
-class Translator:
+class Translations:
+    """Channels and messages in the encoding of one version of ROS, ``ros1`` or ``cdr``."""
+
+    def __init__(self, encoding: str) -> None:
+        self._encoding = encoding
+        self._translators: dict[int, tuple[str, Callable[[Buffer], Buffer]] | None] = {}
+        self._fields: dict[str, None] = {}
+        self._topics: dict[str, None] = {}
+        self.broken = Counter[str]()
+        """Number of messages by topic that could not be translated."""
+
+    @property
+    def lost(self) -> Sequence[str]:
+        """What the encoding cannot keep, in words."""
+        return [*self._fields, *self._topics]
+
+    def channel(self, channel: Channel) -> Channel | None:
+        """Return a channel in this encoding, under the same id; None if its messages cannot be translated."""
+        try:
+            found = translator(channel, self._encoding)
+        except TranslationError as error:
+            self._topics[f"{channel.topic} ({error})"] = None
+            self._translators[channel.id] = None
+            return None
+        self._fields |= dict.fromkeys(f"{name} of {channel.topic}" for name in found.lost)
+        self._translators[channel.id] = channel.topic, found.translate
+        return found.channel
+
+    def message(self, channel: int, data: Buffer) -> Buffer | None:
+        """Return a message of a channel in this encoding; None if it cannot be translated."""
+        found = self._translators[channel]
+        if found is None:
+            return None
+        topic, translate = found
+        try:
+            return translate(data)
+        except TranslationError:
+            self.broken[topic] += 1
+            return None
+
+
+class Translator(NamedTuple):
     """A channel with the schema and metadata of another version of ROS, and how its messages get there.
 
     ``translate`` returns a message in its serialisation, or raises `TranslationError`; ``lost`` are the fields that

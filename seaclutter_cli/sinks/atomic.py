@@ -33,42 +33,44 @@ class PartFile(io.FileIO):
         try:
             return super().write(data)
         except OSError as error:
-            self.failure = OutputError(explain(self._target, error))
+            self.failure = OutputError(_explain(self._target, error))
             raise self.failure from error
 
 
 class CompleteFile:
-    """A complete file, ``part``, that appears under its name with a group.
+    """A complete file or folder, ``part``, that appears under its name with a group.
 
     It is in a folder of the same file system, and removed with this object, or at exit. If the target is a symbolic
-    link, the file it refers to is replaced.
+    link, what it refers to is replaced. ``last`` is the file of a folder that appears last in object storage, and shows
+    that the folder is complete.
     """
 
-    def __init__(self, part: Path, path: Path) -> None:
+    def __init__(self, part: Path, path: Path, *, last: str = "") -> None:
         self.part, self.path = part, path
-        self._target = Path(os.path.realpath(path))
+        self._target, self._last = Path(os.path.realpath(path)), last
         self._opened: list[BinaryIO] = []  # to be closed before the removal
         self._remover = weakref.finalize(self, _remove, part, self._opened)
         self._pending: Pending | None = None
 
     def prepare(self, *, replace: bool = True) -> None:
-        """Do all work before the file can appear: for object storage, upload it.
+        """Do all work before it can appear: for object storage, upload it.
 
         Raise `OutputError` if the target can no longer be written, or exists and may not be replaced.
         """
-        self.send()
-        if self._target.is_dir() or not os.access(self._target.parent, os.W_OK):
-            raise OutputError(f"{self.path}: can no longer be written; the incomplete file was removed")
-        if not replace and os.path.lexists(self._target):
-            raise OutputError(appeared(self.path))
-
-    def send(self, last: str = "") -> None:
-        """Upload what is for object storage; it does not appear yet."""
         if mirror := mirror_of(self._target):
-            self._pending = mirror.send(self.part, self._target, last)
+            self._pending = mirror.send(self.part, self._target, self._last)
+        is_folder = self.part.is_dir()
+        if (self._target.is_dir() and not is_folder) or not os.access(self._target.parent, os.W_OK):
+            kind = "folder" if is_folder else "file"
+            raise OutputError(f"{self.path}: can no longer be written; the incomplete {kind} was removed")
+        if not replace:
+            if is_folder:
+                look(self._target)
+            if os.path.lexists(self._target):
+                raise OutputError(_appeared(self.path))
 
     def publish(self, *, replace: bool = True) -> None:
-        """Rename the complete file to its target, or let the uploaded object appear.
+        """Rename it to its target, or let what was uploaded appear.
 
         Raise `OutputError` if the target exists and may not be replaced.
         """
@@ -78,22 +80,16 @@ class CompleteFile:
             self.discard()
             return
         try:
-            self._rename(replace=replace)
+            _rename(self.part, self._target, replace=replace)
         except FileExistsError as error:
-            raise OutputError(appeared(self.path)) from error
+            raise OutputError(_appeared(self.path)) from error
         except OSError as error:
-            raise OutputError(explain(self.path, error)) from error
+            raise OutputError(_explain(self.path, error)) from error
         self._remover.detach()
         release(self.part)
 
-    def _rename(self, *, replace: bool) -> None:
-        if replace:
-            self.part.replace(self._target)
-        else:
-            _rename_to_new(self.part, self._target)
-
     def discard(self) -> None:
-        """Remove the incomplete file, and what was uploaded of it."""
+        """Remove it, and what was uploaded of it."""
         pending, self._pending = self._pending, None
         if pending is not None:
             pending.abort()
@@ -103,13 +99,12 @@ class CompleteFile:
 class AtomicFile(CompleteFile, AbstractContextManager["AtomicFile"]):
     """A file that is written in the folder of its target, then renamed on success or removed after an error.
 
-    The folder is created if necessary. If the target is a symbolic link, the file it refers to is replaced. In a group,
-    the file is renamed with the others. Raise `OutputError` if it cannot be created or written, for example because the
-    disk is full.
+    The folder is created if necessary. In a group, the file is renamed with the others. Raise `OutputError` if it
+    cannot be created or written, for example because the disk is full.
     """
 
-    def __init__(self, path: Path, group: "OutputGroup | None" = None) -> None:
-        super().__init__(part_path(Path(os.path.realpath(path))), path)
+    def __init__(self, path: Path, group: "OutputGroup | None" = None, *, last: str = "") -> None:
+        super().__init__(part_path(Path(os.path.realpath(path))), path, last=last)
         self._group = group
         # An interrupt may come before the context is entered; then the file is removed with this object, or at exit.
         self._latest: PartFile | None = None
@@ -153,28 +148,22 @@ class AtomicFile(CompleteFile, AbstractContextManager["AtomicFile"]):
             for stream in self._opened:
                 stream.close()
             if self._group is None:
-                self.send()
+                self.prepare()
                 self.publish()
             else:
                 self._group.add(self)
         except BaseException as failure:
             self.discard()
             if isinstance(failure, OSError):
-                raise OutputError(explain(self.path, failure)) from failure
+                raise OutputError(_explain(self.path, failure)) from failure
             raise
 
 
 class AtomicFolder(AtomicFile):
-    """A folder that is written beside its target, then renamed on success or removed after an error.
+    """A folder that is written beside its target, as an `AtomicFile` is.
 
-    An existing folder is moved aside before the new one appears, and removed after. ``last`` is the file that appears
-    last in object storage, and shows that the folder is complete. Raise `OutputError` if the folder cannot be created,
-    for example because there is a file of this name.
+    An existing folder is moved aside before the new one appears, and removed after.
     """
-
-    def __init__(self, path: Path, group: "OutputGroup | None" = None, *, last: str = "") -> None:
-        self._last = last
-        super().__init__(path, group)
 
     def _create(self) -> None:
         if self._target.exists() and not self._target.is_dir():
@@ -186,41 +175,7 @@ class AtomicFolder(AtomicFile):
         try:
             return self._new(self.part / name)
         except OSError as error:
-            raise OutputError(explain(self.path, error)) from error
-
-    def send(self, last: str = "") -> None:
-        """Upload what is for object storage; it does not appear yet."""
-        super().send(last or self._last)
-
-    def prepare(self, *, replace: bool = True) -> None:
-        """Do all work before the folder can appear: for object storage, upload it.
-
-        Raise `OutputError` if the target can no longer be written, or exists and may not be replaced.
-        """
-        self.send()
-        if not os.access(self._target.parent, os.W_OK):
-            raise OutputError(f"{self.path}: can no longer be written; the incomplete folder was removed")
-        if not replace:
-            look(self._target)
-            if os.path.lexists(self._target):
-                raise OutputError(appeared(self.path))
-
-    def _rename(self, *, replace: bool) -> None:
-        if not os.path.lexists(self._target):
-            self.part.rename(self._target)
-            return
-        if not replace:
-            raise OutputError(appeared(self.path))
-        aside = part_path(self._target)
-        self._target.rename(aside)
-        try:
-            self.part.rename(self._target)
-        except BaseException:
-            aside.rename(self._target)
-            raise
-        finally:
-            shutil.rmtree(aside, ignore_errors=True)
-            release(aside)
+            raise OutputError(_explain(self.path, error)) from error
 
 
 class OutputGroup(AbstractContextManager["OutputGroup"]):
@@ -303,21 +258,47 @@ def _remove(part: Path, opened: list[BinaryIO]) -> None:
     release(part)
 
 
-def _rename_to_new(part: Path, target: Path) -> None:
-    """Rename a file; `FileExistsError` if the target exists, also if it appears at the same moment."""
-    if os.name == "nt":  # there, renaming never replaces
-        part.rename(target)
-        return
-    try:
-        os.link(part, target)
-    except FileExistsError:
-        raise
-    except OSError:  # file systems without hard links
-        with target.open("xb"):
-            pass
+def _rename(part: Path, target: Path, *, replace: bool) -> None:
+    """Rename a file or folder; `FileExistsError` if the target exists and may not be replaced.
+
+    A file is not replaced either if it appears at the same moment.
+    """
+    if part.is_dir():
+        if not os.path.lexists(target):
+            part.rename(target)
+        elif replace:
+            _exchange(part, target)
+        else:
+            raise FileExistsError
+    elif replace:
         part.replace(target)
+    elif os.name == "nt":  # there, renaming never replaces
+        part.rename(target)
     else:
-        part.unlink()
+        try:
+            os.link(part, target)
+        except FileExistsError:
+            raise
+        except OSError:  # file systems without hard links
+            with target.open("xb"):
+                pass
+            part.replace(target)
+        else:
+            part.unlink()
+
+
+def _exchange(part: Path, target: Path) -> None:
+    """Move a folder aside, and rename another one to its name."""
+    aside = part_path(target)
+    target.rename(aside)
+    try:
+        part.rename(target)
+    except BaseException:
+        aside.rename(target)
+        raise
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
+        release(aside)
 
 
 def _note_removal(error: BaseException | None, path: Path) -> None:
@@ -325,12 +306,12 @@ def _note_removal(error: BaseException | None, path: Path) -> None:
         error.add_note(f"{path}: the incomplete file was removed")
 
 
-def appeared(path: Path) -> str:
+def _appeared(path: Path) -> str:
     """Return the message about an output that appeared while it was written."""
     return f"{path}: appeared while this run was writing it; use --force to replace it; this run's file was removed"
 
 
-def explain(path: Path, error: OSError) -> str:
+def _explain(path: Path, error: OSError) -> str:
     """Return the message about an output that cannot be written."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         where = "scratch folder" if mirror_of(path) else "disk"

@@ -5,9 +5,7 @@ of ROS 1 refuse. The output bytes do not depend on the number of threads.
 """
 
 import struct
-from collections import defaultdict
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import BinaryIO
 
 import lz4.frame
@@ -16,17 +14,13 @@ from seaclutter_cli.errors import OutputError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages.metadata import METADATA_TOPIC, STRING, to_message
 from seaclutter_cli.records import Buffer, Channel, Schema
-from seaclutter_cli.sinks.log_output import Compressor, LogFiles, LogWriter
-from seaclutter_cli.sinks.ros_writer import MessagesOnly, TranslatingWriter
+from seaclutter_cli.sinks.log_output import Chunk, ChunkedStream, LogFiles, MessagesOnly
 
 _MAGIC = b"#ROSBAG V2.0\n"
-CHUNK_SIZE = 768 * 2**10
-"""Size in bytes at which a chunk is closed, as in the recorder of ROS 1."""
-
 _HEADER_BYTES = 4096
 """Size of the header with padding, without their sizes. ROS 1 writes it anew when it appends or reindexes."""
 _MESSAGE, _BAG_HEADER, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = range(2, 8)
-_U32, _TIME, _ENTRY = struct.Struct("<I"), struct.Struct("<II"), struct.Struct("<III")
+_U32, _PAIR = struct.Struct("<I"), struct.Struct("<II")
 _NANO = 10**9
 _STRING_MD5 = "992ce8a1687cec8c8bd883ec73ca41d1"
 
@@ -43,42 +37,36 @@ _COMPRESSIONS: Mapping[str, tuple[str, Callable[[bytearray], bytes | bytearray]]
 """Name in a bag, and function, of each compression."""
 
 
-@dataclass(slots=True)
-class _Chunk:
-    data: bytearray = field(default_factory=bytearray)
-    start_ns: int = 2**64 - 1
-    end_ns: int = 0
-    index: dict[int, bytearray] = field(default_factory=lambda: defaultdict(bytearray))
-
-
 class BagOutput(LogFiles):
     """ROS 1 bags."""
 
+    encoding = "ros1"
+
     @staticmethod
-    def start(stream: BinaryIO, source: Source, compression: str | None) -> LogWriter:
+    def start(stream: BinaryIO, source: Source, compression: str | None) -> "BagWriter":
         """Return the writer of a bag."""
         if compression is None:
             compression = "" if source.compression == "" else "lz4"
-        return TranslatingWriter(BagWriter(stream, compression=compression), "ros1")
+        return BagWriter(stream, compression=compression)
 
 
-class BagWriter(MessagesOnly):
+class BagWriter(ChunkedStream, MessagesOnly):
     """Writer for one ROS 1 bag, whose header is written again at the end; ``compression`` is ``lz4`` or empty."""
 
+    chunk_size = 768 * 2**10
+    """As in the recorder of ROS 1."""
+
     def __init__(self, stream: BinaryIO, *, compression: str) -> None:
-        super().__init__()
-        self._stream = stream
-        self._offset = 0
+        ChunkedStream.__init__(self, stream)
+        MessagesOnly.__init__(self)
         self._name, self._compress = _COMPRESSIONS[compression]
-        self._compressor = Compressor(self._compressed, self._write_chunk)
-        self._chunk = _Chunk()
         self._connections: dict[int, bytes] = {}
         self._numbers: dict[int, int] = {}
         self._undeclared: set[int] = set()
         self._infos = bytearray()
         self._chunks = 0
         self._end_ns = 0
-        self._write(_MAGIC, self._header(0))
+        self.write_bytes(_MAGIC, self._header(0))
 
     def add_channel(self, channel: Channel) -> None:
         """Declare a channel, before its first message.
@@ -98,19 +86,13 @@ class BagWriter(MessagesOnly):
 
     def put(self, channel: int, log_time_ns: int, data: Buffer) -> None:
         """Write a message of a declared channel; `OutputError` if its time does not fit into a bag."""
-        chunk = self._chunk
         if channel in self._undeclared:
-            chunk.data += self._connections[channel]
+            self._chunk.data += self._connections[channel]
             self._undeclared.remove(channel)
-        time, number = _time(log_time_ns), self._numbers[channel]
-        chunk.index[number] += time + _U32.pack(len(chunk.data))
-        chunk.data += _fields(op=bytes((_MESSAGE,)), conn=_U32.pack(number), time=time)
-        chunk.data += _U32.pack(len(data))
-        chunk.data += data
-        chunk.start_ns, chunk.end_ns = min(chunk.start_ns, log_time_ns), max(chunk.end_ns, log_time_ns)
+        number = self._numbers[channel]
+        head = _fields(op=bytes((_MESSAGE,)), conn=_U32.pack(number), time=_time(log_time_ns))
         self._end_ns = max(self._end_ns, log_time_ns)
-        if len(chunk.data) >= CHUNK_SIZE:
-            self._submit()
+        self.add(number, log_time_ns, head, _U32.pack(len(data)), data)
 
     def finish(self) -> None:
         """Write the metadata records as a message, pending chunks, the index, and the header."""
@@ -120,17 +102,11 @@ class BagWriter(MessagesOnly):
             header = (("latching", "1"), ("md5sum", _STRING_MD5))
             self.add_channel(Channel(number, METADATA_TOPIC, "ros1", schema, header))
             self.put(number, self._end_ns, to_message(self.metadata))
-        if self._chunk.data:
-            self._submit()
-        self._compressor.finish()
+        self.finish_chunks()
         index = self._offset
-        self._write(*self._connections.values(), self._infos)
+        self.write_bytes(*self._connections.values(), self._infos)
         self._stream.seek(len(_MAGIC))
-        self._write(self._header(index))
-
-    def abort(self) -> None:
-        """Stop the threads and leave the file incomplete."""
-        self._compressor.abort()
+        self.write_bytes(self._header(index))
 
     def _header(self, index: int) -> bytes:
         head = _fields(
@@ -142,16 +118,13 @@ class BagWriter(MessagesOnly):
         padding = _HEADER_BYTES - (len(head) - _U32.size)
         return head + _U32.pack(padding) + b" " * padding
 
-    def _submit(self) -> None:
-        chunk, self._chunk = self._chunk, _Chunk()
-        self._compressor.submit(chunk)
-
-    def _compressed(self, chunk: _Chunk) -> bytes | bytearray:
+    def compress(self, chunk: Chunk) -> Buffer | bytearray:
+        """Return the compressed data of a chunk."""
         return self._compress(chunk.data)
 
-    def _write_chunk(self, chunk: _Chunk, data: bytes | bytearray) -> None:
+    def write_chunk(self, chunk: Chunk, data: Buffer | bytearray) -> None:
         """Write a chunk and its index, and keep the record about it for the end."""
-        counts = {conn: len(entries) // _ENTRY.size for conn, entries in chunk.index.items()}
+        counts = {conn: len(entries) // 2 for conn, entries in chunk.index.items()}
         self._infos += _fields(
             op=bytes((_CHUNK_INFO,)),
             ver=_U32.pack(1),
@@ -160,18 +133,15 @@ class BagWriter(MessagesOnly):
             end_time=_time(chunk.end_ns),
             count=_U32.pack(len(counts)),
         )
-        self._infos += _sized(b"".join(_TIME.pack(*pair) for pair in counts.items()))
+        self._infos += _sized(b"".join(_PAIR.pack(*pair) for pair in counts.items()))
         self._chunks += 1
         head = _fields(op=bytes((_CHUNK,)), compression=self._name.encode(), size=_U32.pack(len(chunk.data)))
-        self._write(head, _U32.pack(len(data)), data)
+        self.write_bytes(head, _U32.pack(len(data)), data)
         for conn, entries in chunk.index.items():
             ids = {"conn": _U32.pack(conn), "count": _U32.pack(counts[conn])}
-            self._write(_fields(op=bytes((_INDEX,)), ver=_U32.pack(1), **ids), _sized(entries))
-
-    def _write(self, *parts: Buffer | bytearray) -> None:
-        for part in parts:
-            self._stream.write(part)
-            self._offset += len(part)
+            pairs = zip(entries[::2], entries[1::2], strict=True)
+            index = b"".join(_time(time_ns) + _U32.pack(offset) for time_ns, offset in pairs)
+            self.write_bytes(_fields(op=bytes((_INDEX,)), ver=_U32.pack(1), **ids), _sized(index))
 
 
 def _fields(**fields: bytes) -> bytes:
@@ -191,4 +161,4 @@ def _time(time_ns: int) -> bytes:
     seconds, nanoseconds = divmod(time_ns, _NANO)
     if not 0 <= seconds < 2**32:
         raise OutputError(f"a ROS 1 bag cannot contain the log time {time_ns} ns; its times end in the year 2106")
-    return _TIME.pack(seconds, nanoseconds)
+    return _PAIR.pack(seconds, nanoseconds)

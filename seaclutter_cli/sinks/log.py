@@ -1,12 +1,12 @@
 """A recording as a log: filtered, a drop-in replacement for the input, or as it is."""
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 from seaclutter_cli import __version__
 from seaclutter_cli.cloud import Cloud
@@ -34,6 +34,9 @@ from seaclutter_cli.sinks.log_output import LogOutput, LogWriter
 from seaclutter_cli.sinks.mcap_writer import McapOutput
 from seaclutter_cli.sinks.options import McapOptions, Parts
 
+if TYPE_CHECKING:
+    from seaclutter_cli.messages.translation import Translations
+
 _NEW = -1
 _MAX_CHANNELS = 2**16
 
@@ -54,7 +57,7 @@ class LogSink(AbstractContextManager["LogSink"]):
         options: McapOptions,
         group: OutputGroup | None = None,
         *,
-        output: type[LogOutput] = McapOutput,
+        output: Callable[..., LogOutput] = McapOutput,
         as_is: bool = False,
     ) -> None:
         self._output = output(path, group, split=options.split is not None)
@@ -63,7 +66,6 @@ class LogSink(AbstractContextManager["LogSink"]):
         self._parts = Parts(options.split)
         self._writers: list[LogWriter] = []  # of the first part, which is completed last, and of the current one
         self._number = -1
-        self._broken = Counter[str]()
         self._channels: dict[Channel, int] = {}
         self._declared: dict[int, Channel] = {}
         self._outputs: dict[Channel, list[_Output]] = {}
@@ -73,6 +75,7 @@ class LogSink(AbstractContextManager["LogSink"]):
         self._lost: dict[str, None] = {}
         self.messages = 0
         """Number of messages written; complete after `end`."""
+        self._translations = _translations(self._output.encoding) if self._output.encoding else None
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -86,7 +89,7 @@ class LogSink(AbstractContextManager["LogSink"]):
     @property
     def lost(self) -> Sequence[str]:
         """What the log cannot keep of the recording, in words; complete after `end`."""
-        return list(self._lost)
+        return [*self._lost, *(self._translations.lost if self._translations else ())]
 
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:
         """Write the header and declare all channels."""
@@ -144,7 +147,7 @@ class LogSink(AbstractContextManager["LogSink"]):
         if self._options.record is not None:
             first.add_metadata(self._options.record())
         first.finish()
-        for topic, messages in self._broken.items():
+        for topic, messages in self._translations.broken.items() if self._translations else ():
             problem = f"messages on {topic} that do not fit their definition"
             self._source.damage.append(Damage(Path(self._source.name), None, problem, lost_messages=messages))
 
@@ -157,7 +160,7 @@ class LogSink(AbstractContextManager["LogSink"]):
             self._end_part()
             self._begin_part()
             for number, channel in self._declared.items():
-                self._writer.add_channel(replace(channel, id=number))
+                self._add_channel(replace(channel, id=number))
 
     def _begin_part(self) -> None:
         self._number += 1
@@ -176,7 +179,6 @@ class LogSink(AbstractContextManager["LogSink"]):
         if len(self._writers) > 1:
             self._writer.finish()
         self._lost |= dict.fromkeys(self._writer.lost)
-        self._broken.update(self._writer.broken)
         self.messages += self._writer.messages
 
     @property
@@ -193,7 +195,7 @@ class LogSink(AbstractContextManager["LogSink"]):
         codec, options, layout = find_codec(channel), self._options, self._layout
         if codec is None:
             raise UsageError(f"topic {channel.topic} contains no point clouds")
-        text = self._writer.encoding or channel.message_encoding
+        text = self._output.encoding or channel.message_encoding
         filtered = self._channels[channel]
         self._topics[channel.topic] = known if options.keep_raw else replace(known, content=FILTERED)
         if options.keep_raw:
@@ -244,15 +246,29 @@ class LogSink(AbstractContextManager["LogSink"]):
             raise OutputError(f"topic {channel.topic}: a log can have at most {_MAX_CHANNELS} channels")
         self._channels[channel] = number
         self._declared[number] = channel
-        self._writer.add_channel(replace(channel, id=number))
+        self._add_channel(replace(channel, id=number))
         return number
+
+    def _add_channel(self, channel: Channel) -> None:
+        """Declare a channel, unless its messages cannot be translated."""
+        translated = self._translations.channel(channel) if self._translations else channel
+        if translated is not None:
+            self._writer.add_channel(translated)
 
     def _copy(self, message: Message) -> None:
         number = self._channels.get(message.channel)
         self._put(self._declare(message.channel) if number is None else number, message, message.data)
 
     def _put(self, number: int, message: Message, data: Buffer) -> None:
-        self._writer.write(number, message.log_time_ns, message.publish_time_ns, message.sequence, data)
+        found = self._translations.message(number, data) if self._translations else data
+        if found is not None:
+            self._writer.write(number, message.log_time_ns, message.publish_time_ns, message.sequence, found)
+
+
+def _translations(encoding: str) -> "Translations":
+    from seaclutter_cli.messages.translation import Translations  # slow to import
+
+    return Translations(encoding)
 
 
 def message_of(frame: Frame) -> Message:

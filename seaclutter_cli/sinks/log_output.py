@@ -1,37 +1,32 @@
 """Logs as outputs: the interface of their writers, and the files that they write, in one part or in several."""
 
 from abc import ABC, abstractmethod
-from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections import defaultdict, deque
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType, TracebackType
-from typing import TYPE_CHECKING, BinaryIO, Generic, TypeVar
+from types import TracebackType
+from typing import TYPE_CHECKING, BinaryIO, ClassVar
 
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.options import part_path, parts_after
+from seaclutter_cli.text import count
 from seaclutter_cli.threads import executor, threads
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
-
-T = TypeVar("T")
-R = TypeVar("R")
 _MAX_THREADS = 4
 
 
 class LogWriter(ABC):
     """Writer for the records of a log."""
 
-    encoding: str | None = None
-    """Encoding of all messages in the log; None if it takes messages of any encoding."""
     messages: int = 0
     """Number of messages written."""
-    broken: Mapping[str, int] = MappingProxyType({})
-    """Number of messages by topic that could not be translated to the encoding."""
 
     @property
     def lost(self) -> Sequence[str]:
@@ -63,24 +58,136 @@ class LogWriter(ABC):
         """Free resources and leave the log incomplete."""
 
 
+class MessagesOnly(LogWriter):
+    """Writer of a log whose messages have one time each, and which has neither attachments nor metadata records.
+
+    Metadata records are kept in ``metadata`` for the end, in the form that the format has for such things.
+    """
+
+    def __init__(self) -> None:
+        self.metadata: list[Metadata] = []
+        self._attachments = 0
+        self._has_publish_times = self._has_sequences = False
+
+    @property
+    def lost(self) -> Sequence[str]:
+        """What the log cannot keep, in words."""
+        found = {
+            count(self._attachments, "attachment"): self._attachments,
+            "publish times": self._has_publish_times,
+            "sequence numbers": self._has_sequences,
+        }
+        return [name for name, is_lost in found.items() if is_lost]
+
+    @abstractmethod
+    def put(self, channel: int, log_time_ns: int, data: Buffer) -> None:
+        """Write a message of a declared channel."""
+
+    def write(self, channel: int, log_time_ns: int, publish_time_ns: int, sequence: int, data: Buffer) -> None:
+        """Write a message."""
+        self._has_publish_times |= publish_time_ns != log_time_ns
+        self._has_sequences |= sequence != 0
+        self.put(channel, log_time_ns, data)
+        self.messages += 1
+
+    def attach(self, attachment: Attachment) -> None:  # noqa: ARG002
+        """Count an attachment, which is lost."""
+        self._attachments += 1
+
+    def add_metadata(self, metadata: Metadata) -> None:
+        """Keep a metadata record for the end."""
+        self.metadata.append(metadata)
+
+
+@dataclass(slots=True)
+class Chunk:
+    """Messages to be written, copied because a small view would keep a large input chunk in memory.
+
+    The index has the log time of each message and its offset in the data, one after the other, by channel.
+    """
+
+    data: bytearray = field(default_factory=bytearray)
+    start_ns: int = 2**64 - 1
+    end_ns: int = 0
+    crc: int = 0
+    index: dict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
+
+
+class ChunkedStream(ABC):
+    """File of chunks, which threads compress; its bytes do not depend on their number.
+
+    A chunk is closed when it has ``chunk_size`` bytes.
+    """
+
+    chunk_size: ClassVar[int]
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream, self._offset = stream, 0
+        self._chunk = Chunk()
+        workers = min(_MAX_THREADS, threads())
+        self._pool = executor(workers, "compress")
+        self._pending: deque[tuple[Chunk, Future[Buffer | bytearray]]] = deque()
+        self._max_pending = workers + 1 if workers > 1 else 0
+
+    @abstractmethod
+    def compress(self, chunk: Chunk) -> Buffer | bytearray:
+        """Return the compressed data of a chunk; called in other threads."""
+
+    @abstractmethod
+    def write_chunk(self, chunk: Chunk, data: Buffer | bytearray) -> None:
+        """Write a chunk, given its compressed data."""
+
+    def write_bytes(self, *parts: Buffer | bytearray) -> None:
+        """Write bytes between chunks."""
+        for part in parts:
+            self._stream.write(part)
+            self._offset += len(part)
+
+    def add(self, channel: int, log_time_ns: int, *parts: Buffer) -> None:
+        """Add a message to the current chunk."""
+        chunk = self._chunk
+        chunk.index[channel] += (log_time_ns, len(chunk.data))
+        for part in parts:
+            chunk.data += part
+        chunk.start_ns, chunk.end_ns = min(chunk.start_ns, log_time_ns), max(chunk.end_ns, log_time_ns)
+        if len(chunk.data) >= self.chunk_size:
+            self._submit()
+
+    def drain(self, pending: int = 0) -> None:
+        """Write the chunks that are complete, but for a number of the last ones."""
+        while len(self._pending) > pending:
+            chunk, future = self._pending.popleft()
+            self.write_chunk(chunk, future.result())
+
+    def finish_chunks(self) -> None:
+        """Write all chunks, and end the threads."""
+        if self._chunk.data:
+            self._submit()
+        self.drain()
+        self._pool.shutdown()
+
+    def abort(self) -> None:
+        """Stop the threads and leave the file incomplete."""
+        self._pool.shutdown(cancel_futures=True)
+
+    def _submit(self) -> None:
+        chunk, self._chunk = self._chunk, Chunk()
+        self._pending.append((chunk, self._pool.submit(self.compress, chunk)))
+        self.drain(self._max_pending)
+
+
 class LogOutput(AbstractContextManager["LogOutput"], ABC):
     """A log that appears under its name, alone or with a group, when the context exits without an error.
 
-    If it is ``split``, it has several parts, and their names have numbers.
+    If it is split, it has several parts, and their names have numbers.
     """
 
-    @abstractmethod
-    def __init__(self, path: Path, group: OutputGroup | None = None, *, split: bool = False) -> None: ...
+    encoding: str | None = None
+    """Encoding of all messages in the log; None if it takes messages of any encoding."""
 
     @abstractmethod
     def part(self, number: int, source: Source, compression: str | None) -> LogWriter:
         """Return the writer of a part, which begins; parts before, but the first, must be finished."""
-
-    @abstractmethod
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Complete the log under its name, or remove it after an error."""
 
 
 class LogFiles(LogOutput):
@@ -112,51 +219,12 @@ class LogFiles(LogOutput):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Complete the files under their names, and delete further parts of an earlier run; remove all on an error."""
-        if self._split and kind is None and self._group is not None:
-            for leftover in parts_after(self._path, self._number):
-                self._group.replaces(leftover)
         with ExitStack() as stack:
             if self._split and self._group is not None:
+                for leftover in parts_after(self._path, self._number) if kind is None else ():
+                    self._group.replaces(leftover)
                 stack.push(self._group.__exit__)
             stack.push(self._first.__exit__)
             if self._last is not self._first:
                 stack.push(self._last.__exit__)
             stack.__exit__(kind, error, trace)
-
-
-class Compressor(Generic[T, R]):
-    """Threads that compress items; ``done`` receives each item and its result, in the thread of the caller.
-
-    The results come in the order of the items, whatever the number of threads.
-    """
-
-    def __init__(self, compress: Callable[[T], R], done: Callable[[T, R], None]) -> None:
-        workers = min(_MAX_THREADS, threads())
-        self._pool = executor(workers, "compress")
-        self._compress, self._done = compress, done
-        self._pending: deque[tuple[T, Future[R]]] = deque()
-        self._max_pending = workers + 1 if workers > 1 else 0
-
-    def submit(self, item: T) -> None:
-        """Begin with an item; wait for the first one if too many are pending."""
-        self._pending.append((item, self._pool.submit(self._compress, item)))
-        if len(self._pending) > self._max_pending:
-            self._next()
-
-    def drain(self) -> None:
-        """Wait for all items."""
-        while self._pending:
-            self._next()
-
-    def finish(self) -> None:
-        """Wait for all items, and end the threads."""
-        self.drain()
-        self._pool.shutdown()
-
-    def abort(self) -> None:
-        """End the threads without waiting for the results."""
-        self._pool.shutdown(cancel_futures=True)
-
-    def _next(self) -> None:
-        item, future = self._pending.popleft()
-        self._done(item, future.result())

@@ -8,7 +8,6 @@ import struct
 import zlib
 from collections import Counter, defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from threading import local
 from typing import BinaryIO
 
@@ -21,12 +20,9 @@ from mcap.opcode import Opcode
 from seaclutter_cli import __version__
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata, Schema
-from seaclutter_cli.sinks.log_output import Compressor, LogFiles, LogWriter
+from seaclutter_cli.sinks.log_output import Chunk, ChunkedStream, LogFiles, LogWriter
 
 _MAGIC = b"\x89MCAP0\r\n"
-CHUNK_SIZE = 1 << 20
-"""Size in bytes at which a chunk is closed, as in other writers."""
-
 _MESSAGE = struct.Struct("<BQHIQQ")
 _thread = local()
 
@@ -47,23 +43,6 @@ COMPRESSIONS: dict[str, Callable[[bytearray], Buffer | bytearray]] = {
 }
 
 
-@dataclass(slots=True)
-class _Chunk:
-    """Messages to be written, copied because a small view would keep a large input chunk in memory."""
-
-    data: bytearray = field(default_factory=bytearray)
-    start_ns: int = 2**64 - 1
-    end_ns: int = 0
-    index: dict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
-
-    def add(self, channel: int, log_time_ns: int, head: bytes, data: Buffer) -> None:
-        self.index[channel] += (log_time_ns, len(self.data))
-        self.data += head
-        self.data += data
-        self.start_ns = min(self.start_ns, log_time_ns)
-        self.end_ns = max(self.end_ns, log_time_ns)
-
-
 class McapOutput(LogFiles):
     """MCAP files, which keep everything."""
 
@@ -78,32 +57,32 @@ def mcap_compression(source: Source, given: str | None) -> str:
     return given if given is not None else "zstd" if source.compression is None else source.compression
 
 
-class McapWriter(LogWriter):
+class McapWriter(ChunkedStream, LogWriter):
     """Writer for one MCAP file, which is written sequentially, without seeking.
 
     Profile and library are fields of the file header; the compression is a key of `COMPRESSIONS`.
     """
 
+    chunk_size = 1 << 20
+    """As in other writers."""
+
     def __init__(
         self, stream: BinaryIO, *, profile: str, compression: str = "zstd", library: str = f"seaclutter {__version__}"
     ) -> None:
-        self._stream = stream
-        self._offset = 0
+        super().__init__(stream)
         self._compression = compression
-        self._chunk = _Chunk()
-        self._compressor = Compressor(self._compressed, self._write_chunk)
         self._schemas: dict[Schema, int] = {}
         self._channels: dict[int, tuple[Channel, int]] = {}
         self._counts: Counter[int] = Counter()
         self._start_ns, self._end_ns = 2**64 - 1, 0
         self._indexes: dict[Opcode, bytearray] = defaultdict(bytearray)
         self._indexed: Counter[Opcode] = Counter()
-        self._write(_MAGIC)
+        self.write_bytes(_MAGIC)
         self._write_record(mcap_records.Header(profile=profile, library=library))
 
     def add_channel(self, channel: Channel) -> None:
         """Declare a channel under its own id, before its first message."""
-        self._compressor.drain()  # so that the place of the record does not depend on the number of threads
+        self.drain()  # so that the place of the record does not depend on the number of threads
         schema_id = 0
         if channel.schema is not None:
             schema_id = self._schemas.get(channel.schema, 0)
@@ -117,26 +96,24 @@ class McapWriter(LogWriter):
         """Write a message of a declared channel."""
         size = len(data) + _MESSAGE.size - 9
         head = _MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, log_time_ns, publish_time_ns)
-        self._chunk.add(channel, log_time_ns, head, data)
         self._counts[channel] += 1
         self.messages += 1
-        if len(self._chunk.data) >= CHUNK_SIZE:
-            self._submit()
+        self.add(channel, log_time_ns, head, data)
 
     def attach(self, attachment: Attachment) -> None:
         """Write an attachment without copying its data."""
-        self._compressor.drain()
+        self.drain()
         head = struct.pack("<QQ", attachment.log_time_ns, attachment.create_time_ns)
         for text in (attachment.name, attachment.media_type):
             head += _prefixed(text)
         head += struct.pack("<Q", len(attachment.data))
         crc = zlib.crc32(head)
         offset, size = self._offset, len(head) + len(attachment.data) + 4
-        self._write(struct.pack("<BQ", Opcode.ATTACHMENT, size), head)
+        self.write_bytes(struct.pack("<BQ", Opcode.ATTACHMENT, size), head)
         for piece in attachment.pieces():
             crc = zlib.crc32(piece, crc)
-            self._write(piece)
-        self._write(struct.pack("<I", crc))
+            self.write_bytes(piece)
+        self.write_bytes(struct.pack("<I", crc))
         entry = mcap_records.AttachmentIndex(
             offset=offset,
             length=self._offset - offset,
@@ -150,7 +127,7 @@ class McapWriter(LogWriter):
 
     def add_metadata(self, metadata: Metadata) -> None:
         """Write a metadata record."""
-        self._compressor.drain()
+        self.drain()
         offset = self._offset
         self._write_record(mcap_records.Metadata(name=metadata.name, metadata=metadata.entries))
         entry = mcap_records.MetadataIndex(offset=offset, length=self._offset - offset, name=metadata.name)
@@ -158,36 +135,28 @@ class McapWriter(LogWriter):
 
     def finish(self) -> None:
         """Write pending chunks, the summary and the footer."""
-        if self._chunk.data:
-            self._submit()
-        self._compressor.finish()
+        self.finish_chunks()
         self._write_record(mcap_records.DataEnd(data_section_crc=0))
         self._write_summary()
-        self._write(_MAGIC)
+        self.write_bytes(_MAGIC)
 
-    def abort(self) -> None:
-        """Stop the threads and leave the file incomplete."""
-        self._compressor.abort()
+    def compress(self, chunk: Chunk) -> Buffer | bytearray:
+        """Return the compressed data of a chunk; set its checksum."""
+        chunk.crc = zlib.crc32(chunk.data)
+        return COMPRESSIONS[self._compression](chunk.data)
 
-    def _submit(self) -> None:
-        chunk, self._chunk = self._chunk, _Chunk()
-        self._compressor.submit(chunk)
-
-    def _compressed(self, chunk: _Chunk) -> tuple[int, Buffer | bytearray]:
-        return zlib.crc32(chunk.data), COMPRESSIONS[self._compression](chunk.data)
-
-    def _write_chunk(self, chunk: _Chunk, compressed: tuple[int, Buffer | bytearray]) -> None:
-        crc, data = compressed
+    def write_chunk(self, chunk: Chunk, data: Buffer | bytearray) -> None:
+        """Write a chunk and its message indexes, and keep the index of the chunk for the end."""
         offset = self._offset
-        head = struct.pack("<QQQI", chunk.start_ns, chunk.end_ns, len(chunk.data), crc)
+        head = struct.pack("<QQQI", chunk.start_ns, chunk.end_ns, len(chunk.data), chunk.crc)
         head += _prefixed(self._compression) + struct.pack("<Q", len(data))
-        self._write(struct.pack("<BQ", Opcode.CHUNK, len(head) + len(data)), head, data)
+        self.write_bytes(struct.pack("<BQ", Opcode.CHUNK, len(head) + len(data)), head, data)
         length = self._offset - offset
         index_offsets: dict[int, int] = {}
         for channel, entries in chunk.index.items():
             index_offsets[channel] = self._offset
             array = struct.pack(f"<{len(entries)}Q", *entries)
-            self._write(struct.pack("<BQHI", Opcode.MESSAGE_INDEX, len(array) + 6, channel, len(array)), array)
+            self.write_bytes(struct.pack("<BQHI", Opcode.MESSAGE_INDEX, len(array) + 6, channel, len(array)), array)
         entry = mcap_records.ChunkIndex(
             chunk_length=length,
             chunk_start_offset=offset,
@@ -222,7 +191,7 @@ class McapWriter(LogWriter):
             if data:
                 offsets.append((opcode, self._offset, len(data)))
                 crc = zlib.crc32(data, crc)
-                self._write(data)
+                self.write_bytes(data)
         offset_start = self._offset
         data = _serialise(
             *(
@@ -232,7 +201,7 @@ class McapWriter(LogWriter):
         )
         footer = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start)
         crc = zlib.crc32(footer, zlib.crc32(data, crc))
-        self._write(data, footer, struct.pack("<I", crc))
+        self.write_bytes(data, footer, struct.pack("<I", crc))
 
     def _statistics(self) -> mcap_records.Statistics:
         return mcap_records.Statistics(
@@ -248,12 +217,7 @@ class McapWriter(LogWriter):
         )
 
     def _write_record(self, record: mcap_records.McapRecord) -> None:
-        self._write(_serialise(record))
-
-    def _write(self, *parts: Buffer | bytearray) -> None:
-        for part in parts:
-            self._stream.write(part)
-            self._offset += len(part)
+        self.write_bytes(_serialise(record))
 
 
 def _serialise(*records: mcap_records.McapRecord) -> bytes:

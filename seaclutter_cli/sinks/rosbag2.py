@@ -14,12 +14,11 @@ import yaml
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages.metadata import to_custom_data
-from seaclutter_cli.records import Buffer, Channel, Metadata
+from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFolder, OutputGroup
-from seaclutter_cli.sinks.log_output import LogOutput, LogWriter
+from seaclutter_cli.sinks.log_output import LogOutput, LogWriter, MessagesOnly
 from seaclutter_cli.sinks.mcap_writer import McapWriter, mcap_compression
 from seaclutter_cli.sinks.options import ROSBAG2_METADATA
-from seaclutter_cli.sinks.ros_writer import MessagesOnly, PassingWriter, TranslatingWriter
 
 _VERSION = 8
 """Version of the metadata: that of ROS 2 Iron, which older and newer releases read."""
@@ -40,6 +39,7 @@ INSERT INTO schema(schema_version, ros_distro) VALUES (4, '');
 class _Rosbag2Output(LogOutput):
     """A folder with storage files and a ``metadata.yaml``."""
 
+    encoding = "cdr"
     storage: str
     suffix: str
 
@@ -50,8 +50,7 @@ class _Rosbag2Output(LogOutput):
     def part(self, number: int, source: Source, compression: str | None) -> LogWriter:
         name = f"{self._folder.path.name}_{number}{self.suffix}"
         self._contents.files.append(_StoredFile(name))
-        writer = self._start(name, source, compression)
-        return TranslatingWriter(_ContentsWriter(writer, self._contents, is_first=number == 0), "cdr")
+        return _ContentsWriter(self._start(name, source, compression), self._contents, is_first=number == 0)
 
     @abstractmethod
     def _start(self, name: str, source: Source, compression: str | None) -> LogWriter: ...
@@ -220,28 +219,42 @@ def _to_yaml(values: Mapping[str, Any]) -> str:
     return str(yaml.safe_dump(values, sort_keys=False, allow_unicode=True, width=10**6))
 
 
-class _ContentsWriter(PassingWriter):
+class _ContentsWriter(LogWriter):
     """Writer that takes note of what a recording contains, and joins the publishers of a topic, as rosbag2 does."""
 
     def __init__(self, writer: LogWriter, contents: _Contents, *, is_first: bool) -> None:
-        super().__init__(writer)
         self._contents, self._is_first = contents, is_first
+        self._writer = writer
         self._ids: dict[int, int] = {}
         self._declared: dict[tuple[str, str], int] = {}
+
+    @property
+    def lost(self) -> Sequence[str]:
+        return self._writer.lost
 
     def add_channel(self, channel: Channel) -> None:
         kind = channel.topic, channel.schema.name if channel.schema else ""
         number = self._ids[channel.id] = self._declared.setdefault(kind, channel.id)
         if number == channel.id:
             self._contents.channels[number] = channel
-            super().add_channel(channel)
+            self._writer.add_channel(channel)
 
     def write(self, channel: int, log_time_ns: int, publish_time_ns: int, sequence: int, data: Buffer) -> None:
         number = self._ids[channel]
         self._contents.count(number, log_time_ns)
-        super().write(number, log_time_ns, publish_time_ns, sequence, data)
+        self._writer.write(number, log_time_ns, publish_time_ns, sequence, data)
+        self.messages += 1
 
     def add_metadata(self, metadata: Metadata) -> None:
         if self._is_first:
             self._contents.metadata.append(metadata)
-        super().add_metadata(metadata)
+        self._writer.add_metadata(metadata)
+
+    def attach(self, attachment: Attachment) -> None:
+        self._writer.attach(attachment)
+
+    def finish(self) -> None:
+        self._writer.finish()
+
+    def abort(self) -> None:
+        self._writer.abort()

@@ -130,7 +130,7 @@ def test_targets_that_cannot_be_written(tmp_path):
 
 def test_a_target_that_becomes_a_folder_during_the_run(tmp_path):
     target = tmp_path / "out.bin"
-    with pytest.raises(OutputError, match="writing failed"), AtomicFile(target):
+    with pytest.raises(OutputError, match="can no longer be written"), AtomicFile(target):
         (target / "full").mkdir(parents=True)
     assert names(tmp_path) == ["out.bin"]
 

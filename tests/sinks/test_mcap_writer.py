@@ -18,7 +18,6 @@ from mcap.reader import NonSeekingReader, SeekingReader
 from mcap.stream_reader import CRCValidationError, StreamReader
 
 from seaclutter_cli.records import Attachment, Channel, Metadata, Schema
-from seaclutter_cli.sinks import mcap_writer
 from seaclutter_cli.sinks.mcap_writer import COMPRESSIONS, McapWriter
 from tests.logs import cloud_log, records_of
 from tests.paths import ROOT
@@ -31,7 +30,7 @@ ALL = pytest.mark.parametrize("compression", COMPRESSIONS)
 def written(items, compression="zstd", chunk_size=1000):
     """Write messages ``(channel, log_time, publish_time, sequence, data)``, attachments, metadata; return the file."""
     stream = io.BytesIO()
-    before, mcap_writer.CHUNK_SIZE = mcap_writer.CHUNK_SIZE, chunk_size
+    before, McapWriter.chunk_size = McapWriter.chunk_size, chunk_size
     try:
         writer = McapWriter(stream, profile="ros2", library="tests", compression=compression)
         for number, schema in ((1, NOTE), (2, NOTE), (3, None), (40_000, Schema("other", "ros2msg", b"int8 a\n"))):
@@ -45,7 +44,7 @@ def written(items, compression="zstd", chunk_size=1000):
             add[type(item)](item)
         writer.finish()
     finally:
-        mcap_writer.CHUNK_SIZE = before
+        McapWriter.chunk_size = before
     return stream.getvalue()
 
 

@@ -10,7 +10,6 @@ from rosbags.typesys import Stores, get_typestore
 
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.records import Channel, Metadata, Schema
-from seaclutter_cli.sinks import bag_writer
 from seaclutter_cli.sinks.bag_writer import BagWriter
 from seaclutter_cli.sources import open_source
 
@@ -32,7 +31,7 @@ def message(text):
 @pytest.fixture
 def write(tmp_path, monkeypatch):
     """Write messages ``(channel, time, text)`` on two topics in small chunks; return the path."""
-    monkeypatch.setattr(bag_writer, "CHUNK_SIZE", 1000)
+    monkeypatch.setattr(BagWriter, "chunk_size", 1000)
 
     def bag(messages, compression="", metadata=()):
         stream = io.BytesIO()
