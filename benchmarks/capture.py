@@ -16,9 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from seaclutter_cli.messages import find_codec
-from seaclutter_cli.sensors.robosense.device import make_angles
 from seaclutter_cli.sensors.robosense.models import MODELS
-from seaclutter_cli.sensors.robosense.packets import Columns, write_data, write_info
+from seaclutter_cli.sensors.robosense.packets import Columns, make_angles, write_data, write_info
 from seaclutter_cli.sinks.pcap import Endpoints, ethernet_udp, pcap_header, pcap_record
 from seaclutter_cli.sources import open_source
 

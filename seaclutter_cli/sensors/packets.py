@@ -42,14 +42,12 @@ class PacketFrame:
     """Points of one revolution, stamped in nanoseconds of Unix time.
 
     Points, shape (N,), are structured: x, y, z in metres and intensity as float32, ring as uint16, timestamp in seconds
-    of Unix time as float64, and ``return_number`` as uint8 if the sensor sends two returns; in firing order. An
-    organised frame has a height of several rows. A frame is partial if the recording begins or ends within the
-    revolution.
+    of Unix time as float64, and ``return_number`` as uint8 if the sensor sends two returns; in firing order. A
+    frame is partial if the recording begins or ends within the revolution.
     """
 
     points: NDArray[np.void]
     stamp_ns: int
-    height: int = 1
     partial: bool = False
 
 

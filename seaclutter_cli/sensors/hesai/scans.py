@@ -1,23 +1,35 @@
-"""Ways in which Hesai sensors scan: what a frame is, and the directions of beams.
+"""Ways in which Hesai sensors scan: what a frame is, and the directions of beams, from the unit's angles.
 
 A scan numbers the frames of firings: of P packets with F firings and C channels. `RotorScan` says what its methods do.
 """
+
+import csv
+from hashlib import sha256
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.sensors.hesai.angles import DEGREE, MirrorAngles, parse_angles, parse_corrections
 from seaclutter_cli.sensors.hesai.models import HesaiModel
 from seaclutter_cli.sensors.packets import DecoderOptions, read_calibration
+from seaclutter_cli.text import count
 
 FULL_CIRCLE = 36_000
 """Hundredths of a degree in a revolution."""
 _EDGE = 100
 _MAX_GAP_NS = 10_000_000_000
-_FINE = DEGREE // 100
+_DEGREE = 25_600
+"""Angles of mirrors are in this part of a degree."""
+_FINE = _DEGREE // 100
 _TURN_NS = 300_000_000
 _FIRST_DEG, _LAST_DEG = 32, 148
+_MARK = b"\xee\xff"
+_HEADER_BYTES, _HASH_BYTES = 16, 32
+_VERSION, _KNOWN_VERSION = 3, 5
+_NODES = 180
+_STEP = 360 * _DEGREE // _NODES
+_MIRRORS = range(2, 17)
+_NOT_ANGLES = "{}: not a Hesai angle correction file (Laser id,Elevation,Azimuth): {}"
 
 Directions = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 """Azimuth in radians, cosine and sine of the elevation of N points."""
@@ -106,12 +118,14 @@ class RotorScan:
 class MirrorScan:
     """Scan of rotating mirrors: a frame is one mirror's field, positions are those of the motor in 1/25600 of a degree.
 
-    Fields are counted with the clock, so that late packets and gaps longer than a turn do not disturb the count.
+    Fields are counted with the clock, so that late packets and gaps longer than a turn do not disturb the count. A
+    field of M is a range of positions, from its start to that of the next one; ``starts``, shape (M,), are ascending.
+    ``angles``, shape (2, C), are azimuth and elevation of channels, all in 1/25600 of a degree; their ``offsets``,
+    shape (2, C, 180), are for every two degrees of the motor's position, in hundredths of a degree.
     """
 
-    def __init__(self, angles: MirrorAngles) -> None:
-        self._angles = angles
-        self._mirrors = len(angles.starts)
+    def __init__(self, starts: NDArray[np.int64], angles: NDArray[np.int64], offsets: NDArray[np.int64]) -> None:
+        self._starts, self._angles, self._offsets = starts, angles, offsets
         self._position = self._first = self._time_ns = -1
         self._number = self.done = 0
 
@@ -129,8 +143,8 @@ class MirrorScan:
         if self._first < 0:
             self._first = self._position = int(positions[0, 0])
             self._time_ns = int(times_ns[0, 0])
-        mirrors, fields = self._mirrors, self._angles.fields(positions.ravel())
-        before = int(self._angles.fields(np.array(self._position)))
+        mirrors, fields = len(self._starts), self._fields(positions.ravel())
+        before = int(self._fields(np.array(self._position)))
         waits_ns = np.clip(np.diff(times_ns.ravel(), prepend=self._time_ns), 0, None)
         steps = np.diff(fields, prepend=before) % mirrors
         steps += mirrors * np.rint(waits_ns / _TURN_NS - steps / mirrors).astype(np.int64)
@@ -139,26 +153,45 @@ class MirrorScan:
         self._number, self.done = int(numbers[-1]), int(tops[-1])
         self._position, self._time_ns = int(positions[-1, -1]), int(times_ns[-1, -1])
         # A late firing of an earlier field belongs to the present one, as that field is complete.
-        shape = (*positions.shape, len(self._angles.elevation))
+        shape = (*positions.shape, self._angles.shape[1])
         return np.broadcast_to(tops.reshape(positions.shape)[..., None], shape)
 
     def directions(
         self, positions: NDArray[np.int64], firings: NDArray[np.int64], channels: NDArray[np.int64]
     ) -> Directions:
         """Return the directions of points, as `RotorScan.directions`."""
-        azimuths, elevations = (
-            np.radians(angles / DEGREE) for angles in self._angles.directions(positions[firings], channels)
+        at = positions[firings]
+        node, rest = np.divmod(at, _STEP)
+        share = rest / _STEP
+        azimuth, elevation = (
+            _rounded((1 - share) * table[channels, node] + share * table[channels, (node + 1) % _NODES])
+            for table in self._offsets
         )
+        azimuths = np.radians((self._turned(at) - self._angles[0, channels] + azimuth * _FINE) / _DEGREE)
+        elevations = np.radians((self._angles[1, channels] + elevation * _FINE) / _DEGREE)
         return azimuths, np.cos(elevations), np.sin(elevations)
 
     def is_partial(self, frame: int) -> bool:
         """Return whether the firings so far begin or end within a field, between azimuths of 32 and 148 degrees."""
-        first, last = self._angles.turned(np.array([self._first, self._position])) / DEGREE
+        first, last = self._turned(np.array([self._first, self._position])) / _DEGREE
         return bool((frame == 0 and first > _FIRST_DEG) or (frame == self.done and last < _LAST_DEG))
 
     def skip(self) -> None:
         """Start a new frame in the same field."""
         self._number = self.done = self.done + 1
+
+    def _fields(self, positions: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the fields of positions, as numbers from 0 to M - 1; any shape."""
+        return np.asarray((np.searchsorted(self._starts, positions, side="right") - 1) % len(self._starts))
+
+    def _turned(self, positions: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return how far beams are turned at positions, without the angles of channels; twice as far as the motor."""
+        return np.asarray(2 * ((positions - self._starts[self._fields(positions)]) % (360 * _DEGREE)))
+
+
+def _rounded(values: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the nearest whole numbers, of two the one further from 0."""
+    return np.copysign(np.floor(np.abs(values) + 0.5), values).astype(np.int64)
 
 
 Scan = RotorScan | MirrorScan
@@ -178,5 +211,51 @@ def make_scan(model: HesaiModel, options: DecoderOptions) -> tuple[Scan, str]:
     else:
         return RotorScan(*model.angles_deg), "nominal"
     if model.has_mirrors:
-        return MirrorScan(parse_corrections(data, name, model.channels)), source
+        return parse_corrections(data, name, model.channels), source
     return RotorScan(*parse_angles(data, name, model.channels)), source
+
+
+def parse_angles(data: bytes, name: str, channels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return elevation and azimuth offset of each channel, shape (channels,), in degrees, from a correction file.
+
+    It has lines of ``Laser id,Elevation,Azimuth`` in degrees, with channels numbered from 1; errors contain its name.
+    `InputError` if it is another file, or does not list exactly these channels.
+    """
+    try:
+        lines = data.decode("utf-8-sig").splitlines()
+        rows = [row for row in csv.reader(lines) if row and row[0].strip().isdecimal()]
+        angles = {int(row[0]): (float(row[1]), float(row[2])) for row in rows}
+    except (UnicodeDecodeError, ValueError, IndexError, csv.Error) as error:
+        raise InputError(_NOT_ANGLES.format(name, error)) from error
+    if sorted(angles) != list(range(1, channels + 1)) or not np.isfinite(list(angles.values())).all():
+        raise InputError(
+            f"{name}: expected finite angles of channels 1 to {channels}, got {count(len(angles), 'channel')}"
+        )
+    table = np.array([angles[channel] for channel in sorted(angles)])
+    return table[:, 0], table[:, 1]
+
+
+def parse_corrections(data: bytes, name: str, channels: int) -> "MirrorScan":
+    """Return the scan of a binary angle correction file, version 1.5; a prefix, as in a message, is skipped.
+
+    Errors contain its name. `InputError` if it is another file, of another sensor, or damaged.
+    """
+    data = data[max(data.find(_MARK), 0) :]
+    if len(data) < _HEADER_BYTES or not data.startswith(_MARK):
+        raise InputError(f"{name}: not a binary angle correction file of Hesai (.dat or .bin)")
+    if data[_VERSION] != _KNOWN_VERSION:
+        raise InputError(f"{name}: angle corrections of version {data[2]}.{data[_VERSION]} are not supported, only 1.5")
+    found, mirrors, unit = data[4], data[5], data[_HEADER_BYTES - 1]
+    if found != channels or mirrors not in _MIRRORS or not unit:
+        raise InputError(
+            f"{name}: expected angles of {count(channels, 'channel')} and at least two mirrors, "
+            f"got {count(found, 'channel')} and {count(mirrors, 'mirror')}"
+        )
+    end = _HEADER_BYTES + 8 * mirrors + (8 + 2 * _NODES) * channels
+    if sha256(data[:end]).digest() != data[end : end + _HASH_BYTES]:
+        raise InputError(f"{name}: the angle corrections are damaged (wrong SHA-256); read them from the sensor again")
+    starts = np.frombuffer(data, "<u4", mirrors, _HEADER_BYTES).astype(np.int64)
+    angles = np.frombuffer(data, "<i4", 2 * channels, _HEADER_BYTES + 8 * mirrors).astype(np.int64)
+    offsets = np.frombuffer(data, "i1", 2 * channels * _NODES, end - 2 * channels * _NODES).astype(np.int64)
+    positions = np.sort(unit * starts % (360 * _DEGREE))
+    return MirrorScan(positions, unit * angles.reshape(2, channels), unit * offsets.reshape(2, channels, _NODES))

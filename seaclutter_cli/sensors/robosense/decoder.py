@@ -1,7 +1,6 @@
 """Decoder for RoboSense's rotating lidars."""
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,30 +8,22 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
-from seaclutter_cli.sensors.packets import DAY_NS, EXPERIMENTAL, DecoderOptions, PacketFrame, Packets
-from seaclutter_cli.sensors.robosense.device import Device, assumed_device, file_angles, read_device
-from seaclutter_cli.sensors.robosense.identity import find_model
-from seaclutter_cli.sensors.robosense.models import (
-    CHECKED,
-    CLASSIC_ID,
-    DATA_BYTES,
-    HELIOS_ID,
-    INFO_BYTES,
-    RobosenseModel,
+from seaclutter_cli.sensors.packets import (
+    DAY_NS,
+    EXPERIMENTAL,
+    DecoderOptions,
+    LossCounter,
+    PacketFrame,
+    Packets,
+    SensorClock,
 )
-from seaclutter_cli.sensors.robosense.packets import INFO_ID, data_packets, header_times, temperature_degc
-from seaclutter_cli.sensors.robosense.points import (
-    Geometry,
-    RobosenseLosses,
-    block_dtype,
-    second_returns,
-    steps,
-    valid_blocks,
-)
+from seaclutter_cli.sensors.robosense.device import Device, find_device, find_model
+from seaclutter_cli.sensors.robosense.models import CHECKED, CLASSIC_ID, DATA_BYTES, HELIOS_ID, INFO_BYTES
+from seaclutter_cli.sensors.robosense.packets import INFO_ID, Angles, data_packets, header_times
+from seaclutter_cli.sensors.robosense.points import BLIND, Geometry, block_dtype, second_returns, steps, valid_blocks
 
 _TOLERANCE = 100
 _MAX_WAITING = 512
-_ANGLES_HINT = "pass the angles with --calibration FILE (one line 'elevation,azimuth offset' in degrees per laser)"
 
 
 class RoboSense:
@@ -70,10 +61,9 @@ class RoboSense:
         if not len(data):
             raise InputError("RoboSense: no data packets, only device information")
         warnings: list[str] = []
-        angles_hint = "" if len(info) or options.calibration else f", and {_ANGLES_HINT}"
-        model = find_model(data[0], info, options.model, warnings, angles_hint)
-        device = _find_device(model, data, info, options, warnings)
-        return RoboSenseDecoder(device, warnings, Packets(packets.times_ns[is_data], data))
+        model = find_model(data[0], info, options, warnings)
+        device, angles = find_device(model, data, info, options, warnings)
+        return RoboSenseDecoder(device, angles, warnings, Packets(packets.times_ns[is_data], data))
 
 
 def _are(payloads: NDArray[np.uint8], begin: bytes, lengths: Collection[int]) -> NDArray[np.bool_]:
@@ -83,39 +73,6 @@ def _are(payloads: NDArray[np.uint8], begin: bytes, lengths: Collection[int]) ->
         return np.zeros(len(payloads), np.bool_)
     begins: NDArray[np.bool_] = (payloads[:, : len(wanted)] == wanted).all(axis=1)
     return begins
-
-
-def _find_device(
-    model: RobosenseModel,
-    data: NDArray[np.uint8],
-    info: NDArray[np.uint8],
-    options: DecoderOptions,
-    warnings: list[str],
-) -> Device:
-    devices = [read_device(model, packet) for packet in info]
-    device = next((device for device in devices if device.angles), devices[0] if devices else None)
-    if options.calibration is None and (device is None or device.angles is None):
-        problem = "the device information (DIFOP) contains no angles" if devices else "no device information (DIFOP)"
-        raise InputError(f"{model.name}: {problem}: {_ANGLES_HINT}")
-    if device is None:
-        warnings.append(
-            "no device information (DIFOP): rotation rate and return mode are inferred, the distance unit is assumed"
-        )
-        azimuth = data_packets(model, data)["blocks"]["azimuth"].astype(np.int64)
-        device = assumed_device(model, azimuth)
-    intensity = device.details.get("intensity", "")
-    if intensity.startswith(("raw", "unknown")):
-        warnings.append(f"intensity is {intensity}: thresholds for calibrated intensity do not apply")
-    if device.model.unit_m > model.unit_m:
-        warnings.append("old firmware: the distance unit is 1 cm")
-    if (at := model.format.mode_at) is not None:
-        dual = int(data[0, at]) in model.format.dual_modes
-        details = {**device.details, "return mode": "dual" if dual else "single"}
-        device = replace(device, dual=dual, details=details)
-    if options.calibration is None:
-        return device
-    angles = file_angles(model, options.calibration)
-    return replace(device, angles=angles, details={**device.details, "angles": str(options.calibration)})
 
 
 class RoboSenseDecoder:
@@ -128,24 +85,19 @@ class RoboSenseDecoder:
     of them costs as much as their points.
     """
 
-    def __init__(self, device: Device, warnings: list[str], sample: Packets) -> None:
-        if device.angles is None:
-            raise InputError(f"{device.model.name}: the laser angles are unknown")
+    def __init__(self, device: Device, angles: Angles, warnings: list[str], sample: Packets) -> None:
         self._device = device
-        self._geometry = Geometry(device, device.angles)
+        self._geometry = Geometry(device, angles)
         self._is_utc = device.model.format.is_utc
-        self._clock, self._losses = _Clock(device.model.packet_ns), RobosenseLosses(device)
+        self._clock, self._losses = SensorClock(), LossCounter()
         self._parts: list[NDArray[np.void]] = []
         self._waiting: list[tuple[NDArray[np.uint8], NDArray[np.int64]]] = []
         self._azimuth = self._last_azimuth = -1
+        self._gaps_ns = 0
         self._is_first = True
         self.facts = SensorFacts(device.model.name, dict(device.details), warnings=warnings)
-        packets = data_packets(device.model, sample.payloads)
-        header_ns = header_times(packets, is_utc=self._is_utc)
-        wrong = bool(_wrong_times(header_ns, sample.times_ns).mean() > 0.5)
-        raw, big_endian = packets["temperature"][0].tolist(), device.model.format.temperature_big_endian
-        temperature = temperature_degc(*raw, big_endian=big_endian)
-        self.facts.details["temperature"] = f"{temperature:.1f} °C at the start"
+        header_ns = header_times(data_packets(device.model, sample.payloads), is_utc=self._is_utc)
+        wrong = bool((abs(header_ns - sample.times_ns) > DAY_NS).mean() > 0.5)
         self.facts.details["clock"] = "sensor time, shifted to the recording time" if wrong else "sensor time (UTC)"
         self.facts.details |= EXPERIMENTAL if device.model.name not in CHECKED else {}
         if wrong:
@@ -215,18 +167,30 @@ class RoboSenseDecoder:
         used = azimuth[valid]
         revolution = np.cumsum(np.diff(used, prepend=self._azimuth) < 0, dtype=np.int64)
         second = second_returns(azimuth, self._device, self._azimuth)
-        self._azimuth = int(used[-1])
         header_ns = header_times(packets, is_utc=self._is_utc)
-        before = np.cumsum(valid.sum(axis=1)) - valid.sum(axis=1)
-        first = revolution[np.minimum(before, len(revolution) - 1)]
-        times_ns = self._clock.times(header_ns, record_ns, first)[:, None] + after_ns
-        self._losses.add(header_ns, after_ns, azimuth)
-        self.facts.lost_packets = self._losses.packets
+        times_ns = header_ns + self._clock.shifts(header_ns, record_ns - self._device.model.packet_ns)
+        self._count_lost(header_ns, azimuth)
+        self._azimuth = int(used[-1])
         blocks = np.empty(len(used), block_dtype(self._device.model))
-        for name, values in (("step", step), ("times_ns", times_ns), ("second", second), ("channels", raw["channels"])):
+        for name, values in (
+            ("step", step),
+            ("times_ns", times_ns[:, None] + after_ns),
+            ("second", second),
+            ("channels", raw["channels"]),
+        ):
             blocks[name] = values[valid]
         blocks["azimuth"] = used
         return blocks, revolution
+
+    def _count_lost(self, times_ns: NDArray[np.int64], azimuth: NDArray[np.int64]) -> None:
+        """Count lost packets by the times of packets, shape (P,), without those in the blind sector."""
+        device, flat = self._device, azimuth.ravel()
+        is_gap = np.diff(flat, prepend=flat[0] if self._azimuth < 0 else self._azimuth) % 36000 > BLIND
+        gaps_ns = self._gaps_ns + np.cumsum(is_gap * (device.gap_ns - device.step_ns))
+        self._gaps_ns = int(gaps_ns[-1])
+        period_ns = device.step_ns * azimuth.shape[1] / (2 if device.paired else 1)
+        self._losses.add(times_ns - gaps_ns[:: azimuth.shape[1]], period_ns)
+        self.facts.lost_packets = self._losses.lost
 
     def _frame(self, *, is_last: bool = False) -> PacketFrame:
         """Return the points of the collected blocks; only the first and the last revolution can be partial."""
@@ -239,42 +203,3 @@ class RoboSenseDecoder:
         self._is_first = False
         stamp_ns = int(blocks["times_ns"][-1]) + self._geometry.last_ns
         return PacketFrame(self._geometry.points(blocks), stamp_ns, partial=late or early)
-
-
-def _wrong_times(header_ns: NDArray[np.int64], record_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which sensor times differ from known recording times by more than a day."""
-    off: NDArray[np.bool_] = (np.abs(header_ns - record_ns) > DAY_NS) & (record_ns != 0)
-    return off
-
-
-class _Clock:
-    """Converter from sensor time to Unix time; ``packet_ns`` is the time from the first firing of a packet to its end.
-
-    If the sensor clock is wrong, only the time since the start of a revolution is used, so that drift does not add up.
-    """
-
-    def __init__(self, packet_ns: int) -> None:
-        self._packet_ns = packet_ns
-        self._shift_ns: int | None = None
-
-    def times(
-        self, header_ns: NDArray[np.int64], record_ns: NDArray[np.int64], revolution: NDArray[np.int64]
-    ) -> NDArray[np.int64]:
-        """Return when the first laser of each packet fired, in nanoseconds of Unix time, all arrays of shape (P,).
-
-        Recording times that are unknown are 0. Revolutions are those of the packets' first blocks, ascending; 0 is the
-        current one.
-        """
-        sent_ns = record_ns - self._packet_ns
-        wrong = _wrong_times(header_ns, record_ns)
-        if not wrong.any():
-            self._shift_ns = None
-            return header_ns
-        revolutions, first, inverse = np.unique(revolution[wrong], return_index=True, return_inverse=True)
-        shifts = (sent_ns - header_ns)[wrong][first]
-        if revolutions[0] == 0 and self._shift_ns is not None:
-            shifts[0] = self._shift_ns
-        self._shift_ns = int(shifts[-1]) if revolutions[-1] == revolution[-1] else None
-        times = header_ns.copy()
-        times[wrong] += shifts[inverse]
-        return np.where(_wrong_times(times, record_ns), sent_ns, times)

@@ -1,20 +1,31 @@
-"""Device information packets (DIFOP) of RoboSense sensors: settings, and the angles of lasers, also from a file."""
+"""A RoboSense sensor, as far as its packets show it: model, settings, and angles of its lasers, also from a file."""
 
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.sensors.packets import read_calibration
-from seaclutter_cli.sensors.robosense.models import RUBY, RobosenseModel, with_old_firmware
+from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
+from seaclutter_cli.sensors.packets import DecoderOptions, read_calibration
+from seaclutter_cli.sensors.robosense.models import (
+    AIRY,
+    AIRY_BY_MOUNTING,
+    BPEARL_4,
+    CLASSIC_ID,
+    INFO_BYTES,
+    MODELS,
+    RUBY,
+    RUBY_PLUS_80V,
+    RobosenseModel,
+    with_old_firmware,
+)
+from seaclutter_cli.sensors.robosense.packets import ANGLE_LIMIT, VERTICAL_AT, Angles, data_packets, make_angles
 
-VERTICAL_AT = 468
-"""Offset of the vertical angles in device information."""
-_MIN_ANGLE, _ANGLE_LIMIT = -9000, 18000
-_SIXTEEN = 16
+_ANGLES_HINT = "pass the angles with --calibration FILE (one line 'elevation,azimuth offset' in degrees per laser)"
 _CLASSIC = ("RS-LiDAR-32", "RS-LiDAR-16")
 """Models that state how their intensities are calibrated, and of which there is old firmware."""
 _OLD_VERSIONS = {bytes.fromhex(text) for text in ("000000", "ffffff", "55aa5a", "e90100")}
@@ -22,36 +33,105 @@ _TWO_RETURNS_SINCE = bytes((8, 2, 9))
 _MODES = {1: "strongest", 2: "last", 4: "strongest", 5: "last", 6: "nearest"}
 _INTENSITY = {0xC1: "calibrated by the sensor (mode 3)", 0xB1: "raw (mode 2)"}
 _INTENSITY |= dict.fromkeys((0x00, 0xFF, 0xA1), "raw (mode 1)")
+_SHARED = ("RS-LiDAR-32", "RS-LiDAR-16", "RS-Bpearl")
+_HELIOS = ("RS-Helios", "RS-Helios-16P")
+_RUBIES = (
+    ("RS-Ruby", "RS-Ruby-Plus"),
+    ("RS-Ruby-80", "RS-Ruby-Plus-80"),
+    ("RS-Ruby-48", "RS-Ruby-Plus-48"),
+)
+_BPEARL_4_TYPE, _80V_MODEL = (3, 4), 3
+_AIRY_48, _AIRY_192, _AIRY_MOUNTING_AT = 1, 3, 289
 
 
-@dataclass(frozen=True)
-class Angles:
-    """Elevation and azimuth offset of each channel of a block, shape (C,), in hundredths of a degree."""
+def find_model(
+    data: NDArray[np.uint8], info: NDArray[np.uint8], options: DecoderOptions, warnings: list[str]
+) -> RobosenseModel:
+    """Return the model of a sensor that sent a data packet, shape (L,), and device information, shape (I, 1248).
 
-    vertical: NDArray[np.int64]
-    horizontal: NDArray[np.int64]
-
-    @property
-    def rings(self) -> NDArray[np.uint16]:
-        """Ring of each channel, shape (C,): the number of lasers with a lower elevation."""
-        first, second = np.split(self.vertical, 2)
-        lasers = first if np.array_equal(first, second) else self.vertical
-        return np.searchsorted(np.sort(lasers), self.vertical).astype(np.uint16)
-
-
-def make_angles(vertical: NDArray[np.int64], horizontal: NDArray[np.int64]) -> Angles | None:
-    """Return the angles of all channels of a block from those of its lasers; None if an angle is out of range.
-
-    The channels of 16 lasers repeat.
+    There is a warning if the user names a model and the device information is of another one. `InputError` if the
+    packets do not identify the model, or are of another or an unsupported one.
     """
-    both = np.stack([vertical, horizontal])
-    if ((both < _MIN_ANGLE) | (both >= _ANGLE_LIMIT)).any():
+    if name := name_unsupported(data):
+        raise InputError(f"packets of a {name} are not supported; {ADVICE}")
+    wanted, allowed = options.model, _possible(data)
+    guessed = _guess(allowed, info)
+    if wanted is None and guessed is None:
+        names = f"{', '.join(allowed[:-1])} and {allowed[-1]}"
+        hint = "" if len(info) or options.calibration else f", and {_ANGLES_HINT}"
+        raise InputError(f"RoboSense: {names} share a packet format: select one with --sensor{hint}")
+    if wanted is None or wanted not in allowed:
+        if wanted in MODELS or guessed is None:
+            raise InputError(f"RoboSense: the packets are from {' or '.join(allowed)}, not from {wanted}")
+        return _version(MODELS[guessed], data, info)
+    if guessed not in (None, wanted):
+        warnings.append(f"the device information is from {guessed}, but the packets are decoded as {wanted}")
+    return _version(MODELS[wanted], data, info)
+
+
+def _possible(data: NDArray[np.uint8]) -> Sequence[str]:
+    """Return the models that share the format of a data packet."""
+    if data[:4].tobytes() == CLASSIC_ID:
+        return _SHARED
+    if len(data) != INFO_BYTES:
+        return _RUBIES[-1]
+    if _is_airy(data):
+        return ("RS-Airy-48" if data[32] == _AIRY_48 else "RS-Airy",)
+    for names in _RUBIES:
+        model = MODELS[names[0]]
+        ids = data[RUBY.begin :: 4 + 3 * model.channels][: model.blocks]
+        if (ids == RUBY.block_id[1] >> 8).all():
+            return names
+    return _HELIOS
+
+
+def _guess(allowed: Sequence[str], info: NDArray[np.uint8]) -> str | None:
+    """Return the model that device information shows; None if it does not."""
+    if allowed == _SHARED:
+        return next((name for packet in info if (name := _guess_classic(packet))), None)
+    if allowed == _HELIOS:
+        return _guess_helios(info[0]) if len(info) else "RS-Helios"
+    return allowed[0] if len(allowed) == 1 else None
+
+
+def _is_airy(data: NDArray[np.uint8]) -> bool:
+    """Return whether a packet has eight blocks of 48 channels, of which each begins with FF EE."""
+    return bool((data[AIRY.begin : AIRY.begin + 1184].reshape(8, 148)[:, :2] == (0xFF, 0xEE)).all())
+
+
+def _version(model: RobosenseModel, data: NDArray[np.uint8], info: NDArray[np.uint8]) -> RobosenseModel:
+    """Return the version of a model that sent a data packet and device information."""
+    if model.name == "RS-Airy":
+        if data[32] == _AIRY_192:
+            raise InputError(f"packets of a RoboSense RS-Airy with 192 lasers are not supported; {ADVICE}")
+        return AIRY_BY_MOUNTING.get(int(info[0, _AIRY_MOUNTING_AT]), model) if len(info) else model
+    if model.name == BPEARL_4.name and tuple(data[31:33].tolist()) == _BPEARL_4_TYPE:
+        return BPEARL_4
+    return RUBY_PLUS_80V if model.name == RUBY_PLUS_80V.name and data[31] == _80V_MODEL else model
+
+
+def _guess_classic(packet: NDArray[np.uint8]) -> str | None:
+    """Return the classic model that sent a device information packet; None if its tables do not identify it."""
+    of_32 = _is_used(packet[468:564])
+    of_16 = _is_used(packet[1165:1213])
+    if of_32 == of_16:
         return None
-    vertical, horizontal = np.tile(both, 2 if both.shape[1] == _SIXTEEN else 1)
-    return Angles(vertical, horizontal)
+    if of_16:
+        return "RS-LiDAR-16"
+    # All lasers of an RS-Bpearl look up, half of those of an RS-LiDAR-32 look down.
+    return "RS-LiDAR-32" if packet[468:564:3].any() else "RS-Bpearl"
 
 
-def _packet_angles(model: RobosenseModel, packet: NDArray[np.uint8]) -> Angles | None:
+def _guess_helios(packet: NDArray[np.uint8]) -> str:
+    """Return the RS-Helios that sent a device information packet: one with 16 lasers lacks the angles of others."""
+    return "RS-Helios-16P" if _is_used(packet[468:516]) and not _is_used(packet[516:564]) else "RS-Helios"
+
+
+def _is_used(table: NDArray[np.uint8]) -> bool:
+    return bool(((table != 0) & (table != 0xFF)).any())
+
+
+def packet_angles(model: RobosenseModel, packet: NDArray[np.uint8]) -> Angles | None:
     """Return the angles in a device information packet, shape (1248,); None if they are not programmed."""
     if model.name != "RS-LiDAR-16":
         begins, size = (VERTICAL_AT, model.format.horizontal_at), 3 * model.lasers
@@ -70,7 +150,7 @@ def _packet_angles(model: RobosenseModel, packet: NDArray[np.uint8]) -> Angles |
     return make_angles(np.where(np.arange(16) < 8, -sizes, sizes), np.zeros(16, np.int64))
 
 
-def file_angles(model: RobosenseModel, path: Path) -> Angles:
+def _file_angles(model: RobosenseModel, path: Path) -> Angles:
     """Return the angles in a file that RoboSense ships with a unit; `InputError` if it is not such a file.
 
     It has one line per laser: its elevation and, after a comma, its azimuth offset, in degrees.
@@ -80,7 +160,7 @@ def file_angles(model: RobosenseModel, path: Path) -> Angles:
     if len(rows) != model.lasers:
         raise InputError(f"{path}: expected {model.lasers} lines of angles for the {model.name}, got {len(rows)}")
     table = np.array([[*row, 0.0][:2] for row in rows])
-    hundredths = np.where(np.isfinite(table), np.rint(np.clip(table, -1000, 1000) * 100), _ANGLE_LIMIT).astype(np.int64)
+    hundredths = np.where(np.isfinite(table), np.rint(np.clip(table, -1000, 1000) * 100), ANGLE_LIMIT).astype(np.int64)
     angles = make_angles(*hundredths.T)
     if angles is None:
         raise InputError(f"{path}: angles must be between -90 and 180 degrees")
@@ -98,13 +178,11 @@ def _numbers(line: str) -> list[float]:
 class Device:
     """A sensor and its settings.
 
-    The model has the units of its firmware; angles are None if they are not programmed. ``fov`` is the start and the
-    end of the field of view in hundredths of a degree, ``details`` are facts for display. If it is reversed, azimuths
-    grow anticlockwise.
+    The model has the units of its firmware. ``fov`` is the start and the end of the field of view in hundredths of a
+    degree, ``details`` are facts for display. If it is reversed, azimuths grow anticlockwise.
     """
 
     model: RobosenseModel
-    angles: Angles | None
     dual: bool
     rotation_hz: int
     fov: tuple[int, int]
@@ -135,11 +213,47 @@ class Device:
         return round((36000 - seen) / (36000 * self.rotation_hz) * 10**9)
 
 
-def read_device(model: RobosenseModel, packet: NDArray[np.uint8]) -> Device:
+def find_device(
+    model: RobosenseModel,
+    data: NDArray[np.uint8],
+    info: NDArray[np.uint8],
+    options: DecoderOptions,
+    warnings: list[str],
+) -> tuple[Device, Angles]:
+    """Return a sensor and its angles, from data packets, shape (P, L), and device information, shape (I, 1248).
+
+    `InputError` if the angles are unknown.
+    """
+    tables = [packet_angles(model, packet) for packet in info]
+    place = next((number for number, table in enumerate(tables) if table), 0)
+    angles = _file_angles(model, options.calibration) if options.calibration else tables[place] if tables else None
+    if angles is None:
+        problem = "the device information (DIFOP) contains no angles" if tables else "no device information (DIFOP)"
+        raise InputError(f"{model.name}: {problem}: {_ANGLES_HINT}")
+    if tables:
+        device = _read_device(model, info[place])
+    else:
+        warnings.append(
+            "no device information (DIFOP): rotation rate and return mode are inferred, the distance unit is assumed"
+        )
+        device = _assumed_device(model, data_packets(model, data)["blocks"]["azimuth"].astype(np.int64))
+    intensity = device.details.get("intensity", "")
+    if intensity.startswith(("raw", "unknown")):
+        warnings.append(f"intensity is {intensity}: thresholds for calibrated intensity do not apply")
+    if device.model.unit_m > model.unit_m:
+        warnings.append("old firmware: the distance unit is 1 cm")
+    if (at := model.format.mode_at) is not None:
+        device = replace(device, dual=int(data[0, at]) in model.format.dual_modes)
+        device.details["return mode"] = "dual" if device.dual else "single"
+    if options.calibration:
+        device.details["angles"] = str(options.calibration)
+    return device, angles
+
+
+def _read_device(model: RobosenseModel, packet: NDArray[np.uint8]) -> Device:
     """Return the sensor described by a device information packet, shape (1248,)."""
     is_classic = model.name in _CLASSIC
     old = is_classic and packet[41:44].tobytes() in _OLD_VERSIONS
-    angles = _packet_angles(model, packet)
     rpm, start, end = (int(packet[offset]) << 8 | int(packet[offset + 1]) for offset in (8, 32, 34))
     mode = int(packet[300])
     dual = mode in model.format.dual_modes and not (old and packet[45:48].tobytes() < _TWO_RETURNS_SINCE)
@@ -154,7 +268,7 @@ def read_device(model: RobosenseModel, packet: NDArray[np.uint8]) -> Device:
     if is_classic:
         details["intensity"] = _INTENSITY.get(int(packet[291]), f"unknown (mode byte {packet[291]:#04x})")
     is_reversed = model.name == "RS-Bpearl" and packet[337] != 0
-    return Device(used, angles, dual, rpm // 60 or 10, (start, end), details, bool(is_reversed))
+    return Device(used, dual, rpm // 60 or 10, (start, end), details, bool(is_reversed))
 
 
 def _name(mode: int, model: RobosenseModel) -> str:
@@ -163,7 +277,7 @@ def _name(mode: int, model: RobosenseModel) -> str:
     return known.get(mode, f"mode {mode}")
 
 
-def assumed_device(model: RobosenseModel, azimuth: NDArray[np.int64]) -> Device:
+def _assumed_device(model: RobosenseModel, azimuth: NDArray[np.int64]) -> Device:
     """Return a sensor inferred from block azimuths, shape (P, B), without device information."""
     steps = np.diff(azimuth, axis=1) % 36000
     if model.lasers == model.channels:
@@ -178,7 +292,7 @@ def assumed_device(model: RobosenseModel, azimuth: NDArray[np.int64]) -> Device:
         "return mode": "dual (inferred)" if dual else "single (inferred)",
         "distance unit": f"{model.unit_m * 1000:g} mm (assumed)",
     }
-    return Device(model, None, dual, rotation_hz or 10, (0, 36000), details)
+    return Device(model, dual, rotation_hz or 10, (0, 36000), details)
 
 
 def _rotation_hz(steps: NDArray[np.int64], step_ns: int) -> int:

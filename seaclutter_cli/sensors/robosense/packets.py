@@ -8,9 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.sensors.packets import unix_seconds, view_packets
-from seaclutter_cli.sensors.robosense.device import VERTICAL_AT, Angles
 from seaclutter_cli.sensors.robosense.models import CLASSIC_ID, INFO_BYTES, RobosenseModel
 
+VERTICAL_AT = 468
+"""Offset of the vertical angles in device information."""
+_MIN_ANGLE, ANGLE_LIMIT = -9000, 18000
+_SIXTEEN = 16
 _HALF_HEADER = 4
 _MAX_S = 9_000_000_000
 DATA_PORT, INFO_PORT = 6699, 7788
@@ -48,9 +51,9 @@ def data_layout(model: RobosenseModel) -> np.dtype[Any]:
     time = HELIOS_TIME if layout.is_utc else CLASSIC_TIME
     return np.dtype(
         {
-            "names": ["id", "time", "temperature", "blocks"],
-            "formats": ["S8", time, ("u1", (2,)), (block, (model.blocks,))],
-            "offsets": [0, layout.time_at, layout.temperature_at, layout.begin],
+            "names": ["id", "time", "blocks"],
+            "formats": ["S8", time, (block, (model.blocks,))],
+            "offsets": [0, layout.time_at, layout.begin],
             "itemsize": model.packet_bytes,
         }
     )
@@ -71,16 +74,31 @@ def channels(raw: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(raw).view(CHANNEL).reshape(len(raw), -1)
 
 
-def temperature_degc(first: int, second: int, *, big_endian: bool) -> float:
-    """Return the temperature in two bytes of a data packet, in degrees Celsius: a sign, and sixteenths.
+@dataclass(frozen=True)
+class Angles:
+    """Elevation and azimuth offset of each channel of a block, shape (C,), in hundredths of a degree."""
 
-    Examples
-    --------
-    >>> temperature_degc(0x18, 0x81, big_endian=False), temperature_degc(0x18, 0x81, big_endian=True)
-    (-2.1875, 24.5)
+    vertical: NDArray[np.int64]
+    horizontal: NDArray[np.int64]
+
+    @property
+    def rings(self) -> NDArray[np.uint16]:
+        """Ring of each channel, shape (C,): the number of lasers with a lower elevation."""
+        first, second = np.split(self.vertical, 2)
+        lasers = first if np.array_equal(first, second) else self.vertical
+        return np.searchsorted(np.sort(lasers), self.vertical).astype(np.uint16)
+
+
+def make_angles(vertical: NDArray[np.int64], horizontal: NDArray[np.int64]) -> Angles | None:
+    """Return the angles of all channels of a block from those of its lasers; None if an angle is out of range.
+
+    The channels of 16 lasers repeat.
     """
-    size = (first & 0x7F) << 4 | second >> 4 if big_endian else (second & 0x7F) << 5 | first >> 3
-    return (-size if (first if big_endian else second) & 0x80 else size) / 16
+    both = np.stack([vertical, horizontal])
+    if ((both < _MIN_ANGLE) | (both >= ANGLE_LIMIT)).any():
+        return None
+    vertical, horizontal = np.tile(both, 2 if both.shape[1] == _SIXTEEN else 1)
+    return Angles(vertical, horizontal)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Blocks of RoboSense data packets: validity, firing times, rotation, lost packets, and conversion to points.
+"""Blocks of RoboSense data packets: validity, firing times, rotation, and conversion to points.
 
 Points are computed in single precision, in the order of operations of RoboSense's driver.
 """
@@ -10,16 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.sensors.packets import point_dtype
-from seaclutter_cli.sensors.robosense.device import Angles, Device
+from seaclutter_cli.sensors.robosense.device import Device
 from seaclutter_cli.sensors.robosense.models import PacketFormat, RobosenseModel
-from seaclutter_cli.sensors.robosense.packets import channels, data_layout
+from seaclutter_cli.sensors.robosense.packets import Angles, channels, data_layout
 
 _WHOLE = 0xFFFF
 BLIND = 100
 """Azimuth step between blocks, in hundredths of a degree, above which a blind sector separates them."""
 _MIN_AZIMUTH, _MAX_AZIMUTH = -9000, 45000
 _SWAPPED = 0x8000
-_CLOCK_JUMP_NS = 3600 * 10**9
 
 
 @cache
@@ -82,29 +81,6 @@ def second_returns(azimuth: NDArray[np.int64], device: Device, before: int) -> N
         # Pairs extend from one packet into the next.
         return np.asarray(np.diff(azimuth.ravel(), prepend=before) == 0).reshape(azimuth.shape)
     return np.broadcast_to((np.arange(blocks) % 2 == 1) & device.paired, azimuth.shape)
-
-
-class RobosenseLosses:
-    """Counter of lost packets, which keeps the last one; a gap of more than an hour is a clock adjustment."""
-
-    def __init__(self, device: Device) -> None:
-        self._device = device
-        self._period_ns = device.step_ns * device.model.blocks // (2 if device.paired else 1)
-        self._last: tuple[NDArray[np.int64], ...] | None = None
-        self.packets = 0
-
-    def add(self, times_ns: NDArray[np.int64], after_ns: NDArray[np.int64], azimuth: NDArray[np.int64]) -> None:
-        """Add packets in order: sensor times, shape (P,); times of blocks since, and azimuths, shape (P, B)."""
-        columns = (times_ns, after_ns[:, -1] + self._device.step_ns, azimuth[:, 0], azimuth[:, -1])
-        if self._last is not None:
-            columns = tuple(np.concatenate(pair) for pair in zip(self._last, columns, strict=True))  # type: ignore[assignment]
-        self._last = tuple(column[-1:].copy() for column in columns)
-        times_ns, length_ns, first, last = columns
-        excess = np.diff(times_ns) - length_ns[:-1]
-        blind = (first[1:] - last[:-1]) % 36000 > BLIND
-        excess -= np.where(blind, min(self._device.gap_ns, _CLOCK_JUMP_NS), 0)
-        counted = (excess > 0) & (excess < _CLOCK_JUMP_NS)
-        self.packets += int(((excess[counted] + self._period_ns // 2) // self._period_ns).sum())
 
 
 class Geometry:

@@ -15,9 +15,8 @@ from seaclutter_cli.errors import UsageError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Metadata
-from seaclutter_cli.sensors.robosense.device import Angles
 from seaclutter_cli.sensors.robosense.models import BLOCKS, CHANNELS, MODELS
-from seaclutter_cli.sensors.robosense.packets import DATA_PORT, INFO_PORT, Columns, write_data, write_info
+from seaclutter_cli.sensors.robosense.packets import DATA_PORT, INFO_PORT, Angles, Columns, write_data, write_info
 from seaclutter_cli.simulation.lidar.models import LIDARS
 from seaclutter_cli.simulation.marine.render import Renderer, SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import Scene

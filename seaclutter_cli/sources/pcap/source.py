@@ -218,7 +218,7 @@ class _Merge:
         frame, channel = self._waiting[number].popleft(), self._channels[number]
         self._sequence[number] += 1
         stamp_ns = min(max(frame.stamp_ns, 0), _LATEST_NS)  # beyond, the recorded time is damaged
-        cloud = from_array(frame.points, stamp_ns=stamp_ns, height=frame.height)
+        cloud = from_array(frame.points, stamp_ns=stamp_ns)
         return Message(channel, stamp_ns, stamp_ns, self._sequence[number] - 1, CODECS[_TYPE, "cdr"].encode(cloud))
 
 

@@ -148,7 +148,7 @@ class PacketTopics(SourceWrapper):
         channel = stream.topic.clouds
         codec = CODECS[channel.schema.name if channel.schema else "", channel.message_encoding]
         for frame in frames:
-            cloud = from_array(frame.points, stamp_ns=frame.stamp_ns, height=frame.height)
+            cloud = from_array(frame.points, stamp_ns=frame.stamp_ns)
             if stream.frame_id is not None:
                 cloud = replace(cloud, frame_id=stream.frame_id)
             number, stream.frames = stream.frames, stream.frames + 1

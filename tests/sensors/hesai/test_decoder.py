@@ -14,8 +14,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Message
-from seaclutter_cli.sensors.hesai.angles import parse_angles
 from seaclutter_cli.sensors.hesai.decoder import Hesai
+from seaclutter_cli.sensors.hesai.scans import parse_angles
 from seaclutter_cli.sensors.packets import DecoderOptions, Packets
 from seaclutter_cli.sources.rosbag2.db3 import Db3Source
 from tests.paths import shared

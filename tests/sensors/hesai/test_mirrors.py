@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.sensors.hesai.angles import parse_corrections
 from seaclutter_cli.sensors.hesai.decoder import Hesai
+from seaclutter_cli.sensors.hesai.scans import parse_corrections
 from seaclutter_cli.sensors.packets import DecoderOptions, Packets
 from tests.sensors.hesai.mirrors import DUAL, SINGLE, START_NS, correction_file, make_packets, slow_points
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.packets import DecoderOptions, Packets
 from seaclutter_cli.sensors.robosense.decoder import RoboSense
-from seaclutter_cli.sensors.robosense.device import make_angles, read_device
+from seaclutter_cli.sensors.robosense.device import find_device, packet_angles
 from seaclutter_cli.sensors.robosense.models import BPEARL_4, MODELS, with_old_firmware
-from seaclutter_cli.sensors.robosense.packets import Columns
+from seaclutter_cli.sensors.robosense.packets import Columns, make_angles
 from seaclutter_cli.sensors.robosense.points import steps
 from tests.sensors.robosense.packets import write_data, write_info
 from tests.sensors.robosense.reference import Reference
@@ -266,15 +266,13 @@ def test_values_of_the_vendors_own_tests():
     info[468:474] = 1, 0x28, 0x29, 0, 0x09, 0x1D
     columns = columns_of(model, np.r_[1, 21, 51, np.full(9, 51)])
     payload = write_data(model, columns)[0]
-    payload[38:40] = 0x18, 0x01
     payload[46:49] = 0x03, 0xE8, 7
-    decoder, (frame,) = decode(payload[None], columns.times_ns, info)
+    _, (frame,) = decode(payload[None], columns.times_ns, info)
     first = frame.points[0]
     assert first["z"] == np.float32(5.0) * np.float32(np.sin(np.radians(-10.28)))
     assert first["intensity"] == 7
-    assert decoder.facts.details["temperature"] == "2.2 °C at the start"
-    device = read_device(model, info)
-    assert list(device.angles.vertical[:2]) == [-1028, 233]
+    assert list(packet_angles(model, info).vertical[:2]) == [-1028, 233]
+    device, _ = find_device(model, payload[None], info[None], DecoderOptions(), [])
     step, _ = steps(np.array([[1, 21, 51, *[76] * 9]]), replace(device, rotation_hz=12))
     assert list(step[0, :3]) == [20, 30, 25]
 

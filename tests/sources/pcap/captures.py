@@ -5,9 +5,8 @@ import struct
 
 import numpy as np
 
-from seaclutter_cli.sensors.robosense.device import make_angles
 from seaclutter_cli.sensors.robosense.models import MODELS
-from seaclutter_cli.sensors.robosense.packets import Columns, write_data, write_info
+from seaclutter_cli.sensors.robosense.packets import Columns, make_angles, write_data, write_info
 
 START_NS = 1_760_000_000 * 10**9
 MODEL = MODELS["RS-LiDAR-32"]

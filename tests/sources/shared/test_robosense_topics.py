@@ -89,9 +89,8 @@ def test_ros_2_scans_of_older_drivers_equal_the_capture(packets, expected, tmp_p
 
 
 def test_two_sensors_have_their_own_device_information(packets, expected, tmp_path):
-    from seaclutter_cli.sensors.robosense.device import make_angles
     from seaclutter_cli.sensors.robosense.models import MODELS
-    from seaclutter_cli.sensors.robosense.packets import write_info
+    from seaclutter_cli.sensors.robosense.packets import make_angles, write_info
 
     other = write_info(MODELS["RS-LiDAR-32"], make_angles(np.arange(32) * 50 - 700, np.zeros(32, int))).tobytes()
     right = [(time_ns, other if payload[:2] == INFO else payload) for time_ns, payload in packets]
