@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple, Self, TextIO
+from typing import NamedTuple, TextIO
 
 import numpy as np
 
@@ -26,7 +26,6 @@ _NONE = "none"
 _DISTINCTIVE = {*_KEYS, "track_id", "class", "length", "width", "height"}
 _HEAD_BYTES = 4096
 _LINE_CHARACTERS = 2**16
-_ROW_LINES = 100
 _WHOLE = re.compile(r"[0-9]{1,19}(\.0*)?", re.ASCII)
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?", re.ASCII)
 _RECENT = 16
@@ -60,7 +59,7 @@ def open_csv(path: Path, options: LabelOptions) -> "CsvLabels":
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = _Lines(file)
+            lines = _lines(file)
             first = next(lines, "")
             names = _names(first)
             key = _check_header(path, names)
@@ -99,33 +98,18 @@ def _check_header(path: Path, names: Sequence[str]) -> str:
     return key
 
 
-class _Lines:
-    """The lines of a file; `csv.Error` if one is long, or if many are in one row."""
-
-    def __init__(self, file: TextIO) -> None:
-        self._file = file
-        self.in_row = 0
-
-    def __iter__(self) -> Self:
-        return self
-
-    def __next__(self) -> str:
-        line = self._file.readline(_LINE_CHARACTERS + 1)
-        self.in_row += 1
+def _lines(file: TextIO) -> Iterator[str]:
+    """Yield the lines of a file; `csv.Error` if one is long."""
+    while line := file.readline(_LINE_CHARACTERS + 1):
         if len(line) > _LINE_CHARACTERS:
             raise csv.Error(f"more than {_LINE_CHARACTERS:,} characters")
-        if self.in_row > _ROW_LINES:
-            raise csv.Error("a quotation mark is not closed")
-        if not line:
-            raise StopIteration
-        return line
+        yield line
 
 
-def _rows(path: Path, names: Sequence[str], key: str, lines: _Lines, delimiter: str) -> Iterator[_Row]:
+def _rows(path: Path, names: Sequence[str], key: str, lines: Iterator[str], delimiter: str) -> Iterator[_Row]:
     line = 1
     try:
         for line, row in enumerate(csv.reader(lines, delimiter=delimiter, strict=True), 2):
-            lines.in_row = 0
             if any(cell.strip() for cell in row):
                 yield _row(names, key, [cell.strip() for cell in row], line)
     except csv.Error as error:

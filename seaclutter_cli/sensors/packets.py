@@ -8,6 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.documents import MAX_JSON_BYTES
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 
@@ -66,11 +67,19 @@ class DecoderOptions:
     recorded: bytes | None = None
     info: NDArray[np.uint8] | None = None
 
+    @property
+    def unit(self) -> tuple[bytes, str] | None:
+        """Calibration of the unit, and the name of its file or what stands for it; None without one."""
+        if self.calibration is not None:
+            return read_calibration(self.calibration), str(self.calibration)
+        return None if self.recorded is None else (self.recorded, "recorded with the packets")
+
 
 def read_calibration(path: Path) -> bytes:
-    """Return the content of a calibration file; `InputError` if it cannot be read."""
+    """Return the content of a calibration file, cut above the limit of its size; `InputError` if it is not readable."""
     try:
-        return path.read_bytes()
+        with path.open("rb") as file:
+            return file.read(MAX_JSON_BYTES + 1)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from error
 

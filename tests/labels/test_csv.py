@@ -207,7 +207,7 @@ def test_targets_without_a_track_are_named_in_linear_time():
         (["1," * 100_000], HEAD, "line 2: more than 65,536 characters"),
         ([row(0), row(1, "t" * 70_000)], HEAD, "line 3: more than 65,536 characters"),
         ([row(0)], HEAD + ",c" * 40_000, "line 1: more than 65,536 characters"),
-        ([row(0), '1,"a', *["b"] * 200], HEAD, "line 3: a quotation mark is not closed"),
+        ([row(0), '1,"a', *["b"] * 200], HEAD, "line 3: unexpected end of data"),
     ],
 )
 def test_lines_and_rows_of_limited_size(tmp_path, lines, header, problem):

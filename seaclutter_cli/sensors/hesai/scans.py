@@ -5,13 +5,14 @@ A scan numbers the frames of firings: of P packets with F firings and C channels
 
 import csv
 from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.hesai.models import HesaiModel
-from seaclutter_cli.sensors.packets import DecoderOptions, read_calibration
+from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.text import count
 
 FULL_CIRCLE = 36_000
@@ -199,20 +200,16 @@ Scan = RotorScan | MirrorScan
 
 def make_scan(model: HesaiModel, options: DecoderOptions) -> tuple[Scan, str]:
     """Return the scan of a sensor, and where its angles are from; `InputError` if they are missing or wrong."""
-    if options.calibration is not None:
-        data, name, source = read_calibration(options.calibration), str(options.calibration), options.calibration.name
-    elif options.recorded is not None:
-        data, name = options.recorded, "recorded with the packets"
-        source = name
-    elif model.has_mirrors:
+    if options.unit is None:
+        if not model.has_mirrors:
+            return RotorScan(*model.angles_deg), "nominal"
         raise InputError(
             f"{model.name}: the angles of the unit are needed; pass its angle correction file (.dat) with --calibration"
         )
-    else:
-        return RotorScan(*model.angles_deg), "nominal"
+    data, name = options.unit
     if model.has_mirrors:
-        return parse_corrections(data, name, model.channels), source
-    return RotorScan(*parse_angles(data, name, model.channels)), source
+        return parse_corrections(data, name, model.channels), Path(name).name
+    return RotorScan(*parse_angles(data, name, model.channels)), Path(name).name
 
 
 def parse_angles(data: bytes, name: str, channels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

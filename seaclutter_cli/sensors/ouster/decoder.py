@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
-from seaclutter_cli.sensors.ouster.metadata import OusterMetadata, parse_metadata, read_metadata
+from seaclutter_cli.sensors.ouster.metadata import OusterMetadata, parse_metadata
 from seaclutter_cli.sensors.ouster.packets import (
     PROFILES,
     FrameIdCheck,
@@ -205,16 +205,12 @@ class Ouster:
 
     def decoder(self, packets: Packets, options: DecoderOptions) -> OusterDecoder:
         """Return a decoder for the sensor that sent these packets; `InputError` without matching metadata."""
-        if options.calibration is not None:
-            name, metadata = str(options.calibration), read_metadata(options.calibration)
-        elif options.recorded is not None:
-            name = "recorded metadata"
-            metadata = parse_metadata(options.recorded, name)
-        else:
+        if options.unit is None:
             raise InputError(
                 "Ouster packets contain no beam angles: pass --calibration METADATA.json, the metadata file recorded "
                 "with them"
             )
+        name, metadata = options.unit[1], parse_metadata(*options.unit)
         if metadata.profile not in PROFILES:
             raise InputError(f"{name}: unsupported profile {metadata.profile}; supported: {', '.join(PROFILES)}")
         length = packet_layout(metadata.profile, len(metadata.altitude_rad), metadata.packet_columns).itemsize

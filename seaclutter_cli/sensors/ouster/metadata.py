@@ -3,13 +3,12 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.documents import MAX_JSON_BYTES, load_json
+from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import InputError
 
 _LEGACY_COLUMNS = 16
@@ -67,16 +66,6 @@ class OusterMetadata:
         rotated = np.tensordot(rotation, direction, 1)
         moved = np.tensordot(rotation, origin, 1) + shift[:, None, None]
         return rotated.astype(np.float32), moved.astype(np.float32)
-
-
-def read_metadata(path: Path) -> OusterMetadata:
-    """Return the metadata in a file; `InputError` if it cannot be read or its metadata is incomplete."""
-    try:
-        with path.open("rb") as file:
-            data = file.read(MAX_JSON_BYTES + 1)
-    except OSError as error:
-        raise InputError(f"{path}: not valid Ouster metadata: {error}") from error
-    return parse_metadata(data, str(path))
 
 
 def parse_metadata(data: bytes, name: str) -> OusterMetadata:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.ouster.decoder import Ouster
-from seaclutter_cli.sensors.ouster.metadata import read_metadata
+from seaclutter_cli.sensors.ouster.metadata import parse_metadata
 from seaclutter_cli.sensors.packets import DecoderOptions, Packets
 from tests.paths import shared
 
@@ -328,14 +328,14 @@ def test_broken_metadata_is_an_error(text, tmp_path):
     path = tmp_path / "broken.json"
     path.write_text(text)
     with pytest.raises(InputError, match="not valid Ouster metadata"):
-        read_metadata(path)
+        parse_metadata(path.read_bytes(), str(path))
 
 
 def test_metadata_of_the_first_firmware_has_no_data_format(tmp_path):
     path = tmp_path / "old.json"
     beams = {"beam_altitude_angles": [1.0] * 64, "beam_azimuth_angles": [0.0] * 64}
     path.write_text(json.dumps({**beams, "lidar_mode": "2048x10", "prod_line": "OS-1-64"}))
-    metadata = read_metadata(path)
+    metadata = parse_metadata(path.read_bytes(), str(path))
     assert (metadata.model, metadata.columns, metadata.profile) == ("OS1-64", 2048, "LEGACY")
 
 
