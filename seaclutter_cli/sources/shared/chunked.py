@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from heapq import heappop, heappush, heapreplace
@@ -26,7 +26,6 @@ MAX_AHEAD_BYTES = 32 * 2**20
 """Maximum bytes that are unpacked ahead of the consumer, except for a single chunk."""
 
 _OBJECT_BYTES = 300
-_SMALL_BYTES = 16 * 2**10
 _WAITING_LEAST, _WAITING_RATIO = 48 * 2**20, 8
 _NEVER = 2**64
 
@@ -63,100 +62,62 @@ def in_time_order(
 ) -> Iterator[Message]:
     """Yield the messages of all chunks in log time order; messages of equal times in file order.
 
-    Parameters
-    ----------
-    chunks : iterable of Chunk
-        In any order.
-    unpack : callable
-        Returns the content of a chunk. Runs in two other threads, at most two chunks ahead.
-    load : callable
-        Returns the messages of a chunk in file order. Its arguments are the chunk, and a function that returns the
-        unpacked content or raises the error of unpacking. Runs in the caller's thread, one chunk after another.
-    most : int, optional
-        Maximum bytes of waiting messages; `MAX_WAITING_BYTES` if not given. Chunks rarely overlap in time with more
-        than their neighbours. Where they do (a file regrouped by topic), messages above it are yielded early.
+    ``unpack`` returns the content of a chunk, in two other threads, at most two chunks ahead. ``load`` returns the
+    messages of a chunk in file order, given a function that returns its content or raises the error of unpacking; one
+    chunk after another in the caller's thread. Chunks rarely overlap in time with more than their neighbours. Where
+    they do (a file regrouped by topic), waiting messages above ``most`` bytes are yielded early.
     """
     most = MAX_WAITING_BYTES if most is None else most
     waiting = _Waiting()
     for chunk, messages in _ahead(sorted(chunks, key=attrgetter("start_ns", "offset")), unpack, load):
         yield from waiting.before(chunk.start_ns)
         waiting.add(chunk, messages)
-        if waiting.size > most:
-            waiting.compact()
         while waiting.size > most:
-            yield waiting.pop(compact=True)
+            yield waiting.pop()
     yield from waiting.before(_NEVER)
 
 
-class _Run:
-    """Waiting messages of a chunk, the next one last; they keep the whole chunk in memory until they are copied."""
-
-    def __init__(self, messages: list[Message]) -> None:
-        self.messages = sorted(messages, key=_log_time)
-        self.messages.reverse()
-        self.size = _bytes_of(messages)
-        data = messages[0].data
-        # A large chunk may contain little besides data that nobody needs.
-        kept = memoryview(data.obj).nbytes if isinstance(data, memoryview) else 0
-        self._loaded = max(self.size, kept if kept > _SMALL_BYTES else 0)
-        if 2 * self.size <= self._loaded:
-            self.compact()
-
-    def compact(self) -> int:
-        """Release the chunk if at most half of its bytes still wait; return the number of freed bytes."""
-        before, waiting = self.size, _bytes_of(self.messages)
-        if 2 * waiting > self._loaded:
-            return 0
-        self.messages = [replace(message, data=bytes(message.data)) for message in self.messages]
-        self.size = self._loaded = waiting
-        return before - waiting
-
-
 class _Waiting:
-    """Waiting messages of several chunks."""
+    """Waiting messages, and their size in memory.
+
+    Views keep the whole chunk in memory, so those that wait when another chunk is added are copied.
+    """
 
     def __init__(self) -> None:
         self.size = 0
-        self._heap: list[tuple[int, int, int, _Run]] = []
+        self._heap: list[tuple[int, int, int, list[Message]]] = []
+        self._newest: list[Message] = []
         self._added = 0
 
     def add(self, chunk: Chunk, messages: list[Message]) -> None:
         """Add the messages of a chunk."""
+        self._newest[:] = [replace(message, data=bytes(message.data)) for message in self._newest]
+        self._newest = sorted(messages, key=_log_time)
+        self._newest.reverse()
         if messages:
-            run = _Run(messages)
-            self.size += run.size
+            self.size += sum(map(_bytes_of, messages))
             self._added += 1
-            heappush(self._heap, (run.messages[-1].log_time_ns, chunk.offset, self._added, run))
+            heappush(self._heap, (self._newest[-1].log_time_ns, chunk.offset, self._added, self._newest))
 
     def before(self, time_ns: int) -> Iterator[Message]:
         """Yield the messages before a time."""
-        heap = self._heap
-        while heap and heap[0][0] < time_ns:
-            messages = heap[0][-1].messages
-            while len(heap) == 1 and len(messages) > 1 and messages[-2].log_time_ns < time_ns:
-                yield messages.pop()  # the usual case: no other chunk waits
+        while self._heap and self._heap[0][0] < time_ns:
             yield self.pop()
 
-    def pop(self, *, compact: bool = False) -> Message:
-        """Return the next message; with ``compact``, release its chunk if it has few waiting messages."""
-        _, offset, number, run = self._heap[0]
-        message = run.messages.pop()
-        if not run.messages:
+    def pop(self) -> Message:
+        """Return the next message."""
+        _, offset, number, messages = self._heap[0]
+        message = messages.pop()
+        self.size -= _bytes_of(message)
+        if messages:
+            heapreplace(self._heap, (messages[-1].log_time_ns, offset, number, messages))
+        else:
             heappop(self._heap)
-            self.size -= run.size
-            return message
-        if compact:
-            self.size -= run.compact()
-        heapreplace(self._heap, (run.messages[-1].log_time_ns, offset, number, run))
         return message
 
-    def compact(self) -> None:
-        """Release the chunks that have few waiting messages."""
-        self.size -= sum(run.compact() for *_, run in self._heap)
 
-
-def _bytes_of(messages: Sequence[Message]) -> int:
-    return sum([len(message.data) for message in messages]) + len(messages) * _OBJECT_BYTES
+def _bytes_of(message: Message) -> int:
+    return len(message.data) + _OBJECT_BYTES
 
 
 def _ahead(
