@@ -5,7 +5,9 @@ A `Source` yields the records of a log. The pipeline decodes the point clouds am
 provide the ground truth of a recording.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -17,94 +19,82 @@ from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message,
 from seaclutter_cli.truth import Truth
 
 
-class Source(Protocol):
-    """A recording: one file, or several files that form one stream."""
+class Source(ABC):
+    """A recording: one file, or several files that form one stream.
+
+    By default it is in ROS 2 format, nothing of it is compressed, latched or skipped, and no file stays open.
+    """
 
     name: str
     """Name of the recording in tables and file names."""
     format: str
     """Format of the recording, for display: ``MCAP``, ``ROS 1 bag``."""
-    profile: str
+    profile = "ros2"
     """MCAP profile of the records: ``ros2``, ``ros1`` or empty."""
-    compression: str | None
+    compression: str | None = None
     """Compression by its MCAP name (``zstd``, ``lz4``, empty for none); None if the recording does not determine it."""
-    damage: list[Damage]
-    """Parts that cannot be read; grows while the records are read."""
-    warnings: list[str]
-    """Warnings for the user about conditions that lose no data."""
+    metadata: Sequence[Metadata] = ()
+    """Metadata records known before reading."""
+    facts: Mapping[str, SensorFacts] = MappingProxyType({})
+    """Facts about the sensor of each cloud topic, from its packets; complete when all records have been read."""
+
+    def __init__(self) -> None:
+        self.damage: list[Damage] = []
+        """Parts that cannot be read; grows while the records are read."""
+        self.warnings: list[str] = []
+        """Warnings for the user about conditions that lose no data."""
 
     @property
-    def metadata(self) -> Sequence[Metadata]:
-        """Metadata records known before reading."""
-        ...
-
-    @property
+    @abstractmethod
     def channels(self) -> Sequence[Channel]:
         """Channels known before reading, including those without messages."""
-        ...
 
     @property
     def counts(self) -> dict[int, int]:
         """Number of messages for each channel id, where known before reading."""
-        ...
+        return {}
 
     @property
-    def facts(self) -> Mapping[str, SensorFacts]:
-        """Facts about the sensor of each cloud topic, from its packets; complete when all records have been read."""
-        ...
-
-    @property
+    @abstractmethod
     def span_ns(self) -> tuple[int, int] | None:
         """Log times of the first and the last message, where known before reading."""
-        ...
 
+    @abstractmethod
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
-        """Yield attachments, metadata, and messages in the order of their log time.
+        """Yield metadata and attachments, then messages in the order of their log time; can be called again.
 
-        Parameters
-        ----------
-        start_ns, end_ns : int, optional
-            Log times. Messages outside ``[start_ns, end_ns)`` may be omitted to save reading them.
-
-        Yields
-        ------
-        Message, Attachment or Metadata
-            The next record. Each call starts again at the first.
+        Messages outside ``[start_ns, end_ns)`` may be omitted to save reading them.
         """
-        ...
 
-    def skipped(self, start_ns: int) -> Mapping[int, int]:
+    def skipped(self, start_ns: int) -> Mapping[int, int]:  # noqa: ARG002 - nothing is omitted
         """Return the number of messages that `records` omits before ``start_ns``, by channel id."""
-        ...
+        return {}
 
-    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
-        """Return the last message before a time of each of some channels, in log time order.
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:  # noqa: ARG002 - nothing is latched
+        """Return the last message before a log time of each of some channels, by their ids, in log time order.
 
-        Parameters
-        ----------
-        channels : collection of int
-            Ids of channels; those of decoded packets have no messages here.
-        before_ns : int
-            Log time.
+        Channels of decoded packets have no messages here.
         """
-        ...
+        return []
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027 - most sources keep nothing open
         """Close files and free other resources."""
-        ...
+
+    def add_damage(self, damage: Damage) -> None:
+        """Add damage that is not known yet: a log may be read more than once."""
+        if damage not in self.damage:
+            self.damage.append(damage)
+
+    def warn(self, *texts: str) -> None:
+        """Add warnings that are not known yet."""
+        self.warnings += [text for text in texts if text not in self.warnings]
 
 
 class CloudCodec(Protocol):
     """Decoder and encoder for point clouds in one message encoding."""
 
     def decode(self, data: Buffer) -> Cloud:
-        """Return a cloud whose points are a view of the message.
-
-        Raises
-        ------
-        CloudError
-            If the message is not a valid point cloud.
-        """
+        """Return a cloud whose points are a view of the message; `CloudError` if it is not a valid point cloud."""
         ...
 
     def encode(self, cloud: Cloud) -> bytes:
@@ -162,23 +152,11 @@ class Labels(Protocol):
     """Ground truth of one recording, independent of the format of its labels."""
 
     def truth(self, frame: Frame) -> Truth | None:
-        """Return the ground truth of a frame; None if the frame is not labelled.
-
-        Raises
-        ------
-        LabelError
-            If the labels do not match the frame.
-        """
+        """Return the ground truth of a frame, None without; `LabelError` if the labels do not match the frame."""
         ...
 
     def finish(self) -> None:
-        """Check, after the last frame, that no label refers to a frame that does not exist.
-
-        Raises
-        ------
-        LabelError
-            If one does.
-        """
+        """Raise `LabelError` if a label refers to a frame that does not exist; called after the last frame."""
         ...
 
 

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.documents import MAX_JSON_BYTES, DocumentError, load_json
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message
 from seaclutter_cli.sources.frame_files.sidecars import Pose, pose_message
-from seaclutter_cli.sources.shared import SourceBase
 
 _SUFFIX = "_detections.json"
 _CLOUD, _POSE = "sensor_msgs/msg/PointCloud2", "geometry_msgs/msg/PoseStamped"
@@ -37,7 +37,7 @@ class _Detections:
     places: NDArray[np.float64]
 
 
-class DetectionSource(SourceBase):
+class DetectionSource(Source):
     """A file of detections, as ROS 2 point clouds on a topic for each sensor, and own ship's positions on ``/pose``.
 
     `InputError` if the file cannot be read, or is not a list of detections.

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from seaclutter_cli.documents import MAX_JSON_BYTES
 from seaclutter_cli.errors import CloudError, InputError, UsageError
+from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.messages.metadata import SIDECAR, from_text
@@ -23,7 +24,6 @@ from seaclutter_cli.sources.frame_files.sidecars import (
     pose_message,
     poses_beside,
 )
-from seaclutter_cli.sources.shared import SourceBase
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
 _LAYOUTS = ("point_clouds", "velodyne", "velodyne_points/data", "lidar", "points", "")
@@ -32,7 +32,7 @@ _MAX_MESSAGE_BYTES = 2**32 - 2**16
 _ANY_TIME = float("inf")
 
 
-class FolderSource(SourceBase):
+class FolderSource(Source):
     """A folder of frames of one format, or a single frame file, as ROS 2 point clouds on ``/points``.
 
     Known layouts are SeePerSea (``point_clouds/*.pcd`` with ``timestamp/*.txt``), KITTI (``velodyne/*.bin`` or
@@ -44,6 +44,8 @@ class FolderSource(SourceBase):
 
     `InputError` if the path contains no frames or frames of several formats, or cannot be read.
     """
+
+    channels: Sequence[Channel] = ()
 
     def __init__(self, path: Path, *, rate_hz: float = 10.0) -> None:
         super().__init__()

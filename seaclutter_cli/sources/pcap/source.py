@@ -9,6 +9,7 @@ import numpy as np
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message, SensorFacts
@@ -18,7 +19,6 @@ from seaclutter_cli.sources.pcap import PCAP_MAGICS, PCAPNG_MAGIC
 from seaclutter_cli.sources.pcap.records import PcapngReader, PcapReader, RecordReader
 from seaclutter_cli.sources.pcap.sensors import CapturedSensor, Kind, SensorSearch, each_kind
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
-from seaclutter_cli.sources.shared import SourceBase
 from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
 from seaclutter_cli.text import count
 
@@ -29,7 +29,7 @@ _SHOWN_FLOWS = 5
 _WINDOW = 4 * 2**20
 
 
-class CaptureSource(SourceBase):
+class CaptureSource(Source):
     """A capture of one or several sensors; each revolution is a ROS 2 point cloud.
 
     One sensor is on ``/points``, several are on ``/points/<address>``, or ``/points/<address>/<port>`` if they share an
@@ -37,12 +37,14 @@ class CaptureSource(SourceBase):
     capture, or none of its packets can be decoded.
     """
 
+    channels: Sequence[Channel] = ()
+    span_ns: tuple[int, int] | None = None
+
     def __init__(self, path: Path, options: DecoderOptions | None = None) -> None:
         super().__init__()
         self.name, self._path = path.stem, path
         self._options = options or DecoderOptions()
         self._file = LogFile(path, _WINDOW)
-        self.span_ns: tuple[int, int] | None = None
         try:
             decoders = self._usable(self._search())
         except BaseException:

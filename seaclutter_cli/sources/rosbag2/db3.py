@@ -9,12 +9,12 @@ from typing import Any
 
 from seaclutter_cli.documents import DocumentError, load_yaml
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.interfaces import Source
 from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.messages.metadata import from_custom_data
 from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record, Schema
 from seaclutter_cli.sources.rosbag2.database import BROKEN, has_table, latest_row, open_database, read_rows
-from seaclutter_cli.sources.shared import SourceBase
 from seaclutter_cli.sources.shared.unpacking import is_large, unpack_file, unpack_message
 
 # Optional columns of topics, and their names in rosbag2's MCAP storage.
@@ -24,7 +24,7 @@ _METADATA = {"offered_qos_profiles": "offered_qos_profiles", "type_description_h
 _COUNT = "SELECT topic_id, count(*) FROM messages"
 
 
-class Db3Source(SourceBase):
+class Db3Source(Source):
     """One sqlite3 storage file of rosbag2.
 
     The file is opened read-only. Messages that are compressed one by one are unpacked; a file that is compressed as a

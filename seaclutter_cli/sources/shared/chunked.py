@@ -1,6 +1,6 @@
 """Reader of logs that store messages in chunks: in time order, ahead of the consumer, in bounded memory."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -10,9 +10,9 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
 
+from seaclutter_cli.interfaces import Source
 from seaclutter_cli.limits import above_in_file, limits
 from seaclutter_cli.records import Damage, Message
-from seaclutter_cli.sources.shared import SourceBase
 from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
 from seaclutter_cli.threads import executor, threads
 
@@ -160,7 +160,7 @@ def in_order(found: Mapping[int, Message]) -> list[Message]:
     return sorted(found.values(), key=lambda message: (message.log_time_ns, message.channel.id))
 
 
-class ChunkedSource(SourceBase, ABC, Generic[C, P]):
+class ChunkedSource(Source, Generic[C, P]):
     """A log in one file whose messages are in chunks; a few unpacked ones are in memory, and numbers about each.
 
     ``P`` is the unpacked content of a chunk.

@@ -17,7 +17,6 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.limits import limits
 from seaclutter_cli.messages import main_clouds
 from seaclutter_cli.records import Channel, Damage, Message, Record
-from seaclutter_cli.sources.shared import SourceBase
 from seaclutter_cli.sources.shared.chunked import in_order, keep_latest
 from seaclutter_cli.sources.shared.unpacking import unpack_file, unpack_message
 from seaclutter_cli.text import count, duration
@@ -34,7 +33,7 @@ NUMBERED = re.compile(r"(.+)_(0|[1-9][0-9]{0,8})(\.mcap|\.db3|\.bag)(\.zstd|\.ac
 """Names of numbered files: the part before the number, the number, and suffixes."""
 
 
-class SplitSource(SourceBase):
+class SplitSource(Source):
     """Several storage files in time order as one `Source`; one file is open at a time.
 
     Equal channels of different files become one channel; different channels get different ids. The name is that of the
