@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from seaclutter_cli.groups import group_starts
 from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
 from seaclutter_cli.sensors.families import PACKET_FAMILIES
-from seaclutter_cli.sensors.packets import Packets, SelfCalibrating, of_other_length
+from seaclutter_cli.sensors.packets import Packets, SelfCalibrating
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
 from seaclutter_cli.sources.shared.log_file import LogFile
+from seaclutter_cli.sources.shared.packet_streams import MAX_CALIBRATIONS, MAX_SAMPLES, Samples, sample_of
 from seaclutter_cli.text import count
 
 _TRIED_AT_ONCE, _TRIED = 4, 256
-_SAMPLES, _CALIBRATIONS = 64, 32
 _MAX_FLOWS = 10_000
 _FEW = 10
 
@@ -27,7 +27,6 @@ Kind = tuple[int, int]
 class Flow:
     """Datagrams with payloads of one length from one port of a sender to one port.
 
-    Samples and calibrations are times and payloads of some data packets and of some calibration packets;
     ``unsupported`` names a sensor that is known, but not decoded.
     """
 
@@ -37,8 +36,7 @@ class Flow:
     length: int
     family: str | None = None
     count: int = 0
-    samples: list[tuple[int, NDArray[np.uint8]]] = field(default_factory=list)
-    calibrations: list[tuple[int, NDArray[np.uint8]]] = field(default_factory=list)
+    samples: Samples = field(default_factory=Samples)
     unsupported: str | None = None
 
     @property
@@ -103,21 +101,18 @@ class SensorSearch:
                 self.flows[kind] = flow
 
     def _sample(self, flow: Flow, datagrams: Datagrams, rows: NDArray[np.int64]) -> None:
-        family = PACKET_FAMILIES[flow.family or ""]
+        family, samples = PACKET_FAMILIES[flow.family or ""], flow.samples
         sensor = (flow.family or "", flow.address)
-        searched = isinstance(family, SelfCalibrating) and (sensor not in self._calibrated or not flow.samples)
-        if len(flow.samples) >= _SAMPLES and not searched:
+        searched = isinstance(family, SelfCalibrating) and (sensor not in self._calibrated or not samples.data)
+        if len(samples.data) >= MAX_SAMPLES and not searched:
             return
-        payloads, times_ns = self._udp.payloads(datagrams, rows), datagrams.times_ns[rows]
-        calibrates = np.zeros(len(rows), np.bool_)
+        packets = Packets(datagrams.times_ns[rows], self._udp.payloads(datagrams, rows))
+        calibrates, usable = np.zeros(len(rows), np.bool_), np.ones(len(rows), np.bool_)
         if isinstance(family, SelfCalibrating):
-            calibrates = family.is_calibration(payloads)
-        _take(flow.calibrations, times_ns[calibrates], payloads[calibrates], _CALIBRATIONS)
-        if isinstance(family, SelfCalibrating):
-            valid = np.array([family.recognises(payload) for payload in payloads[:_SAMPLES]], np.bool_)
-            calibrates[: len(valid)] |= ~valid
-        _take(flow.samples, times_ns[~calibrates], payloads[~calibrates], _SAMPLES)
-        if len(flow.calibrations) >= _CALIBRATIONS:
+            calibrates = family.is_calibration(packets.payloads)
+            usable[:MAX_SAMPLES] = [family.recognises(payload) for payload in packets.payloads[:MAX_SAMPLES]]
+        samples.add(packets, calibrates, usable)
+        if len(samples.calibrations) >= MAX_CALIBRATIONS:
             self._calibrated.add(sensor)
 
     def damaged_flows(self) -> list[Flow]:
@@ -130,13 +125,13 @@ class SensorSearch:
             if flow.family is not None:
                 most[flow.family, flow.length] = max(most[flow.family, flow.length], flow.count)
                 most[flow.ends] = max(most[flow.ends], flow.count)
-        few = [flow for flow in self.flows.values() if flow.count < _FEW and not flow.calibrations]
-        like = [(flow, (flow.family, flow.length) if flow.samples else flow.ends) for flow in few]
+        few = [flow for flow in self.flows.values() if flow.count < _FEW and not flow.samples.calibrations]
+        like = [(flow, (flow.family, flow.length) if flow.samples.data else flow.ends) for flow in few]
         return [flow for flow, key in like if flow.count * 100 < most[key]]
 
     def headless(self, file: LogFile) -> list[tuple[Flow, int]]:
         """Return flows of sensors, each with the number of packets like its own whose headers are damaged."""
-        like = {(flow.family, flow.length): flow for flow in self.flows.values() if flow.samples}
+        like = {(flow.family, flow.length): flow for flow in self.flows.values() if flow.samples.data}
         found = []
         for (family, length), flow in like.items():
             if length in self._udp.unread.shapes:  # not if it is sent in fragments
@@ -158,17 +153,9 @@ class SensorSearch:
         return sorted(found, key=lambda sensor: (sensor.address, sensor.port, sensor.family))
 
 
-def _take(
-    samples: list[tuple[int, NDArray[np.uint8]]], times_ns: NDArray[np.int64], payloads: NDArray[np.uint8], limit: int
-) -> None:
-    count = limit - len(samples)
-    pairs = zip(times_ns[:count].tolist(), payloads[:count], strict=True)
-    samples += [(time_ns, payload.copy()) for time_ns, payload in pairs]
-
-
 def _split(flows: dict[Kind, Flow]) -> list[CapturedSensor]:
     """Return the sensors at one address: one for each port that receives data of the main packet length."""
-    data = {kind: flow for kind, flow in flows.items() if flow.samples}
+    data = {kind: flow for kind, flow in flows.items() if flow.samples.data}
     by_length: dict[int, list[Kind]] = defaultdict(list)
     for kind, flow in sorted(data.items(), key=lambda item: (item[1].port, item[1].source_port)):
         by_length[flow.length].append(kind)
@@ -188,18 +175,16 @@ def _split(flows: dict[Kind, Flow]) -> list[CapturedSensor]:
 def _sensor(first: Kind, own: set[Kind], flows: dict[Kind, Flow], index: int, count: int) -> CapturedSensor:
     flow = flows[first]
     calibrating = sorted(
-        (kind for kind, other in flows.items() if other.calibrations),
+        (kind for kind, other in flows.items() if other.samples.calibrations),
         key=lambda kind: (flows[kind].port, flows[kind].source_port),
     )
-    separate = [kind for kind in calibrating if not flows[kind].samples]
+    separate = [kind for kind in calibrating if not flows[kind].samples.data]
     if first in calibrating:
         calibrating = [first]
     elif len(separate) == count:
         calibrating = [separate[index]]
     if not index:
         own = own | set(separate)
-    calibrations = [pair for kind in calibrating for pair in flows[kind].calibrations]
-    pairs = [pair for pair in calibrations if len(pair[1]) == flow.length] + flow.samples
-    sample = Packets(np.array([time_ns for time_ns, _ in pairs], np.int64), np.stack([payload for _, payload in pairs]))
-    info = of_other_length([payload for _, payload in calibrations], flow.length)
+    calibrations = [pair for kind in calibrating for pair in flows[kind].samples.calibrations]
+    sample, info = sample_of(calibrations, flow.samples.data, flow.length)
     return CapturedSensor(flow.family or "", flow.address, flow.port, own, sample, info)

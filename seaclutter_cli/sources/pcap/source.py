@@ -7,12 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Channel, Damage, Message, SensorFacts
+from seaclutter_cli.records import Channel, Damage, Message
 from seaclutter_cli.sensors.families import PACKET_FAMILIES
 from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions, PacketDecoder, PacketFrame, Packets
 from seaclutter_cli.sources.pcap import PCAP_MAGICS, PCAPNG_MAGIC
@@ -20,6 +18,7 @@ from seaclutter_cli.sources.pcap.records import PcapngReader, PcapReader, Record
 from seaclutter_cli.sources.pcap.sensors import CapturedSensor, Kind, SensorSearch, each_kind
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
 from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
+from seaclutter_cli.sources.shared.packet_streams import CloudStream
 from seaclutter_cli.text import count
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
@@ -54,9 +53,7 @@ class CaptureSource(Source):
         topics = [f"/points/{sensor.address}" + f"/{sensor.port}" * sensor.shares for sensor in sensors]
         topics = topics if len(topics) > 1 else ["/points"]
         self.channels = [Channel(number, topic, "cdr", ros2_schema(_TYPE)) for number, topic in enumerate(topics, 1)]
-        self.facts: dict[str, SensorFacts] = {}
-        for channel, (_, decoder) in zip(self.channels, decoders, strict=True):
-            self._add_facts(channel, decoder.facts)
+        self._start([decoder for _, decoder in decoders])
         models = dict.fromkeys(facts.model for facts in self.facts.values())
         kind = "PCAPNG" if self._file[:4] == PCAPNG_MAGIC else "PCAP"
         self.format = f"{kind} of {', '.join(models)}"
@@ -129,14 +126,14 @@ class CaptureSource(Source):
 
         Reading stops as soon as every sensor has a frame at ``end_ns`` or later.
         """
-        decoders = [self._decoder(sensor) for sensor in self._sensors]
+        streams = self._start([self._decoder(sensor) for sensor in self._sensors])
         kinds = {kind: number for number, sensor in enumerate(self._sensors) for kind in sensor.kinds}
         flows = {flow: number for (flow, _), number in kinds.items()}
-        merge = _Merge(self.channels)
-        udp, cut = Udp(self._file), np.zeros(len(decoders), np.int64)
+        merge = _Merge(streams)
+        udp, cut = Udp(self._file), np.zeros(len(streams), np.int64)
         for datagrams, found in self._packets(udp, kinds):
             for number, packets in found:
-                for frame in decoders[number].add(packets):
+                for frame in streams[number].decoder.add(packets):
                     yield from merge.add(number, frame)
             if end_ns is not None and merge.latest_ns >= end_ns:
                 yield from merge.finish()
@@ -144,29 +141,20 @@ class CaptureSource(Source):
             for flow in datagrams.cut.tolist():
                 if flow in flows:
                     cut[flows[flow]] += 1
-        for number, decoder in enumerate(decoders):
-            for frame in decoder.finish():
+        for number, stream in enumerate(streams):
+            for frame in stream.decoder.finish():
                 yield from merge.add(number, frame)
         yield from merge.finish()
-        for number, channel in enumerate(self.channels):
-            self._add_facts(channel, decoders[number].facts, merge.partial[number])
-            self._count(channel, decoders[number].facts, int(cut[number]))
+        for stream, number in zip(streams, cut.tolist(), strict=True):
+            stream.conclude(self._path, "where the capture begins or ends", number)
 
-    def _add_facts(self, channel: Channel, facts: SensorFacts, partial: int = 0) -> None:
-        if partial:
-            facts.details["partial revolutions"] = f"{partial}, where the capture begins or ends"
-        self.facts[channel.topic] = facts
-        self.warn(*(f"{channel.topic}: {text}" for text in facts.warnings))
-
-    def _count(self, channel: Channel, facts: SensorFacts, cut: int) -> None:
-        if facts.lost_packets:
-            self.warn(f"{channel.topic}: {count(facts.lost_packets, 'packet')} missing, counted from gaps")
-        counted = {"that cannot be decoded": facts.bad_packets, "truncated by the capture": cut}
-        size = self._sensors[channel.id - 1].sample.payloads.shape[1]
-        for problem, number in counted.items():
-            if number:
-                text = f"{channel.topic}: {count(number, 'packet')} {problem}"
-                self.add_damage(Damage(self._path, None, text, number * size))
+    def _start(self, decoders: Sequence[PacketDecoder]) -> list[CloudStream]:
+        """Return the streams of the sensors, given new decoders."""
+        self.facts = {channel.topic: one.facts for channel, one in zip(self.channels, decoders, strict=True)}
+        self.warn(*(f"{topic}: {text}" for topic, facts in self.facts.items() for text in facts.warnings))
+        sizes = (sensor.sample.payloads.shape[1] for sensor in self._sensors)
+        parts = zip(self.channels, decoders, sizes, strict=True)
+        return [CloudStream(self, channel, decoder, size) for channel, decoder, size in parts]
 
     def close(self) -> None:
         """Close the file."""
@@ -187,20 +175,17 @@ def _packets(datagrams: Datagrams, udp: Udp, kinds: Mapping[Kind, int]) -> Itera
 class _Merge:
     """Merger of the frames of several sensors in the order of their stamps; at most 16 of a sensor wait for others."""
 
-    def __init__(self, channels: Sequence[Channel]) -> None:
-        self._channels = channels
-        self._waiting: list[deque[PacketFrame]] = [deque() for _ in channels]
-        self._sequence = [0] * len(channels)
-        self._latest_ns = [0] * len(channels)
-        self.partial = [0] * len(channels)
+    def __init__(self, streams: Sequence[CloudStream]) -> None:
+        self._streams = streams
+        self._waiting: list[deque[PacketFrame]] = [deque() for _ in streams]
+        self._latest_ns = [0] * len(streams)
 
     def add(self, number: int, frame: PacketFrame) -> Iterator[Message]:
         """Add a frame, and yield the frames whose order is now known."""
-        self.partial[number] += frame.partial
         self._waiting[number].append(frame)
         self._latest_ns[number] = frame.stamp_ns
         while all(self._waiting) or max(map(len, self._waiting)) > _MAX_WAITING:
-            yield self._next()
+            yield from self._next()
 
     @property
     def latest_ns(self) -> int:
@@ -210,18 +195,16 @@ class _Merge:
     def finish(self) -> Iterator[Message]:
         """Yield the waiting frames."""
         while any(self._waiting):
-            yield self._next()
+            yield from self._next()
 
-    def _next(self) -> Message:
-        number = min(
-            (number for number, frames in enumerate(self._waiting) if frames),
-            key=lambda number: self._waiting[number][0].stamp_ns,
-        )
-        frame, channel = self._waiting[number].popleft(), self._channels[number]
-        self._sequence[number] += 1
-        stamp_ns = min(max(frame.stamp_ns, 0), _LATEST_NS)  # beyond, the recorded time is damaged
-        cloud = from_array(frame.points, stamp_ns=stamp_ns)
-        return Message(channel, stamp_ns, stamp_ns, self._sequence[number] - 1, CODECS[_TYPE, "cdr"].encode(cloud))
+    def _next(self) -> Iterator[Message]:
+        waiting = (number for number, frames in enumerate(self._waiting) if frames)
+        number = min(waiting, key=lambda number: self._waiting[number][0].stamp_ns)
+        frame = self._waiting[number].popleft()
+        # Beyond the limit, the recorded time is damaged.
+        message = self._streams[number].message(replace(frame, stamp_ns=min(max(frame.stamp_ns, 0), _LATEST_NS)))
+        if message:
+            yield message
 
 
 def _found(search: SensorSearch, cut: int, other: int, damage: Sequence[Damage]) -> str:

@@ -19,18 +19,16 @@ from seaclutter_cli.sensors.packets import (
     PacketFamily,
     Packets,
     SelfCalibrating,
-    of_other_length,
 )
 from seaclutter_cli.sources.shared.packet_messages import (
     has_single_packets,
     packet_type,
     read_packets,
     ros2_type,
-    runs,
 )
+from seaclutter_cli.sources.shared.packet_streams import MAX_SAMPLES, Samples, sample_of
 
 _MAX_TRIES = 10
-_SAMPLES, _CALIBRATIONS = 64, 32
 _IMU_BYTES = (48,)
 """Lengths of Ouster's IMU packets, which the driver publishes in messages of the same type."""
 
@@ -98,8 +96,7 @@ class Candidate:
     sample: Packets | None = None
     problems: list[str] = field(default_factory=list)
     is_done: bool = False
-    _data: list[tuple[int, bytes]] = field(default_factory=list)
-    _calibrations: list[tuple[int, bytes]] = field(default_factory=list)
+    _found: Samples = field(default_factory=Samples)
 
     def add(self, message: Message) -> PacketDecoder | None:
         """Add a message of the topic; return a decoder if the packets so far suffice for one."""
@@ -136,9 +133,9 @@ class Candidate:
 
     def finish(self) -> PacketDecoder | None:
         """Return a decoder if the packets in the log suffice for one."""
-        if self._calibrations and not self._data:
+        if self._found.calibrations and not self._found.data:
             self._note("only device information, no data packets")
-        return self._try() if self._data else None
+        return self._try() if self._found.data else None
 
     def decoder(self, sample: Packets) -> PacketDecoder | None:
         """Return a decoder for a sample of packets; None, with a problem, if there is none."""
@@ -165,41 +162,37 @@ class Candidate:
     @property
     def _is_ready(self) -> bool:
         if isinstance(self.family, SelfCalibrating):
-            return len(self._data) >= _SAMPLES and bool(self._calibrations)
+            return len(self._found.data) >= MAX_SAMPLES and bool(self._found.calibrations)
         waits = self.companion is not None and self.options.recorded is None and self.options.calibration is None
-        return len(self._data) >= _SAMPLES and not waits
+        return len(self._found.data) >= MAX_SAMPLES and not waits
 
     def _recognise(self, packets: Packets) -> PacketFamily | None:
         """Return the family that sent packets; the only one is taken as it is."""
         if len(self.families) == 1 and not has_single_packets(self.channel):
             return self.families[0]
-        return next((f for f in self.families if any(map(f.recognises, packets.payloads[:_SAMPLES]))), None)
+        return next((f for f in self.families if any(map(f.recognises, packets.payloads[:MAX_SAMPLES]))), None)
 
     def _gather(self, found: Iterable[Packets]) -> PacketDecoder | None:
-        new = False
+        own, new = self._found, False
         for packets in found:
-            of_info = np.zeros(len(packets), np.bool_)
+            calibrates = np.zeros(len(packets), np.bool_)
             for family in [self.family] if self.family else self.families:
                 if isinstance(family, SelfCalibrating):
-                    of_info = family.is_calibration(packets.payloads)
-            for time_ns, payload, is_info in zip(packets.times_ns.tolist(), packets.payloads, of_info, strict=True):
-                into, limit = (self._calibrations, _CALIBRATIONS) if is_info else (self._data, _SAMPLES)
-                new |= bool(is_info) or len(into) + 1 == limit
-                if len(into) < limit:
-                    into.append((time_ns, payload.tobytes()))
+                    calibrates = family.is_calibration(packets.payloads)
+            before = len(own.data)
+            own.add(packets, calibrates)
+            new |= bool(calibrates.any()) or before < len(own.data) == MAX_SAMPLES
         return self._try() if new and self._is_ready else None
 
     def _try(self) -> PacketDecoder | None:
-        length = Counter(len(payload) for _, payload in self._data).most_common(1)[0][0]
-        calibrations = [np.frombuffer(payload, np.uint8) for _, payload in self._calibrations]
-        self.options = replace(self.options, info=of_other_length(calibrations, length))
-        pairs = [pair for pair in self._calibrations + self._data if len(pair[1]) == length]
-        (sample,) = runs([time_ns for time_ns, _ in pairs], [payload for _, payload in pairs])
+        length = Counter(len(payload) for _, payload in self._found.data).most_common(1)[0][0]
+        sample, info = sample_of(self._found.calibrations, self._found.data, length)
+        self.options = replace(self.options, info=info)
         return self.decoder(sample)
 
     def _fail(self, problem: str) -> None:
         self._note(problem)
-        self.is_done = len(self.problems) >= _MAX_TRIES and not self._data
+        self.is_done = len(self.problems) >= _MAX_TRIES and not self._found.data
 
     def _note(self, problem: str) -> None:
         self.problems.append(f"{self.channel.topic} is not decoded: {problem}")

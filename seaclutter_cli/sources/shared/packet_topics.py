@@ -2,19 +2,17 @@
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from pathlib import Path
 
-from seaclutter_cli.cloud import from_array
-from seaclutter_cli.errors import CloudError
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros1_cloud_schema, ros2_schema
 from seaclutter_cli.records import Channel, Message, Record, SensorFacts
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily, PacketFrame, Packets
 from seaclutter_cli.sources.shared import SourceWrapper
 from seaclutter_cli.sources.shared.packet_messages import has_single_packets, packet_type, read_batch
 from seaclutter_cli.sources.shared.packet_probe import make_candidates, probe
-from seaclutter_cli.text import count
+from seaclutter_cli.sources.shared.packet_streams import CloudStream
 
 _MAX_IDS = 65_535
 _DECODED_AT_ONCE, _DECODED_WITHIN_NS = 64, 50_000_000
@@ -33,16 +31,14 @@ class _Topic:
 
 @dataclass
 class _Stream:
-    """State of reading a packet topic: its decoder, the messages that wait for it, and the times of the last one."""
+    """State of reading a packet topic: its clouds, the messages that wait to be decoded, and the times of the last."""
 
-    topic: _Topic
-    decoder: PacketDecoder
+    clouds: CloudStream
+    is_single: bool
     times: tuple[int, int] = (0, 0)
     frame_id: str | None = None
     waiting: list[Message] = field(default_factory=list)
     scans: int = 0
-    frames: int = 0
-    partial: int = 0
 
 
 class PacketTopics(SourceWrapper):
@@ -114,20 +110,21 @@ class PacketTopics(SourceWrapper):
         for stream in streams.values():
             stream.times = max(latest_ns, stream.times[0]), stream.times[1]
             yield from self._add(stream)
-            yield from self._messages(stream, stream.decoder.finish())
-            self._conclude(stream)
+            yield from _messages(stream, stream.clouds.decoder.finish())
+            stream.clouds.conclude(Path(self.name), "where the recording begins, pauses or ends")
 
     def _take(self, message: Message, topic: _Topic, streams: dict[int, _Stream]) -> _Stream | None:
         """Take the packets of a message; return the stream if its packets are to be decoded now."""
         stream = streams.get(message.channel.id)
         if stream is None:
-            stream = _Stream(topic, topic.family.decoder(topic.sample, topic.options))
-            streams[message.channel.id] = stream
-            self.facts[topic.clouds.topic] = stream.decoder.facts
+            decoder = topic.family.decoder(topic.sample, topic.options)
+            clouds = CloudStream(self, topic.clouds, decoder, topic.sample.payloads.shape[1])
+            stream = streams[message.channel.id] = _Stream(clouds, topic.is_single)
+            self.facts[topic.clouds.topic] = decoder.facts
         stream.times = (message.log_time_ns, message.publish_time_ns)
         stream.waiting.append(message)
         waited_ns = message.log_time_ns - stream.waiting[0].log_time_ns
-        waits = topic.is_single and len(stream.waiting) < _DECODED_AT_ONCE and waited_ns < _DECODED_WITHIN_NS
+        waits = stream.is_single and len(stream.waiting) < _DECODED_AT_ONCE and waited_ns < _DECODED_WITHIN_NS
         return None if waits else stream
 
     def _add(self, stream: _Stream) -> Iterator[Message]:
@@ -141,36 +138,13 @@ class PacketTopics(SourceWrapper):
         stream.scans += len(messages)
         stream.frame_id = stream.frame_id if batch.frame_id is None else batch.frame_id
         for packets in batch.packets:
-            yield from self._messages(stream, stream.decoder.add(packets))
+            yield from _messages(stream, stream.clouds.decoder.add(packets))
 
-    def _messages(self, stream: _Stream, frames: Iterator[PacketFrame]) -> Iterator[Message]:
-        """Yield the messages of frames, with the times of the last message of packets."""
-        channel = stream.topic.clouds
-        codec = CODECS[channel.schema.name if channel.schema else "", channel.message_encoding]
-        for frame in frames:
-            cloud = from_array(frame.points, stamp_ns=frame.stamp_ns)
-            if stream.frame_id is not None:
-                cloud = replace(cloud, frame_id=stream.frame_id)
-            number, stream.frames = stream.frames, stream.frames + 1
-            stream.partial += frame.partial
-            try:
-                data = codec.encode(replace(cloud, extra=number))
-            except CloudError as error:
-                self._note(f"frame {number} of {channel.topic} cannot be written ({error})", len(cloud.data))
-                continue
-            yield Message(channel, *stream.times, number, data)
 
-    def _conclude(self, stream: _Stream) -> None:
-        topic, facts = stream.topic.clouds.topic, stream.decoder.facts
-        if stream.partial:
-            facts.details["partial revolutions"] = f"{stream.partial}, where the recording begins, pauses or ends"
-        self.warn(*(f"{topic}: {text}" for text in facts.warnings))
-        if facts.lost_packets:
-            self.warn(f"{topic}: {count(facts.lost_packets, 'packet')} missing, counted from gaps")
-        if facts.bad_packets:
-            size = stream.topic.sample.payloads.shape[1]
-            problem = f"{topic}: {count(facts.bad_packets, 'packet')} that cannot be decoded"
-            self._note(problem, facts.bad_packets * size, None)
+def _messages(stream: _Stream, frames: Iterator[PacketFrame]) -> Iterator[Message]:
+    """Yield the messages of frames, with the times of the last message of packets."""
+    found = (stream.clouds.message(frame, stream.times, stream.frame_id) for frame in frames)
+    return (message for message in found if message)
 
 
 def _points_topic(packets: Channel) -> str:

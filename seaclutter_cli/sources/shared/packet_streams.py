@@ -1,0 +1,87 @@
+"""Packets of a sensor in a recording: samples from which its decoder is made, and the clouds that it decodes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.cloud import from_array
+from seaclutter_cli.errors import CloudError
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.messages import CODECS
+from seaclutter_cli.records import Channel, Damage, Message
+from seaclutter_cli.sensors.packets import PacketDecoder, PacketFrame, Packets, of_other_length
+from seaclutter_cli.text import count
+
+MAX_SAMPLES, MAX_CALIBRATIONS = 64, 32
+
+
+@dataclass
+class Samples:
+    """Times and payloads of some data packets, and of some calibration packets."""
+
+    data: list[tuple[int, bytes]] = field(default_factory=list)
+    calibrations: list[tuple[int, bytes]] = field(default_factory=list)
+
+    def add(self, packets: Packets, calibrates: NDArray[np.bool_], usable: NDArray[np.bool_] | None = None) -> None:
+        """Add packets, given which are calibrations and, if not all, which of the others are data."""
+        data = ~calibrates if usable is None else usable & ~calibrates
+        for into, chosen, most in ((self.data, data, MAX_SAMPLES), (self.calibrations, calibrates, MAX_CALIBRATIONS)):
+            rows = np.flatnonzero(chosen)[: most - len(into)]
+            payloads = map(np.ndarray.tobytes, packets.payloads[rows])
+            into.extend(zip(packets.times_ns[rows].tolist(), payloads, strict=True))
+
+
+def sample_of(
+    calibrations: Sequence[tuple[int, bytes]], data: Sequence[tuple[int, bytes]], length: int
+) -> tuple[Packets, NDArray[np.uint8] | None]:
+    """Return the packets of a length, calibrations first, and the calibrations of another length, shape (I, M)."""
+    pairs = [pair for pair in (*calibrations, *data) if len(pair[1]) == length]
+    payloads = np.frombuffer(b"".join(payload for _, payload in pairs), np.uint8).reshape(len(pairs), length)
+    info = of_other_length([np.frombuffer(payload, np.uint8) for _, payload in calibrations], length)
+    return Packets(np.array([time_ns for time_ns, _ in pairs], np.int64), payloads), info
+
+
+@dataclass
+class CloudStream:
+    """The clouds of a sensor in a source, as messages of a channel, and what its decoder says about its packets."""
+
+    source: Source
+    channel: Channel
+    decoder: PacketDecoder
+    packet_bytes: int
+    frames: int = 0
+    partial: int = 0
+
+    def message(
+        self, frame: PacketFrame, times_ns: tuple[int, int] | None = None, frame_id: str | None = None
+    ) -> Message | None:
+        """Return the message of a frame, by default at its stamp; None, with damage, if it cannot be written."""
+        channel, number = self.channel, self.frames
+        self.frames += 1
+        self.partial += frame.partial
+        cloud = replace(from_array(frame.points, stamp_ns=frame.stamp_ns), extra=number)
+        if frame_id is not None:
+            cloud = replace(cloud, frame_id=frame_id)
+        try:
+            data = CODECS[channel.schema.name if channel.schema else "", channel.message_encoding].encode(cloud)
+        except CloudError as error:
+            problem = f"frame {number} of {channel.topic} cannot be written ({error})"
+            self.source.add_damage(Damage(Path(self.source.name), None, problem, len(cloud.data), 1))
+            return None
+        return Message(channel, *(times_ns or (frame.stamp_ns, frame.stamp_ns)), number, data)
+
+    def conclude(self, path: Path, where: str, cut: int = 0) -> None:
+        """Report what was counted, when all packets are decoded: ``where`` are revolutions partial; ``cut`` packets."""
+        topic, facts = self.channel.topic, self.decoder.facts
+        if self.partial:
+            facts.details["partial revolutions"] = f"{self.partial}, {where}"
+        self.source.warn(*(f"{topic}: {text}" for text in facts.warnings))
+        if facts.lost_packets:
+            self.source.warn(f"{topic}: {count(facts.lost_packets, 'packet')} missing, counted from gaps")
+        for number, problem in ((facts.bad_packets, "that cannot be decoded"), (cut, "truncated by the capture")):
+            if number:
+                text = f"{topic}: {count(number, 'packet')} {problem}"
+                self.source.add_damage(Damage(path, None, text, number * self.packet_bytes))
