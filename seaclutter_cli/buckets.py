@@ -21,9 +21,9 @@ from seaclutter_cli.urls import Url, is_url, parse_url
 
 if TYPE_CHECKING:
     from seaclutter_cli.storage.mirrors import Mirror
-    from seaclutter_cli.storage.objects import PendingFolder, PendingObject
+    from seaclutter_cli.storage.objects import Upload
 
-    Pending = PendingObject | PendingFolder
+    Pending = Upload
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -1,13 +1,12 @@
 """Copies of objects, fetched by a thread while the program does something else."""
 
 import asyncio
-import threading
-import weakref
 from collections.abc import Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
-from io import BufferedRandom
 from pathlib import Path
+from threading import Thread
+from typing import IO
 
 from seaclutter_cli.errors import InputError, SeaclutterError
 from seaclutter_cli.storage.objects import StoredObject, range_options
@@ -29,63 +28,53 @@ class Download:
 
     def __init__(self, files: list[tuple[StoredObject, Path]]) -> None:
         self.files = files
-        self._work = _Work(files)
-        thread = threading.Thread(target=self._work.run, daemon=True)
-        self.stop = weakref.finalize(self, _stop, self._work, thread)
-        """Stop the transfer."""
-        thread.start()
+        self._result: Future[None] = Future()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._stopped = False
+        self._thread = Thread(target=self._run, daemon=True)
+        self._thread.start()
 
     def wait(self) -> None:
         """Return when all copies are complete; raise the error that prevented it."""
-        while not self._work.done.wait(_WAKE_SECONDS):  # lets Windows handle Ctrl-C
-            pass
-        if self._work.error:
-            raise self._work.error
+        while not self._result.done():
+            with suppress(TimeoutError):
+                self._result.exception(_WAKE_SECONDS)  # lets Windows handle Ctrl-C
+        self._result.result()
 
+    def stop(self) -> None:
+        """Stop the transfer."""
+        self._stopped = True
+        if self._loop is not None and self._task is not None:
+            with suppress(RuntimeError):  # the loop has ended
+                self._loop.call_soon_threadsafe(self._task.cancel)
+        self._thread.join(_STOP_SECONDS)
 
-@dataclass
-class _Work:
-    """What the thread does. It has no reference to the download, which ends it."""
-
-    files: list[tuple[StoredObject, Path]]
-    done: threading.Event = field(default_factory=threading.Event)
-    error: SeaclutterError | None = None
-    loop: asyncio.AbstractEventLoop | None = None
-    task: "asyncio.Task[None] | None" = None
-    stopped: bool = False
-
-    def run(self) -> None:
+    def _run(self) -> None:
         try:
             asyncio.run(self._fetch_all())
         except SeaclutterError as error:
-            self.error = error
+            self._result.set_exception(error)
         except BaseException as error:  # noqa: BLE001 - it must not get lost with the thread
-            self.error = InputError(f"{self.files[0][0].url}: the copy failed ({type(error).__name__})")
-        finally:
-            self.done.set()
+            text = f"{self.files[0][0].url}: the copy failed ({type(error).__name__})"
+            self._result.set_exception(InputError(text))
+        else:
+            self._result.set_result(None)
 
     async def _fetch_all(self) -> None:
-        self.loop, self.task = asyncio.get_running_loop(), asyncio.current_task()
-        if self.stopped:
+        self._loop, self._task = asyncio.get_running_loop(), asyncio.current_task()
+        if self._stopped:
             return
-        limit = asyncio.Semaphore(_AT_ONCE)
-        tasks = []
+        limit, tasks = asyncio.Semaphore(_AT_ONCE), []
         for found, path in self.files:
-            _create(found, path)
-            for start in range(0, found.size, _RANGE):
-                tasks.append(asyncio.ensure_future(_fetch(found, start, path, limit)))  # noqa: PERF401 - reads better
+            with _opened(found, path, "wb"):
+                ranges = range(0, found.size, _RANGE)
+            tasks += [asyncio.ensure_future(_fetch(found, start, path, limit)) for start in ranges]
         try:
             await asyncio.gather(*tasks)
         finally:
             for task in tasks:
                 task.cancel()
-
-
-def _create(found: StoredObject, path: Path) -> None:
-    try:
-        path.write_bytes(b"")
-    except OSError as error:
-        raise _lost(found, error) from error
 
 
 async def _fetch(found: StoredObject, start: int, path: Path, limit: asyncio.Semaphore) -> None:
@@ -97,7 +86,7 @@ async def _fetch(found: StoredObject, start: int, path: Path, limit: asyncio.Sem
         with explained(found.url):
             result = await store_of(found.url).get_async(found.url.key, options=options)
             pieces = result.stream(_PIECE)
-        with _opened(found, path) as file:
+        with _opened(found, path, "r+b") as file:
             file.seek(start)
             while True:
                 with explained(found.url):
@@ -111,21 +100,9 @@ async def _fetch(found: StoredObject, start: int, path: Path, limit: asyncio.Sem
 
 
 @contextmanager
-def _opened(found: StoredObject, path: Path) -> Iterator[BufferedRandom]:
+def _opened(found: StoredObject, path: Path, mode: str) -> Iterator[IO[bytes]]:
     try:
-        with path.open("r+b") as file:
+        with path.open(mode) as file:
             yield file
     except OSError as error:
-        raise _lost(found, error) from error
-
-
-def _lost(found: StoredObject, error: OSError) -> InputError:
-    return InputError(f"{found.url}: the copy in the scratch folder failed ({error.strerror})")
-
-
-def _stop(work: _Work, thread: threading.Thread) -> None:
-    work.stopped = True
-    if work.loop is not None and work.task is not None:
-        with suppress(RuntimeError):  # the loop has ended
-            work.loop.call_soon_threadsafe(work.task.cancel)
-    thread.join(_STOP_SECONDS)
+        raise InputError(f"{found.url}: the copy in the scratch folder failed ({error.strerror})") from error

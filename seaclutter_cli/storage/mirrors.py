@@ -19,9 +19,8 @@ from seaclutter_cli.errors import InputError, OutputError, SeaclutterError, Usag
 from seaclutter_cli.parts import SCRATCH, part_path, release, remove_stale
 from seaclutter_cli.storage.downloads import Download
 from seaclutter_cli.storage.objects import (
-    PendingFolder,
-    PendingObject,
     StoredObject,
+    Upload,
     delete_object,
     find_object,
     list_folder,
@@ -29,7 +28,6 @@ from seaclutter_cli.storage.objects import (
     open_object,
     read_range,
 )
-from seaclutter_cli.storage.uploads import send, send_folder
 from seaclutter_cli.urls import SCHEMES, Url
 
 _MAGIC = re.compile(r"[*?\[]")
@@ -126,15 +124,12 @@ class Mirror:
             return str(path)
         if not _MAGIC.search(url.key):
             raise UsageError(f"{url}: no such object or folder")
-        return self._find_all(url, also)
-
-    def _find_all(self, pattern: Url, also: Sequence[str]) -> str:
-        parts = pattern.key.split("/")
+        parts = url.key.split("/")
         fixed = next(number for number, part in enumerate(parts) if _MAGIC.search(part))
-        base, wanted = Url(pattern.scheme, pattern.bucket, "/".join(parts[:fixed])), parts[fixed:]
+        base, wanted = Url(url.scheme, url.bucket, "/".join(parts[:fixed])), parts[fixed:]
         objects = [one for one in list_objects(base) if _begins_as(one.url, base, wanted) or one.url.suffix in also]
         if not objects:
-            raise UsageError(f"{pattern}: no file matches this pattern")
+            raise UsageError(f"{url}: no file matches this pattern")
         self._add(objects, sized=False)
         return f"{escape(str(self.local(base)))}/{'/'.join(wanted)}"
 
@@ -254,15 +249,14 @@ class Mirror:
             download.stop()
             self._reset(files)
             raise
-        for _, path in files:
-            self._note(path)
+        self._note(path for _, path in files)
 
-    def _note(self, path: Path) -> None:
-        """Note that a copy is complete."""
-        self._complete.add(path)
-        copies = _copies.get()
-        if copies is not None:
-            copies.append((self, path))
+    def _note(self, paths: Iterable[Path]) -> None:
+        """Note that copies are complete."""
+        for path in paths:
+            self._complete.add(path)
+            if (copies := _copies.get()) is not None:
+                copies.append((self, path))
 
     def _fetch_ahead(self, paths: Sequence[Path]) -> None:
         files = self._missing(paths)
@@ -280,8 +274,8 @@ class Mirror:
         size = sum(found.size for found, _ in files)
         if self.free() < size:
             raise InputError(
-                f"{files[0][0].url}: needs {_gigabytes(size)} in the scratch folder {self.path.parent}, which has "
-                f"{_gigabytes(self.free())} free; choose another with --scratch"
+                f"{files[0][0].url}: needs {size / 1e9:.2f} GB in the scratch folder {self.path.parent}, which has "
+                f"{self.free() / 1e9:.2f} GB free; choose another with --scratch"
             )
 
     def free(self) -> int:
@@ -306,7 +300,7 @@ class Mirror:
     def fill(self, path: Path, data: bytes) -> None:
         """Let a file have other content than its object, as a copy."""
         path.write_bytes(data)
-        self._note(path)
+        self._note([path])
 
     def remove(self, path: Path) -> None:
         """Remove the content of a copy."""
@@ -323,9 +317,9 @@ class Mirror:
         """Return an object as a file of which only what is read is fetched."""
         return open_object(self._objects[path])
 
-    def send(self, part: Path, path: Path, last: str) -> PendingObject | PendingFolder:
+    def send(self, part: Path, path: Path, last: str) -> Upload:
         """Upload a complete file, or a folder of files; it does not appear yet."""
-        return send_folder(part, self.url(path), last) if part.is_dir() else send(part, self.url(path))
+        return Upload(part, self.url(path), last)
 
     def delete(self, path: Path) -> None:
         """Delete an object, if there is one."""
@@ -349,7 +343,3 @@ def _resize(path: Path, size: int) -> None:
     if os.name == "posix":
         with suppress(OSError):
             os.truncate(path, size)
-
-
-def _gigabytes(size: int) -> str:
-    return f"{size / 1e9:.2f} GB"

@@ -1,13 +1,19 @@
-"""Objects in buckets: finding, listing, reading and writing them, by obstore."""
+"""Objects in buckets: finding, listing, reading and writing them, by obstore.
+
+The functions raise `InputError`, or `OutputError` for what writes, if there is no such bucket, no access, or an object
+has changed since it was found.
+"""
 
 import io
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from seaclutter_cli.errors import InputError, OutputError
 from seaclutter_cli.storage.stores import explained, store_of
+from seaclutter_cli.storage.uploads import send
 from seaclutter_cli.urls import Url
 
 if TYPE_CHECKING:
@@ -30,10 +36,7 @@ class StoredObject:
 
 
 def find_object(url: Url) -> StoredObject | None:
-    """Return an object; None if there is none.
-
-    Raise `InputError` if there is no such bucket, or no access.
-    """
+    """Return an object; None if there is none."""
     store = store_of(url)
     with explained(url):
         if not url.key:
@@ -46,10 +49,7 @@ def find_object(url: Url) -> StoredObject | None:
 
 
 def list_objects(folder: Url, *, deep: bool = True) -> Iterator[StoredObject]:
-    """Yield the objects in a folder and, if ``deep``, its subfolders, in the order in which the service lists them.
-
-    Raise `InputError` if there is no such bucket, or no access.
-    """
+    """Yield the objects in a folder and, if ``deep``, its subfolders, in the order in which the service lists them."""
     store = store_of(folder)
     with explained(folder):
         batches = store.list(folder.key) if deep else [store.list_with_delimiter(folder.key)["objects"]]
@@ -59,10 +59,7 @@ def list_objects(folder: Url, *, deep: bool = True) -> Iterator[StoredObject]:
 
 
 def list_folder(folder: Url) -> tuple[list[StoredObject], list[Url]]:
-    """Return the objects and the folders directly in a folder.
-
-    Raise `InputError` if there is no such bucket, or no access.
-    """
+    """Return the objects and the folders directly in a folder."""
     with explained(folder):
         found = store_of(folder).list_with_delimiter(folder.key or None)
     folders = [Url(folder.scheme, folder.bucket, name) for name in found["common_prefixes"]]
@@ -74,19 +71,13 @@ def _stored(url: Url, meta: "ObjectMeta") -> StoredObject:
 
 
 def delete_object(url: Url) -> None:
-    """Delete an object, if there is one.
-
-    Raise `OutputError` if it cannot be deleted.
-    """
+    """Delete an object, if there is one."""
     with explained(url, OutputError), suppress(FileNotFoundError):
         store_of(url).delete(url.key)
 
 
 def read_range(found: StoredObject, start: int, stop: int) -> bytes:
-    """Return bytes of an object; fewer at its end.
-
-    Raise `InputError` if the object has changed since it was found, or cannot be read.
-    """
+    """Return bytes of an object; fewer at its end."""
     stop = min(stop, found.size)
     if stop <= start:
         return b""
@@ -134,64 +125,57 @@ def range_options(found: StoredObject, start: int, stop: int) -> "GetOptions":
     return options
 
 
-class PendingObject:
-    """An object that is being written; nobody sees it before `complete`.
+class Upload:
+    """A complete file, or folder of files, on its way to object storage; nobody sees it before `complete`.
 
-    Its ``size`` in bytes determines that of the parts. Raise `OutputError` if it cannot be written.
+    ``last`` is the file that shows that the folder is complete. `OutputError` if it cannot be sent; nothing is left of
+    it then.
     """
 
-    def __init__(self, url: Url, size: int) -> None:
-        self._url = url
-        part = max(_PART, -(-size // _MAX_PARTS))
-        with explained(url, OutputError):
-            self._writer: WritableFile = _writer(url, part)
+    def __init__(self, part: Path, url: Url, last: str) -> None:
+        self._url, self._is_folder = url, part.is_dir()
+        self._writers: dict[Url, WritableFile] = {}
+        files = sorted(part.iterdir(), key=lambda file: (file.name == last, file.name)) if self._is_folder else [part]
+        try:
+            for file in files:
+                self._send(file, url / file.name if self._is_folder else url)
+        except OSError as error:
+            self.abort()
+            raise OutputError(f"{url}: the copy in the scratch folder cannot be read ({error.strerror})") from error
+        except BaseException:
+            self.abort()
+            raise
 
-    def write(self, data: bytes) -> None:
-        """Send data, or keep them until there is enough for a part."""
-        with explained(self._url, OutputError):
-            self._writer.write(data)
+    def _send(self, file: Path, url: Url) -> None:
+        part = max(_PART, -(-file.stat().st_size // _MAX_PARTS))
+        with explained(url, OutputError):
+            from obstore import open_writer
+
+            self._writers[url] = open_writer(store_of(url), url.key, buffer_size=part, max_concurrency=_AT_ONCE)
+        send(file, url, self._writers[url])
 
     def complete(self) -> None:
-        """Let the object appear, with all data."""
-        with explained(self._url, OutputError):
-            self._writer.close()
+        """Let the files appear, and delete all others in their folder.
+
+        The last file is deleted first and appears last, so a folder that has it is never a mixture of two.
+        """
+        *others, last = self._writers
+        earlier = {found.url for found in list_objects(self._url)} - set(others) if self._is_folder else set()
+        if last in earlier:
+            delete_object(last)
+        for url in others:
+            self._complete(url)
+        for url in sorted(earlier - {last}):
+            delete_object(url)
+        self._complete(last)
+
+    def _complete(self, url: Url) -> None:
+        with explained(url, OutputError):
+            self._writers.pop(url).close()
 
     def abort(self) -> None:
         """Discard the data, also those that the service has received."""
         error = InterruptedError()
-        with suppress(Exception):
-            self._writer.__exit__(type(error), error, None)
-
-
-class PendingFolder:
-    """Files of a folder that do not appear yet."""
-
-    def __init__(self, url: Url) -> None:
-        self._url = url
-        self.files: dict[Url, PendingObject] = {}
-
-    def complete(self) -> None:
-        """Let the files appear, and delete all others in the folder.
-
-        The last file is deleted first and appears last, so a folder that has it is never a mixture of two.
-        """
-        *others, last = self.files
-        earlier = {found.url for found in list_objects(self._url)} - set(others)
-        if last in earlier:
-            delete_object(last)
-        for url in others:
-            self.files.pop(url).complete()
-        for url in sorted(earlier - {last}):
-            delete_object(url)
-        self.files.pop(last).complete()
-
-    def abort(self) -> None:
-        """Discard the files that do not appear yet."""
-        while self.files:
-            self.files.popitem()[1].abort()
-
-
-def _writer(url: Url, part: int) -> "WritableFile":
-    from obstore import open_writer
-
-    return open_writer(store_of(url), url.key, buffer_size=part, max_concurrency=_AT_ONCE)
+        while self._writers:
+            with suppress(Exception):
+                self._writers.popitem()[1].__exit__(type(error), error, None)

@@ -6,7 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
-from seaclutter_cli.storage.objects import PendingObject
+from seaclutter_cli.storage.objects import Upload
 from tests.logs import START_NS, Entry, cloud_messages, cloud_topic, write_log
 from tests.storage.buckets import get, names, put
 
@@ -74,13 +74,13 @@ def test_a_replaced_folder_has_no_marker_until_it_is_complete(bucket, monkeypatc
     """Another program that reads it then sees that it is incomplete."""
     run(f"convert a.mcap -o {bucket}/out/ --to pcd -n 3")
     seen = []
-    complete = PendingObject.complete
+    complete = Upload._complete
 
-    def noted(self):
+    def noted(self, url):
         seen.append("a/seaclutter.json" in names(bucket / "out"))
-        complete(self)
+        complete(self, url)
 
-    monkeypatch.setattr(PendingObject, "complete", noted)
+    monkeypatch.setattr(Upload, "_complete", noted)
     run(f"convert a.mcap -o {bucket}/out/ --to pcd -n 2 --force")
     assert seen == [False] * 4
     assert set(names(bucket / "out")) == {"a/000000.pcd", "a/000001.pcd", "a/seaclutter.json", "a/times.txt"}
