@@ -5,6 +5,7 @@ from dataclasses import MISSING, fields
 from seaclutter_cli.simulation.airborne.land import LANDS, LandParams
 from seaclutter_cli.simulation.airborne.scene import AirborneParams, TileObjectParams, TileParams, WaterParams
 from seaclutter_cli.simulation.lidar.models import NoiseParams
+from seaclutter_cli.simulation.marine.physics import PhysicsParams
 from seaclutter_cli.simulation.marine.scene import RecordingParams, SceneObjectParams, VesselParams
 from seaclutter_cli.simulation.marine.terrain import TERRAINS
 from seaclutter_cli.validation import allowed_values, descriptions, plain, summary, yaml_value
@@ -32,6 +33,7 @@ SCENE = {
     **{name: params for name, (params, _) in TERRAINS.items()},
     "vessel": VesselParams,
     "noise": NoiseParams,
+    "physics": PhysicsParams,
     "objects": SceneObjectParams,
 }
 NOTES = {

@@ -79,7 +79,9 @@ def _simulate_recording(name: str, output: Path, options: SimulateOptions, obser
 
     if is_tile_scene(name):
         raise UsageError(f"{output}: {name} is an airborne tile; the name of its file must end in .las or .laz")
-    scene = find_scene(name, options.seed).with_recording(frames=options.frames, lidar=options.lidar)
+    scene = find_scene(name, options.seed, wide=options.physics == "wide").with_recording(
+        frames=options.frames, lidar=options.lidar
+    )
     _check_name(output, options.form)
     labels = output.with_suffix(".labels.csv")
     targets = {"-o": output, "the labels of -o": labels, "--scene-file": options.scene_file}
@@ -110,7 +112,12 @@ def _simulate_tile(name: str, output: Path, options: SimulateOptions, observer: 
     from seaclutter_cli.simulation.airborne.coast import LAND_CODES
     from seaclutter_cli.simulation.airborne.recording import record_tile
 
-    for option, value in (("frames", options.frames), ("lidar", options.lidar), ("format", options.form)):
+    for option, value in (
+        ("frames", options.frames),
+        ("lidar", options.lidar),
+        ("format", options.form),
+        ("physics", options.physics),
+    ):
         if value is not None:
             raise UsageError(
                 f"--{option}: not available for tiles; set height, density and returns in the scene's section lidar"

@@ -32,7 +32,7 @@ def write_scene(
     for name, params in sections.items():
         lines += [*_commented(f"{name}:", summary(type(params))), *_keys(plain(params), type(params)), ""]
     for name, params in absent.items():
-        meaning = f"{summary(type(params))}; without this section, those of the lidar"
+        meaning = summary(type(params)) + ("; without this section, those of the lidar" if name == "noise" else "")
         lines += [f"# {line}" for line in (*_commented(f"{name}:", meaning), *_keys(plain(params), type(params)))]
         lines.append("")
     for name, (kind, items) in lists.items():

@@ -70,6 +70,12 @@ class SimulateOptions(Replacing):
     seed: int | None = option(
         "--seed", default=None, kind=Whole(0), help="Random seed; overrides the scene. 1 by default for a layout."
     )
+    physics: Literal["wide"] | None = option(
+        "--physics",
+        default=None,
+        kind=Choice(("wide",)),
+        help="Draw water, weather, lidar and own ship from ranges of published physics; with SCENE random, all of it.",
+    )
     lidar: str | None = option("--lidar NAME", default=None, help="Lidar model; overrides the scene.")
     form: Literal["mcap", "pcap"] | None = option(
         "--format",

@@ -9,7 +9,9 @@ import numpy as np
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.layouts import confined_water, open_water, plantations
 from seaclutter_cli.simulation.layouts.rule import scene_class
+from seaclutter_cli.simulation.layouts.worlds import draw_world, with_wide_physics
 from seaclutter_cli.simulation.marine.scene import Scene, builtin_scenes, load_scene
+from seaclutter_cli.simulation.marine.sea import SeaParams
 from seaclutter_cli.text import suggestion
 
 _TRIES = 200
@@ -55,25 +57,44 @@ LAYOUTS: Mapping[str, Layout] = {
 """Layouts by name; to add one, add a line here."""
 
 
-def find_scene(name: str, seed: int | None = None) -> Scene:
+RANDOM = "random"
+"""Name of a scene of a layout at sea, or of wide physics, that the seed chooses."""
+
+
+def find_scene(name: str, seed: int | None = None, *, wide: bool = False) -> Scene:
     """Return the scene in a file, a built-in scene, or a random scene of a layout.
 
     Parameters
     ----------
     name : str
-        Path of a scene file, or name of a built-in scene or of a layout.
+        Path of a scene file, or name of a built-in scene, of a layout, or `RANDOM`.
     seed : int, optional
         Replaces the seed of the scene. A layout draws the whole scene from it; its default there is 1.
+    wide : bool, optional
+        Draw water, weather, lidar and own ship from the ranges of wide physics.
 
     Raises
     ------
     ConfigError
         If the scene does not exist or is not valid.
     """
+    if wide and name == RANDOM:
+        return draw_world(1 if seed is None else seed)
+    scene = _named(name, seed)
+    if wide and not isinstance(scene.terrain, SeaParams):
+        raise ConfigError(f"{name}: is on land; wide physics is that of a sea")
+    return with_wide_physics(scene, scene.recording.seed) if wide else scene
+
+
+def _named(name: str, seed: int | None) -> Scene:
     if Path(name).exists() or name in builtin_scenes():
         return load_scene(name).with_recording(seed=seed)
+    rng = np.random.default_rng(1 if seed is None else seed)
+    if name == RANDOM:
+        at_sea = [layout for layout in LAYOUTS.values() if layout.scene_class in ("open", "confined")]
+        return at_sea[int(rng.integers(len(at_sea)))].make(rng)
     if name not in LAYOUTS:
-        known = f"built-in scenes: {', '.join(builtin_scenes())}; layouts: {', '.join(LAYOUTS)}"
-        meant = suggestion(name, [*builtin_scenes(), *LAYOUTS])
+        known = f"built-in scenes: {', '.join(builtin_scenes())}; layouts: {', '.join(LAYOUTS)}; {RANDOM}"
+        meant = suggestion(name, [*builtin_scenes(), *LAYOUTS, RANDOM])
         raise ConfigError(f"{name}: no such scene; {meant}{known}")
-    return LAYOUTS[name].make(np.random.default_rng(1 if seed is None else seed))
+    return LAYOUTS[name].make(rng)

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.simulation.lidar.models import LIDARS
 from seaclutter_cli.simulation.marine.scene import RecordingParams, Scene, SceneObjectParams, VesselParams
 from seaclutter_cli.simulation.marine.sea import SeaParams
 
@@ -16,6 +15,7 @@ Position = tuple[float, float]
 FRAMES = 50
 _TRIES = 40
 _FAR_M = 60.0
+_LIDARS = ("RS-LiDAR-32", "RS-LiDAR-16", "VLP-16", "OS1-64", "OS1-128")  # one more would change the scenes of all seeds
 _BOATS = {
     # shape: range of lengths, width and height per metre of length, top speed
     "speedboat": ((4.5, 12.0), 0.31, 0.27, 9.0),
@@ -115,6 +115,11 @@ class Plan:
         self._reserved.append((position[0], position[1], radius_m))
         return True
 
+    def extend(self, objects: Sequence[SceneObjectParams]) -> None:
+        """Add the objects of another scene, and reserve the water around them."""
+        self.objects += objects
+        self._reserved += [(*item.path[0], float(item.size_m[0]) / 2) for item in objects]
+
     def scatter(self, shapes: Sequence[str], count: int, nearest_m: float, farthest_m: float, **more: Any) -> None:
         """Add boats at random positions and headings, each at rest or under way; fewer if room runs out."""
         for _ in range(count):
@@ -136,9 +141,8 @@ class Plan:
 
     def scene(self, description: str, *, heading_deg: float = 0.0, speed_ms: float = 0.0, **sea: float) -> Scene:
         """Return the objects added so far as a scene, with a random lidar on a random vessel on a random sea."""
-        rotating = [name for name, lidar in LIDARS.items() if lidar.rotates]
         recording = RecordingParams(
-            description=description, lidar=self.choice(rotating), frames=FRAMES, seed=int(self.rng.integers(2**31))
+            description=description, lidar=self.choice(_LIDARS), frames=FRAMES, seed=int(self.rng.integers(2**31))
         )
         # The distribution of seas does not depend on the class of the scene.
         values: dict[str, Any] = {

@@ -3,6 +3,7 @@
 The noise of the receiver is of the two kinds in [Bi].
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -96,6 +97,23 @@ class Echoes:
         self.reflectance[chosen] = reflectance[nearer]
         self.label[chosen] = label
 
+    def add_stronger(
+        self,
+        shots: NDArray[np.int64],
+        hits: tuple[Floats, Floats],
+        label: int,
+        loss: Callable[[Floats], Floats],
+    ) -> None:
+        """Update the shots whose new hits are received more strongly than their previous ones, however near these.
+
+        ``hits`` are ranges and reflectances, and ``loss`` the share of a reflectance that is received from a range.
+        """
+        range_m, reflectance = hits
+        stronger = reflectance * loss(range_m) > self.reflectance[shots] * loss(self.range_m[shots])
+        chosen = shots[stronger]
+        self.range_m[chosen], self.reflectance[chosen] = range_m[stronger], reflectance[stronger]
+        self.label[chosen] = label
+
 
 @dataclass(frozen=True)
 class Receiver:
@@ -106,13 +124,17 @@ class Receiver:
     The intensity is Eq. 2 of [Li2023] with a linear receiver:
     :math:`I = G \, \rho \cos\theta \, e^{-2 \alpha R} / R^2`, rounded down to a whole number and limited to 255.
     :math:`G` is the gain with which a surface of reflectivity 0.1 gives 1 at the range that the maker states for it. An
-    echo is lost if it is below 1 with the noise of the receiver.
+    echo is lost if it is below 1 with the noise of the receiver. Echoes from nearer than ``near_m``, where beam and
+    receiver do not overlap fully, grow no further. Some lidars report :math:`I_0 + I^p` instead: ``response`` has
+    :math:`I_0` and :math:`p`.
     """
 
     lidar: Lidar
     noise: NoiseParams
     extinction: float
     dropout: float
+    near_m: float = 0.0
+    response: tuple[float, float] = (0.0, 1.0)
 
     def receive(
         self, echoes: Echoes, times_s: Floats, rng: np.random.Generator
@@ -135,7 +157,9 @@ class Receiver:
         lidar = self.lidar
         reflecting = np.flatnonzero(echoes.reflectance > 0)
         range_m = echoes.range_m[reflecting]
-        power = lidar.gain * echoes.reflectance[reflecting] / np.maximum(range_m, lidar.min_range_m) ** 2
+        power = (
+            lidar.gain * echoes.reflectance[reflecting] / np.maximum(range_m, max(lidar.min_range_m, self.near_m)) ** 2
+        )
         power *= np.exp(-2 * self.extinction * range_m)
         power += 0.25 * rng.standard_normal(len(reflecting)) * np.sqrt(1 + 0.05 * power)
         kept = (power >= 1) & (range_m >= lidar.min_range_m) & (range_m <= lidar.max_range_m)
@@ -150,7 +174,8 @@ class Receiver:
         points = np.empty(len(chosen), POINT)
         position = lidar.lenses.reshape(-1, 3)[chosen] + lidar.directions.reshape(-1, 3)[chosen] * measured[:, None]
         points["x"], points["y"], points["z"] = position.T
-        points["intensity"] = np.minimum(np.floor(power), 255.0)
+        offset, exponent = self.response
+        points["intensity"] = np.minimum(np.floor(offset + power**exponent), 255.0)
         points["ring"] = lidar.rings[chosen % len(lidar.elevations_deg)]
         points["timestamp"] = times_s.reshape(-1)[chosen]
         points["label"] = label

@@ -1,9 +1,9 @@
 """Lidars that can be simulated: direction and firing time of each beam, sensitivity and range."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Gt, Interval
@@ -44,7 +44,7 @@ class Lidar:
     incidence gives an echo of intensity 1; echoes are reported between ``min_range_m`` and ``max_range_m``, with a
     standard deviation of ``range_noise_m``. The lens is ``lens_m`` from the axis in the direction of the column. In a
     horizontal field of view of less than 360°, the columns are evenly spaced around straight ahead, and all shots are
-    fired at once. A scene overrides the noise.
+    fired at once. A scene overrides the noise. Water absorbs light of its wavelength.
     """
 
     elevations_deg: tuple[float, ...]
@@ -60,6 +60,11 @@ class Lidar:
     rate_hz: float = 10.0
     field_deg: float = 360.0
     noise: NoiseParams = NoiseParams()
+    wavelength_nm: int = 905
+
+    def at_rate(self, rate_hz: float) -> "Lidar":
+        """Return the lidar with another rate of rotation and the same rate of shots."""
+        return replace(self, rate_hz=rate_hz, columns=round(self.columns * self.rate_hz / rate_hz))
 
     @property
     def gain(self) -> float:
@@ -141,10 +146,39 @@ _VLP16_ELEVATIONS = (-15.0, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1,
 _RS16_ELEVATIONS = (-15.0, -13, -11, -9, -7, -5, -3, -1, 15, 13, 11, 9, 7, 5, 3, 1)
 
 
-def _ouster(beams: int) -> Lidar:
+_VLP32_ELEVATIONS = (
+    *(
+        -25.0,
+        -1.0,
+        -1.667,
+        -15.639,
+        -11.31,
+        0.0,
+        -0.667,
+        -8.843,
+        -7.254,
+        0.333,
+        -0.333,
+        -6.148,
+        -5.333,
+        1.333,
+        0.667,
+        -4.0,
+    ),
+    *(-4.667, 1.667, 1.0, -3.667, -3.333, 3.333, 2.333, -2.667, -3.0, 7.0, 4.667, -2.333, -2.0, 15.0, 10.333, -1.333),
+)
+
+
+def _ouster(beams: int, half_deg: float = 22.5, detection_m: float = 90.0) -> Lidar:
     staggered = (4.23, 1.41, -1.41, -4.23) * (beams // 4)
-    elevations = tuple(np.linspace(22.5, -22.5, beams).tolist())
-    return Lidar(elevations, staggered, (0.0,) * beams, 1024, 90.0, 200.0, min_range_m=0.5)
+    return _even(beams, half_deg, -half_deg, 1024, detection_m, offsets=staggered, wavelength_nm=865)
+
+
+def _even(beams: int, top: float, bottom: float, columns: int, detection_m: float, **more: Any) -> Lidar:
+    """Return a lidar whose beams are evenly spaced in elevation."""
+    offsets = more.pop("offsets", (0.0,) * beams)
+    elevations = tuple(np.linspace(top, bottom, beams).tolist())
+    return Lidar(elevations, offsets, (0.0,) * beams, columns, detection_m, 200.0, min_range_m=0.5, **more)
 
 
 _CE30_D = Lidar(
@@ -170,11 +204,23 @@ LIDARS: Mapping[str, Lidar] = {
     "OS1-64": _ouster(64),
     "OS1-128": _ouster(128),
     "CE30-D": _CE30_D,
+    "OS1-16": _ouster(16, 16.6),
+    "OS1-32": _ouster(32),
+    "OS0-128": _ouster(128, 45.0, 45.0),
+    "VLP-32C": Lidar(
+        _VLP32_ELEVATIONS, (0.0,) * 32, tuple(1.152 * c for c in range(32)), 1800, 120.0, 200.0, min_range_m=0.5
+    ),
+    "PandarXT-32": _even(32, 15.0, -16.0, 2000, 80.0),
+    "generic-64-905": _even(64, 10.0, -20.0, 1800, 120.0),
+    "generic-128-905": _even(128, 15.0, -25.0, 1800, 150.0),
+    "generic-32-1550": _even(32, 10.0, -20.0, 1800, 200.0, wavelength_nm=1550),
+    "generic-64-1550": _even(64, 10.0, -20.0, 1800, 200.0, wavelength_nm=1550),
 }
 """Lidars by name; to add one, add a line here.
 
 Angles, times and ranges are the makers' design values: RS-LiDAR-32 user manual (channel table, B.13 and B.14; appendix
-A for the times), RS-LiDAR-16 and VLP-16 user manuals, Ouster OS1 datasheet, CE30-D datasheet (table 2) and [Bi]. For
-the CE30-D, the amounts of noise are assumptions, and so is its sensitivity: it detects a white surface at its full
+A for the times), RS-LiDAR-16, VLP-16 and VLP-32C user manuals, Ouster OS0 and OS1 and Hesai PandarXT-32 datasheets,
+CE30-D datasheet (table 2) and [Bi]. Generic lidars are named by their number of beams and their wavelength. For the
+CE30-D, the amounts of noise are assumptions, and so is its sensitivity: it detects a white surface at its full
 range and a reflectivity of 0.1 at a third of it.
 """

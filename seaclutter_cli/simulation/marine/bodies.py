@@ -64,14 +64,20 @@ class Bodies:
             for k in range(len(self.objects))
         ]
 
-    def add_echoes(self, shots: Shots, echoes: Echoes, placed: Sequence[PlacedBody]) -> None:
-        """Add the echoes of all bodies, nearest body first, since it hides others."""
+    def add_echoes(
+        self, shots: Shots, echoes: Echoes, placed: Sequence[PlacedBody], before: Shots | None = None
+    ) -> None:
+        """Add the echoes of all bodies, nearest body first, since it hides others.
+
+        Shots that the water has mirrored have the bearings that they had ``before``.
+        """
         if not placed:
             return
-        first, last = bearings(shots, self.meshes, [one.pose for one in placed])
-        distances = [float(np.hypot(*(one.pose.position - shots.origins[0])[:2])) for one in placed]
+        aimed = before or shots
+        first, last = bearings(aimed, self.meshes, [one.pose for one in placed])
+        distances = [float(np.hypot(*(one.pose.position - aimed.origins[0])[:2])) for one in placed]
         for number in np.argsort(distances, kind="stable").tolist():
-            near = shots.between(float(first[number]), float(last[number]))
+            near = aimed.between(float(first[number]), float(last[number]))
             if len(near):
                 item = self.objects[number]
                 surface = item.reflectivity, IGNORED if item.ignore else item.track_id

@@ -57,6 +57,18 @@ class Track:
         return _along(legs[which], times_s)
 
 
+class SmoothTrack(Track):
+    """A path whose heading turns evenly from the middle of each leg to that of the next one, instead of at corners."""
+
+    def at(self, times_s: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return x and y in metres and the heading in radians at given times, shape (T,) each."""
+        x, y, heading = super().at(times_s)
+        middles = [(leg.start_s + leg.end_s) / 2 for leg in self.legs[:-1]]
+        if not middles:
+            return x, y, heading
+        return x, y, np.interp(times_s, middles, np.unwrap([leg.heading_rad for leg in self.legs[:-1]]))
+
+
 class Tracks:
     """Many paths, O of them, each evaluated at its own time."""
 
@@ -113,13 +125,20 @@ class Ride:
     """Position and attitude of the lidar over time.
 
     The lidar is at ``mast``, shape (3,), on a vessel or vehicle that follows a track, and a share of the height and
-    slopes of the terrain, shape (3, T), that ``motion`` returns for positions and times.
+    slopes of the terrain, shape (3, T), that ``motion`` returns for positions and times. The vessel may add
+    pitch and roll, ``rocking`` at times, shape (T,), of its own.
     """
 
     def __init__(
-        self, track: Track, motion: Callable[[Floats, Floats, Floats], Floats], wave_response: float, mast: Floats
+        self,
+        track: Track,
+        motion: Callable[[Floats, Floats, Floats], Floats],
+        wave_response: float,
+        mast: Floats,
+        rocking: Callable[[Floats], tuple[Floats, Floats]] | None = None,
     ) -> None:
         self._track, self._motion, self._wave_response, self._mast = track, motion, wave_response, mast
+        self._rocking = rocking
 
     def at(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Return position and attitude of the lidar at given times, shapes (T, 3) and (T, 3, 3)."""
@@ -127,6 +146,9 @@ class Ride:
         waves = self._wave_response * self._motion(x, y, times_s)
         pitch = -np.arctan(waves[1] * np.cos(yaw) + waves[2] * np.sin(yaw))
         roll = np.arctan(waves[2] * np.cos(yaw) - waves[1] * np.sin(yaw))
+        if self._rocking:
+            own_pitch, own_roll = self._rocking(times_s)
+            pitch, roll = pitch + own_pitch, roll + own_roll
         rotation = rotations(yaw, pitch, roll)
         return np.stack((x, y, waves[0]), axis=1) + rotation @ self._mast, rotation
 

@@ -36,7 +36,7 @@ class _McapLog:
     """Writer of PointCloud2 messages to an MCAP file, with the scene as metadata."""
 
     def __init__(self, scene: Scene, stream: BinaryIO) -> None:
-        self._period_ns = round(10**9 / LIDARS[scene.recording.lidar].rate_hz)
+        self._period_ns = round(10**9 / scene.lidar.rate_hz)
         self._writer = McapWriter(stream, profile="ros2")
         entries = {"version": __version__, "scene": json.dumps(scene.as_dict())}
         self._writer.add_metadata(Metadata("scene", entries))
@@ -67,7 +67,7 @@ class _CaptureLog:
         if name not in MODELS:
             known = ", ".join(name for name in LIDARS if name in MODELS)
             raise UsageError(f"pcap: cannot write packets of {name}; choose one of {known}, or write an .mcap file")
-        self._lidar, self._model, self._stream = LIDARS[name], MODELS[name], stream
+        self._lidar, self._model, self._stream = scene.lidar, MODELS[name], stream
         degrees = np.array((self._lidar.elevations_deg, self._lidar.azimuth_offsets_deg))
         angles = Angles(*np.round(100 * degrees).astype(np.int64))
         self._info = write_info(self._model, angles).tobytes()

@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Receiver, Shots
-from seaclutter_cli.simulation.lidar.models import LIDARS
 from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody, add_body_echoes, box_of
-from seaclutter_cli.simulation.marine.motion import Pose, Ride
+from seaclutter_cli.simulation.marine.effects import Effects
+from seaclutter_cli.simulation.marine.motion import Pose, Ride, SmoothTrack
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 from seaclutter_cli.simulation.marine.terrain import TERRAINS, Terrain, terrain_name
+from seaclutter_cli.simulation.marine.wide import WideWater
 from seaclutter_cli.truth import IGNORED, Boxes
 
 Floats = NDArray[np.float64]
@@ -41,17 +42,27 @@ class Renderer:
 
     def __init__(self, scene: Scene) -> None:
         recording, vessel, params = scene.recording, scene.vessel, scene.terrain
-        self.scene, self.lidar, self._seed = scene, LIDARS[recording.lidar], recording.seed
+        self.scene, self.lidar, self._seed = scene, scene.lidar, recording.seed
         self._bodies = Bodies(scene.objects)
         self._own = SHAPES["own_vessel"]().scaled(vessel.length_m, vessel.width_m, vessel.lidar_height_m * 0.7)
         hulls = [(vessel.track, vessel.length_m, vessel.width_m)] if vessel.speed_ms else []
         moving = [item for item in scene.objects if item.speed_ms]
         hulls += [(item.track, float(item.size_m[0]), float(item.size_m[1])) for item in moving]
-        self._terrain: Terrain = TERRAINS[terrain_name(params)][1](params, hulls, vessel.length_m, self._seed)
+        self._effects = Effects(scene, hulls) if scene.physics else None
+        self._terrain: Terrain = (
+            self._effects.sea
+            if self._effects
+            else TERRAINS[terrain_name(params)][1](params, hulls, vessel.length_m, self._seed)
+        )
         mast = np.array([vessel.lidar_forward_m, 0.0, vessel.lidar_height_m])
         self._ride = Ride(vessel.track, self._terrain.motion, vessel.wave_response, mast)
-        noise = scene.noise or self.lidar.noise
-        self._receiver = Receiver(self.lidar, noise, params.extinction, recording.dropout)
+        noise, extinction, near_m, response = scene.noise or self.lidar.noise, params.extinction, 0.0, (0.0, 1.0)
+        if self._effects and scene.physics:
+            track = SmoothTrack(vessel.path, vessel.speed_ms, vessel.heading_deg, vessel.start_s)
+            self._ride = Ride(track, self._terrain.motion, vessel.wave_response, mast, self._effects.rocking)
+            extinction, near_m = self._effects.extinction, self._effects.near_m
+            response = scene.physics.intensity_offset, scene.physics.intensity_exponent
+        self._receiver = Receiver(self.lidar, noise, extinction, recording.dropout, near_m, response)
 
     def frame(self, index: int) -> SimulatedFrame:
         """Return a frame by its number."""
@@ -67,6 +78,8 @@ class Renderer:
         hull = self._ride.hull(start_s)
         add_body_echoes(shots, echoes, np.arange(len(shots)), self._own, hull, (_DARK_REFLECTIVITY, IGNORED))
         self._bodies.add_echoes(shots, echoes, placed)
+        if self._effects and isinstance(moment, WideWater):
+            self._effects.add_echoes(shots, echoes, moment, (self._bodies, placed), rng)
         return SimulatedFrame(index, *self._receiver.receive(echoes, times_s, rng), self._boxes(placed, hull, start_s))
 
     def _shots(self, positions: Floats, rotation: Floats) -> Shots:

@@ -9,8 +9,10 @@ from typing import Annotated, Any
 from annotated_types import Ge, Gt, Interval, Len
 
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.simulation.lidar.models import LIDARS, NoiseParams
+from seaclutter_cli.simulation.lidar.models import LIDARS, Lidar, NoiseParams
 from seaclutter_cli.simulation.marine.motion import Track
+from seaclutter_cli.simulation.marine.physics import PhysicsParams
+from seaclutter_cli.simulation.marine.sea import SeaParams
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 from seaclutter_cli.simulation.marine.terrain import TERRAINS, TerrainParams, terrain_name
 from seaclutter_cli.simulation.scene_file import KEYS, write_scene
@@ -27,7 +29,8 @@ from seaclutter_cli.validation import (
     renamed,
 )
 
-_SECTIONS = ("recording", *TERRAINS, "vessel", "noise", "objects")
+_OPTIONAL = {"noise": NoiseParams, "physics": PhysicsParams}
+_SECTIONS = ("recording", *TERRAINS, "vessel", *_OPTIONAL, "objects")
 Path2 = Annotated[tuple[tuple[float, float], ...], Len(1)]
 
 
@@ -141,7 +144,7 @@ class SceneObjectParams(MovingParams):
 class Scene:
     """A scene to simulate: sea or ground, own ship or the vehicle, and all other objects.
 
-    Without ``noise``, false returns are those of the lidar.
+    Without ``noise``, false returns are those of the lidar; without ``physics``, the sea is the simple one.
     """
 
     recording: RecordingParams
@@ -149,6 +152,13 @@ class Scene:
     vessel: VesselParams
     objects: tuple[SceneObjectParams, ...]
     noise: NoiseParams | None = None
+    physics: PhysicsParams | None = None
+
+    @property
+    def lidar(self) -> Lidar:
+        """The lidar at its rate."""
+        lidar = LIDARS[self.recording.lidar]
+        return lidar.at_rate(self.physics.rate_hz) if self.physics and self.physics.rate_hz else lidar
 
     def with_recording(self, **changes: Any) -> "Scene":
         """Return the scene with other frames, seed or lidar; None keeps a value. Raises `ConfigError`."""
@@ -166,7 +176,7 @@ class Scene:
             terrain_name(self.terrain): self.terrain,
             "vessel": self.vessel,
         }
-        return parts if self.noise is None else {**parts, "noise": self.noise}
+        return parts | {name: value for name in _OPTIONAL if (value := getattr(self, name)) is not None}
 
     def as_dict(self) -> dict[str, Any]:
         """Return the scene as the content of a file, with default values."""
@@ -186,7 +196,8 @@ def load_scene(name: str) -> Scene:
 
 def save_scene(scene: Scene, path: Path, group: OutputGroup | None = None) -> None:
     """Write a scene to a file for `load_scene`, with default values and a comment for every key."""
-    absent = {} if scene.noise else {"noise": LIDARS[scene.recording.lidar].noise}
+    absent = {"noise": scene.lidar.noise, "physics": PhysicsParams()}
+    absent = {name: value for name, value in absent.items() if getattr(scene, name) is None}
     write_scene(path, group, scene.sections, {"objects": (SceneObjectParams, scene.objects)}, absent)
 
 
@@ -201,8 +212,9 @@ def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
         chosen[0]: TERRAINS[chosen[0]][0],
         "vessel": VesselParams,
     }
-    if "noise" in raw:
-        kinds["noise"] = NoiseParams
+    kinds |= {name: kind for name, kind in _OPTIONAL.items() if name in raw}
+    if "physics" in raw and TERRAINS[chosen[0]][0] is not SeaParams:
+        problems.append("physics: only a sea can have this section")
     parts = build_sections(kinds, raw, problems)
     objects = build_list(SceneObjectParams, raw.get("objects") or [], "objects", "an object", problems)
     uses = Counter(item.track_id for item in objects)

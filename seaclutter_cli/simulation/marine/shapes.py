@@ -13,6 +13,7 @@ Triangles = NDArray[np.float64]
 Point = tuple[float, float]
 
 _LEAVES = 130
+_BLADES = 150
 
 
 @dataclass(frozen=True)
@@ -180,6 +181,42 @@ def _apple_tree() -> Mesh:
     return _mesh((_prism(_circle(0.04, 6), -0.05, 0.9), 0.7), (leaves, 1.0))
 
 
+def _swimmer() -> Mesh:
+    """Return the head and shoulders of a person in the water."""
+    shoulders = _prism([(0.3 * x, y) for x, y in _circle(0.5, 8)], -0.5, 0.35, taper=0.6)
+    return _mesh((shoulders, 0.7), (_prism(_circle(0.22, 8), 0.2, 1.0, taper=0.8), 1.0))
+
+
+def _rhib() -> Mesh:
+    """Return a low inflatable hull with a console and its crew."""
+    console = _prism(_box((-0.1, 0.05), (-0.2, 0.2)), 0.3, 0.75)
+    crew = _prism(_box((-0.22, -0.14), (-0.25, 0.25)), 0.3, 1.0, taper=0.7)
+    return _mesh((_prism(_hull(0.2), -0.1, 0.38), 0.5), (console, 0.8), (crew, 1.0))
+
+
+def _bird() -> Mesh:
+    """Return a flying bird in the highest tenth of its box."""
+    wings = np.array([[(0.2, 0, 0.95), (-0.2, side, 0.98), (-0.2, 0, 0.95)] for side in (-0.5, 0.5)])
+    return _mesh((_prism([(x, 0.3 * y) for x, y in _circle(0.5, 6)], 0.9, 1.0, taper=0.5), 1.0), (wings, 0.8))
+
+
+def _bridge() -> Mesh:
+    """Return the deck of a bridge, in the highest fifth of its box."""
+    deck = _prism(_box((-0.5, 0.5), (-0.5, 0.5)), 0.8, 1.0)
+    under = deck[-4:] * np.array([1.0, 1.0, 0.8])
+    return _mesh((np.concatenate((deck, under)), 1.0))
+
+
+def _reeds() -> Mesh:
+    """Return upright blades, sparse enough for many shots to pass."""
+    rng = np.random.default_rng(6)
+    foot = np.concatenate((rng.uniform(-0.5, 0.5, (_BLADES, 2)), np.full((_BLADES, 1), -0.2)), axis=1)
+    angle = rng.uniform(0, np.pi, _BLADES)
+    wide = 0.006 * np.stack((np.cos(angle), 4 * np.sin(angle), np.zeros(_BLADES)), axis=1)
+    lean = np.concatenate((rng.normal(0, 0.02, (_BLADES, 2)), rng.uniform(0.7, 1.2, (_BLADES, 1))), axis=1)
+    return _mesh((np.clip(np.stack((foot - wide, foot + wide, foot + lean), 1), -0.5, (0.5, 0.5, 1.0)), 1.0))
+
+
 def _own_ship() -> Mesh:
     """Return own ship: a hull with a low house behind the lidar's mast."""
     house = _prism(_box((-0.3, 0.0), (-0.3, 0.3)), 0.5, 1.0)
@@ -202,6 +239,11 @@ SHAPES: Mapping[str, Callable[[], Mesh]] = {
     "trunk": _trunk,
     "crown": _crown,
     "apple_tree": _apple_tree,
+    "swimmer": _swimmer,
+    "rhib": _rhib,
+    "bird": _bird,
+    "bridge": _bridge,
+    "reeds": _reeds,
     "own_vessel": _own_ship,
 }
 """Makers of meshes in a box of unit length, width and height above the waterline; to add a shape, add a line here."""

@@ -132,17 +132,47 @@ class Wake:
             return
         corners, (x, y, heading), density = spray
         pose = Pose.of(np.array([x, y, 0.0]), yaw=heading)
-        offset = pose.position[:2] - shots.origins[0, :2]
-        range_m, reach = float(np.hypot(*offset)), float(np.abs(corners).max()) + 1
-        half = np.pi if range_m <= reach else float(np.arcsin(reach / range_m))
-        near = shots.towards(float(np.arctan2(offset[1], offset[0])), half)
-        origins = (shots.origins[near] - pose.position) @ pose.rotation
-        begin, end = intersect_box(origins, shots.directions[near] @ pose.rotation, *corners)
-        path = np.clip(end - begin, 0.0, None)
-        hit = np.flatnonzero(rng.random(len(near)) < 1 - np.exp(-density * path))
-        distance = begin[hit] + rng.random(len(hit)) * path[hit]
-        reflectance = reflectivity * rng.standard_exponential(len(hit))
-        echoes.add(near[hit], distance, reflectance, CLUTTER)
+        add_droplet_echoes(shots, echoes, pose, corners, (density, reflectivity), rng)
+
+    def churned(self, x: Floats, y: Floats, time_s: float, reach_m: float) -> Floats:
+        """Return the share of its first strength that the turbulent wake has at given positions, shape (N,).
+
+        It is twice as wide as the hull (Trevorrow et al. 1994: two to four times), widens as the foam does, and ends
+        ``reach_m`` behind the stern.
+        """
+        strength = np.zeros(len(x))
+        for leg in self.track.legs:
+            inside, behind, aside, _ = self._behind(leg, x, y, time_s)
+            half = self.width_m * np.maximum(1.0, behind / self.length_m) ** 0.2
+            astern = np.clip(1 - (behind - self.length_m) / reach_m, 0.0, 1.0) * (behind > 0.6 * self.length_m)
+            strength[inside] = np.maximum(strength[inside], astern * np.exp(-((aside / half) ** 4)))
+        return strength
+
+
+def add_droplet_echoes(
+    shots: Shots,
+    echoes: Echoes,
+    pose: Pose,
+    corners: Floats,
+    droplets: tuple[float, float],
+    rng: np.random.Generator,
+) -> None:
+    """Add the echoes of a box of droplets, from its lower to its upper corner in the frame of the pose.
+
+    ``droplets`` are their hits per metre of a shot's path, and their reflectivity.
+    """
+    density, reflectivity = droplets
+    offset = pose.position[:2] - shots.origins[0, :2]
+    range_m, reach = float(np.hypot(*offset)), float(np.abs(corners).max()) + 1
+    half = np.pi if range_m <= reach else float(np.arcsin(reach / range_m))
+    near = shots.towards(float(np.arctan2(offset[1], offset[0])), half)
+    origins = (shots.origins[near] - pose.position) @ pose.rotation
+    begin, end = intersect_box(origins, shots.directions[near] @ pose.rotation, *corners)
+    path = np.clip(end - begin, 0.0, None)
+    hit = np.flatnonzero(rng.random(len(near)) < 1 - np.exp(-density * path))
+    distance = begin[hit] + rng.random(len(hit)) * path[hit]
+    reflectance = reflectivity * rng.standard_exponential(len(hit))
+    echoes.add(near[hit], distance, reflectance, CLUTTER)
 
 
 def patches(x: Floats, y: Floats, seed: int) -> Floats:

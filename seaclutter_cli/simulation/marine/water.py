@@ -19,7 +19,7 @@ _ROWS = 1800
 _ROW_GAP = 16.0
 _MAX_TANGENT = 7.0
 _DIVERGENCE = 0.003
-_PULSE_M = 0.75
+PULSE_M = 0.75
 
 
 class MarineWater:
@@ -51,7 +51,7 @@ class MarineWater:
         self, surface: WaveSurface, params: SeaParams, wakes: Sequence[Wake], *, time_s: float, seed: int
     ) -> None:
         self._surface, self._params, self._wakes = surface, params, wakes
-        self._time_s, self._seed = time_s, seed
+        self.time_s, self._seed = time_s, seed
         spread = surface.heights[::4, ::4].astype(np.float64)
         # Waves break at their crests, so whitecaps cover the highest part of the surface.
         self._crest = float(np.quantile(spread, 1 - params.whitecaps)) if params.whitecaps else np.inf
@@ -74,13 +74,13 @@ class MarineWater:
         reflectance = self._params.reflectivity * np.clip(facing, 0.0, 1.0) * speckle
         cover = (self._surface.height(x, y) >= self._crest).astype(np.float64)
         for wake in self._wakes:
-            cover = np.maximum(cover, wake.foam(x, y, self._time_s))
+            cover = np.maximum(cover, wake.foam(x, y, self.time_s))
         foamy = cover > patches(x, y, self._seed)
         foam = self._params.foam_reflectivity * rng.random(len(hit)) * rng.standard_exponential(len(hit))
         depth = _DIVERGENCE * distance / np.maximum(-rays[:, 2], 1e-6)  # of the water that a beam lights
-        echoes.add(hit, distance, np.where(foamy, foam, reflectance) * np.minimum(1.0, _PULSE_M / depth), CLUTTER)
+        echoes.add(hit, distance, np.where(foamy, foam, reflectance) * np.minimum(1.0, PULSE_M / depth), CLUTTER)
         for wake in self._wakes:
-            wake.add_spray_echoes(shots, echoes, self._time_s, self._params.foam_reflectivity, rng)
+            wake.add_spray_echoes(shots, echoes, self.time_s, self._params.foam_reflectivity, rng)
 
     def _intersect(self, shots: Shots) -> tuple[NDArray[np.int64], Floats]:
         """Return the shots that hit the water, and their distances in metres."""
@@ -90,7 +90,7 @@ class MarineWater:
         y = origin[1] + np.outer(np.sin(angles), _RADII_M)
         heights = self._surface.height(x, y).astype(np.float64)
         for wake in self._wakes:
-            heights += wake.height(x.reshape(-1), y.reshape(-1), self._time_s).reshape(x.shape)
+            heights += wake.height(x.reshape(-1), y.reshape(-1), self.time_s).reshape(x.shape)
         row = np.floor(shots.azimuths / (2 * np.pi) * _ROWS + 0.5).astype(np.int64) % _ROWS
         mast = np.full(_ROWS, origin[2])
         mast[row] = shots.origins[:, 2]

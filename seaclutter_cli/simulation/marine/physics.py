@@ -1,0 +1,215 @@
+"""Optics of water and foam, and the parameters of seas whose physics goes beyond that of the default ones."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Interval
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Share = Annotated[float, Interval(ge=0, le=1)]
+
+DIVERGENCE_RAD = 0.003
+"""Full width of a beam."""
+
+_WAVELENGTHS_NM = (850.0, 865.0, 905.0, 1550.0)
+_INDEX = (1.329, 1.329, 1.328, 1.318)
+_ABSORPTION = (4.3, 4.8, 6.8, 1080.0)
+_FOAM_WAVELENGTHS_NM, _FOAM = (440.0, 850.0, 1020.0, 1650.0), (1.0, 0.6, 0.5, 0.15)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhysicsParams:
+    """Physics of water, air and own motion; without this section, waves, foam and wakes only.
+
+    Parameters
+    ----------
+    families : tuple of str
+        What the scene is an example of, so that a benchmark can leave it out.
+    rate_hz : float or None
+        Frames per second; null is the lidar's own rate.
+    wind_ms : float
+        Wind speed, which ripples the water, tears off spray and makes whitecaps.
+    wind_deg : float
+        Direction to which the wind blows, counter-clockwise from the world's x.
+    shelter : float
+        Share of the slope variance of open water that the ripples of this water have; small under quays and in slicks.
+    backscatter : float
+        Backscattering coefficient of the water and what floats in it, in 1/m: 0.002 in the ocean, 0.3 in a port.
+    patch_m : float
+        Size of the patches in which the water is bright or dark.
+    patch_s : float
+        Time for which a patch stays as bright as it is.
+    whitecap_s : float
+        Time in which the foam of a whitecap decays to 1/e.
+    wake_m : float
+        Length of the turbulent wake behind each vessel under way.
+    wake_height_m : float
+        Mean height of the echoes of a turbulent wake above the water.
+    wake_cover : float
+        Share of the shots into a fresh turbulent wake that meet its froth.
+    wake_reflectivity : float
+        Mean reflectivity of the froth.
+    spray : float
+        Number of sheets of spray that the bow and breaking crests throw up per second.
+    rain_mm_h : float
+        Rain rate.
+    drop_reflectivity : float
+        Reflectivity of a drop of rain that fills the beam.
+    retro_tracks : tuple of int
+        Objects with a retro-reflector at their top.
+    bloom_deg : float
+        Angle at which the blooming around a retro-reflector has decayed to 1/e.
+    roll_deg : float
+        Amplitude of the rolling of own ship beyond its response to waves.
+    roll_s : float
+        Period of rolling.
+    pitch_deg : float
+        Amplitude of pitching, at twice the rate of rolling.
+    least_reflectivity : float
+        Reflectivity below which no echo is detected, however near: beam and receiver do not overlap at the lidar.
+    intensity_offset : float
+        Intensity that the lidar reports beyond its echo's.
+    intensity_exponent : float
+        Power of the echo to which reported intensities are proportional.
+    """
+
+    families: tuple[str, ...] = ()
+    rate_hz: Annotated[float, Interval(ge=1, le=50)] | None = None
+    wind_ms: Annotated[float, Interval(ge=0, le=30)] = 4.0
+    wind_deg: float = 0.0
+    shelter: Share = 1.0
+    backscatter: Annotated[float, Gt(0)] = 0.02
+    patch_m: Annotated[float, Gt(0)] = 0.5
+    patch_s: Annotated[float, Gt(0)] = 0.3
+    whitecap_s: Annotated[float, Gt(0)] = 3.5
+    wake_m: Annotated[float, Ge(0)] = 0.0
+    wake_height_m: Annotated[float, Ge(0)] = 0.12
+    wake_cover: Share = 0.3
+    wake_reflectivity: Share = 0.05
+    spray: Annotated[float, Interval(ge=0, le=50)] = 0.0
+    rain_mm_h: Annotated[float, Interval(ge=0, le=200)] = 0.0
+    drop_reflectivity: Share = 0.02
+    retro_tracks: tuple[int, ...] = ()
+    bloom_deg: Annotated[float, Gt(0)] = 0.5
+    roll_deg: Annotated[float, Interval(ge=0, le=45)] = 0.0
+    roll_s: Annotated[float, Gt(0)] = 4.0
+    pitch_deg: Annotated[float, Interval(ge=0, le=30)] = 0.0
+    least_reflectivity: Annotated[float, Interval(gt=0, le=0.1)] = 0.001
+    intensity_offset: Annotated[float, Interval(ge=0, le=100)] = 0.0
+    intensity_exponent: Annotated[float, Interval(gt=0, le=1)] = 1.0
+
+    @property
+    def ripple_variance(self) -> float:
+        """Variance of the slopes of all ripples, over both directions."""
+        return self.shelter * slope_variance(self.wind_ms)
+
+
+def slope_variance(wind_ms: float) -> float:
+    r"""Return the variance of the slopes of open water: :math:`0.003 + 0.00512 U` (Cox and Munk 1954).
+
+    References
+    ----------
+    .. [1] Cox, Munk (1954). "Measurement of the roughness of the sea surface from photographs of the sun's glitter".
+       JOSA 44(11).
+    """
+    return 0.003 + 0.00512 * wind_ms
+
+
+def whitecap_share(wind_ms: float) -> float:
+    r"""Return the share of open water under whitecaps: :math:`3.84 \cdot 10^{-6} U^{3.41}`.
+
+    References
+    ----------
+    .. [1] Monahan, O'Muircheartaigh (1980). "Optimal power-law description of oceanic whitecap coverage dependence on
+       wind speed". JPO 10(12).
+    """
+    return float(min(1.0, 3.84e-6 * wind_ms**3.41))
+
+
+def refractive_index(wavelength_nm: float) -> float:
+    """Return the refractive index of water (Hale and Querry 1973)."""
+    return float(np.interp(wavelength_nm, _WAVELENGTHS_NM, _INDEX))
+
+
+def absorption(wavelength_nm: float) -> float:
+    """Return the absorption of light in water in 1/m.
+
+    References
+    ----------
+    .. [1] Hale, Querry (1973). "Optical constants of water in the 200-nm to 200-µm wavelength region". Applied Optics
+       12(3).
+    .. [2] Kou, Labrie, Chylek (1993). "Refractive indices of water and ice in the 0.65- to 2.5-µm spectral range".
+       Applied Optics 32(19).
+    """
+    return float(np.exp(np.interp(wavelength_nm, _WAVELENGTHS_NM, np.log(_ABSORPTION))))
+
+
+def foam_share(wavelength_nm: float) -> float:
+    """Return the reflectivity of foam relative to that in visible light.
+
+    References
+    ----------
+    .. [1] Frouin, Schwindling, Deschamps (1996). "Spectral reflectance of sea foam in the visible and near-infrared: In
+       situ measurements and remote sensing implications". JGR 101(C6).
+    """
+    return float(np.interp(wavelength_nm, _FOAM_WAVELENGTHS_NM, _FOAM))
+
+
+def fresnel(cosine: Floats, index: float) -> Floats:
+    """Return the share of unpolarised light that water reflects, for cosines of incidence from 0 to 1, shape (N,).
+
+    Examples
+    --------
+    >>> fresnel(np.array([1.0, 0.0]), 1.33).round(3)
+    array([0.02, 1.  ])
+    """
+    inside = np.sqrt(1 - (1 - cosine**2) / index**2)
+    across = (cosine - index * inside) / (cosine + index * inside)
+    along = (index * cosine - inside) / (index * cosine + inside)
+    return np.asarray((across**2 + along**2) / 2)
+
+
+def water_reflectance(cosine: Floats, wavelength_nm: float, backscatter: float) -> Floats:
+    r"""Return the reflectance of the light that comes back out of water, for cosines of incidence, shape (N,).
+
+    .. math:: (1 - F(\theta))^2 \cdot 0.33 \frac{b_b}{a + b_b} \cdot \cos\theta
+
+    The light passes the surface twice. Since :math:`1 - F` and :math:`\cos\theta` fall with the grazing angle h/R, the
+    echo of water falls nearly with :math:`h^3 / R^5`, and the range at which it is lost grows with :math:`h^{3/5}`:
+    from 17 m for a lidar 1.2 m up to just below 40 m for one 5 m up.
+
+    References
+    ----------
+    .. [1] Gordon, Brown, Jacobs (1975). "Computed relationships between the inherent and apparent optical properties of
+       a flat homogeneous ocean". Applied Optics 14(2).
+    """
+    albedo = 0.33 * backscatter / (absorption(wavelength_nm) + backscatter)
+    return np.asarray((1 - fresnel(cosine, refractive_index(wavelength_nm))) ** 2 * albedo * cosine)
+
+
+def facet_reflectance(cosine: Floats, wavelength_nm: float, variance: float) -> Floats:
+    r"""Return the reflectance of the ripples that face the lidar, for cosines of incidence on the wave, shape (N,).
+
+    .. math:: \frac{F(0)}{4 s^2 \cos^5\theta} \exp\!\left(-\tan^2\theta / s^2\right)
+
+    References
+    ----------
+    .. [1] Bufton, Hoge, Swift (1983). "Airborne measurements of laser backscatter from the ocean surface". Applied
+       Optics 22(17).
+    """
+    normal = float(fresnel(np.ones(1), refractive_index(wavelength_nm))[0])
+    cosine, variance = np.maximum(cosine, 0.05), max(variance, 1e-6)
+    return np.asarray(normal / (4 * variance * cosine**5) * np.exp(-(1 / cosine**2 - 1) / variance))
+
+
+def mirror_share(cosine: Floats, variance: float) -> Floats:
+    r"""Return the share of a mirrored echo that ripples leave in the beam, for cosines of incidence, shape (N,).
+
+    Ripples of slope :math:`s/\sqrt2` along and across tilt the mirrored ray by twice the slope up and down, and by
+    :math:`2 \cos\theta` times the slope to the sides. Of the lobe into which they spread the beam, the receiver, which
+    sees the target through the same ripples, sees the part that is as wide as the beam in each direction.
+    """
+    tilt = 2 * np.sqrt(variance / 2)
+    return np.asarray(DIVERGENCE_RAD**2 / np.hypot(DIVERGENCE_RAD, tilt) / np.hypot(DIVERGENCE_RAD, tilt * cosine))
