@@ -7,14 +7,14 @@ import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from typing import Any
 
 import click
 
 from seaclutter_cli.commands.console import ARGUMENTS, DEBUG, LOG, show_each_warning_once
-from seaclutter_cli.commands.groups import CommandGroup
+from seaclutter_cli.commands.groups import VERSION, CommandGroup
 from seaclutter_cli.commands.printer import LogHandler, close_output, show, show_error, show_traceback
-from seaclutter_cli.commands.version import version_option
 from seaclutter_cli.errors import AdaptedThresholdsWarning, RenamedKeyWarning, SeaclutterError
 from seaclutter_cli.interrupts import handle_interrupts, ignore_interrupts
 from seaclutter_cli.text import printable
@@ -40,19 +40,34 @@ COMMANDS: Mapping[str, str] = {
     "classify": "Separate sea from objects in airborne lidar tiles, and classify the objects.",
     "config": "Show and check configurations; list built-in sensors, methods and scenes.",
 }
-"""Commands and their short help. To add one, add a line here, and the command to `COMMANDS` of a module."""
+"""Commands and their short help. To add one, add a line here and in `_MODULES`, and a command in its module."""
 
 _MODULES = {
     **dict.fromkeys(("info", "filter", "convert", "mask", "view"), "logs"),
-    **dict.fromkeys(("calibrate", "evaluate", "tune", "report", "simulate"), "studies"),
-    **dict.fromkeys(("labels", "scene", "classify", "config"), "branches"),
+    **dict.fromkeys(("calibrate", "labels", "evaluate", "tune", "report", "simulate"), "studies"),
+    **{name: name for name in ("scene", "classify", "config")},
 }
 _LITTLE_MEMORY = "not enough memory; close other programs, or raise the limit of this process (ulimit -v)"
 _SIGNS_OF_LITTLE_MEMORY = ("can't start new thread", "failed to map segment", "cannot allocate memory")
 
 
 class _Program(CommandGroup):
-    """Root group, which reports errors as one line and an exit status."""
+    """Root group, which imports a command when it is needed, and reports errors as one line and an exit status."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name in COMMANDS and cmd_name not in self.commands:
+            for command in import_module(f"seaclutter_cli.commands.{_MODULES[cmd_name]}").COMMANDS:
+                command.short_help = COMMANDS[command.name]
+                command.help = command.help or command.short_help
+                self.add_command(command)
+        return super().get_command(ctx, cmd_name)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
 
     def make_context(
         self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
@@ -90,7 +105,7 @@ def _reported_errors() -> Iterator[None]:
     except (SeaclutterError, OSError) as error:
         context = click.get_current_context(silent=True)
         if context and LOG in context.meta:
-            context.meta[LOG].add(str(error), logging.ERROR)
+            context.meta[LOG].record(str(error), "ERROR")
         if context and DEBUG in context.meta:
             raise
         show_error(error)
@@ -141,19 +156,16 @@ class _RoomFinder:
                 raise MemoryError(f"no room for {name}") from error
 
 
-@click.group(
-    cls=_Program,
-    lines=COMMANDS,
-    modules=_MODULES,
+cli = _Program(
+    "cli",
+    params=[VERSION],
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-)
-@version_option
-def cli() -> None:
-    """Filter sea clutter out of recorded marine lidar logs.
+    help="""Filter sea clutter out of recorded marine lidar logs.
 
     Waves, wakes and spray cause false alarms in the detection of ships and buoys. seaclutter removes their points from
     MCAP files, ROS bags, packet captures and folders of frames. Every other topic, field and time stamp is kept.
-    """
+    """,
+)
 
 
 def main() -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from seaclutter_cli.commands.console import DEBUG, Console
+from seaclutter_cli.commands.groups import CommandGroup
 from seaclutter_cli.commands.options import command
 from seaclutter_cli.commands.printer import show, show_error, show_exactly
 from seaclutter_cli.errors import ConfigError
@@ -66,23 +67,23 @@ def _list(console: Console, kinds: Sequence[str], text: str) -> None:
     console.finish(list_builtin().only(kinds or _KINDS, text))
 
 
-COMMANDS = {
-    "show": command(
-        "show",
+_CONFIG = [
+    command(
+        "config show",
         _show,
         ConfigOptions,
         "Print the effective configuration, ready to save and edit.",
         messages=("as_json",),
     ),
-    "check": command(
-        "check",
+    command(
+        "config check",
         _check,
         {"files": option("FILES...", kind=Anything(), help="Configuration files.")},
         "Check configuration files and list all errors.",
         messages=(),
     ),
-    "list": command(
-        "list",
+    command(
+        "config list",
         _list,
         _ListOptions,
         """List built-in items, by default of every KIND.
@@ -91,5 +92,8 @@ COMMANDS = {
         simulate).
         """,
         messages=("as_json",),
+        short_help="List built-in sensors, methods, formats, configurations, scenes and lidars.",
     ),
-}
+]
+
+COMMANDS = (CommandGroup("config", _CONFIG, former={"sensors": "list"}),)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import logging
 import sys
 import time
-from contextlib import closing, contextmanager
-from functools import cached_property
+from contextlib import closing, contextmanager, suppress
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
@@ -31,7 +29,7 @@ NOTES = "seaclutter.notes"
 ARGUMENTS = "seaclutter.arguments"
 """Key in a context's ``meta`` for the arguments of the program."""
 LOG = "seaclutter.log"
-"""Key in a context's ``meta`` for the log file."""
+"""Key in a context's ``meta`` for the console with a log file."""
 
 SCHEMA_VERSION = 1
 """Version of the JSON output; it changes when a key is removed or gets another meaning."""
@@ -40,7 +38,7 @@ _LINE_SECONDS = 10.0
 _SHOWN_DAMAGE = 10
 _TITLE_CHARACTERS = 60
 _FAILED, _DAMAGED = 1, 3
-_LOG_HEAD = "# seaclutter log\n"
+_LOG_HEAD = b"# seaclutter log\n"
 
 
 class Console(Options):
@@ -58,20 +56,18 @@ class Console(Options):
     def __post_init__(self) -> None:
         """Open the log file, so that an error comes before the run, and let it receive the error that ends the run."""
         context = click.get_current_context(silent=True)
-        if self._log and context:
-            context.meta[LOG] = self._log
+        if self.log_file:
+            _begin_log(self.log_file)
+            if context:
+                context.meta[LOG] = self
         for text in context.meta.pop(NOTES, ()) if context else ():
             self.note(text)
 
-    @cached_property
-    def _log(self) -> _LogFile | None:
-        if self.log_file is None:
-            return None
-        return _LogFile(self.log_file)
-
-    def _record(self, text: str, level: int = logging.INFO) -> None:
-        if self._log:
-            self._log.add(text, level)
+    def record(self, text: str, level: str = "INFO") -> None:
+        """Append a line to the log file: time in UTC, level, text."""
+        if self.log_file:
+            with suppress(OSError), self.log_file.open("a", encoding="utf-8", errors="backslashreplace") as file:
+                file.write(f"{time.strftime('%Y-%m-%dT%H:%M:%SZ', time.gmtime())} {level} {printable(text)}\n")
 
     @contextmanager
     def progress(self, title: str, total: int | None, unit: str = "frame") -> Iterator[Callable[[], object]]:
@@ -93,13 +89,13 @@ class Console(Options):
 
     def note(self, text: str, *, detail: bool = False) -> None:
         """Print a message about the course of the run."""
-        self._record(text)
+        self.record(text)
         if self.verbose if detail else not self.quiet:
             show_line(text)
 
     def warn(self, text: str) -> None:
         """Print a warning."""
-        self._record(text, logging.WARNING)
+        self.record(text, "WARNING")
         if not self.quiet:
             show_line(f"Warning: {text}")
 
@@ -110,7 +106,7 @@ class Console(Options):
 
     def _record_damage(self, damage: Sequence[Damage]) -> None:
         for item in damage:
-            self._record(f"damaged: {item}", logging.WARNING)
+            self.record(f"damaged: {item}", "WARNING")
 
     def _show_damage(self, damage: Sequence[Damage]) -> None:
         shown = len(damage) if self.verbose else _SHOWN_DAMAGE
@@ -121,7 +117,7 @@ class Console(Options):
 
     def fail(self, error: SeaclutterError) -> None:
         """Print an error and continue; with ``--debug``, raise it."""
-        self._record(str(error), logging.ERROR)
+        self.record(str(error), "ERROR")
         if DEBUG in click.get_current_context().meta:
             raise error
         show_error(error)
@@ -131,7 +127,7 @@ class Console(Options):
         if error:
             self.fail(error)
         elif line:
-            self._record(line)
+            self.record(line)
             if not self.quiet:
                 show_line(line)
         self._record_damage(damage)
@@ -192,40 +188,17 @@ def show_each_warning_once() -> Callable[..., None]:
     return show_warning
 
 
-class _LogFile:
-    """A text file to which runs append lines: time in UTC, level, text.
-
-    Parameters
-    ----------
-    path : Path
-        New or empty file, or an earlier log file.
-
-    Raises
-    ------
-    OutputError
-        If it is another file, or cannot be written.
-    """
-
-    def __init__(self, path: Path) -> None:
-        try:
-            known = _beginning(path)
-            if known and known != _LOG_HEAD.encode():
-                raise OutputError(f"{path}: is not a log file; choose another one for --log-file")
-            path.parent.mkdir(exist_ok=True)  # as for other outputs: the last folder
-            with path.open("a", encoding="utf-8") as file:
-                file.write("" if known else _LOG_HEAD)
-            handler = logging.FileHandler(path, encoding="utf-8", errors="backslashreplace")
-        except OSError as error:
-            raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
-        formatter = logging.Formatter("%(asctime)s %(levelname)s %(message)s", "%Y-%m-%dT%H:%M:%SZ")
-        formatter.converter = time.gmtime
-        handler.setFormatter(formatter)
-        self._logger = logging.Logger("seaclutter")  # noqa: LOG001 - of this file only
-        self._logger.addHandler(handler)
-
-    def add(self, text: str, level: int = logging.INFO) -> None:
-        """Append a line."""
-        self._logger.log(level, "%s", printable(text))
+def _begin_log(path: Path) -> None:
+    """Make a log file, unless there is one; raise `OutputError` if it is another file, or cannot be written."""
+    try:
+        known = _beginning(path)
+        if known and known != _LOG_HEAD:
+            raise OutputError(f"{path}: is not a log file; choose another one for --log-file")
+        path.parent.mkdir(exist_ok=True)  # as for other outputs: the last folder
+        with path.open("ab") as file:
+            file.write(b"" if known else _LOG_HEAD)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
 
 
 def _beginning(path: Path) -> bytes:

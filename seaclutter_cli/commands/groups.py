@@ -1,73 +1,83 @@
-"""Groups of commands, which import a command only when it is called, to keep help fast."""
+"""Groups of commands, and the versions of the program and its parts."""
 
-import importlib
-from collections.abc import Mapping, Sequence
+import platform
+import re
+import textwrap
+from collections.abc import Mapping
+from importlib import metadata
 from typing import Any
 
 import click
 
+from seaclutter_cli import __version__
+from seaclutter_cli.commands.printer import show
 from seaclutter_cli.text import suggestion
+
+_NAME = re.compile(r"[\w.-]+")
+_EXTRA = re.compile(r"extra\s*==\s*[\"']([\w-]+)[\"']")
+_TOOLS = ("dev", "docs")
 
 
 class CommandGroup(click.Group):
-    """Group of commands in a given order.
+    """Group of commands in their order; ``former`` names of commands still work, but are not listed."""
 
-    Parameters
-    ----------
-    name : str
-        Name of the group; ``cli`` is the program itself.
-    lines : mapping of str to str
-        Names of the commands and their short help.
-    modules : mapping of str to str, optional
-        Modules in this package whose ``COMMANDS`` have the commands; by default the one named like the group.
-    former : mapping of str to str, optional
-        Former names of commands, which still work but are not listed, and the present ones.
-    **options : optional
-        As for `click.Group`.
-    """
-
-    def __init__(
-        self,
-        name: str | None = None,
-        lines: Mapping[str, str] | None = None,
-        modules: Mapping[str, str] | None = None,
-        former: Mapping[str, str] | None = None,
-        **options: Any,
-    ) -> None:
-        super().__init__(name, **options)
-        self._lines, self._modules, self._former = lines or {}, modules or {}, former or {}
-        self._path = ("seaclutter",) if name in (None, "cli") else ("seaclutter", str(name))
+    def __init__(self, *arguments: Any, former: Mapping[str, str] = {}, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._former = former
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         """Return the names of the commands in their order."""
-        return list(self._lines)
+        return list(self.commands)
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
-        """Import and return a command, with its environment variables; None if there is no such command."""
-        name = self._former.get(cmd_name, cmd_name)
-        if name not in self._lines:
-            return None
-        module = importlib.import_module(f"seaclutter_cli.commands.{self._modules.get(name, self._path[-1])}")
-        command: click.Command = module.COMMANDS[name]
-        command.short_help = self._lines[name]
-        for parameter in command.params:
-            if isinstance(parameter, click.Option) and parameter.expose_value:
-                longest = max(parameter.opts, key=len).strip("-")
-                parameter.envvar = "_".join((*self._path, name, longest)).replace("-", "_").upper()
-        return command
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a command; None if there is no such command."""
+        return super().get_command(ctx, self._former.get(cmd_name, cmd_name))
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Return the command that arguments name; suggest a similar one if there is no such command."""
-        known: Sequence[str] = [*self._lines, *self._former]
-        if args and not args[0].startswith("-") and args[0] not in known:
-            meant = suggestion(args[0], self._lines)
-            listed = f"choose from: {', '.join(self._lines)}"
-            raise click.UsageError(f"No such command {args[0]!r}; {meant}{listed}", ctx)
+        known = self.list_commands(ctx)
+        if args and not args[0].startswith("-") and args[0] not in (*known, *self._former):
+            meant = f"{suggestion(args[0], known)}choose from: {', '.join(known)}"
+            raise click.UsageError(f"No such command {args[0]!r}; {meant}", ctx)
         return super().resolve_command(ctx, args)
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        """Write the commands with their short help, without importing any."""
-        with formatter.section("Commands"):
-            formatter.write_dl(list(self._lines.items()))
+
+def _show_versions(context: click.Context, _: click.Parameter, value: bool) -> None:
+    if value and not context.resilient_parsing:
+        show(f"seaclutter, version {__version__}")
+        show(f"Python {platform.python_version()} on {platform.platform(terse=True)}")
+        installed, missing = _parts()
+        show(_listed("with", [f"{name} {version}" for name, version in installed.items()]))
+        if missing:
+            show(_listed("without", [f"{name} (extra {extra})" for name, extra in missing.items()]))
+        context.exit()
+
+
+def _parts() -> tuple[dict[str, str], dict[str, str]]:
+    """Return the versions of the libraries that are installed, and the extras of the others."""
+    installed, missing = {}, {}
+    for requirement in sorted(metadata.requires("seaclutter") or (), key=str.casefold):
+        name, extra = _NAME.match(requirement), _EXTRA.search(requirement)
+        if name is None or name[0] == "seaclutter" or (extra and extra[1] in _TOOLS):
+            continue
+        try:
+            installed[name[0]] = metadata.version(name[0])
+        except metadata.PackageNotFoundError:
+            missing[name[0]] = extra[1] if extra else "none"
+    return installed, missing
+
+
+def _listed(head: str, items: list[str]) -> str:
+    return textwrap.fill(f"{head} {', '.join(items)}", 79, subsequent_indent="  ", break_on_hyphens=False)
+
+
+VERSION = click.Option(
+    ["--version"],
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_show_versions,
+    help="Show the versions of the program and its parts.",
+)

@@ -4,8 +4,8 @@ from seaclutter_cli.commands.options import command
 from seaclutter_cli.options import Anything, option
 from seaclutter_cli.runs.options.logs import ConvertOptions, FilterOptions, InfoOptions, MaskOptions, ViewOptions
 
-COMMANDS = {
-    "info": command(
+COMMANDS = (
+    command(
         "info",
         "runs.info:info",
         InfoOptions,
@@ -15,7 +15,7 @@ COMMANDS = {
         summary and the first frames are read, unless -n or a time is given.
         """,
     ),
-    "filter": command(
+    command(
         "filter",
         "runs.filter:filter_log",
         FilterOptions,
@@ -28,7 +28,7 @@ COMMANDS = {
         """,
         plan="runs.plan:plan_filter",
     ),
-    "convert": command(
+    command(
         "convert",
         "runs.convert:convert_log",
         ConvertOptions,
@@ -41,7 +41,7 @@ COMMANDS = {
         """,
         plan="runs.plan:plan_convert",
     ),
-    "mask": command(
+    command(
         "mask",
         "runs.mask:find_mask",
         MaskOptions,
@@ -54,7 +54,7 @@ COMMANDS = {
         `filter -s filter.mask=MASK.csv`, or `mask: MASK.csv` in a configuration, uses it.
         """,
     ),
-    "view": command(
+    command(
         "view",
         "runs.view:view_logs",
         {
@@ -68,4 +68,4 @@ COMMANDS = {
         """,
         messages=("quiet", "verbose", "log_file"),
     ),
-}
+)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING
@@ -253,25 +254,11 @@ def command(  # noqa: PLR0913 - what makes a command
     messages: Sequence[str] = ("as_json", "quiet", "verbose", "log_file"),
     **others: Callable[[], Any],
 ) -> click.Command:
-    """Return a command that calls a function and prints its result.
+    """Return a command that calls a function and prints its result; ``name`` has that of its group, too.
 
-    Parameters
-    ----------
-    name : str
-        Name of the command.
-    function : str or callable
-        The function, as ``module:name`` in the package ``seaclutter_cli``, which is imported when it is called; or a
-        function of the console, which prints.
-    takes : class of options, or mapping
-        Options that the function takes.
-    text, short_help : str
-        Help of the command, and its line in the list of commands.
-    plan : str, optional
-        Function for ``--dry-run``.
-    messages : sequence of str, optional
-        Options of the console that the command has.
-    **others : callable
-        Further arguments of the function, by functions that return them.
+    The function is ``module:name`` in the package ``seaclutter_cli``, which is imported when it is called; or one of
+    the console, which prints. It takes options, and ``others``, by functions that return them; ``plan`` is the one for
+    ``--dry-run``. ``messages`` are options of the console that the command has.
     """
     silenced = [key for key in declared(Console) if key not in messages]
 
@@ -290,4 +277,9 @@ def command(  # noqa: PLR0913 - what makes a command
     parameters = list(_parameters(takes))
     parameters += _parameters(_Planning) if plan else ()
     parameters += _parameters(Console, silenced)
-    return _Command(name, callback=run, params=[*parameters, _debug()], help=text, short_help=short_help)
+    for parameter in parameters:
+        if isinstance(parameter, click.Option) and parameter.expose_value:
+            longest = max(parameter.opts, key=len).strip("-")
+            parameter.envvar = re.sub("[ -]", "_", f"seaclutter {name} {longest}").upper()
+    own = name.rpartition(" ")[2]
+    return _Command(own, callback=run, params=[*parameters, _debug()], help=text, short_help=short_help)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import click
 
 from seaclutter_cli.commands.console import ARGUMENTS
+from seaclutter_cli.commands.groups import CommandGroup
 from seaclutter_cli.commands.options import command
 from seaclutter_cli.runs.options.simulate import SimulationOptions
 from seaclutter_cli.runs.options.studies import (
@@ -48,8 +49,24 @@ def _effective(arguments: Sequence[str]) -> list[str]:
     return shown
 
 
-COMMANDS = {
-    "calibrate": command(
+_LABELS = [
+    command(
+        "labels check",
+        "runs.label_check:check_labels",
+        LabelCheckOptions,
+        """Compare labels with the points of LOGS, and name probable mistakes with their remedies.
+
+        Found are yaws in degrees or in the other direction, length and width or x and y swapped, centimetres and
+        millimetres, positions off by a distance, boxes too small or too large, duplicates, misspelt classes, and
+        labels of another recording. These are guesses from up to twelve frames. The exit status is 1 if there are any.
+        `evaluate`, `tune` and `report` give the same as warnings.
+        """,
+        short_help="Find mistakes in labels that would give wrong rates without an error.",
+    ),
+]
+
+COMMANDS = (
+    command(
         "calibrate",
         "runs.calibrate:calibrate",
         CalibrateOptions,
@@ -60,7 +77,7 @@ COMMANDS = {
         -m confirmed, the mounting of the lidar is found as well.
         """,
     ),
-    "evaluate": command(
+    command(
         "evaluate",
         "runs.evaluate:evaluate",
         EvaluateOptions,
@@ -70,7 +87,7 @@ COMMANDS = {
         Several methods run in one pass. Frames without a label are counted, but left out of every rate.
         """,
     ),
-    "tune": command(
+    command(
         "tune",
         "runs.tune:tune",
         TuneOptions,
@@ -82,7 +99,7 @@ COMMANDS = {
         data.
         """,
     ),
-    "report": command(
+    command(
         "report",
         "runs.report:report",
         ReportOptions,
@@ -94,19 +111,8 @@ COMMANDS = {
         """,
         command=_command_line,
     ),
-    "check": command(
-        "check",
-        "runs.label_check:check_labels",
-        LabelCheckOptions,
-        """Compare labels with the points of LOGS, and name probable mistakes with their remedies.
-
-        Found are yaws in degrees or in the other direction, length and width or x and y swapped, centimetres and
-        millimetres, positions off by a distance, boxes too small or too large, duplicates, misspelt classes, and
-        labels of another recording. These are guesses from up to twelve frames. The exit status is 1 if there are any.
-        `evaluate`, `tune` and `report` give the same as warnings.
-        """,
-    ),
-    "simulate": command(
+    CommandGroup("labels", _LABELS),
+    command(
         "simulate",
         "runs.simulate:simulate",
         SimulationOptions,
@@ -120,4 +126,4 @@ COMMANDS = {
         recordings are OUT/SCENE_SEED.mcap, and tiles OUT/SCENE_SEED.laz.
         """,
     ),
-}
+)

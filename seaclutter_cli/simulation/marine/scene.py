@@ -19,6 +19,7 @@ from seaclutter_cli.simulation.scene_file import KEYS, write_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.validation import (
     OneOf,
+    build,
     build_list,
     build_sections,
     builtin_files,
@@ -163,10 +164,11 @@ class Scene:
     def with_recording(self, **changes: Any) -> "Scene":
         """Return the scene with other frames, seed or lidar; None keeps a value. Raises `ConfigError`."""
         given = {name: value for name, value in changes.items() if value is not None}
-        try:
-            return replace(self, recording=replace(self.recording, **given))
-        except ValueError as error:
-            raise ConfigError(str(error)) from error
+        problems: list[str] = []
+        recording = build(RecordingParams, {**plain(self.recording), **given}, "", "recording", problems)
+        if problems:
+            raise ConfigError(problems[0].removeprefix("."))
+        return replace(self, recording=recording)
 
     @property
     def sections(self) -> Mapping[str, Any]:
