@@ -6,9 +6,9 @@ One pass in constant memory: a histogram for each range ring, and the extent of 
 import math
 from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, Context
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,6 @@ from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels
 from seaclutter_cli.truth import CLUTTER, Truth
 
-FILTER_RATE = 0.8
 GAP_M = 1.0
 MAX_RANGE_M = 10_000.0
 _BIN_M = 0.5
@@ -76,9 +75,9 @@ class FarLimit:
 class RingCalibration:
     """The initial threshold, :math:`I_0`, of one range ring from ``start_m`` to before ``end_m``.
 
-    ``below`` is the number of its clutter points whose intensity is below the threshold. If there are too ``few`` for a
-    threshold of its own, ``source`` has the numbers, from 1, of the first and last range ring whose points determine
-    it. If more points than may be left have the highest intensity, that is the threshold: it is ``saturated``.
+    ``below`` is the number of its clutter points whose intensity is below the threshold. If these are ``few_points``
+    for a threshold of its own, ``source_rings`` are the numbers, from 1, of the first and last range ring whose points
+    determine it. If more points than may be left have the highest intensity, it is ``saturated`` there.
     """
 
     start_m: float
@@ -86,8 +85,8 @@ class RingCalibration:
     points: int
     threshold: float
     below: int
-    few: bool = False
-    source: tuple[int, int] = (1, 1)
+    few_points: bool = False
+    source_rings: tuple[int, int] = (1, 1)
     saturated: bool = False
 
     @property
@@ -115,6 +114,10 @@ class Thresholds:
         values = (ring.threshold for ring in self.rings)
         return tuple(int(value) if value.is_integer() and abs(value) < 2**53 else value for value in values)
 
+    def applied_to(self, params: Any) -> Any:
+        """Return the parameters of a method with the thresholds and the far limit."""
+        return replace(params, end_m=self.end_m, initial_thresholds=self.initial_thresholds)
+
 
 class Calibration:
     """Clutter points of several recordings, from which thresholds are derived.
@@ -130,7 +133,7 @@ class Calibration:
         self,
         params: RingIntensityParams,
         *,
-        filter_rate: float = FILTER_RATE,
+        filter_rate: float,
         max_left: float | None = None,
         keep_end: bool = False,
     ) -> None:

@@ -286,15 +286,15 @@ class TestCalibration:
         for number, ring in enumerate(found.rings):
             inside = np.sort(intensity[(ranges >= 10 + 15 * number) & (ranges < 25 + 15 * number)])
             assert ring.points == len(inside)
-            assert ring.few == (len(inside) < few_points(rate))
+            assert ring.few_points == (len(inside) < few_points(rate))
             assert ring.below == np.count_nonzero(inside < ring.threshold)
-            first, last_ring = ring.source
-            assert ring.few or first == last_ring == number + 1
+            first, last_ring = ring.source_rings
+            assert ring.few_points or first == last_ring == number + 1
             used = np.sort(intensity[(ranges >= 15 * first - 5) & (ranges < 15 * last_ring + 10)])
             last = last_below(used, rate)
             above = used[used > last].min(initial=math.inf)
             assert last < ring.threshold <= (last + 1 if whole else above)
-            assert ring.few or ring.filter_rate >= rate
+            assert ring.few_points or ring.filter_rate >= rate
 
     def test_thresholds_of_fractions_are_short(self):
         ranges = np.full(1000, 20.0)
@@ -307,7 +307,7 @@ class TestCalibration:
         intensity = np.repeat([9, 9, 9, 4, 4, 2], 100)
         found = calibrate(ranges, intensity, keep_end=True, end_m=90)
         assert found.initial_thresholds == (10, 10, 10, 5, 3, 3)
-        assert [ring.source for ring in found.rings] == [(2, 2), (2, 2), (2, 2), (4, 4), (5, 5), (5, 5)]
+        assert [ring.source_rings for ring in found.rings] == [(2, 2), (2, 2), (2, 2), (4, 4), (5, 5), (5, 5)]
         assert [ring.points for ring in found.rings] == [0, 300, 0, 200, 100, 0]
         assert found.rings[0].filter_rate is None
 
@@ -317,10 +317,10 @@ class TestCalibration:
         rng = np.random.default_rng(1)
         intensity = np.floor(rng.exponential(300 / ranges))
         found = calibrate(ranges, intensity)
-        assert [ring.source for ring in found.rings] == [(1, 1), (2, 3), (2, 3), (2, 3), (5, 5), (5, 5)]
+        assert [ring.source_rings for ring in found.rings] == [(1, 1), (2, 3), (2, 3), (2, 3), (5, 5), (5, 5)]
         together = np.sort(intensity[300:420])
         assert found.rings[1].threshold == found.rings[3].threshold == together[95] + 1  # 80 % of 120 are 96
-        assert [ring.few for ring in found.rings] == [False, True, True, True, False, True]
+        assert [ring.few_points for ring in found.rings] == [False, True, True, True, False, True]
 
     @pytest.mark.parametrize(
         ("rate", "threshold", "saturated"), [(0.8, 255, True), (0.7, 10, False), (1.0, 256, False)]
@@ -334,14 +334,14 @@ class TestCalibration:
 
     def test_equal_clutter_below_brighter_points_is_not_saturated(self):
         """Snow returns nothing but 0; a threshold of 1 removes it and leaves the street."""
-        calibration = Calibration(JointParams())
+        calibration = Calibration(JointParams(), filter_rate=0.8)
         calibration.see(np.array([0.0, 40.0]))
         calibration.add(np.linspace(10, 20, 1000), np.zeros(1000))
         (ring,) = calibration.thresholds().rings
         assert (ring.threshold, ring.saturated, ring.below) == (1, False, 1000)
 
     def test_another_rate_without_another_pass(self):
-        calibration = Calibration(JointParams())
+        calibration = Calibration(JointParams(), filter_rate=0.8)
         calibration.add(np.linspace(10, 20, 1000), np.arange(1000.0))
         assert calibration.thresholds().initial_thresholds == (800,)
         calibration.filter_rate = 0.5
@@ -350,7 +350,7 @@ class TestCalibration:
     @pytest.mark.parametrize(("max_left", "below"), [(None, 800), (100, 800), (10, 900), (4, 960), (0.1, 980)])
     def test_dense_clutter_gets_a_higher_rate(self, max_left, below):
         """At most ``max_left`` points are left in each of ten frames, but at least 20 in all determine a threshold."""
-        calibration = Calibration(JointParams(), max_left=max_left)
+        calibration = Calibration(JointParams(), filter_rate=0.8, max_left=max_left)
         for _ in range(10):
             calibration.see(np.array([np.inf]))
         ranges = np.append(np.linspace(10, 20, 1000), np.linspace(25, 39, 100))
@@ -442,7 +442,7 @@ class TestClutterSelector:
         from seaclutter_cli.filters.joint import RingIntensity, RingIntensityParams
 
         frames = [sea_frame(5, index=index) for index in range(6)]
-        calibration = Calibration(params())
+        calibration = Calibration(params(), filter_rate=0.8)
         selector = ClutterSelector(params())
         for frame in frames:
             clutter = selector.clutter(frame)

@@ -1,29 +1,27 @@
 """Calibration: thresholds and the far limit of clutter, from recordings that contain clutter."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
+from functools import partial
 from time import perf_counter
-from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.buckets import on_paths
-from seaclutter_cli.calibration import Calibration, ClutterSelector, Thresholds
+from seaclutter_cli.calibration import ClutterSelector
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import LabelError, UsageError
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmed import Confirmed
 from seaclutter_cli.filters.joint import RingIntensityParams
-from seaclutter_cli.filters.zones import MAX_RINGS
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import map_frames
-from seaclutter_cli.plots.clutter import ClutterDensity, draw_clutter
+from seaclutter_cli.plots.clutter import draw_clutter
 from seaclutter_cli.plots.figure import check_target, render
-from seaclutter_cli.runs.calibrate_result import CalibrationResult, ClutterTally
+from seaclutter_cli.runs.calibrate_result import CalibrationResult, ClutterSums
 from seaclutter_cli.runs.calibrate_trade_off import (
     MIN_FRAMES,
     Candidate,
@@ -43,7 +41,7 @@ from seaclutter_cli.runs.recordings import Outcome, opened
 from seaclutter_cli.runs.studies import StudyWork, frame_progress, prepared, study_all
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.text import count
-from seaclutter_cli.water import Mounting, MountingSearch
+from seaclutter_cli.water import Mounting
 
 _SEARCHED_S, _EVERY_S = 2.0, 20.0
 _MIN_TARGET_POINTS = 5
@@ -80,7 +78,7 @@ def calibrate(options: CalibrateOptions) -> CalibrationResult:
     outputs = {"-o": options.output, "--plot": options.plot_file}
     pairs = prepared(options.logs, options, outputs, observer, [config])
     works = [_CalibrateWork(options.reading, *each, config, options) for each in pairs]
-    sums = _ClutterSums(config, options)
+    sums = ClutterSums(config.filter, options)
 
     def add(outcome: _Calibrated) -> None:
         nonlocal sums
@@ -91,12 +89,13 @@ def calibrate(options: CalibrateOptions) -> CalibrationResult:
     outcomes = study_all(works, options.batch, observer, add, together=True)
     works = [work for work, outcome in zip(works, outcomes, strict=True) if not outcome.has_nothing]
     trade_off = _trade_off(works, sums, observer) if options.choose or options.trade_off else None
-    result = sums.result(trade_off)
+    result = _result(sums, config, options, trade_off)
     for text in result.warnings:
         observer.warn(text)
     files = {options.output: result.config_text().encode()} if options.output else {}
-    if options.plot_file:
-        files[options.plot_file] = sums.plot(result.found, options.plot_file.suffix)
+    if options.plot_file and (density := sums.density):
+        draw = partial(draw_clutter, density=density, found=result.found)
+        files[options.plot_file] = render(draw, options.plot_file.suffix)
     write_files(files, replace=options.force)
     return result
 
@@ -115,24 +114,38 @@ def _starting_config(options: ConfigOptions) -> Config:
     return config
 
 
-def _trade_off(works: Sequence["_CalibrateWork"], found: "_ClutterSums", observer: Observer) -> TradeOff:
+def _result(
+    sums: ClutterSums, config: Config, options: CalibrateOptions, trade_off: TradeOff | None
+) -> CalibrationResult:
+    if sums.unlabelled and not sums.frames:
+        frames = count(sums.unlabelled, "frame")
+        raise LabelError(f"{frames} read, none of them labelled; choose frames with labels, or leave out --labels")
+    mounting = sums.search.found() if sums.search is not None else None
+    labelled = bool(options.labels)
+    return CalibrationResult(config, sums.calibration.thresholds(), sums, labelled, options.output, mounting, trade_off)
+
+
+def _trade_off(works: Sequence["_CalibrateWork"], found: ClutterSums, observer: Observer) -> TradeOff:
     """Return the scores of several filter rates and limits on held-out frames; with ``choose``, use the best one."""
-    config, options, frames = works[0].config, works[0].options, found.tally.frames_each
+    config, options, frames = works[0].config, works[0].options, found.frames_each
     if sum(frames) < MIN_FRAMES:
         raise LabelError(f"{count(sum(frames), 'labelled frame')}: too few to compare filter rates")
     used = Candidate(options.filter_rate, options.max_left)
     compared = candidates(used)
     variants = []
     for half in (0, 1):
-        training = _ClutterSums(config, options)
+        training = ClutterSums(config.filter, options)
         for work, number in zip(works, frames, strict=True):
             training += replace(work, labelled_frames=training_frames(number)[half]).read(OnlyProgress(observer))
-        variants += [Variant(f"{one.name} ({half})", training.config(one)) for one in compared]
+        for one in compared:
+            training.calibration.filter_rate, training.calibration.max_left = astuple(one)
+            params = training.calibration.thresholds().applied_to(config.filter)
+            variants.append(Variant(f"{one.name} ({half})", replace(config, filter=params)))
     judged = [EvaluateWork(work.reading, work.recording, work.labels, variants, in_parts=True) for work in works]
     trade_off = TradeOff(dict(zip(compared, held_out_scores(judged, observer), strict=True)), used)
     if not options.choose:
         return trade_off
-    found.use(trade_off.best)
+    found.calibration.filter_rate, found.calibration.max_left = astuple(trade_off.best)
     return replace(trade_off, used=trade_off.best)
 
 
@@ -140,13 +153,12 @@ def _trade_off(works: Sequence["_CalibrateWork"], found: "_ClutterSums", observe
 class _Calibrated(Outcome):
     """Outcome of one of several recordings, with its sums until they are added to the others."""
 
-    frames: int = 0
-    points: int = 0
-    sums: "_ClutterSums | None" = field(default=None, repr=False)
+    sums: ClutterSums | None = field(default=None, repr=False)
 
     def figures(self) -> str:
         """Return the main figures, for a line about the outcome."""
-        return f"{count(self.frames, 'frame')}, {count(self.points, 'clutter point')}, {self.seconds:.1f} s"
+        frames, points = (self.sums.frames, self.sums.calibration.points) if self.sums else (0, 0)
+        return f"{count(frames, 'frame')}, {count(points, 'clutter point')}, {self.seconds:.1f} s"
 
 
 @dataclass(frozen=True)
@@ -170,7 +182,7 @@ class _CalibrateWork(StudyWork[_Calibrated]):
         outcome.seconds = perf_counter() - started
         return outcome
 
-    def read(self, observer: Observer) -> "_ClutterSums":
+    def read(self, observer: Observer) -> ClutterSums:
         """Return the sums only."""
         sums = self.run(observer).sums
         assert sums is not None  # noqa: S101 - see study
@@ -178,12 +190,16 @@ class _CalibrateWork(StudyWork[_Calibrated]):
 
     def study(self, source: Source, labels: Labels | None, outcome: _Calibrated, observer: Observer) -> None:
         """Read the recording."""
-        selection, params, sums = self.reading.selection, self.config.filter, _ClutterSums(self.config, self.options)
+        selection, params, sums = (
+            self.reading.selection,
+            self.config.filter,
+            ClutterSums(self.config.filter, self.options),
+        )
         topics = sorted({channel.topic for channel in cloud_channels(source, selection.topics)})
         if labels and len(topics) > 1:
             raise UsageError(f"{source.name}: labels apply to one topic; choose from: -t {' -t '.join(topics)}")
         selector = ClutterSelector(params, labels, self.config.evaluation.box_margin_m)
-        search = None if labels else _TargetSearch(params, sums.tally)
+        search = None if labels else _TargetSearch(params, sums)
         with frame_progress(source, selection, observer) as step:
             for frame, clutter in map_frames(source, selection, selector.clutter):
                 if self.labelled_frames is not None and selector.frames - 1 not in self.labelled_frames:
@@ -195,75 +211,8 @@ class _CalibrateWork(StudyWork[_Calibrated]):
         if search:
             search.finish()
         self.finish(source, labels, selector.frames + selector.unlabelled)
-        sums.tally.add(source, selector)
-        outcome.frames, outcome.points, outcome.sums = sums.tally.frames, sums.calibration.points, sums
-
-
-class _ClutterSums:
-    """Sums over recordings, from a single pass over each."""
-
-    def __init__(self, config: Config, options: CalibrateOptions) -> None:
-        self._config, self._options = config, options
-        params: RingIntensityParams = config.filter
-        self.calibration = Calibration(
-            params, filter_rate=options.filter_rate, max_left=options.max_left, keep_end=options.keeps_end
-        )
-        self.tally = ClutterTally()
-        self._search = MountingSearch(params.mounting) if isinstance(params, ConfirmedParams) else None
-        self._density: ClutterDensity | None = None
-        if options.plot_file:
-            self._density = ClutterDensity(params.start_m, params.ring_width_m, MAX_RINGS)
-
-    def add(self, frame: Frame, clutter: NDArray[np.intp]) -> None:
-        """Add a frame with the indices of its clutter points."""
-        range_m, intensity = frame.range_m[clutter], frame.intensity[clutter]
-        self.calibration.see(frame.intensity[frame.valid])
-        self.calibration.add(range_m, intensity)
-        if self._density is not None:
-            self._density.add(range_m, intensity)
-        time_s = frame.stamp_ns / 1e9
-        if self._search is not None and self._search.wants(time_s):
-            self._search.add(frame.coordinates[:, clutter], time_s)
-        self.tally.note_frame(frame)
-
-    def __iadd__(self, other: Self) -> Self:
-        """Add the sums over later recordings, which must not be used afterwards."""
-        self.calibration += other.calibration
-        self.tally += other.tally
-        if self._search is not None and other._search is not None:
-            self._search += other._search
-        if self._density is not None and other._density is not None:
-            self._density += other._density
-        return self
-
-    def use(self, candidate: Candidate) -> None:
-        """Use a filter rate, and a limit of the points that are left, from now on."""
-        self.calibration.filter_rate, self.calibration.max_left = candidate.filter_rate, candidate.max_left
-
-    def config(self, candidate: Candidate) -> Config:
-        """Return the configuration with the thresholds of a candidate."""
-        self.use(candidate)
-        found = self.calibration.thresholds()
-        params = replace(self._config.filter, end_m=found.end_m, initial_thresholds=found.initial_thresholds)
-        return replace(self._config, filter=params)
-
-    def result(self, trade_off: TradeOff | None) -> CalibrationResult:
-        """Return the calibration from all recordings."""
-        tally, calibration = self.tally, self.calibration
-        if tally.unlabelled and not tally.frames:
-            frames = count(tally.unlabelled, "frame")
-            raise LabelError(f"{frames} read, none of them labelled; choose frames with labels, or leave out --labels")
-        labelled = bool(self._options.labels)
-        output = self._options.output
-        mounting = self._search.found() if self._search is not None else None
-        thresholds = calibration.thresholds()
-        return CalibrationResult(self._config, calibration, thresholds, tally, labelled, output, mounting, trade_off)
-
-    def plot(self, found: Thresholds, suffix: str) -> bytes:
-        """Return the content of the plot file."""
-        density = self._density
-        assert density is not None  # noqa: S101 - always set if a plot is requested
-        return render(lambda figure: draw_clutter(figure, density, found), suffix)
+        sums.finish(source, selector)
+        outcome.sums = sums
 
 
 class _TargetSearch:
@@ -273,7 +222,7 @@ class _TargetSearch:
     are not counted, since objects cannot be distinguished from land there.
     """
 
-    def __init__(self, params: RingIntensityParams, tally: ClutterTally) -> None:
+    def __init__(self, params: RingIntensityParams, sums: ClutterSums) -> None:
         mounting = params.mounting if isinstance(params, ConfirmedParams) else Mounting()
         self._params = ConfirmedParams(
             start_m=params.start_m,
@@ -287,7 +236,7 @@ class _TargetSearch:
             mounting_roll_deg=mounting.roll_deg,
             mounting_pitch_deg=mounting.pitch_deg,
         )
-        self._tally = tally
+        self._sums = sums
         self._topics: dict[str, tuple[float, Confirmed]] = {}
 
     def add(self, frame: Frame) -> None:
@@ -310,5 +259,5 @@ class _TargetSearch:
             if result.water is None:
                 continue
             kept = np.count_nonzero(result.keep & (result.frame.range_m >= self._params.start_m))
-            self._tally.examined += 1
-            self._tally.with_targets += bool(kept >= _MIN_TARGET_POINTS)
+            self._sums.examined += 1
+            self._sums.with_targets += bool(kept >= _MIN_TARGET_POINTS)
