@@ -1,8 +1,6 @@
 """Labelled boxes and clusters of a frame, with the outcome of matching, for reports and for players."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -33,22 +31,6 @@ _BOXES = {
     "ignored": (palette.TRUTH["unknown"], ""),
 }
 """Colours of clusters by their kind, and of boxes by their state, with texts for players."""
-
-
-def deferred_boxes(
-    frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams
-) -> Callable[[], BoxesAndClusters]:
-    """Return a function that calls `find_boxes` on demand, to save time for frames that are not shown.
-
-    Without labels, the function stores only the points that may be in clusters, not the message of the frame.
-    """
-    if truth is not None:
-        found = find_boxes(frame, results, truth, params)
-        return lambda: found
-    used = in_objects(frame, results)
-    part = replace(frame, cloud=frame.cloud.select(used), message=None)
-    parts = [result and replace(result, frame=part, reason=result.reason[used]) for result in results]
-    return partial(find_boxes, part, parts, None, params)
 
 
 def unconfirmed(result: FilterResult) -> NDArray[np.bool_]:

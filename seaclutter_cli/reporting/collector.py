@@ -74,11 +74,6 @@ class Choice(Generic[T]):
         self._stride = 1
         self._pending: list[_Item[T]] = []
 
-    def expect(self, frames: int) -> None:
-        """Set the approximate number of frames before the first one, so that less data is created and discarded."""
-        while -(-frames // (2 * self._stride)) > 4 * self._even:
-            self._stride *= 2
-
     def offer(self, row: int, *, badness: float | None, merit: float | None, make: Callable[[], T]) -> None:
         """Offer a frame for selection; rows must be in ascending order.
 
@@ -194,11 +189,6 @@ class Collector(FrameListener):
         """Start a recording."""
         self.recordings.append(recording)
         self._first_ns = None
-
-    def expect(self, frames: int) -> None:
-        """Take the approximate number of frames, before the first of them."""
-        if not self.timeline.frame:
-            self._choice.expect(frames)
 
     def add(self, scored: ScoredFrame) -> None:
         """Take the statistics of a frame; its results are requested only if its points are stored."""

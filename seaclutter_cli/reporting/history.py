@@ -86,9 +86,6 @@ class FrameListener(ABC):
     def begin(self, recording: str) -> None:
         """Start a recording."""
 
-    def expect(self, frames: int) -> None:  # noqa: B027 - optional for subclasses
-        """Take the approximate number of frames, before the first of them."""
-
     @abstractmethod
     def add(self, scored: ScoredFrame) -> None:
         """Take a frame."""

@@ -1,8 +1,7 @@
 """Sample of a frame: a subset of its points with reasons and ground truth, boxes and clusters."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import point_truth
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
-from seaclutter_cli.reporting.boxes import BoxesAndClusters, Described, deferred_boxes, in_objects
+from seaclutter_cli.reporting.boxes import Described, find_boxes, in_objects
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
 UNKNOWN, IS_CLUTTER, IS_TARGET, IS_IGNORED = range(4)
@@ -25,8 +24,8 @@ class Sample:
 
     ``xyz``, shape (n, 3), is in metres, ``intensity``, shape (n,), in the sensor's unit, NaN if unknown. ``reasons``,
     shape (M, n), are those of each method, ``truth``, shape (n,), is `UNKNOWN`, `IS_CLUTTER`, `IS_TARGET` or
-    `IS_IGNORED`. ``weight``, shape (n,), is the number of points of the frame that each point represents. The objects
-    of the frame are found when boxes or clusters are first needed; the water is that of the first method that knows it.
+    `IS_IGNORED`. ``weight``, shape (n,), is the number of points of the frame that each point represents. Boxes,
+    and the clusters of each method, are those of `find_boxes`; the water is that of the first method that knows it.
     """
 
     frame: int
@@ -37,22 +36,9 @@ class Sample:
     reasons: NDArray[np.uint8]
     truth: NDArray[np.uint8]
     weight: NDArray[np.float32]
-    find_boxes: Callable[[], BoxesAndClusters]
+    boxes: list[Described]
+    clusters: list[list[Described]]
     water: WaterState | None = None
-
-    @cached_property
-    def _found(self) -> BoxesAndClusters:
-        return self.find_boxes()
-
-    @property
-    def boxes(self) -> list[Described]:
-        """Labelled objects and areas to ignore, in the form of `find_boxes`."""
-        return self._found[0]
-
-    @property
-    def clusters(self) -> list[list[Described]]:
-        """Clusters of each method, in the form of `find_boxes`."""
-        return self._found[1]
 
     @property
     def range_m(self) -> NDArray[np.float64]:
@@ -85,7 +71,7 @@ def take_sample(
         reasons,
         _truth(points[shown], known=truth is not None),
         weight,
-        deferred_boxes(frame, results, truth, params),
+        *find_boxes(frame, results, truth, params),
         next((result.water for result in results if result is not None and result.water is not None), None),
     )
 

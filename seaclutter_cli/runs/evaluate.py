@@ -30,7 +30,6 @@ from seaclutter_cli.runs.score_tables import (
     R_FP,
     TIMES,
     FrameRows,
-    PackedRows,
     frame_table,
     score_legend,
     score_table,
@@ -96,7 +95,7 @@ class Evaluated(Outcome):
     """
 
     methods: Mapping[str, Summary]
-    rows: PackedRows | None = field(default=None, repr=False)
+    rows: FrameRows | None = field(default=None, repr=False)
     parts: Parts | None = field(default=None, repr=False)
 
     @property
@@ -144,7 +143,8 @@ class EvaluateWork(StudyWork[Evaluated]):
         """Return an outcome without frames."""
         methods = {variant.name: Summary() for variant in self.variants}
         parts = Parts(len(methods)) if self.in_parts else None
-        return Evaluated(recording=self.recording.name, methods=methods, parts=parts, error=reason)
+        rows = FrameRows(self.recording.name) if self.tabulated else None
+        return Evaluated(recording=self.recording.name, methods=methods, rows=rows, parts=parts, error=reason)
 
     def run(self, observer: Observer) -> Evaluated:
         """Evaluate the recording, also for the listeners; store an error in the outcome."""
@@ -198,7 +198,6 @@ class _FrameScorer:
     ) -> None:
         self._work, self._labels, self._outcome = work, labels, outcome
         self._checks, self._observer = checks, observer
-        self._rows = FrameRows(outcome.recording) if work.tabulated else None
         self._evaluation = work.variants[0].config.evaluation
         self._label_check = LabelCheck(self._evaluation)
         self._warned: set[str] = set()
@@ -217,19 +216,18 @@ class _FrameScorer:
             if result is None or found is None:
                 continue
             self._outcome.methods[variant.name].add(found, spent)
-            if self._rows:
-                self._rows.write(variant.name, frame, found)
+            if self._outcome.rows:
+                self._outcome.rows.write(variant.name, frame, found)
             if variant.name in self._checks:
                 self._warn(self._checks[variant.name].add(result))
 
     def finish(self) -> None:
-        """Warn about settings and labels that do not fit, even after only a few frames; complete the rows."""
+        """Warn about settings and labels that do not fit, even after only a few frames."""
         for checks in self._checks.values():
             self._warn(checks.finish())
         found = max(self._outcome.methods.values(), key=lambda summary: summary.frames)
         findings = self._label_check.findings(found.targets, found.visible)
         self._warn(f"labels: {finding.text}" for finding in findings)
-        self._outcome.rows = self._rows.packed() if self._rows else None
 
     def _warn(self, texts: Iterable[str]) -> None:
         for text in texts:

@@ -1,8 +1,7 @@
 """Tables of scores: of methods as text, with what the columns mean and the best values; of frames as CSV."""
 
-import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, Summary
@@ -116,36 +115,23 @@ def score_legend(text: str, columns: Iterable[Column], others: Mapping[str, str]
     return legend(lines)
 
 
-@dataclass(frozen=True)
-class PackedRows:
-    """Rows of the frames of a recording, compressed, and whether the labels of points are known for any of them."""
-
-    lines: bytes
-    points_known: bool
-
-
+@dataclass
 class FrameRows:
-    """Rows of the frames of one recording, one for each method."""
+    """Rows of the frames of one recording, one for each method, and whether the labels of points are known for any."""
 
-    def __init__(self, recording: str) -> None:
-        self._recording, self._points_known = recording, False
-        self._compressor, self._lines = zlib.compressobj(), bytearray()
+    recording: str
+    lines: bytearray = field(default_factory=bytearray)
+    points_known: bool = False
 
     def write(self, method: str, frame: Frame, score: FrameScore) -> None:
         """Write a row; cells are empty for what the labels of the frame do not tell."""
-        self._points_known |= score.points is not None
-        line = csv_line((self._recording, method, frame.index, frame.stamp_ns, *score.cells()))
-        self._lines += self._compressor.compress(line)
-
-    def packed(self) -> PackedRows:
-        """Return all rows."""
-        return PackedRows(bytes(self._lines + self._compressor.flush()), self._points_known)
+        self.points_known |= score.points is not None
+        self.lines += csv_line((self.recording, method, frame.index, frame.stamp_ns, *score.cells()))
 
 
-def frame_table(recordings: Sequence[PackedRows]) -> Iterator[bytes]:
+def frame_table(recordings: Sequence[FrameRows]) -> Iterator[bytes]:
     """Yield the parts of a table (CSV); it has columns for points if their labels are known for any frame."""
     points_known = any(rows.points_known for rows in recordings)
     yield csv_line((*_FRAME_COLUMNS, *(POINT_COLUMNS if points_known else ())))
     for rows in recordings:
-        lines = zlib.decompress(rows.lines)
-        yield lines if points_known else lines.replace(_UNKNOWN_POINTS, b"\n")
+        yield bytes(rows.lines if points_known else rows.lines.replace(_UNKNOWN_POINTS, b"\n"))

@@ -5,7 +5,7 @@ import pytest
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import Alarms
-from seaclutter_cli.evaluation.scores import Durations, FrameScore, PointCounts, Summary, score_frame
+from seaclutter_cli.evaluation.scores import FrameScore, PointCounts, Summary, score_frame
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 from tests.evaluation.scenes import frame_of, lump, result_of
 
@@ -92,17 +92,17 @@ def test_cells_without_truth_are_empty():
 @pytest.mark.parametrize("size", [1, 2, 99, 100, 101, 1000])
 def test_durations_are_exact_to_one_percent(size):
     seconds = np.random.default_rng(size).lognormal(-6, 1, size)
-    durations = Durations()
+    summary = Summary()
     for value in seconds:
-        durations.add(value)
+        summary.add(score(), value)
     for share in (0.5, 0.99):
         exact = np.quantile(seconds, share, method="inverted_cdf")
-        assert durations.quantile(share) == pytest.approx(exact, rel=0.01)
+        assert summary.milliseconds(share) == pytest.approx(1000 * exact, rel=0.01)
 
 
 def test_durations_outside_the_histogram():
-    durations = Durations()
+    summary = Summary()
     for seconds in (0.0, -1e-9, 1e9):
-        durations.add(seconds)
-    assert durations.quantile(0.01) < 1e-6
-    assert durations.quantile(0.99) > 1000
+        summary.add(score(), seconds)
+    assert summary.milliseconds(0.01) < 1e-3
+    assert summary.milliseconds(0.99) > 1e6

@@ -13,9 +13,8 @@ from seaclutter_cli.reporting.history import FrameStatistics
 BADNESS = st.lists(st.sampled_from([0.0, 0.0, 1.0, 2.0, 5.0]), min_size=1, max_size=300)
 
 
-def choose(badness, frames, expected=0):
+def choose(badness, frames):
     choice, made = Choice(frames), []
-    choice.expect(expected)
     for row, bad in enumerate(badness):
 
         def make(row=row):

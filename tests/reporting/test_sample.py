@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.frame import Reason, Rings, WaterState
-from seaclutter_cli.reporting.boxes import deferred_boxes, find_boxes
+from seaclutter_cli.reporting.boxes import find_boxes
 from seaclutter_cli.reporting.sample import IS_CLUTTER, IS_TARGET, UNKNOWN, take_sample
 from seaclutter_cli.truth import Truth
 from tests.evaluation.scenes import boxes, frame_of, lump, result_of
@@ -85,15 +85,6 @@ def test_the_water_is_that_of_the_first_method_that_knows_it():
     results = [None, result_of(frame), *(replace(result_of(frame), water=water) for water in (first, second))]
     assert take_sample(frame, results, None, PARAMS, 100).water == first
     assert take_sample(frame, results[:2], None, PARAMS, 100).water is None
-
-
-@given(st.sets(st.integers(0, 29)), st.sets(st.integers(0, 29)), st.booleans())
-def test_deferred_boxes_are_those_of_the_whole_frame(removed, others, usable):
-    frame = frame_of(lump(20), lump(40), lump(60))
-    results = [result_of(frame, removed=sorted(removed)), confirmed_of(frame, sorted(others)) if usable else None]
-    for truth in (None, Truth(targets=boxes((20.5, 3.0)))):
-        later = deferred_boxes(frame, results, truth, PARAMS)
-        assert later() == find_boxes(frame, results, truth, PARAMS)
 
 
 @given(st.integers(0, 60), st.integers(0, 400), st.integers(1, 200))
