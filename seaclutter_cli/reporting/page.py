@@ -15,10 +15,9 @@ from seaclutter_cli import __version__
 from seaclutter_cli.frame import WATER_COLUMNS, Reason, WaterState
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import Chosen, Collector, Method
-from seaclutter_cli.reporting.history import History
+from seaclutter_cli.reporting.history import History, bin_starts, binned, density_of
 from seaclutter_cli.reporting.palette import INK
 from seaclutter_cli.reporting.sample import Sample
-from seaclutter_cli.reporting.series import bin_starts, binned, density_of
 
 LABELLED, FALSE_ALARM, MISSED_TARGET = 1, 2, 4
 """Bits that describe a frame in the timeline."""

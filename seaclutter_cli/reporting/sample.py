@@ -1,16 +1,172 @@
-"""Sample of a frame: a subset of its points with reasons and ground truth, boxes and clusters."""
+"""Samples of frames: a subset of the points with reasons and truth; labelled boxes and clusters, for players, too."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.matching import point_truth
+from seaclutter_cli.evaluation.matching import (
+    Finder,
+    FrameTargets,
+    Matches,
+    finder_of,
+    match_clusters,
+    point_truth,
+    targets_of,
+)
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
-from seaclutter_cli.reporting.boxes import Described, find_boxes, in_objects
-from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
+from seaclutter_cli.interfaces import Labels
+from seaclutter_cli.messages.scene import SceneBox, SceneUpdate
+from seaclutter_cli.reporting import palette
+from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
+
+_MAX_CLUSTERS = 400
+
+Described = dict[str, Any]
+BoxesAndClusters = tuple[list[Described], list[list[Described]]]
+_CLUSTERS = {
+    "target": (palette.STATES["detected"], ""),
+    "false": (palette.STATES["false alarm"], "false alarm"),
+    "unknown": (palette.TRUTH["clutter"], ""),
+    "unconfirmed": (palette.REASONS[Reason.UNCONFIRMED], "unconfirmed"),
+}
+_BOXES = {
+    "detected": (palette.STATES["detected"], "{}"),
+    "missed": (palette.STATES["missed target"], "{} (missed)"),
+    "hidden": (palette.TRUTH["unknown"], "{} (not visible)"),
+    "ignored": (palette.TRUTH["unknown"], ""),
+}
+"""Colours of clusters by their kind, and of boxes by their state, with texts for players."""
+
+
+def unconfirmed(result: FilterResult) -> NDArray[np.bool_]:
+    """Return the points of objects that were not confirmed, shape (N,).
+
+    There are none without thresholds: the reason of the water is then the same.
+    """
+    return np.equal(result.reason, Reason.UNCONFIRMED) & (result.rings is not None)
+
+
+def in_objects(frame: Frame, results: Sequence[FilterResult | None]) -> NDArray[np.bool_]:
+    """Return the valid points that any method keeps or finds in objects that were not confirmed, shape (N,)."""
+    used = np.zeros(frame.size, np.bool_)
+    for result in results:
+        if result is not None:
+            used |= result.keep | unconfirmed(result)
+    return used & frame.valid
+
+
+def find_boxes(
+    frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams
+) -> BoxesAndClusters:
+    """Return labelled boxes and, for each method, the bounding boxes of its clusters.
+
+    A box has ``track``, ``class``, ``center``, ``size``, ``yaw``, and ``state``: ``ignored``; ``hidden`` if not
+    visible; otherwise a list with ``detected`` or ``missed`` for each method, None for methods that could not process
+    the frame. A cluster has ``low`` and ``high`` corners, ``points`` and ``kind``: ``target``, ``false``, or
+    ``unknown`` without labels; ``unconfirmed`` for clusters of unconfirmed points. There are at most the 400 largest
+    clusters, and as many unconfirmed.
+    """
+    targets = None if truth is None else targets_of(frame, truth, params)
+    subsets = [mask for result in results if result is not None for mask in (result.keep, unconfirmed(result))]
+    finder = finder_of(frame, subsets, params)
+    clusters, matched = [], []
+    for result in results:
+        found, matches = ([], None) if result is None else _clusters_of(result, finder, targets, params)
+        clusters.append(found)
+        matched.append(matches)
+    return _boxes(truth, targets, matched), clusters
+
+
+def _clusters_of(
+    result: FilterResult, finder: Finder, targets: FrameTargets | None, params: EvaluationParams
+) -> tuple[list[Described], Matches | None]:
+    """Return the clusters of kept and of unconfirmed points and, with labels, the matches with the targets."""
+    frame = result.frame
+    kept, others = (
+        finder.clusters(points & frame.valid, params.min_cluster_points)
+        for points in (result.keep, unconfirmed(result))
+    )
+    matches = None if targets is None else match_clusters(kept, targets, params)
+    kinds = ["unknown"] * _count(kept)
+    if matches is not None:
+        kinds = ["target" if belongs else "false" for belongs in matches.belongs]
+    return _clusters(frame, kept, kinds) + _clusters(frame, others, ["unconfirmed"] * _count(others)), matches
+
+
+def _count(labels: NDArray[np.int64]) -> int:
+    return int(labels.max(initial=-1)) + 1
+
+
+def _clusters(frame: Frame, labels: NDArray[np.int64], kinds: Sequence[str]) -> list[Described]:
+    """Return the bounding boxes of the clusters, at most the `_MAX_CLUSTERS` largest."""
+    members = np.flatnonzero(labels >= 0)
+    if not len(members):
+        return []
+    members = members[np.argsort(labels[members], kind="stable")]
+    size = np.bincount(labels[members])
+    starts = np.cumsum(size) - size
+    xyz = frame.coordinates[:, members]
+    low, high = (reduce.reduceat(xyz, starts, axis=1).T for reduce in (np.minimum, np.maximum))
+    return [
+        {"low": _rounded(low[k]), "high": _rounded(high[k]), "points": int(size[k]), "kind": kinds[k]}
+        for k in np.sort(np.argsort(-size, kind="stable")[:_MAX_CLUSTERS]).tolist()
+    ]
+
+
+def _boxes(truth: Truth | None, targets: FrameTargets | None, matches: Sequence[Matches | None]) -> list[Described]:
+    if truth is None or targets is None:
+        return []
+    boxes = [{**box, "state": "ignored"} for box in _described(truth.ignored)]
+    for number, box in enumerate(_described(truth.targets) if truth.targets is not None else ()):
+        states = [None if one is None else "detected" if one.detected[number] else "missed" for one in matches]
+        boxes.append({**box, "state": states if targets.visible[number] else "hidden"})
+    return boxes
+
+
+def _described(boxes: Boxes) -> list[Described]:
+    rows = zip(boxes.tracks, boxes.classes, boxes.centers, boxes.sizes, boxes.yaws, strict=True)
+    return [
+        {"track": track, "class": kind, "center": _rounded(center), "size": _rounded(size), "yaw": float(yaw)}
+        for track, kind, center, size, yaw in rows
+    ]
+
+
+def _rounded(values: NDArray[np.float64]) -> list[float]:
+    return [round(float(value), 3) for value in values]
+
+
+def scene_updates(params: EvaluationParams, labels: Labels | None) -> Callable[[FilterResult], SceneUpdate]:
+    """Return a function that makes the scene update of a filtered frame: clusters and, with labels, boxes."""
+
+    def make(result: FilterResult) -> SceneUpdate:
+        frame = result.frame
+        found = boxes_of(result, labels.truth(frame) if labels else None, params)
+        groups = {f"{frame.topic} {name}": boxes for name, boxes in found.items() if labels or name != "labels"}
+        return SceneUpdate(frame.stamp_ns, frame.cloud.frame_id, groups)
+
+    return make
+
+
+def boxes_of(result: FilterResult, truth: Truth | None, params: EvaluationParams) -> dict[str, list[SceneBox]]:
+    """Return the boxes of a filtered frame, those of its ``clusters`` and those of its ``labels``."""
+    boxes, clusters = find_boxes(result.frame, [result], truth, params)
+    return {"clusters": [_cluster(one) for one in clusters[0]], "labels": [_box(one) for one in boxes]}
+
+
+def _cluster(one: Described) -> SceneBox:
+    sides = list(zip(one["low"], one["high"], strict=True))
+    center, size = [(low + high) / 2 for low, high in sides], [high - low for low, high in sides]
+    return SceneBox(center, size, 0.0, *_CLUSTERS[one["kind"]])
+
+
+def _box(one: Described) -> SceneBox:
+    color, text = _BOXES[one["state"][0] if isinstance(one["state"], list) else one["state"]]
+    return SceneBox(one["center"], one["size"], one["yaw"], color, text.format(one["class"]))
+
 
 UNKNOWN, IS_CLUTTER, IS_TARGET, IS_IGNORED = range(4)
 """Codes for the ground truth of a point."""

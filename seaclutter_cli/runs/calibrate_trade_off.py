@@ -17,9 +17,8 @@ from typing import Any
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation.scores import Summary
 from seaclutter_cli.evaluation.tuning import Parts, best
-from seaclutter_cli.runs.evaluate import EvaluateWork
+from seaclutter_cli.runs.evaluate import F1, FALSE_ALARMS, N_FN, N_FP, POINTS, EvaluateWork, score_cells, score_legend
 from seaclutter_cli.runs.observer import Observer, Silent, Step
-from seaclutter_cli.runs.score_tables import F1, FALSE_ALARMS, N_FN, N_FP, POINTS, score_cells, score_legend
 from seaclutter_cli.text import count, table
 
 _RATES = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)

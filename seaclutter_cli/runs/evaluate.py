@@ -1,15 +1,16 @@
-"""Evaluation of several methods against labels, in one pass over the recordings."""
+"""Evaluation of several methods against labels, in one pass over the recordings, and tables of their scores."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from typing import Any
+from operator import attrgetter, methodcaller
+from typing import Any, Literal
 
 from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.evaluation.label_check import LabelCheck
-from seaclutter_cli.evaluation.scores import Summary, score_frame
+from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, Summary, score_frame
 from seaclutter_cli.evaluation.tuning import Parts
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
@@ -22,22 +23,11 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.studies import EvaluateOptions
 from seaclutter_cli.runs.outputs import may_appear, write_manifest
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
-from seaclutter_cli.runs.score_tables import (
-    ALARMS,
-    OBJECTS,
-    POINTS,
-    R_FN,
-    R_FP,
-    TIMES,
-    FrameRows,
-    frame_table,
-    score_legend,
-    score_table,
-)
 from seaclutter_cli.runs.studies import StudyWork, frame_progress, prepared, study_all
 from seaclutter_cli.selection import cloud_channels, filtered_by, first_frame, was_filtered
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.text import count, printable
+from seaclutter_cli.sinks.csv import csv_line
+from seaclutter_cli.text import UNKNOWN, count, legend, printable, table
 
 
 @function_of(EvaluateOptions)
@@ -86,13 +76,138 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     return comparison
 
 
+BASELINE = "none"
+"""Method that is never marked as the best: it loses no target and takes no time, because it does not filter."""
+
+_MARK = "*"
+_UNKNOWN_POINTS = b"," * len(POINT_COLUMNS) + b"\n"
+
+
+@dataclass(frozen=True)
+class Column:
+    """Column of a table of scores: its score is None if there is nothing to count, and ``best`` if none is good."""
+
+    head: str
+    meaning: str
+    score: Callable[[Summary], float | None]
+    digits: int = 0
+    unit: str = ""
+    best: Literal["low", "high"] | None = "low"
+
+    def value(self, summary: Summary) -> float | None:
+        """Return the value of a method, in percent if the column says so."""
+        found = self.score(summary)
+        return 100 * found if found is not None and "%" in self.head + self.unit else found
+
+    def cell(self, summary: Summary) -> str:
+        """Return the value of a method as text."""
+        value = self.value(summary)
+        return UNKNOWN if value is None else f"{value:.{self.digits}f}{self.unit}"
+
+    def figure(self, summary: Summary) -> str:
+        """Return head and value for running text, such as ``R_FP 6.63 %``."""
+        head = self.head.removesuffix(" %")
+        unit = self.head[len(head) :] if self.value(summary) is not None else ""
+        return f"{head} {self.cell(summary)}{unit}"
+
+    def best_in(self, summaries: Mapping[str, Summary]) -> set[str]:
+        """Return the names of the best methods, as far as the digits show; empty if all methods are alike."""
+        filters = {name: summary for name, summary in summaries.items() if name != BASELINE}
+        known = {name: value for name, one in filters.items() if (value := self.value(one)) is not None}
+        if self.best is None or len({self.cell(summaries[name]) for name in known}) < 2:
+            return set()
+        best = self.cell(summaries[(min if self.best == "low" else max)(known, key=lambda name: known[name])])
+        return {name for name in known if self.cell(summaries[name]) == best}
+
+
+def _of_points(name: str) -> Callable[[Summary], float | None]:
+    return lambda summary: None if summary.points is None else getattr(summary.points, name)
+
+
+_F1 = "harmonic mean of precision (detected targets among all alarms) and recall (detected among visible targets)"
+FRAMES = Column("frames", "labelled frames", attrgetter("frames"), best=None)
+N_FP = Column("N_FP", "frames with a false alarm, a cluster where there is no target", attrgetter("n_fp"))
+N_FN = Column("N_FN", "frames with a missed target, one that is visible but not detected", attrgetter("n_fn"))
+R_FP = Column("R_FP %", "N_FP in percent of the labelled frames", attrgetter("r_fp"), 2)
+R_FN = Column("R_FN %", "N_FN in percent of the labelled frames", attrgetter("r_fn"), 2)
+F1 = Column("F1", _F1, attrgetter("f1"), 3, best="high")
+FALSE_ALARMS = Column("false/frame", "false alarms per labelled frame", attrgetter("false_alarms_per_frame"), 2)
+P50 = Column("ms p50", "median time to filter a frame, in milliseconds", methodcaller("milliseconds", 0.5), 2)
+
+FRAME_ERRORS = (N_FP, N_FN, R_FP, R_FN, F1)
+ALARMS = (FRAMES, *FRAME_ERRORS, FALSE_ALARMS)
+POINTS = (
+    Column("clutter removed", "share of the clutter points removed", _of_points("clutter_removal"), 2, " %", "high"),
+    Column("target lost", "share of the points of targets removed", _of_points("target_loss"), 2, " %"),
+    Column("R_c", "share of clutter among the points that are left", _of_points("clutter_share"), 2, " %"),
+)
+TIMES = (P50, Column("ms p99", "99th percentile of that time", methodcaller("milliseconds", 0.99), 2))
+OBJECTS = (
+    Column("precision %", "detected targets among all alarms", attrgetter("precision"), 1, best="high"),
+    Column("recall %", "detected among visible targets", attrgetter("recall"), 1, best="high"),
+    F1,
+    Column("noise", "false alarms per labelled frame", attrgetter("false_alarms_per_frame"), 2),
+    Column("unclustered", "points per labelled frame in no cluster", attrgetter("unclustered_per_frame"), 1),
+    P50,
+)
+"""Measures of [Bi] for clusters by density."""
+
+
+def score_table(summaries: Mapping[str, Summary], columns: Sequence[Column]) -> str:
+    """Return a table with a row for each method; an asterisk marks the best values of each column."""
+    rows = [(name, *cells) for name, cells in score_cells(summaries, columns).items()]
+    return table(("method", *(column.head for column in columns)), rows)
+
+
+def score_cells(summaries: Mapping[str, Summary], columns: Sequence[Column]) -> dict[str, list[str]]:
+    """Return the cells of each method, with an asterisk before the best values of each column."""
+    cells: dict[str, list[str]] = {name: [] for name in summaries}
+    for column in columns:
+        best = column.best_in(summaries)
+        for name, summary in summaries.items():
+            cells[name].append(f"{_MARK if name in best else ''}{column.cell(summary)}")
+    return cells
+
+
+def score_legend(text: str, columns: Iterable[Column], others: Mapping[str, str] | None = None) -> str:
+    """Return what the columns of tables, which are given as text, mean; with their marks if there are any."""
+    lines = {column.head: column.meaning for column in columns} | dict(others or {})
+    if "@" in text:
+        lines["@0.80"] = "a threshold that removes 80 % of the points of a recording"
+    if _MARK in text:
+        lines[_MARK] = "best of the filters in this column"
+    if UNKNOWN in text:
+        lines[UNKNOWN] = "nothing to count"
+    return legend(lines)
+
+
+@dataclass
+class FrameRows:
+    """Rows of the frames of one recording, one for each method, and whether the labels of points are known for any."""
+
+    recording: str
+    lines: bytearray = field(default_factory=bytearray)
+    points_known: bool = False
+
+    def write(self, method: str, frame: Frame, score: FrameScore) -> None:
+        """Write a row; cells are empty for what the labels of the frame do not tell."""
+        self.points_known |= score.points is not None
+        self.lines += csv_line((self.recording, method, frame.index, frame.stamp_ns, *score.cells()))
+
+
+def frame_table(recordings: Sequence[FrameRows]) -> Iterator[bytes]:
+    """Yield the parts of a table (CSV); it has columns for points if their labels are known for any frame."""
+    points_known = any(rows.points_known for rows in recordings)
+    yield csv_line(
+        ("recording", "method", "frame", "stamp_ns", *ALARM_COLUMNS, *(POINT_COLUMNS if points_known else ()))
+    )
+    for rows in recordings:
+        yield bytes(rows.lines if points_known else rows.lines.replace(_UNKNOWN_POINTS, b"\n"))
+
+
 @dataclass(kw_only=True)
 class Evaluated(Outcome):
-    """Sums over the frames of one recording for each variant.
-
-    If they are wanted, with the rows of the table of frames, and the scores of consecutive parts, of which some may be
-    held out.
-    """
+    """Sums over the frames of one recording for each variant; its rows and the scores of its parts, if wanted."""
 
     methods: Mapping[str, Summary]
     rows: FrameRows | None = field(default=None, repr=False)
@@ -155,14 +270,14 @@ class EvaluateWork(StudyWork[Evaluated]):
     def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
         """Filter the recording with every method, and score each frame."""
         selection = self.reading.selection
-        topic = cloud_channels(source, selection.topics)[0].topic
         filtered = was_filtered(source, selection.topics)
         if filtered and any(variant.config.method != "none" for variant in self.variants):
             by = filtered_by(source, selection.topics)
             text = "this run only filters the remaining points, and lost targets count as not visible"
             observer.warn(f"{source.name}: already filtered{by}; {text}")
         methods = ", ".join(variant.name for variant in self.variants)
-        observer.note(f"{source.name}: {source.format}, {methods} on {printable(topic)}", detail=True)
+        topic = printable(cloud_channels(source, selection.topics)[0].topic)
+        observer.note(f"{source.name}: {source.format}, {methods} on {topic}", detail=True)
         filters = [variant.config.make_filter() for variant in self.variants]
         # The threshold of a method that derives it from the log itself always fits.
         pairs = zip(self.variants, filters, strict=True)
@@ -185,47 +300,45 @@ class EvaluateWork(StudyWork[Evaluated]):
         scorer.finish()
 
 
+@dataclass
 class _FrameScorer:
     """Comparison of the frames of one recording with its labels."""
 
-    def __init__(
-        self,
-        work: EvaluateWork,
-        labels: Labels | None,
-        outcome: Evaluated,
-        checks: Mapping[str, Checks],
-        observer: Observer,
-    ) -> None:
-        self._work, self._labels, self._outcome = work, labels, outcome
-        self._checks, self._observer = checks, observer
-        self._evaluation = work.variants[0].config.evaluation
+    work: EvaluateWork
+    labels: Labels | None
+    outcome: Evaluated
+    checks: Mapping[str, Checks]
+    observer: Observer
+
+    def __post_init__(self) -> None:
+        self._evaluation = self.work.variants[0].config.evaluation
         self._label_check = LabelCheck(self._evaluation)
         self._warned: set[str] = set()
 
     def add(self, frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float]) -> None:
         """Score a frame for every method that could use it."""
-        truth = self._labels.truth(frame) if self._labels else None
+        truth = self.labels.truth(frame) if self.labels else None
         scores = score_frame(frame, results, truth, self._evaluation)
         if truth:
             self._label_check.add(frame, truth)
-        if truth is not None and self._outcome.parts:
-            self._outcome.parts.add(scores)
-        for listener in self._work.listeners:
+        if truth is not None and self.outcome.parts:
+            self.outcome.parts.add(scores)
+        for listener in self.work.listeners:
             listener.add(ScoredFrame(frame, results, truth, scores, lambda: results))
-        for variant, result, found, spent in zip(self._work.variants, results, scores, seconds, strict=True):
+        for variant, result, found, spent in zip(self.work.variants, results, scores, seconds, strict=True):
             if result is None or found is None:
                 continue
-            self._outcome.methods[variant.name].add(found, spent)
-            if self._outcome.rows:
-                self._outcome.rows.write(variant.name, frame, found)
-            if variant.name in self._checks:
-                self._warn(self._checks[variant.name].add(result))
+            self.outcome.methods[variant.name].add(found, spent)
+            if self.outcome.rows:
+                self.outcome.rows.write(variant.name, frame, found)
+            if variant.name in self.checks:
+                self._warn(self.checks[variant.name].add(result))
 
     def finish(self) -> None:
         """Warn about settings and labels that do not fit, even after only a few frames."""
-        for checks in self._checks.values():
+        for checks in self.checks.values():
             self._warn(checks.finish())
-        found = max(self._outcome.methods.values(), key=lambda summary: summary.frames)
+        found = max(self.outcome.methods.values(), key=lambda summary: summary.frames)
         findings = self._label_check.findings(found.targets, found.visible)
         self._warn(f"labels: {finding.text}" for finding in findings)
 
@@ -233,20 +346,12 @@ class _FrameScorer:
         for text in texts:
             if text not in self._warned:
                 self._warned.add(text)
-                self._observer.warn(f"{self._outcome.recording}: {text}")
+                self.observer.warn(f"{self.outcome.recording}: {text}")
 
 
 @dataclass(frozen=True)
 class Comparison(RecordingsResult):
-    """Result of the evaluation of several recordings.
-
-    Parameters
-    ----------
-    variants : sequence of Variant
-        Methods that were compared.
-    outcomes : sequence of Evaluated
-        Outcome of each recording.
-    """
+    """Result of the evaluation of several recordings: the methods that were compared, and each recording's outcome."""
 
     variants: Sequence[Variant]
     outcomes: Sequence[Evaluated]

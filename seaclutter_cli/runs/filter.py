@@ -246,7 +246,7 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         )
         if not self.options.with_scene:
             return written
-        from seaclutter_cli.reporting.boxes import scene_updates
+        from seaclutter_cli.reporting.sample import scene_updates
 
         return replace(written, scene=scene_updates(self.config.evaluation, labels))
 

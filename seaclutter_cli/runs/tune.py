@@ -20,13 +20,12 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.curves import draw_rates, draw_thresholds
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
-from seaclutter_cli.runs.evaluate import Evaluated, EvaluateWork
+from seaclutter_cli.runs.evaluate import FRAME_ERRORS, FRAMES, Evaluated, EvaluateWork, score_cells, score_legend
 from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.options.studies import TuneOptions
 from seaclutter_cli.runs.outputs import may_appear, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
-from seaclutter_cli.runs.score_tables import FRAME_ERRORS, FRAMES, score_cells, score_legend
 from seaclutter_cli.runs.studies import prepared, study_all
 from seaclutter_cli.runs.sweep import Combination, Sweep, grid
 from seaclutter_cli.text import count, printable, table

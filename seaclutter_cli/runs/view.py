@@ -15,7 +15,7 @@ from seaclutter_cli.runs.options import Logs
 from seaclutter_cli.runs.options.logs import ViewOptions
 from seaclutter_cli.runs.options.methods import MethodOptions
 from seaclutter_cli.runs.outputs import may_appear
-from seaclutter_cli.runs.replay import filter_or_replay
+from seaclutter_cli.runs.report import filter_or_replay
 from seaclutter_cli.runs.studies import prepared
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.text import printable

@@ -12,8 +12,7 @@ from click.testing import CliRunner
 from seaclutter_cli.commands import cli
 from seaclutter_cli.evaluation.matching import Alarms
 from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, PointCounts
-from seaclutter_cli.runs.evaluate import EvaluateWork, evaluate
-from seaclutter_cli.runs.score_tables import FrameRows, frame_table
+from seaclutter_cli.runs.evaluate import EvaluateWork, FrameRows, evaluate, frame_table
 from tests.evaluation.scenes import frame_of
 from tests.evaluation.scenes import lump as lump_at
 from tests.logs import PERIOD_NS, START_NS, Entry, Topic, cloud_message, cloud_topic, write_log

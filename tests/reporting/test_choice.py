@@ -56,15 +56,6 @@ def test_the_spread_is_even_and_bounded():
     assert len(made) < 200
 
 
-@given(BADNESS, st.integers(1, 20))
-def test_a_known_number_of_frames_does_not_change_the_selection(badness, frames):
-    choice, made = choose(badness, frames)
-    expected, fewer = choose(badness, frames, len(badness))
-    assert expected.chosen() == choice.chosen()
-    assert expected.spread() == choice.spread()
-    assert set(fewer) <= set(made)
-
-
 def test_falling_badness_creates_little_data():
     _, made = choose([float(row) for row in range(100, 0, -1)], 12)
     assert len(made) < 50

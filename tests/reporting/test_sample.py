@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.frame import Reason, Rings, WaterState
-from seaclutter_cli.reporting.boxes import find_boxes
-from seaclutter_cli.reporting.sample import IS_CLUTTER, IS_TARGET, UNKNOWN, take_sample
+from seaclutter_cli.reporting.sample import IS_CLUTTER, IS_TARGET, UNKNOWN, find_boxes, take_sample
 from seaclutter_cli.truth import Truth
 from tests.evaluation.scenes import boxes, frame_of, lump, result_of
 

@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 from seaclutter_cli.evaluation.matching import Alarms
 from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.frame import Rings, WaterState
-from seaclutter_cli.reporting.history import FrameStatistics, History
+from seaclutter_cli.reporting.history import MAX_BINS, FrameStatistics, History, bin_starts, binned, density_of
 from seaclutter_cli.reporting.sample import take_sample
-from seaclutter_cli.reporting.series import MAX_BINS, bin_starts, binned, density_of
 from tests.evaluation.scenes import frame_of, lump, result_of
 from tests.reporting.test_sample import PARAMS
 

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.scenes.examples import Examples
 from seaclutter_cli.scenes.model import top_view
+from seaclutter_cli.scenes.training import Examples
 
 
 def cloud(seed, size=300):

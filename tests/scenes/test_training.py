@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.scenes import TrainingParams
-from seaclutter_cli.scenes.examples import Examples
 from seaclutter_cli.scenes.model import SceneModel
-from seaclutter_cli.scenes.training import SceneScores, check_torch, train
+from seaclutter_cli.scenes.training import Examples, SceneScores, check_torch, train
 from tests.scenes.walls import toy_cloud
 
 

@@ -1,7 +1,7 @@
 """Trained classifiers of scenes on recordings: prediction, and evaluation where the scenes are known."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli.buckets import on_paths
-from seaclutter_cli.errors import UsageError
+from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.reading import frames
+from seaclutter_cli.runs.observer import SILENT, Observer, Step
 from seaclutter_cli.runs.options import Logs, ReadOptions
 from seaclutter_cli.runs.options.scenes import ClassifierOptions, LabelledLogs
 from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand, storing_errors
-from seaclutter_cli.runs.scene.logs import read_frames
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand, opened, storing_errors
 from seaclutter_cli.scenes.model import SceneDecision, SceneModel, SceneTracker
 from seaclutter_cli.scenes.training import SceneScores
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
@@ -276,3 +276,23 @@ class SceneEvaluation(RecordingsResult):
     def as_detailed_text(self) -> str:
         """Return the result with its details below it."""
         return "\n".join(filter(None, (self.as_text(), self.details())))
+
+
+def read_frames(
+    recording: Recording, reading: ReadOptions, observer: Observer, step: Step, outcome: Outcome
+) -> Iterator[Frame]:
+    """Yield the selected frames of a recording; pass on its warnings, and store its damage in the outcome.
+
+    Raises
+    ------
+    InputError
+        If no frame can be read.
+    """
+    found = 0
+    with opened(recording, reading, observer, outcome) as source:
+        for found, frame in enumerate(frames(source, reading.selection), 1):  # noqa: B007 - used below
+            step()
+            yield frame
+    if not found:
+        damage = "".join(f"; {item}" for item in outcome.damage[:1])
+        raise InputError(f"{source.name}: no frame can be read{damage}")

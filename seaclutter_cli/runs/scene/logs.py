@@ -1,15 +1,10 @@
-"""Recordings with known scenes, and the frames of recordings."""
+"""Recordings with known scenes."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from seaclutter_cli.errors import InputError, UsageError
-from seaclutter_cli.frame import Frame
-from seaclutter_cli.reading import frames
-from seaclutter_cli.runs.observer import Observer, Step
-from seaclutter_cli.runs.options import ReadOptions
-from seaclutter_cli.runs.recordings import Outcome, opened
+from seaclutter_cli.errors import UsageError
 from seaclutter_cli.sources import Recording, find_recordings
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
 from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
@@ -62,23 +57,3 @@ def _class_folders(parent: Path) -> Sequence[Path]:
         found = f"{recording} is a recording" if recording else "it contains no folders"
         raise UsageError(f"{parent}: must contain a folder of recordings for each class, but {found}")
     return folders
-
-
-def read_frames(
-    recording: Recording, reading: ReadOptions, observer: Observer, step: Step, outcome: Outcome
-) -> Iterator[Frame]:
-    """Yield the selected frames of a recording; pass on its warnings, and store its damage in the outcome.
-
-    Raises
-    ------
-    InputError
-        If no frame can be read.
-    """
-    found = 0
-    with opened(recording, reading, observer, outcome) as source:
-        for found, frame in enumerate(frames(source, reading.selection), 1):  # noqa: B007 - used below
-            step()
-            yield frame
-    if not found:
-        damage = "".join(f"; {item}" for item in outcome.damage[:1])
-        raise InputError(f"{source.name}: no frame can be read{damage}")
