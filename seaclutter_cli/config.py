@@ -46,12 +46,7 @@ _MAX_BYTES = 64 * 2**20
 class SensorParams:
     """The sensor that the thresholds are for, recorded by `calibrate` if the packets identify it.
 
-    Parameters
-    ----------
-    model : str or None
-        Name of the sensor.
-    intensity : str or None
-        Intensity mode of the sensor; thresholds are valid for one mode only.
+    Its model, and its intensity mode: thresholds are valid for one mode only.
     """
 
     model: str | None = None
@@ -167,26 +162,13 @@ def load_config(
     origin: str = "command line",
     undetermined_thresholds: bool = False,
 ) -> Config:
-    """Return the effective configuration.
+    """Return the effective configuration; raise `ConfigError` with all problems if it is not valid.
 
-    Parameters
-    ----------
-    source : Path, mapping or Config, optional
-        YAML file or the name of a built-in one, the content of a file, or a configuration. None selects the defaults.
-    method : str or None
-        Method from the command line. Keys of the file that this method does not have are ignored.
-    overrides : sequence of str
-        ``section.key=value`` from the command line; values are YAML. If they change the number of range rings and not
-        the thresholds, each range ring gets that of the nearest one before, and `AdaptedThresholdsWarning` says so.
-    origin : str, optional
-        Where the method and the overrides come from, for errors.
-    undetermined_thresholds : bool, optional
-        Set the threshold of every range ring to 0, regardless of the other settings, because it is not yet known.
-
-    Raises
-    ------
-    ConfigError
-        If the configuration is not valid; the message lists all problems.
+    The ``source`` is a YAML file or the name of a built-in one, the content of a file, or a configuration; by default
+    all defaults. Keys that a ``method`` of the command line does not have are ignored. ``overrides`` are
+    ``section.key=value`` with YAML values; if they change the number of range rings and not the thresholds, each range
+    ring gets that of the nearest one before, and `AdaptedThresholdsWarning` says so. ``origin`` is where these come
+    from, for errors. With ``undetermined_thresholds``, that of every range ring is 0, because it is not yet known.
     """
     prepare = _with_open_thresholds if undetermined_thresholds else dict
     where, raw = _read(source)
@@ -252,14 +234,7 @@ def _with_adapted_thresholds(
 ) -> dict[str, dict[str, Any]]:
     """Return settings with a threshold for each range ring, if the command line changes only the range rings.
 
-    Parameters
-    ----------
-    sections : dict
-        Settings, including those of the command line.
-    given : object
-        Parameters without the command line.
-    overrides : sequence of str
-        Settings of the command line.
+    ``sections`` include the settings of the command line, ``overrides``; ``given`` are parameters without them.
     """
     keys = {override.partition("=")[0].strip() for override in overrides}
     if not keys & _RING_KEYS or "filter.initial_thresholds" in keys or not isinstance(given, RingIntensityParams):

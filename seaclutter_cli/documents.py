@@ -30,20 +30,7 @@ def load_yaml(text: str) -> Any:
     """Return the content of a YAML document; None if it is empty.
 
     Nulls, Booleans, numbers, text, lists and mappings are known; dates are text. Duplicate keys, aliases and other
-    types are refused.
-
-    Raises
-    ------
-    DocumentError
-        If the text is not such a document, or exceeds a limit.
-
-    Examples
-    --------
-    >>> load_yaml("day: 2020-01-01")
-    {'day': '2020-01-01'}
-    >>> load_yaml("rings: [1, 2")
-    Traceback (most recent call last):
-    seaclutter_cli.documents.DocumentError: line 1, column 13: not valid YAML (...)
+    types are refused. Raise `DocumentError` if the text is not such a document, or exceeds a limit.
     """
     if len(text) > MAX_YAML_CHARACTERS:
         raise DocumentError(f"more than {MAX_YAML_CHARACTERS:,} characters")
@@ -132,15 +119,7 @@ class _Loader(_Base):  # type: ignore[misc]
 def load_json(data: bytes | str, *, max_bytes: int = MAX_JSON_BYTES) -> Any:
     """Return the content of a JSON document; bytes are in UTF-8, UTF-16 or UTF-32.
 
-    Raises
-    ------
-    DocumentError
-        If the data are not valid JSON, or exceed a limit.
-
-    Examples
-    --------
-    >>> load_json('{"a": [1, 2.5, null]}')
-    {'a': [1, 2.5, None]}
+    Raise `DocumentError` if the data are not valid JSON, or exceed a limit.
     """
     if len(data) > max_bytes:
         raise DocumentError(f"more than {max_bytes:,} bytes")

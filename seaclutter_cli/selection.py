@@ -24,25 +24,11 @@ Moment = float | datetime
 
 @dataclass(frozen=True, kw_only=True)
 class Selection:
-    """The part of a recording to process.
+    """The part of a recording to process: topics of clouds, by default the only one, and times and numbers of frames.
 
-    Parameters
-    ----------
-    topics : collection of str
-        Topics of clouds; empty selects the only one.
-    start_s, end_s : float, datetime or None
-        Log times: seconds from the start of the recording, or dates and times; the end is exclusive.
-    frames : int or None
-        Maximum number of frames per topic, from the start of the selection.
-    intensity_field : str or None
-        Name of the intensity field; None selects a usual one.
-    latched : collection of str
-        Topics whose last message before the start is selected too, beside those of `is_latched`.
-
-    Raises
-    ------
-    SelectionError
-        If the end is before the start.
+    The end is exclusive, ``frames`` is the maximum for each topic, from the start. ``intensity_field`` is for fields
+    without a usual name. Of ``latched`` topics, beside those of `is_latched`, the last message before the start is
+    selected, too. Raise `SelectionError` if the end is before the start.
     """
 
     topics: Collection[str] = ()
@@ -75,14 +61,10 @@ class Selection:
 
 
 def parse_moment(text: str) -> Moment:
-    """Return a moment: seconds from the start of a recording, seconds since 1970, or ISO 8601.
+    """Return seconds from the start of a recording, or a date from seconds since 1970 or ISO 8601.
 
-    Numbers from 10⁸ on, which would be three years of recording, are seconds since 1970.
-
-    Raises
-    ------
-    ValueError
-        If the text is something else.
+    Numbers from 10⁸ on, which would be three years of recording, are seconds since 1970. Raise `ValueError` for all
+    else.
 
     Examples
     --------
@@ -117,12 +99,8 @@ def _nanoseconds(time: datetime) -> int:
 def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel]:
     """Return the channels of the selected cloud topics.
 
-    Raises
-    ------
-    InputError
-        If the recording contains no point clouds.
-    UsageError
-        If a topic is missing or has no clouds, or if there are several cloud topics and none was selected.
+    Raise `InputError` if there are no point clouds; `UsageError` if a topic is missing or has none, or if there are
+    several and none was selected.
     """
     clouds = [channel for channel in source.channels if find_codec(channel)]
     names = main_topics(source)

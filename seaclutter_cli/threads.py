@@ -32,11 +32,7 @@ def threads() -> int:
 
     It is one where the address space is limited: each thread takes some, and OpenMP ends the process if it cannot start
     one. The environment variable ``SEACLUTTER_THREADS`` sets it, so that processes beside each other share the cores.
-
-    Raises
-    ------
-    UsageError
-        If the variable is not a positive whole number.
+    Raise `UsageError` if it is not a positive whole number.
     """
     given = os.environ.get(VARIABLE)
     if given is not None:

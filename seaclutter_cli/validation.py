@@ -40,12 +40,9 @@ def builtin_files(folder: str = "") -> Mapping[str, Path]:
 
 
 def find_file(name: str, folder: str, kind: str) -> Path:
-    """Return the path of a file, or of a built-in file with this name, with or without ``.yaml``.
+    """Return the path of a file, or of a built-in one of this name, with or without ``.yaml``.
 
-    Raises
-    ------
-    ConfigError
-        If there is neither; the message calls the file ``kind``.
+    Raise `ConfigError` if there is neither; the message calls the file ``kind``.
     """
     path = Path(name)
     if path.exists():

@@ -68,13 +68,7 @@ class LogHandler(logging.Handler):
 
 
 def show_exactly(text: str, *, err: bool = False) -> None:
-    """Print text as it is: JSON or YAML.
-
-    Raises
-    ------
-    OutputError
-        If standard output cannot be written, for example because the disk is full.
-    """
+    """Print text as it is, JSON or YAML; raise `OutputError` if standard output cannot be written."""
     try:
         with _ASIDE[-1]() if _ASIDE else nullcontext():
             click.echo(text, err=err)

@@ -34,17 +34,7 @@ def list_builtin() -> "Builtin":
 
 @dataclass(frozen=True)
 class Builtin(Result):
-    """Built-in sensors and methods, and names of other built-in items.
-
-    Parameters
-    ----------
-    sensors : mapping of str to SensorModel
-        Sensors that the program recognises.
-    methods : mapping of str to str
-        Filter methods, each with a one-line description.
-    lists : mapping of str to sequence of str
-        Names of the other items, by kind.
-    """
+    """Built-in sensors, methods with a line about each, and names of other built-in items by kind."""
 
     sensors: Mapping[str, SensorModel]
     methods: Mapping[str, str]

@@ -79,15 +79,7 @@ def convert_log(options: ConvertOptions) -> "ConvertSummary":
 
 
 def convert_run(options: ConvertOptions, observer: Observer, *, ahead: bool = True) -> "LogRun[ConvertWork]":
-    """Return the work on each recording, without checks of the output files.
-
-    Recordings in object storage are fetched ahead, if ``ahead``.
-
-    Raises
-    ------
-    SeaclutterError
-        If there are no recordings, or options do not fit them.
-    """
+    """Return the work on each recording, without checks of the output files; see `filter_run`."""
     recordings = expand(options.logs, options.reading, observer, ahead=ahead)
     form, targets = plan_outputs(recordings, options.output, options.to)
     check_options(form, options.written)
@@ -168,16 +160,9 @@ def _count(frame: Frame, tally: TopicTally) -> None:
 
 @dataclass(kw_only=True)
 class ConvertOutcome(LogOutcome):
-    """Outcome of the conversion of one recording.
+    """Outcome of the conversion of one recording to the format ``form``; ``lost`` is what it cannot keep, in words.
 
-    Parameters
-    ----------
-    form : str
-        Name of the format of the output.
-    messages : int
-        Number of messages that were written; 0 if it is that of an earlier run.
-    lost : list of str
-        What the format cannot keep, in words.
+    ``messages`` is the number of messages that were written; 0 if the output is that of an earlier run.
     """
 
     form: str
@@ -228,14 +213,6 @@ class ConvertOutcome(LogOutcome):
 
 @dataclass(frozen=True)
 class ConvertSummary(LogSummary):
-    """Outcomes of the conversion of several recordings.
-
-    Parameters
-    ----------
-    outcomes : sequence of ConvertOutcome
-        Outcome of each recording.
-    seconds : float
-        Duration of the run.
-    """
+    """Outcomes of the conversion of several recordings."""
 
     outcomes: Sequence[ConvertOutcome]

@@ -100,12 +100,8 @@ def filter_log(options: FilterOptions) -> FilterSummary:
 def filter_run(options: FilterOptions, observer: Observer, *, ahead: bool = True) -> "LogRun[FilterWork]":
     """Return the work on each recording, without checks of the output files.
 
-    Recordings in object storage are fetched ahead, if ``ahead``.
-
-    Raises
-    ------
-    SeaclutterError
-        If the configuration is not valid, there are no recordings, or options do not fit them.
+    Recordings in object storage are fetched ahead, if ``ahead``. Raise `SeaclutterError` if the configuration is not
+    valid, there are no recordings, or options do not fit them.
     """
     config, recordings = configured(options), expand(options.logs, options.reading, observer, ahead=ahead)
     if options.labels and not options.with_scene:
@@ -157,14 +153,8 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
     def run(self, observer: Observer, table: CsvSink | None = None, group: OutputGroup | None = None) -> FilterOutcome:
         """Filter the recording; store an error in the outcome.
 
-        Parameters
-        ----------
-        observer : Observer
-            Receives progress and warnings.
-        table : CsvSink, optional
-            Table for the rows of the frames; by default they are stored in the outcome.
-        group : OutputGroup, optional
-            Files with which the filtered file appears; by default it appears by itself.
+        The rows of its frames go into the ``table``, or into the outcome; the filtered file appears with the ``group``,
+        or by itself.
         """
         outcome = self.without_result(None)
         with storing_errors(outcome, observer), same_output_accepted(self), ExitStack() as stack:

@@ -17,14 +17,8 @@ _MOST = 0.5
 class FilterOutcome(LogOutcome):
     """Outcome of filtering one recording.
 
-    Parameters
-    ----------
-    edges : sequence of float
-        Edges of the method's range rings in metres; empty for methods without range rings.
-    has_water : bool
-        Whether the method estimates the water.
-    rows : bytes
-        Compressed rows of the table of frames, on their way from another process.
+    ``edges`` are those of the range rings of the method in metres, if it has any; ``has_water`` is whether it estimates
+    the water; ``rows`` are those of the table of frames, compressed, on their way from another process.
     """
 
     edges: Sequence[float]
@@ -164,15 +158,7 @@ def _ring_row(ring: Mapping[str, float]) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class FilterSummary(LogSummary):
-    """Outcomes of filtering several recordings.
-
-    Parameters
-    ----------
-    outcomes : sequence of FilterOutcome
-        Outcome of each recording.
-    seconds : float
-        Duration of the run.
-    """
+    """Outcomes of filtering several recordings."""
 
     outcomes: Sequence[FilterOutcome]
 

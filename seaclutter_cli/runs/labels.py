@@ -21,10 +21,7 @@ LABEL_SUFFIX = ".labels.csv"
 def assign_labels(sources: LabelSources, recordings: Sequence[Recording]) -> list["LabelFile | None"]:
     """Return the labels of each recording, not yet read; None for all recordings if there are no paths.
 
-    Raises
-    ------
-    UsageError
-        If labels cannot be assigned to the recordings, or some do not exist.
+    Raise `UsageError` if they cannot be assigned to the recordings, or some do not exist.
     """
     if not sources.labels:
         return [None] * len(recordings)

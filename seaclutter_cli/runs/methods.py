@@ -49,19 +49,8 @@ def is_default(options: MethodOptions) -> bool:
 def variants(options: MethodOptions, *additional: str, configured_first: bool = False) -> list[Variant]:
     """Return each chosen method with its configuration, without duplicates; by default the configured method.
 
-    Parameters
-    ----------
-    options : MethodOptions
-        Names of methods and sources of configurations.
-    *additional : str
-        Additional settings.
-    configured_first : bool, optional
-        Put the configured method first if it is compared and no method is named.
-
-    Raises
-    ------
-    ConfigError
-        If a name is unknown or the configuration is not valid.
+    ``additional`` settings apply to all. If the configured method is compared, it can be ``configured_first``. Raise
+    `ConfigError` if a name is unknown or a configuration is not valid.
     """
     return [one.variant() for one in bases(options, *additional, configured_first=configured_first)]
 
@@ -99,13 +88,7 @@ class Base:
         return tuple(field.name for field in fields(FILTERS[method].Params))
 
     def variant(self, *settings: str, name: str | None = None) -> Variant:
-        """Return the method with its configuration and additional overrides, under another name if one is given.
-
-        Raises
-        ------
-        ConfigError
-            If the configuration is not valid.
-        """
+        """Return the method with its configuration and additional overrides, under another name if one is given."""
         overrides = (*self.overrides, *settings, *_GLOBAL_INTENSITY_AT.get(self.name, ()))
         config = load_config(self.file, method=self.method, overrides=overrides)
         if self.method and config.method != self.method:

@@ -150,15 +150,7 @@ class RecordingsResult(Result):
 
 
 def statuses(outcomes: Sequence[Outcome]) -> str:
-    """Return how many recordings ended in each way.
-
-    Examples
-    --------
-    >>> statuses([Outcome(recording="a"), Outcome(recording="b", error="no such file")])
-    '1 done, 1 failed'
-    >>> statuses([Outcome(recording="a", error="no such file"), Outcome(recording="b", error=NOT_PROCESSED)])
-    '1 failed, 1 not processed'
-    """
+    """Return how many recordings ended in each way, such as ``1 done, 1 failed``."""
     found = Counter(one.error if one.error == NOT_PROCESSED else one.status for one in outcomes)
     return ", ".join(f"{found[status]:,} {status}" for status in _STATUSES if found[status])
 

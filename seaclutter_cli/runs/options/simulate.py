@@ -31,12 +31,7 @@ _MAX_SEEDS = 100_000
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:
-    """Return the seeds that numbers and ranges describe, each once.
-
-    Raises
-    ------
-    UsageError
-        If the text has another form, or there are more than 100,000.
+    """Return the seeds that numbers and ranges describe, each once; raise `UsageError` if the text is something else.
 
     Examples
     --------
