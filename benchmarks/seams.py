@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from seas import SEAS, with_sea
 
 from seaclutter_cli.runs.classify.separate import separate_tiles
-from seaclutter_cli.runs.options.tiles import SeparateTilesOptions
+from seaclutter_cli.runs.options.classifiers import SeparateTilesOptions
 from seaclutter_cli.simulation.airborne.recording import record_tile
 from seaclutter_cli.simulation.airborne.scene import load_tile_scene
 

@@ -12,8 +12,7 @@ from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.options import Anything, function_of, option
 from seaclutter_cli.reading import frames
-from seaclutter_cli.runs.options import Decoding
-from seaclutter_cli.runs.options.methods import ConfigOptions
+from seaclutter_cli.runs.options import ConfigOptions, Decoding
 from seaclutter_cli.runs.recordings import expand, open_recording
 from seaclutter_cli.selection import Moment, Selection
 

@@ -314,7 +314,8 @@ class Options:
 def declared(kind: type[Any]) -> dict[str, Option]:
     """Return the options of a class by name, in the order of the signature; what runs report to comes last."""
     found = [one.metadata[Option] for one in fields(kind)]
-    order = sorted(found, key=lambda one: (one.kw_only, one.name in ("keep_going", "observer")))
+    last = ("keep_going", "observer")
+    order = sorted(found, key=lambda one: (one.kw_only, isinstance(one.kind, Group), one.name in last))
     return {one.name: one for one in order}
 
 

@@ -45,7 +45,8 @@ COMMANDS: Mapping[str, str] = {
 _MODULES = {
     **dict.fromkeys(("info", "filter", "convert", "mask", "view"), "logs"),
     **dict.fromkeys(("calibrate", "labels", "evaluate", "tune", "report", "simulate"), "studies"),
-    **{name: name for name in ("scene", "classify", "config")},
+    **dict.fromkeys(("scene", "classify"), "classifiers"),
+    "config": "config",
 }
 _LITTLE_MEMORY = "not enough memory; close other programs, or raise the limit of this process (ulimit -v)"
 _SIGNS_OF_LITTLE_MEMORY = ("can't start new thread", "failed to map segment", "cannot allocate memory")

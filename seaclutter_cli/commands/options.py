@@ -29,7 +29,7 @@ from seaclutter_cli.options import (
     option,
 )
 from seaclutter_cli.parts import SCRATCH
-from seaclutter_cli.runs.options.methods import WORKING_CONFIG, ConfigFile
+from seaclutter_cli.runs.options import WORKING_CONFIG, ConfigFile
 
 Takes = type[Options] | Mapping[str, Option | type[Options]]
 """Options of a command: a class, or several objects by the names of the parameters that take them."""

@@ -8,12 +8,12 @@ import click
 from seaclutter_cli.commands.console import ARGUMENTS
 from seaclutter_cli.commands.groups import CommandGroup
 from seaclutter_cli.commands.options import command
-from seaclutter_cli.runs.options.simulate import SimulationOptions
 from seaclutter_cli.runs.options.studies import (
     CalibrateOptions,
     EvaluateOptions,
     LabelCheckOptions,
     ReportOptions,
+    SimulationOptions,
     TuneOptions,
 )
 

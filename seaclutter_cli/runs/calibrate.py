@@ -34,7 +34,7 @@ from seaclutter_cli.runs.calibrate_trade_off import (
 from seaclutter_cli.runs.evaluate import EvaluateWork
 from seaclutter_cli.runs.methods import Variant, configured
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options.methods import ConfigOptions
+from seaclutter_cli.runs.options import ConfigOptions
 from seaclutter_cli.runs.options.studies import CalibrateOptions
 from seaclutter_cli.runs.outputs import write_files
 from seaclutter_cli.runs.recordings import Outcome, opened

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from seaclutter_cli.buckets import fetch, mirror_of
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Labels
-from seaclutter_cli.runs.options.methods import LabelSources
+from seaclutter_cli.runs.options import LabelSources
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.text import count
 

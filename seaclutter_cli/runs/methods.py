@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from seaclutter_cli.config import Config, ConfigSource, UnnamedFile, load_config
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.filters import FILTERS
-from seaclutter_cli.runs.options.methods import ConfigOptions, MethodOptions
+from seaclutter_cli.runs.options import ConfigOptions, MethodOptions
 
 _GLOBAL_INTENSITY_AT = {
     f"global_intensity@{rate}": ("filter.threshold=null", f"filter.filter_rate={rate}") for rate in ("0.80", "0.90")

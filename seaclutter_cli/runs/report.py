@@ -27,8 +27,7 @@ from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork
 from seaclutter_cli.runs.methods import Variant, is_default
 from seaclutter_cli.runs.methods import variants as variants_of
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options import ReadOptions
-from seaclutter_cli.runs.options.methods import MethodOptions
+from seaclutter_cli.runs.options import MethodOptions, ReadOptions
 from seaclutter_cli.runs.options.studies import ReportOptions
 from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
 from seaclutter_cli.runs.recordings import Outcome, open_recording, require_frames

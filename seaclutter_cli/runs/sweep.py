@@ -15,7 +15,7 @@ from seaclutter_cli.errors import UsageError
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.runs.methods import Base, Variant
 from seaclutter_cli.runs.methods import bases as bases_of
-from seaclutter_cli.runs.options.methods import MethodOptions
+from seaclutter_cli.runs.options import MethodOptions
 
 _RANGE = re.compile(r"\s*(-?[\d.]+)\s*:\s*(-?[\d.]+)\s*:\s*([\d.]+)\s*")
 _MAX_VARIANTS = 500

@@ -11,9 +11,8 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.runs.evaluate import Comparison
 from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import Logs
+from seaclutter_cli.runs.options import Logs, MethodOptions
 from seaclutter_cli.runs.options.logs import ViewOptions
-from seaclutter_cli.runs.options.methods import MethodOptions
 from seaclutter_cli.runs.outputs import may_appear
 from seaclutter_cli.runs.report import filter_or_replay
 from seaclutter_cli.runs.studies import prepared

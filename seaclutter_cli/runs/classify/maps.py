@@ -22,7 +22,7 @@ from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import MapPart, aspect_of, draw_map
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options.tiles import MapOptions
+from seaclutter_cli.runs.options.classifiers import MapOptions
 from seaclutter_cli.sinks.geopackage import Feature, Layer, geopackage
 from seaclutter_cli.sources.crs import Crs, ToLongitudeLatitude
 from seaclutter_cli.sources.extents import TileHead

@@ -20,7 +20,7 @@ from seaclutter_cli.plots.tiles import draw_confusion
 from seaclutter_cli.runs.classify.tiles import errors_of, warn_of_missing
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import Logs
-from seaclutter_cli.runs.options.tiles import TrainForestOptions
+from seaclutter_cli.runs.options.classifiers import TrainForestOptions
 from seaclutter_cli.runs.outputs import prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.sources.tiles import TilePointReader, find_tiles, open_tile, read_columns

@@ -1,14 +1,18 @@
-"""Options that several use cases share: what is read, and how several recordings are processed."""
+"""Options that several use cases share: what is read, how several recordings are processed, methods, and labels."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
+from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.options import (
     Anything,
+    Choice,
     Converted,
     Flag,
+    Grouped,
     Kind,
     Number,
     OptionalPath,
@@ -16,44 +20,22 @@ from seaclutter_cli.options import (
     Parsed,
     Place,
     Whole,
+    grouped,
     option,
 )
 from seaclutter_cli.runs.observer import SILENT, Observer, raising
 from seaclutter_cli.text import suggestion
-from seaclutter_cli.urls import PathLike
+from seaclutter_cli.urls import PathLike, is_url
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
+    from seaclutter_cli.config import Config, ConfigSource
     from seaclutter_cli.selection import Moment, Selection
+
+FILE, LOCAL = Place(remote=True, output=True), Place(output=True)
+"""Output files: also in object storage, or on this machine only."""
 
 Logs = PathLike | Sequence[PathLike]
 """One or several logs: files, folders or globs, or URLs of objects (``s3://``, ``gs://``, ``az://``)."""
-
-
-class OfLogs(Options):
-    """What every function for logs takes."""
-
-    logs: Logs = option(
-        "LOGS...",
-        help="Files, folders or globs of logs, or URLs of objects.",
-        kind=Anything(is_place=True),
-        kw_only=False,
-    )
-    keep_going: bool = option(
-        default=False,
-        help="Store the error of a recording in its outcome and continue with the others, instead of raising it.",
-    )
-    observer: Observer = option(default=SILENT, kind=Anything(is_place=True), help="Receives progress and warnings.")
-
-    @property
-    def watching(self) -> Observer:
-        """The observer; it raises errors of recordings, unless the run is to continue."""
-        return self.observer if self.keep_going else raising(self.observer)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return the options without logs and observer, which other processes do not need."""
-        return {**vars(self), "logs": (), "observer": SILENT}
 
 
 def _moment(text: str) -> Moment:
@@ -166,6 +148,32 @@ class ReadOptions(Decoding):
         )
 
 
+class OfLogs(Options):
+    """What every function for logs takes."""
+
+    logs: Logs = option(
+        "LOGS...",
+        help="Files, folders or globs of logs, or URLs of objects.",
+        kind=Anything(is_place=True),
+        kw_only=False,
+    )
+    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
+    keep_going: bool = option(
+        default=False,
+        help="Store the error of a recording in its outcome and continue with the others, instead of raising it.",
+    )
+    observer: Observer = option(default=SILENT, kind=Anything(is_place=True), help="Receives progress and warnings.")
+
+    @property
+    def watching(self) -> Observer:
+        """The observer; it raises errors of recordings, unless the run is to continue."""
+        return self.observer if self.keep_going else raising(self.observer)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the options without logs and observer, which other processes do not need."""
+        return {**vars(self), "logs": (), "observer": SILENT}
+
+
 def _jobs(text: str) -> int | None:
     if text == "auto":
         return None
@@ -229,3 +237,131 @@ class Replacing(Options):
     """Whether outputs may replace files."""
 
     force: bool = option("--force", default=False, help="Replace existing output files.")
+
+
+WORKING_CONFIG = "seaclutter.yaml"
+"""Configuration that the command line uses if it is in the working folder."""
+
+
+class ConfigFile(Kind):
+    """Configurations: files, names of built-in ones, contents of files, and objects of class `Config`."""
+
+    is_place = True
+
+    def check(self, value: Any, name: str) -> Any:
+        """Return a configuration, with a path or name as a location; a path of a class of its own stays one."""
+        if not (isinstance(value, str) or hasattr(value, "__fspath__")):
+            return value
+        found = Place(remote=True).check(value, name)
+        return value if isinstance(value, Path) and not is_url(found) else found
+
+
+class _Settings(Kind):
+    """Settings in the form of the command line, or keys and values."""
+
+    def check_all(self, values: Any, name: str) -> Any:
+        if not isinstance(values, Mapping):
+            return super().check_all(values, name)
+        return tuple(f"{key}={_as_yaml(value, key)}" for key, value in values.items())
+
+
+def _as_yaml(value: Any, key: str) -> str:
+    """Return a value as on the command line; raise `ConfigError` if it can be none in a configuration."""
+    from yaml import YAMLError
+
+    from seaclutter_cli.validation import yaml_value
+
+    try:
+        return yaml_value(value.tolist() if hasattr(value, "tolist") else value)
+    except YAMLError as error:
+        raise ConfigError(f"{key}: not a value of a configuration: {value!r}") from error
+
+
+class _Configured(Options):
+    """Sources of configurations."""
+
+    config: Converted[PathLike | Mapping[str, Any] | Config | None, ConfigSource | None] = option(
+        "-c --config FILE",
+        default=None,
+        kind=ConfigFile(),
+        help="Configuration file, or the name of a built-in one. "
+        f"[default: {WORKING_CONFIG} in the working folder, if there is one; - is standard input]",
+    )
+    settings: Converted[Sequence[str] | Mapping[str, Any], tuple[str, ...]] = option(
+        "-s --set KEY=VALUE",
+        default=(),
+        kind=_Settings(),
+        help="Set a key, such as filter.start_m=5; repeatable.",
+    )
+
+
+class ConfigOptions(_Configured):
+    """Sources of the configuration of a run, in ascending precedence: file, method, single keys."""
+
+    method: str | None = option("-m --method NAME", default=None, help="Filter method; overrides the configuration.")
+
+
+class MethodOptions(_Configured):
+    """Methods that a run compares, and the sources of their configurations."""
+
+    methods: Converted[str | Sequence[str], tuple[str, ...]] = option(
+        "-m --method NAME",
+        default=(),
+        help="Filter method, by default that of the configuration; none leaves the logs unfiltered; repeatable.",
+    )
+    compare: Converted[
+        Literal["paper", "peers", "all"] | Sequence[Literal["paper", "peers", "all"]], tuple[str, ...]
+    ] = option(
+        "--compare",
+        default=(),
+        kind=Choice(("paper", "peers", "all")),
+        help="Compare the stages of joint as in its paper; joint, confirmed and their peers; or all and none.",
+    )
+
+
+class _Ids(Kind):
+    """Whole numbers, on the command line separated by commas."""
+
+    def parse(self, text: str) -> Any:
+        try:
+            return tuple(int(number) for number in text.split(",") if number.strip())
+        except ValueError as error:
+            raise ValueError("expected whole numbers separated by commas, such as 0,99") from error
+
+    def check(self, value: Any, name: str) -> Any:
+        return Whole().check_all(value, name)
+
+
+_LABELS_HELP = "Labels of LOGS in the same order, or a folder with RECORDING.labels.csv for each; repeatable."
+
+
+class LabelSources(Options):
+    """Labels of recordings, and how to read them."""
+
+    labels: Converted[PathLike | Sequence[PathLike] | None, tuple[Path, ...]] = option(
+        "--labels LABELS", default=(), kind=Place(remote=True), help=_LABELS_HELP
+    )
+    clutter_ids: Converted[Sequence[int] | None, tuple[int, ...] | None] = option(
+        "--clutter-ids IDS",
+        default=None,
+        kind=_Ids(),
+        help="Class ids of clutter in point labels, such as 110,111. [default: 110]",
+    )
+    ignore_ids: Converted[Sequence[int] | None, tuple[int, ...] | None] = option(
+        "--ignore-ids IDS",
+        default=None,
+        kind=_Ids(),
+        help="Class ids to ignore in point labels. [default: 0,99]",
+    )
+
+
+class OfLabelledLogs(LabelSources, OfLogs):
+    """What every function for labelled logs takes."""
+
+    labels: Converted[PathLike | Sequence[PathLike], tuple[Path, ...]] = option(
+        "--labels LABELS",
+        kind=Place(remote=True),
+        repeatable=True,
+        help=_LABELS_HELP,
+        kw_only=False,
+    )

@@ -5,8 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from seaclutter_cli.options import Choice, Grouped, Number, OptionalPath, Place, Whole, grouped, option
-from seaclutter_cli.runs.options import BatchOptions, OfLogs, ReadOptions, Replacing
-from seaclutter_cli.runs.options.methods import ConfigOptions, LabelSources
+from seaclutter_cli.runs.options import (
+    FILE,
+    LOCAL,
+    BatchOptions,
+    ConfigOptions,
+    LabelSources,
+    OfLogs,
+    ReadOptions,
+    Replacing,
+)
 from seaclutter_cli.sinks.options import FORMATS, McapOptions
 
 if TYPE_CHECKING:
@@ -28,7 +36,6 @@ class WritingLogs(Replacing, OfLogs):
         kind=Choice(FORMATS),
         help="Format of the output. [default: by the suffix of OUT, or mcap]",
     )
-    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
     written: Grouped[McapOptions] = grouped(default=McapOptions())
     batch: Grouped[BatchOptions] = grouped(default=BatchOptions())
 
@@ -39,7 +46,7 @@ class FilterOptions(WritingLogs, LabelSources, ConfigOptions):
     csv_file: OptionalPath = option(
         "--csv",
         default=None,
-        kind=Place(remote=True, output=True),
+        kind=FILE,
         help="Also write a table with a row for each frame.",
     )
     with_scene: bool = option(
@@ -63,7 +70,6 @@ class ConvertOptions(WritingLogs):
 class InfoOptions(OfLogs):
     """Options of a survey of logs."""
 
-    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
     batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
 
 
@@ -73,20 +79,17 @@ class MaskOptions(Replacing, OfLogs):
     output: OptionalPath = option(
         "-o --output MASK.csv",
         default=None,
-        kind=Place(remote=True, output=True),
+        kind=FILE,
         help="Write the mask, for the configuration key filter.mask.",
         kw_only=False,
     )
-    plot_file: OptionalPath = option(
-        "--plot", default=None, kind=Place(remote=True, output=True), help="Draw the mask (.png or .svg)."
-    )
+    plot_file: OptionalPath = option("--plot", default=None, kind=FILE, help="Draw the mask (.png or .svg).")
     reach_m: float = option(
         "--reach METRES",
         default=20.0,
         kind=Number(1, 100),
         help="Range up to which structure is searched; somewhat more than own ship's length.",
     )
-    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
 
 
 class ViewOptions(Replacing, LabelSources, ConfigOptions):
@@ -102,7 +105,7 @@ class ViewOptions(Replacing, LabelSources, ConfigOptions):
     target: OptionalPath = option(
         "--save FILE.rrd",
         default=None,
-        kind=Place(output=True),
+        kind=LOCAL,
         help="Write a file for the viewer instead of opening it; needs no display.",
     )
     port: int = option("--port", default=9876, kind=Whole(1, 65535), help="Port of the viewer.")

@@ -1,11 +1,14 @@
-"""Options of use cases that study methods on labelled logs: calibrate, evaluate, tune, report, labels check."""
+"""Options of use cases that make labelled logs, and study methods on them."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
+from seaclutter_cli.errors import UsageError
 from seaclutter_cli.options import (
+    Anything,
     Choice,
     Converted,
     Grouped,
@@ -17,8 +20,18 @@ from seaclutter_cli.options import (
     grouped,
     option,
 )
-from seaclutter_cli.runs.options import BatchOptions, OfLogs, ReadOptions, Replacing
-from seaclutter_cli.runs.options.methods import ConfigOptions, LabelSources, MethodOptions, OfLabelledLogs
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.options import (
+    FILE,
+    LOCAL,
+    BatchOptions,
+    ConfigOptions,
+    LabelSources,
+    MethodOptions,
+    OfLabelledLogs,
+    OfLogs,
+    Replacing,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,14 +39,19 @@ if TYPE_CHECKING:
     from seaclutter_cli.runs.sweep import Sweep
     from seaclutter_cli.urls import PathLike
 
-_FILE = Place(remote=True, output=True)
+_RANGE = re.compile(r"\s*(\d{1,9})(?:\s*(?:\.\.|-)\s*(\d{1,9}))?\s*")
+_MAX_SEEDS = 100_000
 
 
 class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
     """Options of a calibration."""
 
     output: OptionalPath = option(
-        "-o --output CONFIG", default=None, kind=_FILE, required=True, help="Configuration to write, for filter -c."
+        "-o --output CONFIG",
+        default=None,
+        kind=FILE,
+        required=True,
+        help="Configuration to write, for filter -c.",
     )
     filter_rate: float = option(
         "--filter-rate SHARE",
@@ -62,9 +80,8 @@ class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
         help="Keep the far limit end_m of the configuration; implied by -s filter.end_m=METRES.",
     )
     plot_file: OptionalPath = option(
-        "--plot", default=None, kind=_FILE, help="Also plot clutter and thresholds over range (.png or .svg)."
+        "--plot", default=None, kind=FILE, help="Also plot clutter and thresholds over range (.png or .svg)."
     )
-    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
     batch: Grouped[BatchOptions] = grouped("fail_fast", "resume", "manifest", default=BatchOptions())
 
     @property
@@ -78,10 +95,13 @@ class EvaluateOptions(Replacing, OfLabelledLogs, MethodOptions):
     """Options of an evaluation."""
 
     frames_file: OptionalPath = option(
-        "-o --output FRAMES.csv", default=None, kind=_FILE, help="Write a table with a row for each frame and method."
+        "-o --output FRAMES.csv",
+        default=None,
+        kind=FILE,
+        help="Write a table with a row for each frame and method.",
     )
     summary_file: OptionalPath = option(
-        "--summary FILE.json", default=None, kind=_FILE, help="Write all results as JSON."
+        "--summary FILE.json", default=None, kind=FILE, help="Write all results as JSON."
     )
     clustering: Literal["euclidean", "dbscan"] | None = option(
         "--clustering",
@@ -89,14 +109,12 @@ class EvaluateOptions(Replacing, OfLabelledLogs, MethodOptions):
         kind=Choice(("euclidean", "dbscan")),
         help="Clustering algorithm; by default that of the configuration. With dbscan, also show its measures.",
     )
-    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
     batch: Grouped[BatchOptions] = grouped("resume", default=BatchOptions())
 
 
 class LabelCheckOptions(OfLabelledLogs):
     """Options of a check of labels."""
 
-    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
     batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
 
 
@@ -139,22 +157,24 @@ class TuneOptions(Replacing, OfLabelledLogs, MethodOptions):
         "judged but not chosen; 0 for none.",
     )
     output: OptionalPath = option(
-        "-o --output CONFIG.yaml", default=None, kind=_FILE, help="Write the configuration with the best values."
+        "-o --output CONFIG.yaml", default=None, kind=FILE, help="Write the configuration with the best values."
     )
     csv_file: OptionalPath = option(
-        "--csv", default=None, kind=_FILE, help="Write a table with a row for each combination."
+        "--csv", default=None, kind=FILE, help="Write a table with a row for each combination."
     )
     curve_file: OptionalPath = option(
-        "--plot", default=None, kind=_FILE, help="Plot the rates over the values of a single --sweep (.png or .svg)."
+        "--plot",
+        default=None,
+        kind=FILE,
+        help="Plot the rates over the values of a single --sweep (.png or .svg).",
     )
     thresholds_file: OptionalPath = option(
         "--plot-thresholds",
         default=None,
-        kind=_FILE,
+        kind=FILE,
         help="Plot the threshold of a range ring over the frames for each combination and the ideal one (.png, .svg).",
     )
     ring: int = option("--ring K", default=2, kind=Whole(1), help="Range ring of --plot-thresholds, from 1.")
-    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
     batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
 
     @property
@@ -173,7 +193,7 @@ class ReportOptions(Replacing, OfLogs, LabelSources, MethodOptions):
 
     output: Converted[PathLike, Path] = option(
         "-o --output REPORT.html",
-        kind=_FILE,
+        kind=FILE,
         help="HTML page to write; one file that opens offline in any browser.",
         kw_only=False,
     )
@@ -193,4 +213,84 @@ class ReportOptions(Replacing, OfLogs, LabelSources, MethodOptions):
         "--pick K", default=(), kind=Whole(0), help="Also show frame K; repeatable."
     )
     command: str | None = option(default=None, help="Command line that the page shows.")
-    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
+
+
+def parse_seeds(text: str) -> tuple[int, ...]:
+    """Return the seeds that numbers and ranges describe, each once; raise `UsageError` if the text is something else.
+
+    Examples
+    --------
+    >>> parse_seeds("1..4,9"), parse_seeds("7-8")
+    ((1, 2, 3, 4, 9), (7, 8))
+    """
+    seeds: dict[int, None] = {}
+    for part in text.split(","):
+        found = _RANGE.fullmatch(part)
+        first = int(found[1]) if found else 0
+        last = int(found[2] or first) if found else -1
+        if not 0 <= last - first < _MAX_SEEDS - len(seeds):
+            raise UsageError(f"--seeds {text}: write numbers and ranges, such as 1..5 or 1,2,7; at most {_MAX_SEEDS:,}")
+        seeds.update(dict.fromkeys(range(first, last + 1)))
+    return tuple(seeds)
+
+
+class SimulateOptions(Replacing):
+    """Options of a simulation: values that replace those of the scene, and additional output.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.SimulateOptions(frames=10, lidar="RS-LiDAR-16").seed is None
+    True
+    """
+
+    frames: int | None = option(
+        "-n --frames", default=None, kind=Whole(1), help="Number of frames; overrides the scene."
+    )
+    seed: int | None = option(
+        "--seed", default=None, kind=Whole(0), help="Random seed; overrides the scene. 1 by default for a layout."
+    )
+    physics: Literal["wide"] | None = option(
+        "--physics",
+        default=None,
+        kind=Choice(("wide",)),
+        help="Draw water, weather, lidar and own ship from ranges of published physics; with SCENE random, all of it.",
+    )
+    lidar: str | None = option("--lidar NAME", default=None, help="Lidar model; overrides the scene.")
+    form: Literal["mcap", "pcap"] | None = option(
+        "--format",
+        default=None,
+        kind=Choice(("mcap", "pcap")),
+        help="MCAP with PointCloud2, or packets of a RoboSense lidar; by default from the suffix of LOG.",
+    )
+    scene_file: OptionalPath = option(
+        "--scene-file YAML",
+        default=None,
+        kind=LOCAL,
+        help="Save the scene with all defaults and comments, for editing.",
+    )
+
+
+class SimulationOptions(SimulateOptions):
+    """Options of a simulation, with its scene and output."""
+
+    scene: PathLike = option(
+        "SCENE",
+        kind=Anything(),
+        help="Scene file (YAML), or the name of a built-in scene, layout or tile scene.",
+        kw_only=False,
+    )
+    output: PathLike = option(
+        "-o --output OUT",
+        kind=Place(output=True, or_folder=True),
+        help="Recording to write; .las or .laz for a tile; with --seeds, a folder.",
+        kw_only=False,
+    )
+    seeds: Converted[str | Sequence[int] | None, tuple[int, ...] | None] = option(
+        "--seeds SEEDS",
+        default=None,
+        kind=Parsed(parse_seeds),
+        help="Simulate a recording for each seed, such as 1..5 or 1,2,7.",
+    )
+    batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
+    observer: Observer = option(default=SILENT, kind=Anything(is_place=True), help="Receives progress.")

@@ -17,7 +17,7 @@ from seaclutter_cli.frame import Frame
 from seaclutter_cli.reading import frames
 from seaclutter_cli.runs.observer import SILENT, Observer, Step
 from seaclutter_cli.runs.options import Logs, ReadOptions
-from seaclutter_cli.runs.options.scenes import ClassifierOptions, LabelledLogs
+from seaclutter_cli.runs.options.classifiers import ClassifierOptions, LabelledLogs
 from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand, opened, storing_errors
 from seaclutter_cli.scenes.model import SceneDecision, SceneModel, SceneTracker

@@ -1,4 +1,4 @@
-"""Options of use cases that work on airborne tiles."""
+"""Options of the scene classifier, and of use cases that work on airborne tiles."""
 
 from __future__ import annotations
 
@@ -14,19 +14,98 @@ from seaclutter_cli.options import (
     OptionalPath,
     Options,
     Place,
+    Whole,
     grouped,
     option,
 )
-from seaclutter_cli.runs.options import BatchOptions, Replacing
+from seaclutter_cli.runs.options import LOCAL, BatchOptions, ReadOptions, Replacing
+from seaclutter_cli.scenes import TrainingParams
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from seaclutter_cli.airborne.settings import TileSettings
+    from seaclutter_cli.runs.scene.logs import LabelledLog
     from seaclutter_cli.urls import PathLike
 
-_FILE = Place(output=True)
 _BATCH_HELP = "How several tiles are processed."
+
+
+class LabelledLogs(Options):
+    """Logs by the class of their scene.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> [(log.scene, log.recording.name) for log in seaclutter.LabelledLogs(scenes=("open=samples/sea.mcap",)).find()]
+    [('open', 'sea')]
+    """
+
+    folders: Converted[PathLike | Sequence[PathLike], tuple[Path, ...]] = option(
+        "FOLDERS",
+        default=(),
+        kind=Place(),
+        help="Folders that each contain a folder of recordings for each class, named after the class.",
+    )
+    scenes: Converted[str | Sequence[str], tuple[str, ...]] = option(
+        "--scene CLASS=LOGS", default=(), help="A class, and the file, folder or glob of its logs; repeatable."
+    )
+
+    def find(self) -> list[LabelledLog]:
+        """Return the recordings with their true classes; raise `UsageError` if there are none, or one has two."""
+        from seaclutter_cli.runs.scene.logs import find_labelled
+
+        return find_labelled(self.folders, self.scenes)
+
+
+class ClassifierOptions(Replacing):
+    """Options of a trained scene classifier.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.ClassifierOptions(every=10, hold=3).model
+    'open_confined'
+    """
+
+    model: str = option(
+        "--model FILE", default="open_confined", help="ONNX file of a classifier, or the name of a built-in one."
+    )
+    every: int = option("--every", default=1, kind=Whole(1), help="Classify one frame in N; the others keep its scene.")
+    hold: int = option(
+        "--hold M",
+        default=1,
+        kind=Whole(1),
+        help="Change the scene only after M consecutive classifications agree on another one.",
+    )
+    csv_file: OptionalPath = option(
+        "--csv", default=None, kind=LOCAL, help="Write a CSV table with a line for each frame."
+    )
+
+
+class TrainSceneOptions(Replacing):
+    """Options of `train_scenes`.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.TrainSceneOptions(output=folder / "model.onnx").training.epochs
+    30
+    """
+
+    output: Converted[PathLike, Path] = option("-o --output MODEL.onnx", kind=LOCAL, help="Model file to write.")
+    plot_file: OptionalPath = option(
+        "--plot", default=None, kind=LOCAL, help="Draw loss and precision over the epochs, as PNG or SVG."
+    )
+    extent_m: float = option(
+        "--extent METRES", default=60.0, kind=Number(0, above=True), help="Half the side of the square in the top view."
+    )
+    every: int = option(
+        "--every", default=1, kind=Whole(1), help="Use one frame in N; consecutive frames are nearly the same."
+    )
+    training: Grouped[TrainingParams] = grouped(default=TrainingParams())
+    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
 
 
 class TileSettingsOptions(Options):
@@ -66,21 +145,21 @@ class MapOptions(Options):
     plot_file: OptionalPath = option(
         "--plot",
         default=None,
-        kind=_FILE,
+        kind=LOCAL,
         help="Draw a map with water level, land and objects, as PNG or SVG.",
         kw_only=False,
     )
     geojson_file: OptionalPath = option(
         "--geojson",
         default=None,
-        kind=_FILE,
+        kind=LOCAL,
         help="Also write the shoreline and the boxes of objects as GeoJSON.",
         kw_only=False,
     )
     gpkg_file: OptionalPath = option(
         "--gpkg",
         default=None,
-        kind=_FILE,
+        kind=LOCAL,
         help="Also write the shoreline and the boxes of objects as GeoPackage.",
         kw_only=False,
     )
@@ -169,16 +248,16 @@ class ClassifyTilesOptions(Replacing):
 
     model: Converted[PathLike, Path] = option("--model MODEL", kind=Place(), help="Model file from classify train.")
     csv_file: OptionalPath = option(
-        "--csv", default=None, kind=_FILE, help="Also write a CSV table with a line for each object."
+        "--csv", default=None, kind=LOCAL, help="Also write a CSV table with a line for each object."
     )
     geojson_file: OptionalPath = option(
-        "--geojson", default=None, kind=_FILE, help="Also write the boxes of the objects as GeoJSON."
+        "--geojson", default=None, kind=LOCAL, help="Also write the boxes of the objects as GeoJSON."
     )
     gpkg_file: OptionalPath = option(
-        "--gpkg", default=None, kind=_FILE, help="Also write the boxes and the shoreline as GeoPackage."
+        "--gpkg", default=None, kind=LOCAL, help="Also write the boxes and the shoreline as GeoPackage."
     )
     plot_file: OptionalPath = option(
-        "--plot", default=None, kind=_FILE, help="Draw a top view of the tile, as PNG or SVG."
+        "--plot", default=None, kind=LOCAL, help="Draw a top view of the tile, as PNG or SVG."
     )
     settings: Grouped[TileSettingsOptions] = grouped(
         default=TileSettingsOptions(), help="Settings that override those in the model, except for the features."
@@ -201,7 +280,7 @@ class TrainForestOptions(Replacing):
     100
     """
 
-    output: Converted[PathLike, Path] = option("-o --output MODEL", kind=_FILE, help="Model file to write.")
+    output: Converted[PathLike, Path] = option("-o --output MODEL", kind=LOCAL, help="Model file to write.")
     class_field: str = option(
         "--class-field NAME", default="object_class", help="Field with the class of each point, 1 to 8; 0 for none."
     )
@@ -211,7 +290,7 @@ class TrainForestOptions(Replacing):
         help="Field with object numbers; without it, clusters of a class are objects.",
     )
     plot_file: OptionalPath = option(
-        "--plot", default=None, kind=_FILE, help="Draw the confusion matrix, as PNG or SVG."
+        "--plot", default=None, kind=LOCAL, help="Draw the confusion matrix, as PNG or SVG."
     )
     settings: Grouped[TileSettingsOptions] = grouped(
         default=TileSettingsOptions(), help="Settings of separation, features and forest."
