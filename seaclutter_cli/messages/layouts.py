@@ -6,8 +6,8 @@ used: they are Python code made from definitions, and nothing in a log should be
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache, partial
+from dataclasses import dataclass, field
+from functools import cache, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -115,16 +115,12 @@ class _Absent:
             write.raw(value)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Struct:
-    """Fields of a message, in order."""
+    """Fields of a message, in order; layouts with other names are equal, because messages do not contain names."""
 
-    fields: "tuple[tuple[str, _Node], ...]"
-
-    @cached_property
-    def nodes(self) -> "tuple[_Node, ...]":
-        """Layouts of the fields."""
-        return tuple(node for _, node in self.fields)
+    names: tuple[str, ...] = field(compare=False)
+    nodes: "tuple[_Node, ...]"
 
     @property
     def default(self) -> list[Any]:
@@ -139,10 +135,6 @@ class Struct:
         """Add the values of the fields."""
         for node, part in zip(self.nodes, value, strict=True):
             node.write(write, part)
-
-    def unnamed(self) -> Any:
-        """Return the layout without the names of fields, which messages do not contain."""
-        return tuple(map(_unnamed, self.nodes))
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,26 +169,8 @@ class _Items:
 _Node = _Block | _Text | _Absent | Struct | _Items
 
 
-def _unnamed(node: _Node) -> Any:
-    if isinstance(node, Struct):
-        return node.unnamed()
-    return (_unnamed(node.item), node.length) if isinstance(node, _Items) else node
-
-
-class Change:
-    """The values of one layout from those of another, by the names of the fields."""
-
-    def __init__(self, source: Struct, target: Struct) -> None:
-        places = {name: place for place, (name, _) in enumerate(source.fields)}
-        self._parts: list[tuple[int | None, Any, Callable[[Any], Any]]] = []
-        for name, node in target.fields:
-            place = places.get(name)
-            change = None if place is None else _changed(source.nodes[place], node)
-            self._parts.append((None if change is None else place, node.default, change or as_is))
-
-    def __call__(self, values: Sequence[Any]) -> list[Any]:
-        """Return the values of the other layout."""
-        return [default if place is None else change(values[place]) for place, default, change in self._parts]
+Change = Callable[[Any], Any]
+"""Function from values of one layout to those of another."""
 
 
 def as_is(value: Any) -> Any:
@@ -204,31 +178,35 @@ def as_is(value: Any) -> Any:
     return value
 
 
-def _changed(source: _Node, target: _Node) -> Callable[[Any], Any] | None:
-    """Return the function from values of one layout to those of another; None if there is none."""
+def change_between(source: Struct, target: Struct) -> tuple[Change, list[str]]:
+    """Return the change from one layout to another, by the names of fields, and the names of those that are lost."""
+    places = {name: place for place, name in enumerate(source.names)}
+    nested: dict[str, list[str]] = {}
+    parts: list[tuple[int | None, Any, Change]] = []
+    for name, node in zip(target.names, target.nodes, strict=True):
+        place = places.get(name)
+        found = None if place is None else _change(source.nodes[place], node)
+        parts.append((place, None, found[0]) if found else (None, node.default, as_is))
+        nested |= {name: found[1]} if found else {}
+    lost = [name for name in source.names if name not in nested]
+    lost += [f"{name}.{inner}" for name in source.names for inner in nested.get(name, ())]
+    return partial(_changed, parts), lost
+
+
+def _change(source: _Node, target: _Node) -> tuple[Change, list[str]] | None:
+    """Return what `change_between` does for any layouts; None if there is no change between them."""
     if source == target:
-        return as_is
+        return as_is, []
     if isinstance(source, Struct) and isinstance(target, Struct):
-        return Change(source, target)
+        return change_between(source, target)
     if isinstance(source, _Items) and isinstance(target, _Items) and source.length == target.length:
-        item = _changed(source.item, target.item)
-        return None if item is None or isinstance(source.item, _Block) else partial(_each, item)
+        found = None if isinstance(source.item, _Block) else _change(source.item, target.item)
+        return (lambda values: [found[0](value) for value in values], found[1]) if found else None
     return None
 
 
-def _each(change: Callable[[Any], Any], values: Sequence[Any]) -> list[Any]:
-    return [change(value) for value in values]
-
-
-def lost_fields(source: Struct, target: Struct) -> list[str]:
-    """Return the names of the fields that have no counterpart."""
-    nodes = dict(target.fields)
-    lost = [name for name, node in source.fields if name not in nodes or _changed(node, nodes[name]) is None]
-    for name, node in source.fields:
-        inner = [one.item if isinstance(one, _Items) else one for one in (node, nodes.get(name))]
-        if name not in lost and isinstance(inner[0], Struct) and isinstance(inner[1], Struct):
-            lost += [f"{name}.{one}" for one in lost_fields(*inner)]  # type: ignore[arg-type]
-    return lost
+def _changed(parts: Sequence[tuple[int | None, Any, Change]], values: Sequence[Any]) -> list[Any]:
+    return [default if place is None else change(values[place]) for place, default, change in parts]
 
 
 def full_name(name: str) -> str:
@@ -291,39 +269,37 @@ def definition_of(types: Types, name: str, ros: Ros) -> tuple[Schema, str]:
     return Schema(name.replace("/msg/", "/", 1), "ros1msg", text.encode()), checksum
 
 
-def layout_of(types: Types, name: str, *, merged: bool = True) -> Struct:
-    """Return the layout of the messages of a type; unless ``merged``, neighbouring numbers do not become one block.
+class Layouts:
+    """Layouts of types that contain each other, which could be more than any memory holds.
 
-    `TranslationError` if a type is unknown, contains itself or too many others, or has values that are not supported.
+    Unless ``merged``, neighbouring numbers do not become one block.
     """
-    if name not in types:
-        raise TranslationError(f"the definition of {name} is unknown")
-    return _Layouts(types, merged=merged).struct(name)
 
-
-class _Layouts:
-    """Layouts of types that contain each other, which could be more than any memory holds."""
-
-    def __init__(self, types: Types, *, merged: bool) -> None:
+    def __init__(self, types: Types, *, merged: bool = True) -> None:
         self._types, self._merged = types, merged
         self._left = _MAX_FIELDS
 
     def struct(self, name: str, depth: int = 0) -> Struct:
+        """Return the layout of the messages of a type.
+
+        `TranslationError` if a type is unknown, contains itself or too many others, or has values that are not
+        supported.
+        """
         if name not in self._types or depth > _MAX_DEPTH:
             raise TranslationError(f"the definition of {name} is not complete")
         fields: list[tuple[str, _Node]] = []
-        for field, kind in self._types[name][1]:
+        for field_name, kind in self._types[name][1]:
             self._left -= 1
             if self._left < 0:
                 raise TranslationError(f"messages of more than {_MAX_FIELDS:,} fields are not supported")
-            if field == _PLACEHOLDER or (name == _HEADER and field == "seq"):
+            if field_name == _PLACEHOLDER or (name == _HEADER and field_name == "seq"):
                 continue
-            fields.append((field.lower(), self._node(kind, depth)))
+            fields.append((field_name.lower(), self._node(kind, depth)))
         if name == _HEADER:
             fields.insert(0, ("seq", _Absent(4, ros=1)))
         if not fields:
             fields.append(("", _Absent(1, ros=2)))
-        return Struct(tuple(_joined(fields) if self._merged else fields))
+        return Struct(*zip(*(_joined(fields) if self._merged else fields), strict=True))
 
     def _node(self, kind: Any, depth: int) -> _Node:
         base, detail = kind

@@ -9,16 +9,15 @@ from typing import Any, NamedTuple
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.messages import CODECS, declares_latched, find_codec
 from seaclutter_cli.messages.layouts import (
-    Change,
     ItemReader,
+    Layouts,
     Struct,
     TranslationError,
     as_is,
+    change_between,
     definition_of,
     full_name,
     known_types,
-    layout_of,
-    lost_fields,
     types_of,
 )
 from seaclutter_cli.messages.serialisation import Ros, Writer
@@ -117,11 +116,11 @@ def translator(channel: Channel, encoding: str) -> Translator:
     schema, checksum = definition_of(known if name in known else types, name, ros)
     out = _channel(channel, encoding, schema, checksum)
     if name in known:
-        source, target = (layout_of(some, name, merged=False) for some in (types, known))
-        if source.unnamed() != target.unnamed():
-            convert = partial(_convert, ros, source, target, Change(source, target))
-            return Translator(out, convert, tuple(lost_fields(source, target)))
-    layout = layout_of(types, name)
+        source, target = (Layouts(some, merged=False).struct(name) for some in (types, known))
+        if source != target:
+            change, lost = change_between(source, target)
+            return Translator(out, partial(_convert, ros, source, target, change), tuple(lost))
+    layout = Layouts(types).struct(name)
     return Translator(out, partial(_convert, ros, layout, layout, as_is))
 
 
