@@ -1,11 +1,10 @@
 """LAS and LAZ files that preserve everything in their source file."""
 
-from collections.abc import Iterable, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -78,111 +77,83 @@ def _without_index(header: Any) -> Any:
     return header
 
 
-def _as_las_1_2(laspy: Any, header: Any) -> None:
-    """Make a header of LAS 1.0 one of LAS 1.2, which stores the same and gives four reserved bytes a meaning."""
-    header.version = laspy.header.Version(1, 2)
-    header.file_source_id = 0
-    header.global_encoding = laspy.header.GlobalEncoding()
+def _checked(laspy: Any, path: Path, header: Any, *, packed: bool) -> Any:
+    """Return a header that can be written; LAS 1.0 becomes LAS 1.2, which gives four reserved bytes a meaning."""
+    if str(header.version) == _FIRST:
+        header.version = laspy.header.Version(1, 2)
+        header.file_source_id = 0
+        header.global_encoding = laspy.header.GlobalEncoding()
+    if str(header.version) not in laspy.supported_versions():
+        raise OutputError(f"{path}: LAS {header.version} cannot be written; convert the source to LAS 1.4 or earlier")
+    if packed and not laspy.LazBackend.LazrsParallel.is_available():
+        raise MissingExtraError("LAZ", "las")
+    if header.global_encoding.waveform_data_packets_internal:
+        raise OutputError(f"{path}: internal waveform packets cannot be copied; store them in a separate file")
+    return header
 
 
-class LasSink(AbstractContextManager["LasSink"]):
-    """Writer that copies the points of a LAS or LAZ file with some dimensions changed or added.
+@contextmanager
+def las_writer(
+    path: Path, header: Any, extra: ExtraDims | None = None, *, whole: bool = True, group: OutputGroup | None = None
+) -> Iterator[Callable[[Any, Mapping[str, Column]], None]]:
+    """Yield a function that writes points of a LAS or LAZ file with some dimensions changed or added.
 
-    Scale, offset and all other dimensions are preserved, as are the packed coordinates, the header and its records (VLR
-    and EVLR). The file extension of the target selects LAZ or LAS. LAS 1.0 becomes LAS 1.2. If the ``whole`` source is
+    It takes n points of the source, which are not modified, and new values, shape (n,), for some dimensions. Scale,
+    offset and all other dimensions are preserved, as are the packed coordinates, the header and its records (VLR and
+    EVLR). The file extension of the target selects LAZ or LAS. LAS 1.0 becomes LAS 1.2. If the ``whole`` source is
     written, its extents and counts are kept, even if they are wrong.
 
     `MissingExtraError` if laspy or its LAZ backend is not installed; `OutputError` if the file cannot be written, or
     waveform packets of the source would be lost or changed.
     """
+    try:
+        import laspy  # optional dependency
+    except ImportError as error:
+        raise MissingExtraError("LAS/LAZ", "las") from error
+    packed = path.suffix.lower() == ".laz"
+    own = _checked(laspy, path, _without_index(deepcopy(header)), packed=packed)
+    known = set(header.point_format.dimension_names)
+    added = {name: spec for name, spec in (extra or {}).items() if name not in known}
+    if added:
+        _add(laspy, own, added)
+    with AtomicFile(path, group) as file:
+        writer = _start(laspy, file, own, packed=packed)
+        has_layers, channels = packed and own.point_format.id in _LAYERED_WAVEFORMS, set[int]()
 
-    def __init__(
-        self,
-        path: Path,
-        header: Any,
-        extra: ExtraDims | None = None,
-        *,
-        whole: bool = True,
-        group: OutputGroup | None = None,
-    ) -> None:
-        try:
-            import laspy  # optional dependency
-        except ImportError as error:
-            raise MissingExtraError("LAS/LAZ", "las") from error
-        self._laspy, self._whole = laspy, whole
-        self._header = _without_index(deepcopy(header))
-        if str(self._header.version) == _FIRST:
-            _as_las_1_2(laspy, self._header)
-        known = set(header.point_format.dimension_names)
-        added = {name: spec for name, spec in (extra or {}).items() if name not in known}
-        if added:
-            _add(laspy, self._header, added)
-        self._extended = bool(added)
-        packed = path.suffix.lower() == ".laz"
-        version = str(self._header.version)
-        if version not in laspy.supported_versions():
-            raise OutputError(f"{path}: LAS {version} cannot be written; convert the source to LAS 1.4 or earlier")
-        if packed and not laspy.LazBackend.LazrsParallel.is_available():
-            raise MissingExtraError("LAZ", "las")
-        if self._header.global_encoding.waveform_data_packets_internal:
-            raise OutputError(f"{path}: internal waveform packets cannot be copied; store them in a separate file")
-        self._has_layers = packed and self._header.point_format.id in _LAYERED_WAVEFORMS
-        self._channels: set[int] = set()
-        self._file = AtomicFile(path, group)
-        try:
-            backend = laspy.LazBackend.LazrsParallel if packed else None
-            self._writer = laspy.LasWriter(
-                self._file.stream,
-                self._header,
-                do_compress=packed,
-                laz_backend=backend,
-                closefd=False,
-                encoding_errors="surrogateescape",  # descriptions should be ASCII, but need not be
-            )
-        except Exception as error:
-            self._file.__exit__(type(error), error, None)
-            raise OutputError(f"{path}: cannot be written as LAS ({error})") from error
+        def write(points: Any, columns: Mapping[str, Column]) -> None:
+            if has_layers:
+                channels.update(np.unique(np.asarray(points["scanner_channel"])).tolist())
+            if len(channels) > 1:  # from the second channel on, lazrs compresses wrong values
+                raise OutputError(
+                    f"{path}: waveform packets of several scanner channels would be changed in LAZ; write LAS"
+                )
+            record = laspy.PackedPointRecord(points.array.copy(), points.point_format)
+            if added:
+                record = laspy.PackedPointRecord.from_point_record(record, own.point_format)
+            for name, values in columns.items():
+                record[name] = values
+            writer.write_points(record)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Complete the file, or remove it after an error."""
-        if kind is not None:
-            self._file.__exit__(kind, error, trace)
-            return
-        with self._file:
-            self._finish()
+        yield write
+        if evlrs := getattr(own, "evlrs", None):
+            writer.write_evlrs(evlrs)
+        for name in _KEPT if whole else ():
+            setattr(writer.header, name, getattr(own, name))
+        writer.close()
 
-    def write(self, points: Any, columns: Mapping[str, Column]) -> None:
-        """Write n points of the source, which are not modified, with new values, shape (n,), for some dimensions.
 
-        `OutputError` if the file cannot be written, or is a LAZ file with waveform packets of several scanner channels.
-        """
-        if self._has_layers:
-            self._check_channels(points)
-        record = self._laspy.PackedPointRecord(points.array.copy(), points.point_format)
-        if self._extended:
-            record = self._laspy.PackedPointRecord.from_point_record(record, self._header.point_format)
-        for name, values in columns.items():
-            record[name] = values
-        self._writer.write_points(record)
-
-    def _check_channels(self, points: Any) -> None:
-        """Refuse packets of several channels: from the second channel on, lazrs compresses wrong values."""
-        self._channels.update(np.unique(np.asarray(points["scanner_channel"])).tolist())
-        if len(self._channels) > 1:
-            raise OutputError(
-                f"{self._file.path}: waveform packets of several scanner channels would be changed in LAZ; write LAS"
-            )
-
-    def _finish(self) -> None:
-        evlrs = getattr(self._header, "evlrs", None)
-        if evlrs:
-            self._writer.write_evlrs(evlrs)
-        if self._whole:
-            for name in _KEPT:
-                setattr(self._writer.header, name, getattr(self._header, name))
-        self._writer.close()
+def _start(laspy: Any, file: AtomicFile, header: Any, *, packed: bool) -> Any:
+    try:
+        return laspy.LasWriter(
+            file.stream,
+            header,
+            do_compress=packed,
+            laz_backend=laspy.LazBackend.LazrsParallel if packed else None,
+            closefd=False,
+            encoding_errors="surrogateescape",  # descriptions should be ASCII, but need not be
+        )
+    except Exception as error:
+        raise OutputError(f"{file.path}: cannot be written as LAS ({error})") from error
 
 
 def write_las(
@@ -196,8 +167,8 @@ def write_las(
     """Write the points of a source, or of a part of it, chunk by chunk; each column has one value per point."""
     start = 0
     whole = all(len(values) == header.point_count for values in columns.values())
-    with LasSink(path, header, extra, whole=whole, group=group) as sink:
+    with las_writer(path, header, extra, whole=whole, group=group) as write:
         for part in points:
             end = start + len(part)
-            sink.write(part, {name: values[start:end] for name, values in columns.items()})
+            write(part, {name: values[start:end] for name, values in columns.items()})
             start = end

@@ -14,7 +14,7 @@ from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.simulation.airborne.render import POINT, TileRenderer
 from seaclutter_cli.simulation.airborne.scene import TileScene
 from seaclutter_cli.sinks.atomic import OutputGroup
-from seaclutter_cli.sinks.las import LasSink
+from seaclutter_cli.sinks.las import las_writer
 from seaclutter_cli.threads import in_order, threads
 
 TRUTH = {"object_class": ("u1", "0 none, 1 ship ... 8 garbage"), "object_id": ("u2", "number of the object, 0 none")}
@@ -61,9 +61,9 @@ def record_tile(
     header.uuid = UUID(int=0)
     header.global_encoding.wkt = True  # LAS 1.4 requires it from point format 6; some readers check
     empty = laspy.ScaleAwarePointRecord.zeros(0, header=header)
-    with LasSink(path, header, TRUTH, whole=False, group=group) as sink:
+    with las_writer(path, header, TRUTH, whole=False, group=group) as write:
         for points in simulate_strips(scene):
-            sink.write(_record(laspy, empty, points), {name: points[name] for name in TRUTH})
+            write(_record(laspy, empty, points), {name: points[name] for name in TRUTH})
             on_strip(points)
 
 
