@@ -1,18 +1,21 @@
 """Codecs for ``sensor_msgs/PointCloud2`` and its compressed form, in ROS 2 (CDR) and ROS 1 serialisation.
 
 The plugins of ``point_cloud_transport`` publish ``point_cloud_interfaces/CompressedPointCloud2``: zstd and zlib
-compress the bytes of the points; Draco compresses fields as attributes and is decoded by ``draco.py``.
+compress the bytes of the points; Draco compresses fields as attributes.
 """
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from io import SEEK_CUR, BytesIO
 from typing import Any
 
+import numpy as np
 import zstandard
+from numpy.typing import NDArray
 
-from seaclutter_cli.cloud import Cloud
-from seaclutter_cli.errors import CloudError, UnsupportedCloudError
+from seaclutter_cli.cloud import Cloud, PointField
+from seaclutter_cli.errors import CloudError, MissingExtraError, UnsupportedCloudError
 from seaclutter_cli.limits import above, limits
 from seaclutter_cli.messages.serialisation import Header, Reader, RosCodec, Writer
 from seaclutter_cli.records import Buffer
@@ -22,6 +25,12 @@ ZSTD, ZLIB, DRACO = "zstd", "zlib", "draco"
 _ZSTD_LEVEL, _ZLIB_LEVEL = 3, 6
 _GZIP, _GZIP_OR_ZLIB = 31, 47
 """Window sizes of zlib that also say which header follows; the plugin writes gzip."""
+_MAGIC = b"DRACO"
+_HEADER = len(_MAGIC) + 6
+_HAS_METADATA = 0x8000
+_MAX_DEPTH = 8
+_COLORS = 4
+"""Values of a colour in one number: the transport stores ``rgb`` as four attributes of a byte."""
 _CONVERT = {"cloudini": "; convert the log with cloudini_rosbag_converter of cloudini_ros"}
 
 
@@ -78,11 +87,9 @@ class CompressedPointCloud2(RosCodec):
         height, width, step, packed = (values[name] for name in ("height", "width", "point_step", "data"))
         size = height * width * step
         if extra.format == DRACO:
-            from seaclutter_cli.messages.draco import unpack_draco
-
             _room(size, len(packed))
             fields, big_endian = values["fields"], values["big_endian"]
-            fields, data = unpack_draco(packed, height * width, fields, step, big_endian=big_endian)
+            fields, data = _unpack_draco(packed, height * width, fields, step, big_endian=big_endian)
             return Cloud(**values | {"fields": fields, "row_step": width * step, "data": data}, extra=extra)
         values["data"] = _unpacked(extra.format, packed, size, height * values["row_step"])
         return Cloud(**values, extra=extra)
@@ -151,6 +158,99 @@ def _pack_zstd(data: Buffer) -> bytes:
 def _pack_zlib(data: Buffer) -> bytes:
     stream = zlib.compressobj(_ZLIB_LEVEL, wbits=_GZIP)
     return stream.compress(data) + stream.flush()
+
+
+def _unpack_draco(
+    packed: Buffer, points: int, fields: Sequence[PointField], point_step: int, *, big_endian: bool
+) -> tuple[tuple[PointField, ...], memoryview]:
+    """Return the fields of a cloud that can be read, and the bytes of its points.
+
+    The library reads float64 attributes in single precision, which is enough for coordinates. Other float64 fields,
+    such as times, are left out. The attribute of each field has its index. `CloudError` if the data are damaged, or are
+    not those of the cloud; `MissingExtraError` if the extra ``draco`` is not installed.
+    """
+    try:
+        import DracoPy
+    except ImportError:
+        raise MissingExtraError("a cloud compressed with Draco", "draco") from None
+    data = bytes(packed)
+    if (found := _declared_points(data)) != points:  # the library allocates memory for them before it reads any
+        raise CloudError(f"the Draco data have {found:,} points, the message has {points:,}")
+    try:
+        attributes = DracoPy.decode(data).attributes
+    except (DracoPy.FileTypeException, MemoryError, ValueError, RuntimeError, AttributeError) as error:
+        raise CloudError(f"the Draco data are damaged ({error})") from error
+    if len(attributes) != len(fields):
+        raise CloudError(f"the Draco data have {len(attributes)} attributes, the message has {len(fields)} fields")
+    out = np.zeros((points, point_step), np.uint8)
+    kept = tuple(field for field in fields if field.type != "f8" or field.name in ("x", "y", "z"))
+    for field, attribute in zip(fields, attributes, strict=True):
+        if field in kept:
+            _copy(np.asarray(attribute["data"]), field, out, order=">" if big_endian else "<")
+    return kept, out.reshape(-1).data
+
+
+def _copy(values: NDArray[Any], field: PointField, out: NDArray[np.uint8], *, order: str) -> None:
+    """Write the values of an attribute, shape (N, K), into the bytes of the points, shape (N, point_step)."""
+    number = max(field.count, 1)
+    if not 0 <= field.offset < field.end <= out.shape[1]:
+        raise CloudError(f"field {field.name!r} does not fit into a point of {out.shape[1]} bytes")
+    if values.shape == (len(out), number):
+        column = values.astype(order + field.type)
+    elif values.shape == (len(out), _COLORS * number):
+        column = values.astype("u1" if field.end - field.offset == _COLORS * number else order + "u2")
+    else:
+        raise CloudError(f"the Draco attribute of field {field.name!r} has the shape {values.shape}")
+    raw = np.ascontiguousarray(column).view(np.uint8)
+    if raw.shape[1] != field.end - field.offset:
+        raise CloudError(f"the Draco attribute of field {field.name!r} has {raw.shape[1]} bytes a point")
+    out[:, field.offset : field.end] = raw
+
+
+def _declared_points(data: bytes) -> int:
+    """Return the number of points that Draco data declare."""
+    if data[: len(_MAGIC)] != _MAGIC or len(data) < _HEADER:
+        raise CloudError("the Draco data have no header")
+    kind, flags = data[7], int.from_bytes(data[9:11], "little")
+    if kind != 0:
+        raise CloudError("the Draco data are not those of a point cloud")
+    stream = BytesIO(data)
+    stream.seek(_HEADER)
+    if flags & _HAS_METADATA:
+        for _ in range(_varint(stream)):
+            _varint(stream)
+            _skip_metadata(stream)
+        _skip_metadata(stream)
+    return _number(stream, 4)
+
+
+def _number(stream: BytesIO, size: int) -> int:
+    raw = stream.read(size)
+    if len(raw) < size:
+        raise CloudError("the Draco data are truncated")
+    return int.from_bytes(raw, "little")
+
+
+def _varint(stream: BytesIO) -> int:
+    value = shift = 0
+    while True:
+        byte = _number(stream, 1)
+        value |= (byte & 127) << shift
+        shift += 7
+        if byte < 128 or shift > 35:
+            return value
+
+
+def _skip_metadata(stream: BytesIO, depth: int = 0) -> None:
+    """Skip the named entries of an element, and those of its parts."""
+    if depth > _MAX_DEPTH:
+        raise CloudError("the metadata of the Draco data are nested too deeply")
+    for _ in range(_varint(stream)):
+        stream.seek(_number(stream, 1), SEEK_CUR)
+        stream.seek(_varint(stream), SEEK_CUR)
+    for _ in range(_varint(stream)):
+        stream.seek(_number(stream, 1), SEEK_CUR)
+        _skip_metadata(stream, depth + 1)
 
 
 _UNPACK: Mapping[str, Callable[[Buffer, int], bytes]] = {ZSTD: _unpack_zstd, ZLIB: _unpack_zlib}

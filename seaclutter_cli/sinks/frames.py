@@ -55,8 +55,7 @@ class FrameSink(AbstractContextManager["FrameSink"]):
         self._path, self._options, self._as_is = path, options, as_is
         self._write_frame, self._suffix = write_frame, suffix
         is_file = path.suffix.lower() == suffix
-        self._folder = None if is_file else AtomicFolder(path, group, last=SIDECAR)
-        self._file = AtomicFile(path, group) if is_file else None
+        self._output = AtomicFile(path, group) if is_file else AtomicFolder(path, group, last=SIDECAR)
         self._metadata: list[Metadata] = []
         self._stamps_ns: list[int] = []
         self._first_frame = 0
@@ -68,9 +67,7 @@ class FrameSink(AbstractContextManager["FrameSink"]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Complete the frames under their name, or remove them after an error."""
-        output = self._folder or self._file
-        if output is not None:
-            output.__exit__(kind, error, trace)
+        self._output.__exit__(kind, error, trace)
 
     @property
     def messages(self) -> int:
@@ -124,26 +121,26 @@ class FrameSink(AbstractContextManager["FrameSink"]):
         self._has_log_times |= frame.stamp_ns != message.log_time_ns
         if not self._stamps_ns:
             self._first_frame = frame.index
-        elif self._file is not None:
+        elif not isinstance(self._output, AtomicFolder):
             raise UsageError(
                 f"{self._path}: has room for one frame only; name a folder, as in"
                 f" -o {self._path.name.removesuffix(self._suffix)} --to {self._suffix[1:]}, or add -n 1"
             )
         self._stamps_ns.append(frame.stamp_ns)
-        if self._file is not None:
-            self._points += self._write_frame(self._file.stream, cloud)
-        elif self._folder is not None:
-            with self._folder.open(f"{frame.index:06d}{self._suffix}") as stream:
+        if isinstance(self._output, AtomicFolder):
+            with self._output.open(f"{frame.index:06d}{self._suffix}") as stream:
                 self._points += self._write_frame(stream, cloud)
+        else:
+            self._points += self._write_frame(self._output.stream, cloud)
 
     def end(self) -> None:
         """Write times and metadata records."""
-        if self._folder is None:
+        if not isinstance(self._output, AtomicFolder):
             return
         self._metadata.append(to_metadata({TOPIC: replace(self._known, first_frame=self._first_frame)}))
         if self._options.record is not None:
             self._metadata.append(self._options.record())
-        with self._folder.open(TIMES) as file:
+        with self._output.open(TIMES) as file:
             file.writelines(f"{stamp // _NANO}.{stamp % _NANO:09d}\n".encode() for stamp in self._stamps_ns)
-        with self._folder.open(SIDECAR) as file:
+        with self._output.open(SIDECAR) as file:
             file.write(to_text(self._metadata).encode())
