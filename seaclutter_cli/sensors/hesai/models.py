@@ -108,14 +108,6 @@ signature.
 """
 
 
-def _xt_layouts(blocks: int, lasers: int) -> Layouts:
-    """Return the layout of a PandarXT."""
-    return _layouts(_HEADER, _blocks(blocks, lasers, 4), [("status", "u1", 10)], _LATE_TAIL, _SEQUENCE)
-
-
-PacketMask = Callable[[NDArray[np.void]], NDArray[np.bool_]]
-
-
 @dataclass(frozen=True)
 class HesaiModel:
     """A Hesai sensor with C channels. Each block in a packet contains one firing or one return.
@@ -130,7 +122,7 @@ class HesaiModel:
 
     name: str
     layouts: Layouts
-    matches: PacketMask
+    matches: Callable[[NDArray[np.void]], NDArray[np.bool_]]
     block_ns: int
     last_block_ns: int = 0
     first_block_ns: int | None = None
@@ -141,10 +133,9 @@ class HesaiModel:
     is_experimental: bool = False
 
     @property
-    def angles_deg(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Nominal elevation of each channel, and its offset from the azimuth of its block, shape (C,), in degrees."""
-        table = _read_table(self.name)
-        return table[:, 1], table[:, 2]
+    def angles_deg(self) -> NDArray[np.float64]:
+        """Nominal elevations of channels, and offsets from the azimuth of their block, shape (2, C), in degrees."""
+        return _read_table(self.name)[:, 1:3].T
 
     @property
     def channels(self) -> int:
@@ -218,20 +209,18 @@ def _states_of_128(packets: NDArray[np.void]) -> NDArray[np.int64]:
     """Return the state in which each block fires: one of four with high resolution, one of two others without."""
     shifts = 14 - 2 * np.arange(packets["blocks"].shape[1])
     angle = packets["azimuth_state"].astype(np.int64)[:, None] >> shifts & 3
-    return np.asarray(np.where(_is_fine(packets)[:, None], angle, 4 + angle % 2))
-
-
-def _is_fine(packets: NDArray[np.void]) -> NDArray[np.bool_]:
-    return np.asarray(packets["operation"] == 0)
+    return np.asarray(np.where(packets["operation"][:, None] == 0, angle, 4 + angle % 2))
 
 
 def _pace_of_128(packets: NDArray[np.void]) -> NDArray[np.int64]:
-    return np.where(_is_fine(packets), 1, 2)
+    """Return the time between blocks: once with high resolution, twice without."""
+    return np.where(packets["operation"] == 0, 1, 2)
 
 
 def _xt(name: str, blocks: int, lasers: int) -> HesaiModel:
+    layouts = _layouts(_HEADER, _blocks(blocks, lasers, 4), [("status", "u1", 10)], _LATE_TAIL, _SEQUENCE)
     matches = partial(_has, lasers=lasers, blocks=blocks, version=(6,))
-    return HesaiModel(name, _xt_layouts(blocks, lasers), matches, block_ns=50_000, last_block_ns=5_632)
+    return HesaiModel(name, layouts, matches, block_ns=50_000, last_block_ns=5_632)
 
 
 def _p128(name: str, status: tuple[int, int], **settings: Any) -> HesaiModel:
