@@ -73,7 +73,7 @@ def open_csv(path: Path, options: LabelOptions) -> "CsvLabels":
     frames = _by_key(path, rows)
     if not frames:
         raise LabelError(f"{path}: contains no labels")
-    return (CsvLabels if key == "frame" else _StampedLabels)(path, frames, options)
+    return CsvLabels(path, frames, options, None if key == "frame" else StampMatcher(frames))
 
 
 def _delimiter(header: str) -> str:
@@ -165,11 +165,12 @@ def _by_key(path: Path, rows: Sequence[_Row]) -> dict[int, list[_Row]]:
 
 
 class CsvLabels:
-    """Labels from a CSV file, by frame number."""
+    """Labels from a CSV file, by frame number or, if there is a matcher of stamps, by stamp."""
 
-    def __init__(self, path: Path, frames: Mapping[int, list[_Row]], options: LabelOptions) -> None:
-        self._path = path
-        self._frames = frames
+    def __init__(
+        self, path: Path, frames: Mapping[int, list[_Row]], options: LabelOptions, matcher: "StampMatcher | None" = None
+    ) -> None:
+        self._path, self._frames, self._matcher = path, frames, matcher
         self._number = options.number
         self._last = -1
         self._labelled = False
@@ -188,47 +189,28 @@ class CsvLabels:
         return replace(truth, points=point_labels(frame))
 
     def _key(self, frame: Frame) -> int | None:
-        number = self._number(frame)
-        self._last = max(self._last, number)
-        return number
+        if self._matcher is None:
+            number = self._number(frame)
+            self._last = max(self._last, number)
+            return number
+        try:
+            return self._matcher.match(frame.index, frame.stamp_ns)
+        except LabelError as error:
+            raise LabelError(f"{self._path}: {error}") from error
 
     def finish(self) -> None:
         """Check that the log contained all labelled frames; `LabelError` names the first missing ones.
 
         Call this only after the complete log was read without lost frames.
         """
-        left = self._left()
         hint = "" if self._labelled else "; check that the labels belong to this log"
+        left = self._matcher.left if self._matcher else sorted(number for number in self._frames if number > self._last)
         if left:
             named = ", ".join(map(str, left[:3])) + (", …" if len(left) > 3 else "")
             amount = f"the log lacks {len(left)} of {count(len(self._frames), 'labelled frame')}"
-            raise LabelError(f"{self._path}: {amount} ({self._unit} {named}){hint}")
+            raise LabelError(f"{self._path}: {amount} ({'stamp' if self._matcher else 'frame'} {named}){hint}")
         if not self._labelled:
             raise LabelError(f"{self._path}: no frame of the log is labelled{hint}")
-
-    _unit = "frame"
-
-    def _left(self) -> list[int]:
-        return sorted(number for number in self._frames if number > self._last)
-
-
-class _StampedLabels(CsvLabels):
-    """Labels from a CSV file, by stamp of the frame."""
-
-    _unit = "stamp"
-
-    def __init__(self, path: Path, frames: Mapping[int, list[_Row]], options: LabelOptions) -> None:
-        super().__init__(path, frames, options)
-        self._matcher = StampMatcher(frames)
-
-    def _key(self, frame: Frame) -> int | None:
-        try:
-            return self._matcher.match(frame.index, frame.stamp_ns)
-        except LabelError as error:
-            raise LabelError(f"{self._path}: {error}") from error
-
-    def _left(self) -> list[int]:
-        return self._matcher.left
 
 
 class StampMatcher:

@@ -1,8 +1,7 @@
 """Label folders with one file per frame, and the assignment of files to frames."""
 
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Sequence
 from decimal import Decimal
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from seaclutter_cli.labels.boxes import LabelOptions
 from seaclutter_cli.text import count
 from seaclutter_cli.truth import Truth
 
+_HINT = "check that the labels belong to this log"
 _CLOUDS = (".pcd", ".bin", ".ply", ".npy", ".las", ".laz")
 _SECONDS = re.compile(r"(?<![\d.])[1-9]\d{9}\.\d+(?![\d.])", re.ASCII)
 
@@ -39,77 +39,56 @@ def _natural(file: Path) -> tuple[list[str | int], str]:
     return [int(part) if index % 2 else part for index, part in enumerate(parts)], file.name
 
 
-def _clouds_beside(folder: Path, name: str) -> list[Path]:
-    """Return the cloud files of a label folder: in its sibling folder of this name, or in the folder itself."""
-    return files_in(folder.parent / name, _CLOUDS) or files_in(folder, _CLOUDS)
+def _assigned(folder: Path, suffix: str, clouds: str, *, complete: bool) -> tuple[dict[int, Path], bool]:
+    """Return the label files in a folder by the number of their frame, and whether every frame must have one.
 
-
-@dataclass(frozen=True)
-class FrameFiles:
-    """Label files by frame number, from 0; a frame without a file is unlabelled, or an error if all must be there."""
-
-    files: Mapping[int, Path]
-    complete: bool
-
-
-def assigned(folder: Path, suffix: str, clouds: str, *, complete: bool) -> FrameFiles:
-    """Return the assignment of the label files in a folder to frames.
-
-    If there are clouds, label files belong to those of the same name: `LabelError` if a label file has no cloud or, if
-    the labels must be ``complete``, a cloud no label file. Otherwise they are assigned by order; incomplete ones by
-    frame numbers in their names, if they are some.
+    If there are clouds, in the sibling folder of this name or in the folder itself, label files belong to those of the
+    same name: `LabelError` if a label file has no cloud or, if the labels must be ``complete``, a cloud no label file.
+    Otherwise they are assigned by order; incomplete ones by frame numbers in their names, if they are some.
     """
-    files, beside = files_in(folder, (suffix,)), _clouds_beside(folder, clouds)
-    if beside:
-        return _by_name(files, beside, complete=complete)
-    return _by_order(files) if complete else _by_number(files)
+    files = files_in(folder, (suffix,))
+    if beside := files_in(folder.parent / clouds, _CLOUDS) or files_in(folder, _CLOUDS):
+        return _by_name(files, beside, complete=complete), complete
+    numbers = [int(file.stem) if re.fullmatch("[0-9]{1,18}", file.stem) else -1 for file in files]
+    # Consecutive numbers that start above 0 belong to a longer sequence, not to this log.
+    consecutive = min(numbers) > 0 and max(numbers) - min(numbers) + 1 == len(set(numbers))
+    if complete or min(numbers) < 0 or len(set(numbers)) < len(files) or consecutive:
+        return dict(enumerate(files)), True
+    return dict(zip(numbers, files, strict=True)), False
 
 
-def _by_name(labels: Sequence[Path], clouds: Sequence[Path], *, complete: bool) -> FrameFiles:
+def _by_name(labels: Sequence[Path], clouds: Sequence[Path], *, complete: bool) -> dict[int, Path]:
     """Return the assignment of label files to clouds of the same name, in the order of the clouds."""
     named = {label.stem: label for label in labels}
     stems = [cloud.stem for cloud in clouds]
+    counts = f"{count(len(labels), 'label file')}, {count(len(clouds), 'frame')}"
     orphan = next((label for label in labels if label.stem not in set(stems)), None)
     if orphan is not None:
-        raise LabelError(f"{orphan}: no frame {orphan.stem} in {clouds[0].parent} ({_counts(labels, clouds)})")
+        raise LabelError(f"{orphan}: no frame {orphan.stem} in {clouds[0].parent} ({counts})")
     unlabelled = next((cloud for cloud in clouds if cloud.stem not in named), None)
     if complete and unlabelled is not None:
-        raise LabelError(f"{labels[0].parent}: no labels for frame {unlabelled.name} ({_counts(labels, clouds)})")
-    return FrameFiles({number: named[stem] for number, stem in enumerate(stems) if stem in named}, complete)
-
-
-def _counts(labels: Sequence[Path], clouds: Sequence[Path]) -> str:
-    return f"{count(len(labels), 'label file')}, {count(len(clouds), 'frame')}"
-
-
-def _by_order(labels: Sequence[Path]) -> FrameFiles:
-    """Return the assignment of label files to frames by order."""
-    return FrameFiles(dict(enumerate(labels)), complete=True)
-
-
-def _by_number(labels: Sequence[Path]) -> FrameFiles:
-    """Return the assignment by numeric file names, from frame 0; by order if names cannot be frame numbers."""
-    numbers = [int(label.stem) if re.fullmatch("[0-9]{1,18}", label.stem) else -1 for label in labels]
-    first, count = min(numbers), len(set(numbers))
-    # Consecutive numbers that start above 0 belong to a longer sequence, not to this log.
-    consecutive = first > 0 and max(numbers) - first + 1 == count
-    if first < 0 or count < len(labels) or consecutive:
-        return _by_order(labels)
-    return FrameFiles(dict(zip(numbers, labels, strict=True)), complete=False)
+        raise LabelError(f"{labels[0].parent}: no labels for frame {unlabelled.name} ({counts})")
+    return {number: named[stem] for number, stem in enumerate(stems) if stem in named}
 
 
 class FileLabels:
-    """Labels with one file per frame, read on demand.
+    """Labels with one file per frame in a folder, read on demand; `_assigned` says which.
 
     ``read`` raises `LabelError` without the name of the file.
     """
 
     def __init__(
-        self, folder: Path, assigned: FrameFiles, read: Callable[[Path, Frame], Truth | None], options: LabelOptions
+        self,
+        folder: Path,
+        suffix: str,
+        clouds: str,
+        read: Callable[[Path, Frame], Truth | None],
+        options: LabelOptions,
+        *,
+        complete: bool,
     ) -> None:
-        self._folder = folder
-        self._assigned = assigned
-        self._read = read
+        self._folder, self._read = folder, read
+        self._files, self._complete = _assigned(folder, suffix, clouds, complete=complete)
         self._number = options.number
         self._last = -1
         self._labelled = False
@@ -122,9 +101,11 @@ class FileLabels:
         """
         number = self._number(frame)
         self._last = max(self._last, number)
-        file = self._assigned.files.get(number)
+        file = self._files.get(number)
         if file is None:
-            self._check_optional(number)
+            if self._complete:
+                files = count(len(self._files), "file")
+                raise LabelError(f"{self._folder}: no label file for frame {number} of the log, only {files}")
             return None
         try:
             truth = self._read(file, frame)
@@ -135,24 +116,17 @@ class FileLabels:
         self._labelled |= truth is not None
         return truth
 
-    def _check_optional(self, number: int) -> None:
-        if self._assigned.complete:
-            files = count(len(self._assigned.files), "file")
-            raise LabelError(f"{self._folder}: no label file for frame {number} of the log, only {files}")
-
     def finish(self) -> None:
         """Check that the log contained frames for all label files, and a labelled one; otherwise raise `LabelError`.
 
         Call this only after the complete log was read without lost frames.
         """
-        left = {number: file for number, file in self._assigned.files.items() if number > self._last}
+        left = {number: file for number, file in self._files.items() if number > self._last}
         if left:
             first = min(left)
             raise LabelError(
                 f"{self._folder}: the log has no frames for {count(len(left), 'label file')}, from "
-                f"{left[first].name} (frame {first}) on; check that the labels belong to this log"
+                f"{left[first].name} (frame {first}) on; {_HINT}"
             )
         if not self._labelled:
-            raise LabelError(
-                f"{self._folder}: no frame of the log is labelled; check that the labels belong to this log"
-            )
+            raise LabelError(f"{self._folder}: no frame of the log is labelled; {_HINT}")

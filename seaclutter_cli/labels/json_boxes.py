@@ -10,7 +10,7 @@ from seaclutter_cli.documents import MAX_JSON_BYTES, DocumentError, load_json
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels.boxes import Labelled, LabelOptions, checked, truth_of
-from seaclutter_cli.labels.files import FileLabels, assigned, files_in, label_folder
+from seaclutter_cli.labels.files import FileLabels, files_in, label_folder
 from seaclutter_cli.truth import Truth
 
 _HEAD_BYTES = 1024
@@ -44,7 +44,7 @@ class JsonForm:
         folder = self._find(path)
         if folder is None:
             raise LabelError(f"{path}: contains no {self.title}")
-        return FileLabels(folder, assigned(folder, ".json", self.clouds, complete=self.complete), self._read, options)
+        return FileLabels(folder, ".json", self.clouds, self._read, options, complete=self.complete)
 
     def _find(self, path: Path) -> Path | None:
         """Return the folder of label files: the subfolder of this name or the path itself; None if neither fits.

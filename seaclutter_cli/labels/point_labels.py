@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels.boxes import LabelOptions
-from seaclutter_cli.labels.files import FileLabels, assigned, label_folder
+from seaclutter_cli.labels.files import FileLabels, label_folder
 from seaclutter_cli.text import count, printable
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
@@ -87,8 +87,7 @@ def open_semantickitti(path: Path, options: LabelOptions) -> FileLabels:
     folder = find_semantickitti(path)
     if folder is None:
         raise LabelError(f"{path}: contains no .label files")
-    files = assigned(folder, ".label", "velodyne", complete=True)
-    return FileLabels(folder, files, partial(_read, options=options), options)
+    return FileLabels(folder, ".label", "velodyne", partial(_read, options=options), options, complete=True)
 
 
 def _read(path: Path, frame: Frame, options: LabelOptions) -> Truth:

@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from seaclutter_cli.messages.serialisation import NANO
 from seaclutter_cli.records import Schema
@@ -20,18 +20,9 @@ class Time:
     ns: int
 
 
-class Companion(Protocol):
-    """A message that is added to a log."""
-
-    @property
-    def content(self) -> Content:
-        """Values of its fields."""
-        ...
-
-
 def companion_format(
     cloud_encoding: str, kind: str, typestore: Callable[[], Any], json_schema: Callable[[], Content]
-) -> tuple[str, Schema, Callable[[Companion], bytes]]:
+) -> tuple[str, Schema, Callable[[Content], bytes]]:
     """Return the message encoding, schema and serialiser for a log, given the encoding of its clouds.
 
     Messages in ROS logs must use a ROS encoding, otherwise players and readers reject the log; other logs get JSON. The
@@ -46,14 +37,14 @@ def companion_format(
     schema_name = kind if version == 2 else kind.replace("/msg", "")
     serialise, least_s = (store.serialize_cdr, -(2**31)) if version == 2 else (store.serialize_ros1, 0)
 
-    def ros(message: Companion) -> bytes:
-        return bytes(serialise(_message(store, message.content, kind, least_s), kind))
+    def ros(content: Content) -> bytes:
+        return bytes(serialise(_message(store, content, kind, least_s), kind))
 
     return cloud_encoding, Schema(schema_name, f"ros{version}msg", text), ros
 
 
-def _json(message: Companion) -> bytes:
-    values = message.content.items()
+def _json(content: Content) -> bytes:
+    values = content.items()
     # JSON has no NaN.
     finite = {name: None if isinstance(value, float) and not math.isfinite(value) else value for name, value in values}
     return json.dumps(finite, default=_plain).encode()

@@ -141,9 +141,7 @@ def _json_schema(layout: Layout) -> Content:
 
 
 @cache
-def diagnostics_format(
-    cloud_encoding: str, layout: Layout = PLAIN
-) -> tuple[str, Schema, Callable[[Diagnostics], bytes]]:
+def diagnostics_format(cloud_encoding: str, layout: Layout = PLAIN) -> tuple[str, Schema, Callable[[Content], bytes]]:
     """Return the message encoding, schema and serialiser for a log, given the encoding of its clouds."""
     return companion_format(cloud_encoding, layout.type, _typestore, lambda: _json_schema(layout))
 

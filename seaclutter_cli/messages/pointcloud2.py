@@ -151,10 +151,6 @@ def _unpack_zlib(packed: Buffer, size: int) -> bytes:
     return data
 
 
-def _pack_zstd(data: Buffer) -> bytes:
-    return zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress(data)
-
-
 def _pack_zlib(data: Buffer) -> bytes:
     stream = zlib.compressobj(_ZLIB_LEVEL, wbits=_GZIP)
     return stream.compress(data) + stream.flush()
@@ -254,4 +250,7 @@ def _skip_metadata(stream: BytesIO, depth: int = 0) -> None:
 
 
 _UNPACK: Mapping[str, Callable[[Buffer, int], bytes]] = {ZSTD: _unpack_zstd, ZLIB: _unpack_zlib}
-_PACK: Mapping[str, Callable[[Buffer], bytes]] = {ZSTD: _pack_zstd, ZLIB: _pack_zlib}
+_PACK: Mapping[str, Callable[[Buffer], bytes]] = {
+    ZSTD: lambda data: zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress(data),
+    ZLIB: _pack_zlib,
+}

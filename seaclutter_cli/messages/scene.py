@@ -80,7 +80,7 @@ class SceneUpdate:
         return {"deletions": [], "entities": entities}
 
 
-def scene_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[SceneUpdate], bytes]]:
+def scene_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[Content], bytes]]:
     """Return the message encoding, schema and serialiser for a log, given the encoding of its clouds."""
     return companion_format(cloud_encoding, _TYPE, _typestore, _json_schema)
 

@@ -214,11 +214,11 @@ class LogSink(AbstractContextManager["LogSink"]):
             encoding, schema, serialise = diagnostics_format(text, layout)
             number, name = self._shared_channel(Channel(_NEW, name, encoding, schema), taken)
             self._topics[name] = replace(known, content=DIAGNOSTICS)
-            outputs.append((number, lambda result: serialise(Diagnostics.of(result, layout))))
+            outputs.append((number, lambda result: serialise(Diagnostics.of(result, layout).content)))
         if scene := options.scene:
             encoding, schema, draw = scene_format(text)
             number, _ = self._shared_channel(Channel(_NEW, SCENE_TOPIC, encoding, schema), taken)
-            outputs.append((number, lambda result: draw(scene(result))))
+            outputs.append((number, lambda result: draw(scene(result).content)))
         return outputs
 
     def _shared_channel(self, channel: Channel, taken: set[str]) -> tuple[int, str]:

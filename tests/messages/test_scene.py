@@ -18,7 +18,7 @@ SCENE = SceneUpdate(STAMP_NS, "lidar", {"/points labels": [BUOY], "/points clust
 def decoded(encoding):
     """Return the message, decoded with its own schema only."""
     kind, schema, serialise = scene_format(encoding)
-    data = serialise(SCENE)
+    data = serialise(SCENE.content)
     if kind == "json":
         return json.loads(data)
     store = get_typestore(Stores.EMPTY)
@@ -92,4 +92,4 @@ def compare(descriptor):
 @pytest.mark.parametrize("stamp_ns", [-(10**19), 10**19])
 def test_stamps_of_a_faulty_clock(stamp_ns):
     for encoding in ("cdr", "ros1", "json"):
-        assert scene_format(encoding)[2](SceneUpdate(stamp_ns, "\udcff", {"\udcff": [WAVE]}))
+        assert scene_format(encoding)[2](SceneUpdate(stamp_ns, "\udcff", {"\udcff": [WAVE]}).content)
