@@ -14,7 +14,7 @@ from seaclutter_cli.errors import OutputError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages.metadata import METADATA_TOPIC, STRING, to_message
 from seaclutter_cli.records import Buffer, Channel, Schema
-from seaclutter_cli.sinks.log_output import Chunk, ChunkedStream, LogFiles, MessagesOnly
+from seaclutter_cli.sinks.log_output import Chunk, ChunkedWriter, LogFiles, MessagesOnly
 
 _MAGIC = b"#ROSBAG V2.0\n"
 _HEADER_BYTES = 4096
@@ -50,22 +50,20 @@ class BagOutput(LogFiles):
         return BagWriter(stream, compression=compression)
 
 
-class BagWriter(ChunkedStream, MessagesOnly):
+class BagWriter(ChunkedWriter, MessagesOnly):
     """Writer for one ROS 1 bag, whose header is written again at the end; ``compression`` is ``lz4`` or empty."""
 
     chunk_size = 768 * 2**10
     """As in the recorder of ROS 1."""
 
     def __init__(self, stream: BinaryIO, *, compression: str) -> None:
-        ChunkedStream.__init__(self, stream)
-        MessagesOnly.__init__(self)
+        super().__init__(stream)
         self._name, self._compress = _COMPRESSIONS[compression]
         self._connections: dict[int, bytes] = {}
         self._numbers: dict[int, int] = {}
         self._undeclared: set[int] = set()
         self._infos = bytearray()
         self._chunks = 0
-        self._end_ns = 0
         self.write_bytes(_MAGIC, self._header(0))
 
     def add_channel(self, channel: Channel) -> None:
@@ -91,7 +89,6 @@ class BagWriter(ChunkedStream, MessagesOnly):
             self._undeclared.remove(channel)
         number = self._numbers[channel]
         head = _fields(op=bytes((_MESSAGE,)), conn=_U32.pack(number), time=_time(log_time_ns))
-        self._end_ns = max(self._end_ns, log_time_ns)
         self.add(number, log_time_ns, head, _U32.pack(len(data)), data)
 
     def finish(self) -> None:
@@ -101,7 +98,7 @@ class BagWriter(ChunkedStream, MessagesOnly):
             schema = Schema(STRING, "ros1msg", b"string data\n")
             header = (("latching", "1"), ("md5sum", _STRING_MD5))
             self.add_channel(Channel(number, METADATA_TOPIC, "ros1", schema, header))
-            self.put(number, self._end_ns, to_message(self.metadata))
+            self.put(number, self.end_ns, to_message(self.metadata))
         self.finish_chunks()
         index = self._offset
         self.write_bytes(*self._connections.values(), self._infos)

@@ -68,6 +68,7 @@ class LogSink(AbstractContextManager["LogSink"]):
         self._number = -1
         self._channels: dict[Channel, int] = {}
         self._declared: dict[int, Channel] = {}
+        self._joined: dict[tuple[str, str], int] = {}
         self._outputs: dict[Channel, list[_Output]] = {}
         self._topics: dict[str, RecordedTopic] = {}
         self._first_frames: dict[str, int] = {}
@@ -239,6 +240,10 @@ class LogSink(AbstractContextManager["LogSink"]):
 
     def _declare(self, channel: Channel) -> int:
         """Declare a channel under its own id if it is free, otherwise under the lowest free id."""
+        kind = channel.topic, channel.schema.name if channel.schema else ""
+        if self._output.joins_publishers and kind in self._joined:
+            self._channels[channel] = self._joined[kind]
+            return self._joined[kind]
         number: int | None = channel.id
         if number not in range(_MAX_CHANNELS) or number in self._declared:
             number = next((free for free in range(1, _MAX_CHANNELS) if free not in self._declared), None)
@@ -246,14 +251,16 @@ class LogSink(AbstractContextManager["LogSink"]):
             raise OutputError(f"topic {channel.topic}: a log can have at most {_MAX_CHANNELS} channels")
         self._channels[channel] = number
         self._declared[number] = channel
-        self._add_channel(replace(channel, id=number))
+        if self._add_channel(replace(channel, id=number)):
+            self._joined[kind] = number
         return number
 
-    def _add_channel(self, channel: Channel) -> None:
-        """Declare a channel, unless its messages cannot be translated."""
+    def _add_channel(self, channel: Channel) -> bool:
+        """Declare a channel, unless its messages cannot be translated; return whether they can."""
         translated = self._translations.channel(channel) if self._translations else channel
         if translated is not None:
             self._writer.add_channel(translated)
+        return translated is not None
 
     def _copy(self, message: Message) -> None:
         number = self._channels.get(message.channel)

@@ -1,7 +1,7 @@
 """Logs as outputs: the interface of their writers, and the files that they write, in one part or in several."""
 
 from abc import ABC, abstractmethod
-from collections import defaultdict, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.options import part_path, parts_after
-from seaclutter_cli.text import count
+from seaclutter_cli.text import count as counted
 from seaclutter_cli.threads import executor, threads
 
 if TYPE_CHECKING:
@@ -23,10 +23,22 @@ _MAX_THREADS = 4
 
 
 class LogWriter(ABC):
-    """Writer for the records of a log."""
+    """Writer for the records of a log: its channels by id, messages by channel, and log times of the messages."""
 
-    messages: int = 0
-    """Number of messages written."""
+    def __init__(self) -> None:
+        self.channels: dict[int, Channel] = {}
+        self.counts: Counter[int] = Counter()
+        self.start_ns, self.end_ns = 2**64 - 1, 0
+
+    def count(self, channel: int, log_time_ns: int) -> None:
+        """Count a message."""
+        self.counts[channel] += 1
+        self.start_ns, self.end_ns = min(self.start_ns, log_time_ns), max(self.end_ns, log_time_ns)
+
+    @property
+    def messages(self) -> int:
+        """Number of messages written."""
+        return self.counts.total()
 
     @property
     def lost(self) -> Sequence[str]:
@@ -65,6 +77,7 @@ class MessagesOnly(LogWriter):
     """
 
     def __init__(self) -> None:
+        super().__init__()
         self.metadata: list[Metadata] = []
         self._attachments = 0
         self._has_publish_times = self._has_sequences = False
@@ -73,7 +86,7 @@ class MessagesOnly(LogWriter):
     def lost(self) -> Sequence[str]:
         """What the log cannot keep, in words."""
         found = {
-            count(self._attachments, "attachment"): self._attachments,
+            counted(self._attachments, "attachment"): self._attachments,
             "publish times": self._has_publish_times,
             "sequence numbers": self._has_sequences,
         }
@@ -88,7 +101,7 @@ class MessagesOnly(LogWriter):
         self._has_publish_times |= publish_time_ns != log_time_ns
         self._has_sequences |= sequence != 0
         self.put(channel, log_time_ns, data)
-        self.messages += 1
+        self.count(channel, log_time_ns)
 
     def attach(self, attachment: Attachment) -> None:  # noqa: ARG002
         """Count an attachment, which is lost."""
@@ -113,8 +126,8 @@ class Chunk:
     index: dict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
 
 
-class ChunkedStream(ABC):
-    """File of chunks, which threads compress; its bytes do not depend on their number.
+class ChunkedWriter(LogWriter):
+    """Writer of chunks, which threads compress; the bytes do not depend on their number.
 
     A chunk is closed when it has ``chunk_size`` bytes.
     """
@@ -122,6 +135,7 @@ class ChunkedStream(ABC):
     chunk_size: ClassVar[int]
 
     def __init__(self, stream: BinaryIO) -> None:
+        super().__init__()
         self._stream, self._offset = stream, 0
         self._chunk = Chunk()
         workers = min(_MAX_THREADS, threads())
@@ -184,6 +198,8 @@ class LogOutput(AbstractContextManager["LogOutput"], ABC):
 
     encoding: str | None = None
     """Encoding of all messages in the log; None if it takes messages of any encoding."""
+    joins_publishers: bool = False
+    """Whether the publishers of a topic become one channel."""
 
     @abstractmethod
     def part(self, number: int, source: Source, compression: str | None) -> LogWriter:

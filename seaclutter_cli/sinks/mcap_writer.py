@@ -20,7 +20,7 @@ from mcap.opcode import Opcode
 from seaclutter_cli import __version__
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata, Schema
-from seaclutter_cli.sinks.log_output import Chunk, ChunkedStream, LogFiles, LogWriter
+from seaclutter_cli.sinks.log_output import Chunk, ChunkedWriter, LogFiles, LogWriter
 
 _MAGIC = b"\x89MCAP0\r\n"
 _MESSAGE = struct.Struct("<BQHIQQ")
@@ -57,7 +57,7 @@ def mcap_compression(source: Source, given: str | None) -> str:
     return given if given is not None else "zstd" if source.compression is None else source.compression
 
 
-class McapWriter(ChunkedStream, LogWriter):
+class McapWriter(ChunkedWriter):
     """Writer for one MCAP file, which is written sequentially, without seeking.
 
     Profile and library are fields of the file header; the compression is a key of `COMPRESSIONS`.
@@ -72,9 +72,6 @@ class McapWriter(ChunkedStream, LogWriter):
         super().__init__(stream)
         self._compression = compression
         self._schemas: dict[Schema, int] = {}
-        self._channels: dict[int, tuple[Channel, int]] = {}
-        self._counts: Counter[int] = Counter()
-        self._start_ns, self._end_ns = 2**64 - 1, 0
         self._indexes: dict[Opcode, bytearray] = defaultdict(bytearray)
         self._indexed: Counter[Opcode] = Counter()
         self.write_bytes(_MAGIC)
@@ -83,21 +80,17 @@ class McapWriter(ChunkedStream, LogWriter):
     def add_channel(self, channel: Channel) -> None:
         """Declare a channel under its own id, before its first message."""
         self.drain()  # so that the place of the record does not depend on the number of threads
-        schema_id = 0
-        if channel.schema is not None:
-            schema_id = self._schemas.get(channel.schema, 0)
-            if not schema_id:
-                schema_id = self._schemas[channel.schema] = len(self._schemas) + 1
-                self._write_record(_schema_record(schema_id, channel.schema))
-        self._channels[channel.id] = channel, schema_id
-        self._write_record(_channel_record(channel, schema_id))
+        if channel.schema is not None and channel.schema not in self._schemas:
+            self._schemas[channel.schema] = len(self._schemas) + 1
+            self._write_record(_schema_record(self._schemas[channel.schema], channel.schema))
+        self.channels[channel.id] = channel
+        self._write_record(self._channel_record(channel))
 
     def write(self, channel: int, log_time_ns: int, publish_time_ns: int, sequence: int, data: Buffer) -> None:
         """Write a message of a declared channel."""
         size = len(data) + _MESSAGE.size - 9
         head = _MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, log_time_ns, publish_time_ns)
-        self._counts[channel] += 1
-        self.messages += 1
+        self.count(channel, log_time_ns)
         self.add(channel, log_time_ns, head, data)
 
     def attach(self, attachment: Attachment) -> None:
@@ -169,7 +162,6 @@ class McapWriter(ChunkedStream, LogWriter):
             uncompressed_size=len(chunk.data),
         )
         self._add_index_entry(Opcode.CHUNK_INDEX, entry)
-        self._start_ns, self._end_ns = min(self._start_ns, chunk.start_ns), max(self._end_ns, chunk.end_ns)
 
     def _add_index_entry(self, opcode: Opcode, entry: mcap_records.McapRecord) -> None:
         """Store an index entry for the summary, serialised to save memory."""
@@ -179,7 +171,7 @@ class McapWriter(ChunkedStream, LogWriter):
     def _write_summary(self) -> None:
         """Write schemas, channels, statistics and indexes, the offsets of these groups, and the footer."""
         schemas = (_schema_record(number, schema) for schema, number in self._schemas.items())
-        channels = (_channel_record(channel, schema) for channel, schema in self._channels.values())
+        channels = map(self._channel_record, self.channels.values())
         groups: dict[Opcode, Buffer | bytearray] = {
             Opcode.SCHEMA: _serialise(*schemas),
             Opcode.CHANNEL: _serialise(*channels),
@@ -206,14 +198,23 @@ class McapWriter(ChunkedStream, LogWriter):
     def _statistics(self) -> mcap_records.Statistics:
         return mcap_records.Statistics(
             attachment_count=self._indexed[Opcode.ATTACHMENT_INDEX],
-            channel_count=len(self._channels),
-            channel_message_counts=dict(self._counts),
+            channel_count=len(self.channels),
+            channel_message_counts=dict(self.counts),
             chunk_count=self._indexed[Opcode.CHUNK_INDEX],
             message_count=self.messages,
-            message_end_time=self._end_ns,
-            message_start_time=self._start_ns if self.messages else 0,
+            message_end_time=self.end_ns,
+            message_start_time=self.start_ns if self.messages else 0,
             metadata_count=self._indexed[Opcode.METADATA_INDEX],
             schema_count=len(self._schemas),
+        )
+
+    def _channel_record(self, channel: Channel) -> mcap_records.Channel:
+        return mcap_records.Channel(
+            id=channel.id,
+            topic=channel.topic,
+            message_encoding=channel.message_encoding,
+            metadata=dict(channel.metadata),
+            schema_id=self._schemas[channel.schema] if channel.schema else 0,
         )
 
     def _write_record(self, record: mcap_records.McapRecord) -> None:
@@ -234,13 +235,3 @@ def _prefixed(text: str) -> bytes:
 
 def _schema_record(number: int, schema: Schema) -> mcap_records.Schema:
     return mcap_records.Schema(id=number, name=schema.name, encoding=schema.encoding, data=schema.data)
-
-
-def _channel_record(channel: Channel, schema_id: int) -> mcap_records.Channel:
-    return mcap_records.Channel(
-        id=channel.id,
-        topic=channel.topic,
-        message_encoding=channel.message_encoding,
-        metadata=dict(channel.metadata),
-        schema_id=schema_id,
-    )

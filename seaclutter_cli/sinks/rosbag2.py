@@ -4,17 +4,16 @@ import sqlite3
 from abc import abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, BinaryIO
 
 import yaml
 
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages.metadata import to_custom_data
-from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata
+from seaclutter_cli.records import Buffer, Channel, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFolder, OutputGroup
 from seaclutter_cli.sinks.log_output import LogOutput, LogWriter, MessagesOnly
 from seaclutter_cli.sinks.mcap_writer import McapWriter, mcap_compression
@@ -40,20 +39,21 @@ class _Rosbag2Output(LogOutput):
     """A folder with storage files and a ``metadata.yaml``."""
 
     encoding = "cdr"
+    joins_publishers = True
     storage: str
     suffix: str
 
     def __init__(self, path: Path, group: OutputGroup | None = None, *, split: bool = False) -> None:  # noqa: ARG002
         self._folder = AtomicFolder(path, group, last=ROSBAG2_METADATA)
-        self._contents = _Contents(self.storage)
+        self._files: dict[str, _Db3Writer | _McapFileWriter] = {}
 
     def part(self, number: int, source: Source, compression: str | None) -> LogWriter:
         name = f"{self._folder.path.name}_{number}{self.suffix}"
-        self._contents.files.append(_StoredFile(name))
-        return _ContentsWriter(self._start(name, source, compression), self._contents, is_first=number == 0)
+        writer = self._files[name] = self._start(name, source, compression)
+        return writer
 
     @abstractmethod
-    def _start(self, name: str, source: Source, compression: str | None) -> LogWriter: ...
+    def _start(self, name: str, source: Source, compression: str | None) -> "_Db3Writer | _McapFileWriter": ...
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -62,7 +62,7 @@ class _Rosbag2Output(LogOutput):
             self._folder.__exit__(kind, error, trace)
             return
         with self._folder, self._folder.open(ROSBAG2_METADATA) as file:
-            file.write(self._contents.to_text().encode())
+            file.write(_description(self.storage, self._files).encode())
 
 
 class Db3Output(_Rosbag2Output):
@@ -70,7 +70,7 @@ class Db3Output(_Rosbag2Output):
 
     storage, suffix = "sqlite3", ".db3"
 
-    def _start(self, name: str, source: Source, compression: str | None) -> LogWriter:  # noqa: ARG002
+    def _start(self, name: str, source: Source, compression: str | None) -> "_Db3Writer | _McapFileWriter":  # noqa: ARG002
         return _Db3Writer(self._folder.part / name, self._folder.path)
 
 
@@ -79,13 +79,20 @@ class McapFolderOutput(_Rosbag2Output):
 
     storage, suffix = "mcap", ".mcap"
 
-    def _start(self, name: str, source: Source, compression: str | None) -> LogWriter:
-        compression = mcap_compression(source, compression)
-        return _ClosingWriter(self._folder.open(name), profile="ros2", compression=compression)
+    def _start(self, name: str, source: Source, compression: str | None) -> "_Db3Writer | _McapFileWriter":
+        return _McapFileWriter(self._folder.open(name), mcap_compression(source, compression))
 
 
-class _ClosingWriter(McapWriter):
-    """MCAP writer that closes its file at the end."""
+class _McapFileWriter(McapWriter):
+    """MCAP writer that keeps the metadata records, and closes its file at the end."""
+
+    def __init__(self, stream: BinaryIO, compression: str) -> None:
+        super().__init__(stream, profile="ros2", compression=compression)
+        self.metadata: list[Metadata] = []
+
+    def add_metadata(self, metadata: Metadata) -> None:
+        self.metadata.append(metadata)
+        super().add_metadata(metadata)
 
     def finish(self) -> None:
         super().finish()
@@ -113,6 +120,7 @@ class _Db3Writer(MessagesOnly):
 
     def add_channel(self, channel: Channel) -> None:
         assert channel.schema is not None  # noqa: S101 - translated channels have one
+        self.channels[channel.id] = channel
         metadata, schema = dict(channel.metadata), channel.schema
         checksum, qos = metadata.get("topic_type_hash", ""), metadata.get("offered_qos_profiles", "")
         row = (channel.id, channel.topic, schema.name, channel.message_encoding, qos, checksum)
@@ -148,60 +156,35 @@ class _Db3Writer(MessagesOnly):
             raise OutputError(f"{self._target}: writing failed ({error}); the incomplete folder was removed") from error
 
 
-@dataclass
-class _StoredFile:
-    """A storage file of a recording: name, log times of the first and the last message, number of messages."""
+def _description(storage: str, files: "Mapping[str, _Db3Writer | _McapFileWriter]") -> str:
+    """Return the content of ``metadata.yaml``, given the writers of the storage files by name."""
+    writers = list(files.values())
+    counts = sum((writer.counts for writer in writers), Counter[int]())
+    channels = {number: channel for writer in writers for number, channel in writer.channels.items()}
+    start_ns, end_ns = min(writer.start_ns for writer in writers), max(writer.end_ns for writer in writers)
+    information = {
+        "version": _VERSION,
+        "storage_identifier": storage,
+        **_span(start_ns, end_ns, counts.total()),
+        "topics_with_message_count": [
+            {"topic_metadata": _topic(channel), "message_count": counts[number]} for number, channel in channels.items()
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": list(files),
+        "files": [{"path": name, **_span(one.start_ns, one.end_ns, one.messages)} for name, one in files.items()],
+        "custom_data": to_custom_data(writers[0].metadata) or None,
+        "ros_distro": "",
+    }
+    return _to_yaml({"rosbag2_bagfile_information": information})
 
-    name: str
-    start_ns: int = 2**63 - 1
-    end_ns: int = 0
-    messages: int = 0
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return times and number of messages."""
-        return {
-            "starting_time": {"nanoseconds_since_epoch": self.start_ns},
-            "duration": {"nanoseconds": max(self.end_ns - self.start_ns, 0)},
-            "message_count": self.messages,
-        }
-
-
-@dataclass
-class _Contents:
-    """What the storage files of a recording contain: channels by id, messages by channel, metadata records."""
-
-    storage: str
-    files: list[_StoredFile] = field(default_factory=list)
-    channels: dict[int, Channel] = field(default_factory=dict)
-    counts: Counter[int] = field(default_factory=Counter)
-    metadata: list[Metadata] = field(default_factory=list)
-
-    def count(self, channel: int, log_time_ns: int) -> None:
-        """Count a message in the last file."""
-        file = self.files[-1]
-        file.start_ns, file.end_ns = min(file.start_ns, log_time_ns), max(file.end_ns, log_time_ns)
-        file.messages += 1
-        self.counts[channel] += 1
-
-    def to_text(self) -> str:
-        """Return the content of ``metadata.yaml``."""
-        start_ns, end_ns = min(file.start_ns for file in self.files), max(file.end_ns for file in self.files)
-        information = {
-            "version": _VERSION,
-            "storage_identifier": self.storage,
-            **_StoredFile("", start_ns, end_ns, self.counts.total()).as_dict(),
-            "topics_with_message_count": [
-                {"topic_metadata": _topic(channel), "message_count": self.counts[number]}
-                for number, channel in self.channels.items()
-            ],
-            "compression_format": "",
-            "compression_mode": "",
-            "relative_file_paths": [file.name for file in self.files],
-            "files": [{"path": file.name, **file.as_dict()} for file in self.files],
-            "custom_data": to_custom_data(self.metadata) or None,
-            "ros_distro": "",
-        }
-        return _to_yaml({"rosbag2_bagfile_information": information})
+def _span(start_ns: int, end_ns: int, messages: int) -> dict[str, Any]:
+    return {
+        "starting_time": {"nanoseconds_since_epoch": min(start_ns, 2**63 - 1)},
+        "duration": {"nanoseconds": max(end_ns - start_ns, 0)},
+        "message_count": messages,
+    }
 
 
 def _topic(channel: Channel) -> dict[str, str]:
@@ -217,44 +200,3 @@ def _topic(channel: Channel) -> dict[str, str]:
 
 def _to_yaml(values: Mapping[str, Any]) -> str:
     return str(yaml.safe_dump(values, sort_keys=False, allow_unicode=True, width=10**6))
-
-
-class _ContentsWriter(LogWriter):
-    """Writer that takes note of what a recording contains, and joins the publishers of a topic, as rosbag2 does."""
-
-    def __init__(self, writer: LogWriter, contents: _Contents, *, is_first: bool) -> None:
-        self._contents, self._is_first = contents, is_first
-        self._writer = writer
-        self._ids: dict[int, int] = {}
-        self._declared: dict[tuple[str, str], int] = {}
-
-    @property
-    def lost(self) -> Sequence[str]:
-        return self._writer.lost
-
-    def add_channel(self, channel: Channel) -> None:
-        kind = channel.topic, channel.schema.name if channel.schema else ""
-        number = self._ids[channel.id] = self._declared.setdefault(kind, channel.id)
-        if number == channel.id:
-            self._contents.channels[number] = channel
-            self._writer.add_channel(channel)
-
-    def write(self, channel: int, log_time_ns: int, publish_time_ns: int, sequence: int, data: Buffer) -> None:
-        number = self._ids[channel]
-        self._contents.count(number, log_time_ns)
-        self._writer.write(number, log_time_ns, publish_time_ns, sequence, data)
-        self.messages += 1
-
-    def add_metadata(self, metadata: Metadata) -> None:
-        if self._is_first:
-            self._contents.metadata.append(metadata)
-        self._writer.add_metadata(metadata)
-
-    def attach(self, attachment: Attachment) -> None:
-        self._writer.attach(attachment)
-
-    def finish(self) -> None:
-        self._writer.finish()
-
-    def abort(self) -> None:
-        self._writer.abort()
