@@ -16,7 +16,7 @@ from seaclutter_cli.simulation.marine.sea import SeaParams
 
 SECONDS = 5.0
 _OTHERS = 0.1
-_CLEAR_M = 5.0
+_LEG_RAD = float(np.radians(8))
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ RANGES: Mapping[str, Range] = {
     "sea_state": Between(0.0, 2.5),
     "peak_enhancement": Between(1.0, 5.0),
     "direction_deg": Between(-180, 180),
-    "spikiness": log(0.1, 1.0),
+    "spikiness": log(0.05, 1.0),
     "foam_reflectivity": Between(0.1, 0.4),
     "foam_lifetime_s": log(2.0, 20.0),
     "visibility_km": log(2.0, 30.0),
@@ -70,7 +70,7 @@ RANGES: Mapping[str, Range] = {
     "wind_ms": Between(0.0, 9.0),
     "wind_deg": Between(-180, 180),
     "shelter": log(0.05, 1.0),
-    "backscatter": log(0.003, 0.3),
+    "backscatter": log(0.0005, 0.3),
     "patch_m": log(0.3, 1.5),
     "patch_s": log(0.1, 1.0),
     "whitecap_s": log(1.0, 6.0),
@@ -79,7 +79,7 @@ RANGES: Mapping[str, Range] = {
     "wake_cover": Between(0.02, 0.1),
     "wake_reflectivity": log(0.01, 0.06),
     # receiver
-    "least_reflectivity": log(0.0003, 0.003),
+    "least_reflectivity": log(0.0005, 0.005),
     "intensity_offset": OneOf((0.0, 0.0, 0.0, 4.0, 10.0)),
     "intensity_exponent": OneOf((1.0, 1.0, 1.0, 0.7, 0.5)),
     "false_return_share": OneOf((0.0, 0.0, 0.002)),
@@ -158,6 +158,19 @@ def _add_small(plan: Plan, drawn: Mapping[str, Any]) -> None:
             plan.add("pontoon" if kind == "log" else kind, position, sizes[kind], plan.uniform(-180, 180), **more)
 
 
+def _add_targets(plan: Plan) -> None:
+    """Add targets of any kind within the range of few beams, so that every world has something to lose."""
+    for _ in range(plan.integer(1, 3)):
+        kind = plan.choice(("buoy", "speedboat", "sailing_boat", "kayak", "rhib"))
+        wide = plan.log_uniform(0.5, 2.0)
+        size = (wide, wide, 1.5 * wide) if kind == "buoy" else _rhib(plan) if kind == "rhib" else plan.boat_size(kind)
+        if position := _anywhere(plan, 8, 45, size[0] / 2):
+            speed = plan.uniform(0.5, 4) if kind != "buoy" and plan.bernoulli(0.5) else 0.0
+            # Away from own ship.
+            heading = float(np.degrees(np.arctan2(position[1], position[0]))) + plan.uniform(-100, 100)
+            plan.add(kind, position, size, heading, speed_ms=speed, reflectivity=plan.log_uniform(0.06, 0.8))
+
+
 def _add_birds(plan: Plan, drawn: Mapping[str, Any]) -> None:
     """Add birds in flight, which are to be ignored."""
     del drawn
@@ -218,8 +231,17 @@ FAMILIES: Mapping[str, Family] = {
         {"wake_cover": Between(0.1, 0.7), "wake_reflectivity": log(0.02, 0.15), "sea_state": Between(0, 1.8)},
         add=_add_wakes,
     ),
+    "wash": Family(
+        {
+            **_SHELTERED,
+            "wash_m": Between(3, 10),
+            "wake_cover": Between(0.1, 0.5),
+            "wake_reflectivity": log(0.01, 0.08),
+            "speed_ms": Between(0, 1),
+        }
+    ),
     "mirrors": Family(
-        {**_SHELTERED, "sea_state": Between(0, 0.4), "shelter": log(0.0005, 0.02), "wind_ms": Between(0, 3)}, _CONFINED
+        {**_SHELTERED, "sea_state": Between(0, 0.4), "shelter": log(0.001, 0.05), "wind_ms": Between(0, 3)}, _CONFINED
     ),
     "rain": Family({"rain_mm_h": log(2, 60), "drop_reflectivity": log(0.005, 0.05), "visibility_km": log(1, 8)}),
     "fog": Family({"visibility_km": log(0.04, 0.5)}),
@@ -270,6 +292,7 @@ def draw_world(seed: int, family: str | None = None) -> Scene:
     if "harbour" not in chosen and layouts is _OPEN and rng.random() < 0.5:
         base = replace(base, objects=base.objects[: int(rng.integers(1, 5))])
     plan.extend(base.objects)
+    _add_targets(plan)
     for name in chosen:
         if (add := FAMILIES[name].add) is not None:
             add(plan, drawn)
@@ -315,16 +338,17 @@ def _with(
 
 
 def _vessel(scene: Scene, drawn: Mapping[str, Any]) -> VesselParams:
-    """Return own ship on a path that starts as that of the scene does and turns at the drawn rate."""
-    length, speed, turn = drawn["length_m"], drawn["speed_ms"], np.radians(drawn["turn_deg_s"])
+    """Return own ship on a path that passes where that of the scene starts, and turns at the drawn rate."""
+    length, speed, turn = drawn["length_m"], drawn["speed_ms"], float(np.radians(drawn["turn_deg_s"]))
     start = scene.vessel.track.legs[0]
-    steps = np.arange(round(2 * SECONDS) + 4) * 0.5
-    headings = start.heading_rad + turn * (steps - 0.5)
-    x = start.x_m + np.cumsum(speed * 0.5 * np.cos(headings))
-    y = start.y_m + np.cumsum(speed * 0.5 * np.sin(headings))
+    step_s = min(SECONDS, _LEG_RAD / abs(turn)) if turn else SECONDS
+    steps = np.arange(-2, round(SECONDS / step_s) + 3)  # a heading is that in the middle of a leg
+    ways = speed * step_s * np.exp(1j * (start.heading_rad + turn * step_s * (steps + 0.5)))
+    path = np.cumsum(np.append(complex(start.x_m, start.y_m) - ways[:2].sum(), ways))
     return VesselParams(
-        path=tuple((round(float(one), 4), round(float(two), 4)) for one, two in zip(x, y, strict=True)),
+        path=tuple((round(float(one.real), 4), round(float(one.imag), 4)) for one in path),
         speed_ms=speed,
+        start_s=round(-2 * step_s, 4),
         length_m=length,
         width_m=round(0.35 * length, 2),
         lidar_height_m=drawn["lidar_height_m"],

@@ -222,7 +222,7 @@ def false_returns(
     """
     if not noise.false_return_share:
         return detected[:0], np.empty(0), np.empty(0)
-    silent = np.setdiff1d(np.arange(len(echoes.range_m)), detected)
+    silent = np.delete(np.arange(len(echoes.range_m)), detected)
     chosen = silent[rng.random(len(silent)) < noise.false_return_share]
     ranges = min_range_m + noise.false_return_reach_m * rng.standard_exponential(len(chosen))
     return chosen, ranges, rng.integers(1, 4, len(chosen)).astype(np.float64)

@@ -78,6 +78,8 @@ class Bodies:
         distances = [float(np.hypot(*(one.pose.position - aimed.origins[0])[:2])) for one in placed]
         for number in np.argsort(distances, kind="stable").tolist():
             near = aimed.between(float(first[number]), float(last[number]))
+            if before:
+                near = near[echoes.range_m[near] > 0]
             if len(near):
                 item = self.objects[number]
                 surface = item.reflectivity, IGNORED if item.ignore else item.track_id

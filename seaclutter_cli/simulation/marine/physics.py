@@ -45,10 +45,12 @@ class PhysicsParams:
         Time in which the foam of a whitecap decays to 1/e.
     wake_m : float
         Length of the turbulent wake behind each vessel under way.
+    wash_m : float
+        Reach of the wash of own propeller beyond the bow, when it stops own ship.
     wake_height_m : float
-        Mean height of the echoes of a turbulent wake above the water.
+        Mean height of the echoes of a turbulent wake and of wash above the water.
     wake_cover : float
-        Share of the shots into a fresh turbulent wake that meet its froth.
+        Share of the shots into a fresh turbulent wake or wash that meet its froth.
     wake_reflectivity : float
         Mean reflectivity of the froth.
     spray : float
@@ -85,6 +87,7 @@ class PhysicsParams:
     patch_s: Annotated[float, Gt(0)] = 0.3
     whitecap_s: Annotated[float, Gt(0)] = 3.5
     wake_m: Annotated[float, Ge(0)] = 0.0
+    wash_m: Annotated[float, Ge(0)] = 0.0
     wake_height_m: Annotated[float, Ge(0)] = 0.12
     wake_cover: Share = 0.3
     wake_reflectivity: Share = 0.05

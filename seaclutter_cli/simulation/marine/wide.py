@@ -27,6 +27,7 @@ from seaclutter_cli.truth import CLUTTER
 Floats = NDArray[np.float64]
 
 _DRIFT = 0.03
+_DEPTHS = np.concatenate((np.geomspace(1e-6, 0.05, 300), np.linspace(0.06, 16.0, 800)))
 _WHITECAP_M = 1.2
 _CYCLE = 4.0
 _SHEET_S = 1.2
@@ -44,6 +45,17 @@ class Hits:
     cosines: Floats
 
 
+@dataclass(frozen=True)
+class Conditions:
+    """Physics, wavelength of the lidar, time, seed of the scene, and position of own bow."""
+
+    physics: PhysicsParams
+    wavelength_nm: float
+    time_s: float
+    seed: int
+    bow_m: tuple[float, float]
+
+
 class WideWater(MarineWater):
     r"""The sea at one moment, with the optics of water.
 
@@ -58,21 +70,13 @@ class WideWater(MarineWater):
     drifts with 3 % of the wind (Wu 1975); as many appear as cover the published share on average.
 
     *Turbulent wakes.* A part of the shots into the wake of a vessel meets froth above the water, at heights that are
-    distributed exponentially. Its patches remain in place.
+    distributed exponentially. Its patches remain in place. The wash of own propeller is froth, too.
     """
 
-    def __init__(
-        self,
-        surface: WaveSurface,
-        params: SeaParams,
-        wakes: Sequence[Wake],
-        *,
-        optics: tuple[PhysicsParams, float],
-        time_s: float,
-        seed: int,
-    ) -> None:
-        super().__init__(surface, params, wakes, time_s=time_s, seed=seed)
-        self._physics, self._wavelength_nm = optics
+    def __init__(self, surface: WaveSurface, params: SeaParams, wakes: Sequence[Wake], conditions: Conditions) -> None:
+        super().__init__(surface, params, wakes, time_s=conditions.time_s, seed=conditions.seed)
+        self._physics, self._wavelength_nm = conditions.physics, conditions.wavelength_nm
+        self._bow_m = conditions.bow_m
         self._foam = params.foam_reflectivity * foam_share(self._wavelength_nm)
 
     def hits(self, shots: Shots) -> Hits:
@@ -113,7 +117,7 @@ class WideWater(MarineWater):
         scale = 0.4 / physics.patch_m  # `patches` are 0.4 m wide
         renewal = np.floor(self.time_s / physics.patch_s + patches(along * scale, across * scale, self._seed + 2))
         drawn = patches(along * scale + 1000.0 * renewal, across * scale, self._seed + 3)
-        return np.asarray(gammaincinv(shape, np.minimum(drawn, 1 - 1e-9)) / shape)
+        return np.asarray(np.interp(-np.log1p(-drawn), _DEPTHS, gammaincinv(shape, -np.expm1(-_DEPTHS)) / shape))
 
     def whitecaps(self, x: Floats, y: Floats) -> Floats:
         """Return the share of the water under whitecaps at given positions, shape (N,)."""
@@ -135,14 +139,14 @@ class WideWater(MarineWater):
     def _add_froth(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
         """Add the echoes of turbulent wakes."""
         physics, hits = self._physics, self.last_hits
-        if not physics.wake_m:
-            return
         rays, origins = shots.directions[hits.shots], shots.origins[hits.shots]
         height = physics.wake_height_m * rng.standard_exponential(len(hits.shots))
         distance = np.maximum(hits.distance_m - height / np.maximum(-rays[:, 2], 1e-6), 0.0)
         x, y = (origins + distance[:, None] * rays)[:, :2].T
         strength = np.zeros(len(x))
-        for wake in self._wakes:
+        if physics.wash_m:
+            strength = np.exp(-((np.hypot(x - self._bow_m[0], y - self._bow_m[1]) / physics.wash_m) ** 2))
+        for wake in self._wakes if physics.wake_m else ():
             strength = np.maximum(strength, wake.churned(x, y, self.time_s, physics.wake_m))
         met = np.flatnonzero((physics.wake_cover * strength > patches(x, y, self._seed + 6)) & (distance > 1))
         reflectance = physics.wake_reflectivity * foam_share(self._wavelength_nm) * rng.standard_exponential(len(met))
@@ -160,8 +164,11 @@ class WideSea(SeaTerrain):
 
     def at(self, time_s: float) -> WideWater:
         """Return the sea at a time."""
-        optics = self._physics, float(self._lidar.wavelength_nm)
-        return WideWater(self._sea.at(time_s), self._params, self._wakes, optics=optics, time_s=time_s, seed=self._seed)
+        x, y, heading = (float(one[0]) for one in self._own.track.at(np.array([time_s])))
+        half = self._own.length_m / 2
+        bow_m = x + half * float(np.cos(heading)), y + half * float(np.sin(heading))
+        conditions = Conditions(self._physics, float(self._lidar.wavelength_nm), time_s, self._seed, bow_m)
+        return WideWater(self._sea.at(time_s), self._params, self._wakes, conditions)
 
     def add_sheets(self, shots: Shots, echoes: Echoes, time_s: float, rng: np.random.Generator) -> None:
         """Add the echoes of sheets of spray from the bow and from crests.
