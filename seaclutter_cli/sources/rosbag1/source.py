@@ -2,27 +2,46 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import chain
+from struct import Struct
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.limits import CHANNEL_BYTES, above, limits
+from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
 from seaclutter_cli.messages.metadata import from_message, is_carrier
-from seaclutter_cli.records import Channel, Message, Metadata, Record
-from seaclutter_cli.sources.rosbag1.contents import ANY_TIME, BagContents, channel_of, read_index, unpack
-from seaclutter_cli.sources.rosbag1.records import MAGIC, Op, read_record, walk
-from seaclutter_cli.sources.shared.chunked import Chunk, ChunkedSource
+from seaclutter_cli.records import Buffer, Channel, Message, Record, Schema
+from seaclutter_cli.sources.rosbag1.records import MAGIC, NANO, BagRecord, Op, parse_fields, read_record, walk
+from seaclutter_cli.sources.shared.chunked import MAX_AHEAD_BYTES, Chunk, ChunkedSource
+from seaclutter_cli.sources.shared.log_file import Bytes
+from seaclutter_cli.sources.shared.unpacking import DECOMPRESSION_ERRORS, readable, unpacked_frame
 from seaclutter_cli.text import count
 
 _COMPRESSIONS = {b"lz4": "lz4", b"bz2": "zstd", b"none": ""}
+_COUNT, _ENTRY = Struct("<II"), Struct("<II4x")
+_MAX_RATIO = 256
+_RUN_BYTES = 4 * 2**20
+_ANY_TIME = (0, 2**63)
 
 Content = tuple[memoryview, int, str | None]
+"""Records of a chunk, their expected size, and a description of their damage, if any."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChunkIndex:
+    """Times of the first and last message of a chunk, and the number of messages per connection."""
+
+    start_ns: int
+    end_ns: int
+    counts: Counter[int]
 
 
 class BagSource(ChunkedSource[Chunk, Content]):
     """A ROS 1 bag, or the ``.bag.active`` file that a crashed recorder leaves.
 
-    Messages are views of their chunk, or of the file if it is not compressed. `InputError` if the file is not a bag of
-    format 2.0, or is encrypted.
+    Messages are views of their chunk, or of the file if it is not compressed. Those outside chunks, which remain of a
+    chunk with a destroyed header, are combined into runs that are read like a chunk. `InputError` if the file is not a
+    bag of format 2.0, or is encrypted.
     """
 
     format = "ROS 1 bag"
@@ -34,27 +53,129 @@ class BagSource(ChunkedSource[Chunk, Content]):
         start = bytes(self._file[: len(MAGIC)])
         if start != MAGIC:
             raise InputError(f"{self._path}: {_describe(start)}")
-        found = BagContents(self._file)
-        if found.header is not None and found.header.fields.get(b"encryptor"):
+        self._header: BagRecord | None = None
+        self._channels: dict[int, Channel] = {}
+        self._counts: Counter[int] = Counter()
+        self._timed: dict[int, Chunk] = {}
+        self._untimed: dict[int, Chunk] = {}
+        self._first_use: dict[int, int] = {}
+        self._infos: dict[int, int] = {}
+        self._seen: Counter[Op] = Counter()
+        self._look_at_records()
+        if self._header is not None and self._header.fields.get(b"encryptor"):
             raise InputError(f"{self._path}: the bag is encrypted; decrypt it first (rosbag decrypt)")
-        self.compression = _COMPRESSIONS.get(found.compression) if found.compression else None
-        self.damage += found.damage(self._path)
-        self._channels = found.channels
-        self._counts = found.counts
-        self._listed = found.indexed
-        self._chunks = list(found.chunks.values())
-        self._unpack_untimed(found)
-        self.metadata = self._read_metadata()
+        self._unpack_untimed()
+        self._read_metadata()
 
-    def _read_metadata(self) -> Sequence[Metadata]:
-        """Return the records that this program writes to a bag as a message, whose channels are then hidden."""
+    def _look_at_records(self) -> None:
+        """Find channels, chunks and damage in one pass without unpacking a chunk.
+
+        Chunks have their offsets as keys; ``_untimed`` ones must be unpacked for times and counts. ``_first_use`` has
+        the offset of a chunk with messages of each connection, ``_infos`` the number of messages of each chunk
+        according to the index at the end of the bag.
+        """
+        compression: bytes | None = None
+        gaps: list[tuple[int, int]] = []
+        runs: list[tuple[int, int]] = []
+        for record in walk(self._file, len(MAGIC), gaps):
+            self._seen[record.op] += 1
+            match record.op:
+                case Op.MESSAGE:
+                    start, end = runs[-1] if runs else (0, 0)
+                    if end == record.start and end - start <= _RUN_BYTES:
+                        runs[-1] = (start, record.end)
+                    else:
+                        runs.append((record.start, record.end))
+                case Op.BAG_HEADER:
+                    self._header = self._header or record
+                case Op.CHUNK:
+                    compression = compression or record.fields[b"compression"]
+                    self._take_chunk(record)
+                case Op.CHUNK_INFO:
+                    self._take_info(record)
+                case Op.CONNECTION:
+                    self._channels.setdefault(record.number(b"conn"), _channel_of(self._file, record))
+        self.compression = _COMPRESSIONS.get(compression) if compression else None
+        if compression in {None, b"none"}:
+            self._untimed |= {start: Chunk(start, end - start, *_ANY_TIME) for start, end in runs}
+        else:  # what looks like messages are parts of damaged data
+            gaps, runs = gaps + runs, []
+        self._report_gaps(gaps, counted=bool(runs))
+        self._check_index()
+
+    def _report_gaps(self, gaps: list[tuple[int, int]], *, counted: bool) -> None:
+        """Report skipped parts, with the messages of lost chunks unless they are ``counted`` among those outside."""
+        for start, end in _joined(gaps):
+            lost = 0 if counted else sum(count for offset, count in self._infos.items() if start <= offset < end)
+            problem = f"damaged; reading resumes at byte {end}"
+            if start == end:
+                problem = "a record of wrong length"
+            elif end == len(self._file):
+                problem = "damaged or truncated; nothing readable follows"
+            self._report(start, problem, end - start, lost or None)
+
+    def _check_index(self) -> None:
+        """Report a missing or incomplete index at the end; ``_listed`` is the number of messages in a complete one."""
+        self._listed: int | None = None
+        if self._header is None:
+            if not self.damage:
+                self._report(len(MAGIC), "the bag is truncated before its first record", 0)
+            return
+        missing = self._header.number(b"index_pos") - len(self._file)
+        if missing == -len(self._file):
+            self._report(None, "the recorder did not close the bag; it is read without its index", 0)
+        expected = self._header.number(b"conn_count"), self._header.number(b"chunk_count")
+        if self._seen[Op.CONNECTION] >= expected[0] and self._seen[Op.CHUNK_INFO] >= expected[1]:
+            self._listed = sum(self._infos.values()) if self._infos else None
+        elif missing > -len(self._file):
+            problem = "the index at the end of the bag is incomplete; the bag is read without it"
+            if missing > 0:
+                problem = f"the bag is truncated by at least {count(missing, 'byte')}; it is read without its index"
+            self._report(len(self._file) + min(missing, 0), problem, 0)
+
+    def _take_chunk(self, record: BagRecord) -> None:
+        unpacked = min(record.number(b"size"), limits().chunk_bytes_of(len(self._file)))
+        chunk = Chunk(record.start, record.end - record.start, *_ANY_TIME, unpacked=unpacked)
+        index = None if record.repaired else read_index(self._file, record.end)
+        if index is None:
+            self._untimed[record.start] = chunk
+        else:
+            self._add_chunk(chunk, index)
+
+    def _add_chunk(self, chunk: Chunk, index: ChunkIndex) -> None:
+        start_ns, end_ns, counts = index.start_ns, index.end_ns, index.counts
+        self._timed[chunk.offset] = replace(chunk, start_ns=start_ns, end_ns=end_ns, messages=counts.total())
+        self._counts += counts
+        for connection in counts:
+            self._first_use.setdefault(connection, chunk.offset)
+
+    def _take_info(self, record: BagRecord) -> None:
+        """Add or check the times of a chunk, and count its messages in case it is lost."""
+        offset = record.number(b"chunk_pos")
+        start_ns, end_ns = record.time_ns(b"start_time"), record.time_ns(b"end_time")
+        entries = self._file[record.data : record.end]
+        counts: Counter[int] = Counter()
+        for connection, messages in _COUNT.iter_unpack(entries[: len(entries) // _COUNT.size * _COUNT.size]):
+            counts[connection] += messages
+        self._infos[offset] = counts.total()
+        if offset in self._untimed and counts:
+            self._add_chunk(self._untimed.pop(offset), ChunkIndex(start_ns, end_ns, counts))
+        chunk = self._timed.get(offset)
+        if chunk is not None and (chunk.start_ns, chunk.end_ns) != (start_ns, end_ns):
+            # Its index and its chunk info contradict each other.
+            self._untimed[offset] = Chunk(offset, chunk.size, *_ANY_TIME, unpacked=chunk.unpacked)
+            del self._timed[offset]
+            if index := read_index(self._file, offset + chunk.size):
+                self._counts -= index.counts
+
+    def _read_metadata(self) -> None:
+        """Take the records that this program writes to a bag as a message, whose channels are then hidden."""
         self._hidden: set[int] = set()
         carriers = {number for number, channel in self._channels.items() if is_carrier(channel)}
-        found = [from_message(message.data) for message in self.latest(carriers, ANY_TIME[1])] if carriers else []
-        if not all(found):
-            return ()
-        self._hidden = carriers
-        return [record for records in found for record in records]
+        found = [from_message(message.data) for message in self.latest(carriers, _ANY_TIME[1])] if carriers else []
+        if found and all(found):
+            self._hidden = carriers
+            self.metadata = [record for records in found for record in records]
 
     @property
     def channels(self) -> Sequence[Channel]:
@@ -87,12 +208,13 @@ class BagSource(ChunkedSource[Chunk, Content]):
         index = read_index(self._file, chunk.offset + chunk.size)
         return index.counts if index else None
 
-    def _unpack_untimed(self, found: BagContents) -> None:
+    def _unpack_untimed(self) -> None:
         """Unpack the chunks where unknown channels first occur, and those with unknown times."""
-        for connection, offset in found.first_use.items():
-            if connection not in self._channels and offset in found.chunks:
-                self._read(found.chunks[offset])
-        for chunk in found.untimed.values():
+        self._chunks = list(self._timed.values())
+        for connection, offset in self._first_use.items():
+            if connection not in self._channels and offset in self._timed:
+                self._read(self._timed[offset])
+        for chunk in self._untimed.values():
             messages = self._read(chunk)
             if messages:
                 times, size = [message.log_time_ns for message in messages], len(messages)
@@ -121,7 +243,6 @@ class BagSource(ChunkedSource[Chunk, Content]):
         return messages
 
     def _unpack(self, chunk: Chunk) -> Content:
-        """Return the records of a chunk, their expected size, and a description of their damage, if any."""
         end = chunk.offset + chunk.size
         record = read_record(self._file, chunk.offset)
         if record is None or record.op != Op.CHUNK or record.data > end:
@@ -134,7 +255,7 @@ class BagSource(ChunkedSource[Chunk, Content]):
         if op is None:
             return data, chunk.size, None
         whole = op._replace(end=end, repaired=op.end != end)
-        content, problem = unpack(data, whole, ends_bag=end == len(self._file), bag_bytes=len(self._file))
+        content, problem = _unpacked(data, whole, ends_bag=end == len(self._file), bag_bytes=len(self._file))
         return content, op.number(b"size"), problem
 
     def _parse(self, content: memoryview, gaps: list[tuple[int, int]]) -> tuple[list[Message], int]:
@@ -157,7 +278,7 @@ class BagSource(ChunkedSource[Chunk, Content]):
                 if self._declared_bytes > limits().message_bytes:
                     gaps.append((record.start, record.end))
                 else:
-                    self._channels[record.number(b"conn")] = channel_of(content, record)
+                    self._channels[record.number(b"conn")] = _channel_of(content, record)
         return messages, unknown
 
 
@@ -168,3 +289,77 @@ def _describe(start: bytes) -> str:
         version = start[9:].partition(b"\n")[0].strip().decode("utf-8", "replace")
         return f"bag version {version} is not supported; convert the bag to 2.0 first (rosbag reindex)"
     return "not a ROS 1 bag"
+
+
+def read_index(view: Bytes[Buffer], at: int) -> ChunkIndex | None:
+    """Return the index from the index records at an offset; None if they are missing or damaged."""
+    counts: Counter[int] = Counter()
+    first, last = (2**32, 0), (0, 0)
+    while (record := read_record(view, at)) is not None and record.op == Op.INDEX:
+        entries = view[record.data : record.end]
+        count = record.number(b"count")
+        if len(entries) != 12 * count:
+            return None
+        if count:
+            first = min(chain([first], _ENTRY.iter_unpack(entries)))
+            last = max(chain([last], _ENTRY.iter_unpack(entries)))
+            counts[record.number(b"conn")] += count
+        at = record.end
+    if not counts:
+        return None
+    return ChunkIndex(first[0] * NANO + first[1], last[0] * NANO + last[1], counts)
+
+
+def _unpacked(packed: memoryview, chunk: BagRecord, *, ends_bag: bool, bag_bytes: int) -> tuple[memoryview, str | None]:
+    """Return the readable content of a chunk's data, and a description of its damage; None if it is intact.
+
+    The limit of a chunk depends on the size of the bag; ``ends_bag`` if the bag ends where the chunk ends.
+    """
+    size, limit = chunk.number(b"size"), limits().chunk_bytes_of(bag_bytes)
+    most = min(limit, max(size, MAX_AHEAD_BYTES))
+    compression = chunk.fields[b"compression"]
+    if compression == b"none":
+        content, whole = packed[:size] if chunk.repaired else packed, True
+    elif compression in (b"bz2", b"lz4"):
+        unpacked, whole = _decompress(compression.decode(), packed, size, most)
+        content = memoryview(unpacked)
+    else:
+        return memoryview(b""), f"a chunk with the unknown compression {compression.decode('utf-8', 'replace')!r}"
+    if len(content) > limit or (len(content) == limit and not whole):
+        large = above_in_file(count(max(size, len(content)), "byte"), "chunk", bag_bytes)
+        return memoryview(b""), f"a chunk of {large}"
+    if not whole or len(content) != size:
+        if chunk.repaired and ends_bag:
+            return content, "the bag ends inside a chunk"
+        return content, f"a damaged chunk: {len(content):,} of {count(size, 'byte')} can be read"
+    return content, "a record of wrong length, or damage after it" if chunk.repaired else None
+
+
+def _decompress(compression: str, packed: memoryview, size: int, most: int) -> tuple[Buffer, bool]:
+    """Return the data that can be decompressed, and whether it is complete."""
+    with suppress(*DECOMPRESSION_ERRORS):
+        # One byte more than expected reveals the end; limited by the packed size because it is allocated.
+        expected = min(size, _MAX_RATIO * len(packed), most)
+        content, whole = unpacked_frame(compression, packed, expected)
+        if whole:
+            return content, True
+    return readable(compression, packed, most)
+
+
+def _channel_of(view: Bytes[Buffer], record: BagRecord) -> Channel:
+    """Return the channel that a connection record describes."""
+    entries = parse_fields(bytes(view[record.data : record.end])) or {}
+    definition = entries.pop(b"message_definition", b"")
+    text = {name.decode("utf-8", "replace"): value.decode("utf-8", "replace") for name, value in entries.items()}
+    schema = Schema(text["type"], "ros1msg", definition) if "type" in text else None
+    topic = record.fields[b"topic"].decode("utf-8", "replace")
+    return Channel(record.number(b"conn"), topic, "ros1", schema, tuple(sorted(text.items())))
+
+
+def _joined(gaps: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Return gaps in order, with adjacent ones merged."""
+    joined: list[tuple[int, int]] = []
+    for start, end in sorted(gaps):
+        touches = joined and joined[-1][1] == start
+        joined.append((joined.pop()[0] if touches else start, end))
+    return joined
