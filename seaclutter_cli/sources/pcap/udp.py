@@ -77,31 +77,11 @@ class _UnreadRecords:
         return sum(recognises(np.frombuffer(payload, np.uint8)) for payload in found)
 
 
-@dataclass
-class _Incomplete:
-    """A datagram with missing fragments; pieces by their offset."""
-
-    pieces: dict[int, bytes] = field(default_factory=dict)
-    size: int = 0
-    length: int | None = None
-
-    def whole(self) -> bytes | None:
-        """Return the datagram if it is complete, otherwise None."""
-        if self.length is None or self.size < self.length:
-            return None
-        data = b""
-        for offset, piece in sorted(self.pieces.items()):
-            if offset != len(data):
-                return None
-            data += piece
-        return data
-
-
 class _Fragments:
     """Reassembly of up to 64 IPv4 datagrams; a new one replaces the oldest. ``lost`` counts the discarded ones."""
 
     def __init__(self) -> None:
-        self._open: OrderedDict[_Key, _Incomplete] = OrderedDict()
+        self._open: OrderedDict[_Key, dict[int, bytes]] = OrderedDict()
         self.lost = 0
 
     def add(self, key: _Key, offset: int, more: bool, piece: bytes) -> bytes | None:
@@ -109,25 +89,23 @@ class _Fragments:
 
         The key is sender, receiver and identification, the offset that of the fragment in the datagram in bytes.
         """
-        waiting = self._open.get(key)
-        if waiting is not None and offset in waiting.pieces and waiting.pieces[offset] != piece:
+        if self._open.get(key, {}).get(offset, piece) != piece:
             self._discard(key)  # the identification is reused
-            waiting = None
-        if waiting is None:
-            if len(self._open) >= _MAX_OPEN:
-                self._discard(next(iter(self._open)))
-            waiting = self._open[key] = _Incomplete()
-        if offset not in waiting.pieces:
-            waiting.pieces[offset] = piece
-            waiting.size += len(piece)
+        if key not in self._open and len(self._open) >= _MAX_OPEN:
+            self._discard(next(iter(self._open)))
+        pieces = self._open.setdefault(key, {})
+        pieces[offset] = piece
         if not more:
-            waiting.length = offset + len(piece)
-        data = waiting.whole()
-        if data is not None:
+            pieces[offset + len(piece)] = b""  # marks the end
+        data = b""
+        while found := pieces.get(len(data)):
+            data += found
+        if len(data) in pieces:
             del self._open[key]
-        elif waiting.size > _MAX_BYTES:
+            return data
+        if sum(map(len, pieces.values())) > _MAX_BYTES:
             self._discard(key)
-        return data
+        return None
 
     def finish(self) -> None:
         """Count the incomplete datagrams as lost."""
@@ -146,7 +124,7 @@ class _Parsed:
     rows: NDArray[np.int64]
     udp: NDArray[np.int64]
     sources: NDArray[np.int64]
-    fragments: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    fragments: NDArray[np.int64]
 
 
 class Udp:
@@ -225,35 +203,32 @@ class Udp:
 
     def _parse(self, records: Records, heads: NDArray[np.uint8]) -> _Parsed:
         network, version = _network(records.link, heads)
-        everything = np.arange(len(heads))
-        rows4 = everything[version == 4]
-        at = network[rows4]
-        is_udp = heads[rows4, at + 9] == _UDP
-        rows4, at = rows4[is_udp], at[is_udp]
-        in_parts = (_word(heads, rows4, at + 6) & 0x3FFF) != 0
-        sources = self._numbers4(heads, rows4, at)
-        ihl = (heads[rows4, at] & 0x0F).astype(np.int64) * 4
-        udp = at + ihl
-        usable = ~in_parts & (ihl >= 20) & (sources >= 0)
-        fragments = rows4[in_parts & (ihl >= 20) & (sources >= 0)]
-        rows6 = everything[version == 6]
-        if not len(rows6):
-            return _Parsed(rows4[usable], udp[usable], sources[usable], fragments)
-        rows6 = rows6[heads[rows6, network[rows6] + 6] == _UDP]
-        pairs = zip(rows6.tolist(), network[rows6].tolist(), strict=True)
-        sources6 = np.array([self._number(heads[row, at6 + 8 : at6 + 24].tobytes()) for row, at6 in pairs], np.int64)
-        rows6, sources6 = rows6[sources6 >= 0], sources6[sources6 >= 0]
-        rows = np.concatenate([rows4[usable], rows6])
-        order = np.argsort(rows, kind="stable")
-        udp = np.concatenate([udp[usable], network[rows6] + 40])
-        return _Parsed(rows[order], udp[order], np.concatenate([sources[usable], sources6])[order], fragments)
+        found: list[NDArray[np.int64]] = []
+        fragments = np.empty(0, np.int64)
+        for kind, protocol_at, sender_at, size in ((4, 9, 12, 4), (6, 6, 8, 16)):
+            rows = np.flatnonzero(version == kind)
+            rows = rows[heads[rows, network[rows] + protocol_at] == _UDP]
+            at = network[rows]
+            sources = self._numbers(heads[rows[:, None], at[:, None] + sender_at + np.arange(size)])
+            header = np.full(len(rows), 40)
+            usable = sources >= 0
+            if kind == 4:
+                header = (heads[rows, at] & 0x0F).astype(np.int64) * 4
+                usable &= header >= 20
+                in_parts = (_word(heads, rows, at + 6) & 0x3FFF) != 0
+                fragments, usable = rows[in_parts & usable], usable & ~in_parts
+            found.append(np.stack((rows, at + header, sources))[:, usable])
+        rows, udp, sources = (columns := np.concatenate(found, axis=1))[:, np.argsort(columns[0], kind="stable")]
+        return _Parsed(rows, udp, sources, fragments)
 
-    def _numbers4(self, heads: NDArray[np.uint8], rows: NDArray[np.int64], at: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the number of each sender, shape (R,); -1 for new senders beyond the limit."""
-        values = _word(heads, rows, at + 12) << 16 | _word(heads, rows, at + 14)
-        different, inverse = np.unique(values, return_inverse=True)
-        numbers = [self._number(int(value).to_bytes(4, "big")) for value in different]
-        return np.array(numbers, np.int64)[inverse] if numbers else np.empty(0, np.int64)
+    def _numbers(self, addresses: NDArray[np.uint8]) -> NDArray[np.int64]:
+        """Return the number of each sender, shape (R,), given their addresses, shape (R, 4) or (R, 16).
+
+        It is -1 for new senders beyond the limit.
+        """
+        different, inverse = np.unique(addresses, axis=0, return_inverse=True)
+        numbers = [self._number(address.tobytes()) for address in different]
+        return np.array(numbers, np.int64)[inverse.ravel()]
 
     def _number(self, address: bytes) -> int:
         number = self._addresses.get(address)
