@@ -61,9 +61,9 @@ class Source(ABC):
 
     @abstractmethod
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
-        """Yield metadata and attachments, then messages in the order of their log time; can be called again.
+        """Yield the records in log time order; messages outside ``[start_ns, end_ns)`` may be omitted, which is faster.
 
-        Messages outside ``[start_ns, end_ns)`` may be omitted to save reading them.
+        Metadata and attachments come first. Each call starts again at the first record.
         """
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:  # noqa: ARG002 - nothing is omitted
@@ -71,10 +71,7 @@ class Source(ABC):
         return {}
 
     def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:  # noqa: ARG002 - nothing is latched
-        """Return the last message before a log time of each of some channels, by their ids, in log time order.
-
-        Channels of decoded packets have no messages here.
-        """
+        """Return the last message before a log time of each of some channels, by their ids, in log time order."""
         return []
 
     def close(self) -> None:  # noqa: B027 - most sources keep nothing open
@@ -173,10 +170,7 @@ class TilePoints(Protocol):
 
 
 class Sink(Protocol):
-    """A consumer of filtered frames and of the records that filters do not change.
-
-    The pipeline calls `begin`, then `copy` and `write` in the order of log time, then `end`.
-    """
+    """A consumer of results and of other records: `begin`, then `copy` and `write` in log time order, then `end`."""
 
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:
         """Start a recording; ``clouds`` are its filtered channels."""

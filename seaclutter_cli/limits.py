@@ -30,25 +30,10 @@ _UNITS = {
 class Limits:
     """Limits that the environment can change: ``SEACLUTTER_MAX_`` and the name of a field in capitals.
 
-    Parameters
-    ----------
-    chunk_mib : int, optional
-        Size of an unpacked chunk in MiB, and of a packed one.
-    chunk_messages : int, optional
-        Number of messages in a chunk.
-    message_mib : int, optional
-        Size of an unpacked message in MiB; also of all declarations of topics and message types of a log.
-    file_gib : int, optional
-        Size in GiB of the unpacked content of a file that is compressed as a whole.
-    file_ratio : int, optional
-        Ratio of this size to that of the file; ratios of files that unpack to at most 16 MiB are not limited. A chunk
-        may have half of this ratio to its file, or 32 MiB; a message an eighth, or 8 MiB. The content of a message
-        that is compressed by itself may have this ratio to the message, or 8 MiB.
-
-    Examples
-    --------
-    >>> Limits.read({"SEACLUTTER_MAX_CHUNK_MIB": "500"}).chunk_bytes
-    524288000
+    Chunks are limited packed and unpacked, ``message_mib`` limits all declarations of topics and types of a log, too.
+    ``file_gib`` and ``file_ratio``, the ratio to the size of the file, are of the content of a file that is compressed
+    as a whole; up to 16 MiB, no ratio is too large. A chunk may have half of this ratio to its file, or 32 MiB; a
+    message an eighth, or 8 MiB; the content of a message that is compressed by itself this ratio to it, or 8 MiB.
     """
 
     chunk_mib: int = 80
@@ -59,13 +44,7 @@ class Limits:
 
     @classmethod
     def read(cls, environment: Mapping[str, str]) -> Self:
-        """Return the limits that an environment sets, and the defaults of the others.
-
-        Raises
-        ------
-        UsageError
-            If a limit is not a positive whole number.
-        """
+        """Return the limits of an environment; `UsageError` if one of them is not a positive whole number."""
         given = {}
         for name in (field.name for field in fields(cls)):
             text = environment.get(variable(name))
@@ -109,24 +88,12 @@ class Limits:
 
 
 def variable(name: str) -> str:
-    """Return the name of the environment variable that changes a limit.
-
-    Examples
-    --------
-    >>> variable("chunk_mib")
-    'SEACLUTTER_MAX_CHUNK_MIB'
-    """
+    """Return the name of the environment variable that changes a limit."""
     return _PREFIX + name.upper()
 
 
 def above(amount: str, name: str) -> str:
-    """Return a description of a part that exceeds a limit, for messages.
-
-    Examples
-    --------
-    >>> above("200,000,000 bytes", "chunk_mib")
-    '200,000,000 bytes, above the limit of 80 MiB (SEACLUTTER_MAX_CHUNK_MIB)'
-    """
+    """Return a description of a part that exceeds a limit, for messages."""
     return f"{amount}, above the limit of {getattr(limits(), name):,} {_UNITS[name]} ({variable(name)})"
 
 

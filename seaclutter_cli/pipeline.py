@@ -170,11 +170,7 @@ def run(
 
     The sinks receive every record or result of the selected part, in the order of log time, ``on_frame`` the result of
     each frame. ``tallies`` receive the sums while they grow; they are complete when sinks end.
-
-    Raises
-    ------
-    FieldError
-        If all frames of a topic lack a field that the method needs. If only some do, they are damage.
+    `FieldError` if all frames of a topic lack a field that the method needs; if only some do, they are damage.
     """
     clouds = cloud_channels(source, selection.topics)
     filters = {channel.topic: make_filter() for channel in clouds}
@@ -214,13 +210,7 @@ def run_each(
     The filters are new; those that need a first pass share it. ``on_frame`` is called with each frame, the result of
     each filter (None if the filter cannot use the frame), and the seconds that each filter took. Coordinates and
     ranges, which all filters use, are computed before and not timed. Frames without coordinates are damage.
-
-    Raises
-    ------
-    FieldError
-        If all frames lack a field that one of the methods needs. If only some do, they are damage.
-    UsageError
-        If there are several cloud topics.
+    `FieldError` if all frames lack a field that one of the methods needs; `UsageError` if there are several topics.
     """
     clouds = cloud_channels(source, selection.topics)
     topics = list(dict.fromkeys(channel.topic for channel in clouds))
@@ -306,10 +296,7 @@ def _record_unfit(error: FieldError, frame: Frame, tally: TopicTally, source: So
 def map_frames(source: Source, selection: Selection, use: Callable[[Frame], T]) -> Iterator[tuple[Frame, T]]:
     """Yield the selected frames, each with the result of a function.
 
-    Raises
-    ------
-    FieldError
-        If all frames of a topic lack a field that the function needs. If only some do, they are damage.
+    `FieldError` if all frames of a topic lack a field that the function needs; if only some do, they are damage.
     """
     tallies: dict[str, TopicTally] = {}
     for frame in frames(source, selection):

@@ -35,14 +35,8 @@ def read(
     A message that is not a valid cloud is left out and added to the damage of the source. The index of a frame counts
     from the start of the recording, within its topic, even if the selection starts later. If it does, the last messages
     before it on latched topics come first, if ``with_latched``.
-
-    Raises
-    ------
-    UnsupportedCloudError
-        If the clouds of a topic are stored in a form that cannot be read. With ``unreadable``, the reason is stored
-        there by topic instead, and the topic yields no frames.
-    MissingExtraError
-        Likewise if they need an extra that is not installed.
+    `UnsupportedCloudError` if the clouds of a topic are stored in a form that cannot be read, `MissingExtraError` if
+    they need an extra. With ``unreadable``, the reason is stored there by topic instead; the topic yields no frames.
     """
     decoder = _Decoder(source, clouds, selection.intensity_field, unreadable)
     window = Window(source, clouds, selection)

@@ -38,10 +38,7 @@ class _Detections:
 
 
 class DetectionSource(Source):
-    """A file of detections, as ROS 2 point clouds on a topic for each sensor, and own ship's positions on ``/pose``.
-
-    `InputError` if the file cannot be read, or is not a list of detections.
-    """
+    """Detections as clouds on a topic for each sensor, own ship on ``/pose``; `InputError` for other files."""
 
     format = "Autoferry detections"
 

@@ -22,14 +22,7 @@ LEAST_M = 600.0
 
 @dataclass(frozen=True)
 class Extent:
-    """Rectangle along the axes of a tile's coordinates, in metres, by its lowest and highest corner.
-
-    Examples
-    --------
-    >>> tile = Extent((0.0, 0.0), (100.0, 50.0))
-    >>> tile.grown(10.0).overlap(Extent((100.0, 0.0), (200.0, 50.0)))
-    500.0
-    """
+    """Rectangle along the axes of a tile's coordinates, in metres, by its lowest and highest corner."""
 
     low: tuple[float, float]
     high: tuple[float, float]
@@ -64,11 +57,7 @@ class Extent:
 
 @dataclass(frozen=True)
 class TileHead:
-    """Where a tile is, as far as its header says.
-
-    The tile is a ``window`` of the file if there is one; ``size`` is its size in bytes if it is less than that of the
-    file, otherwise 0.
-    """
+    """Where a tile is, as far as its header says; ``size`` are the bytes of a ``window`` of the file, otherwise 0."""
 
     path: Path
     crs: Crs
@@ -144,10 +133,7 @@ def _are_neighbors(tile: TileHead, other: TileHead) -> bool:
 
 
 class TilePart(LasTile):
-    """The points of a LAS or LAZ file in a rectangle, but not those in a part of it; only these are kept in memory.
-
-    Of a COPC file, only the chunks that the rectangle needs are read. `CloudError` if the file is damaged.
-    """
+    """The points of a LAS or LAZ file in a rectangle, but not those in a part of it; `CloudError` if it is damaged."""
 
     def __init__(self, path: Path, window: Extent, without: Extent | None = None) -> None:
         super().__init__(path)
@@ -188,11 +174,7 @@ def _is_indexed(tile: LasTile) -> bool:
 
 
 def windows_of(path: Path, side_m: float) -> list[TileHead]:
-    """Return the windows of a COPC file in which there may be points.
-
-    Windows are squares whose corners have multiples of their width as coordinates. `CloudError` if the file is damaged,
-    or not a COPC file.
-    """
+    """Return the windows of a COPC file with points: squares at multiples of their width; `CloudError` if damaged."""
     tile = LasTile(path)
     extent, index = extent_of(tile), read_index(path, tile.header)
     if extent is None:
@@ -213,10 +195,7 @@ def windows_of(path: Path, side_m: float) -> list[TileHead]:
 
 @dataclass(frozen=True)
 class Margin:
-    """Extent of a tile with its margin, and the LAS and LAZ files that have points in it.
-
-    If the tile is a window of its file, this file is among the neighbours.
-    """
+    """Extent of a tile with its margin, and the files with points in it, among them that of which it is a window."""
 
     region: Extent
     neighbors: tuple[Path, ...]

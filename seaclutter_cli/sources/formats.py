@@ -21,11 +21,7 @@ _HEAD_BYTES = 16
 
 @dataclass(frozen=True)
 class Format:
-    """A log format with single-file recordings.
-
-    The first bytes of a file (``magics``) take precedence over the usual suffixes of its name. Opening it takes the
-    settings that packets do not contain.
-    """
+    """A format of single files; their first bytes (``magics``) take precedence over the suffixes of their names."""
 
     title: str
     suffixes: tuple[str, ...]
@@ -58,11 +54,7 @@ LOG_SUFFIXES = tuple(suffix for form in SOURCES.values() for suffix in form.suff
 
 
 def open_source(path: Path, *, rate_hz: float = 10.0, decoding: DecoderOptions | None = None) -> Source:
-    """Open a recording: a log file, a rosbag2 folder, a folder of frames, or a single frame.
-
-    Frames without times have a rate; ``decoding`` are the settings that packets do not contain. `InputError` if the
-    path is not a readable recording.
-    """
+    """Open a log file, a rosbag2 folder, a folder of frames or a single frame; `InputError` if it cannot be read."""
     keep_freed_memory()
     decoding = decoding or DecoderOptions()
     if path.is_dir():

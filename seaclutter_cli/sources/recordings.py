@@ -23,10 +23,7 @@ from seaclutter_cli.text import count
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording named on the command line: a file or folder, or the files of a split recording in order.
-
-    ``inside`` are the folders below the one that was searched, which contain it.
-    """
+    """A file or folder, or the files of a split recording in order; ``inside`` are folders below the searched one."""
 
     paths: tuple[Path, ...]
     inside: tuple[str, ...] = field(default=(), kw_only=True)
@@ -83,10 +80,7 @@ def metadata_beside(log: Path) -> list[Path]:
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """How folders are searched for recordings: with the folders in them if ``recursive``.
-
-    Files with consecutive numbers are one recording if ``join``; by default, if their times and topics fit.
-    """
+    """How folders are searched; numbered files are one recording if ``join``, by default if times and topics fit."""
 
     join: bool | None = None
     recursive: bool = False

@@ -45,10 +45,7 @@ _MAX_ARRAYS = 1024
 
 
 def read_bin(path: Path) -> Cloud:
-    """Return the points of a file: KITTI (x, y, z, intensity), CANOE or Pohang Canal.
-
-    An empty file is an empty cloud; `CloudError` if the file has none of these layouts.
-    """
+    """Return the points of a file of KITTI (x, y, z, intensity), CANOE or Pohang Canal; `CloudError` for others."""
     content = path.read_bytes()
     for dtype, fits in _LAYOUTS:
         if content and len(content) % dtype.itemsize == 0:

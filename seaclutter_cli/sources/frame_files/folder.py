@@ -35,14 +35,10 @@ _ANY_TIME = float("inf")
 class FolderSource(Source):
     """A folder of frames of one format, or a single frame file, as ROS 2 point clouds on ``/points``.
 
-    Known layouts are SeePerSea (``point_clouds/*.pcd`` with ``timestamp/*.txt``), KITTI (``velodyne/*.bin`` or
-    ``velodyne_points/data/*.bin``, with ``times.txt`` or ``timestamps.txt`` next to this folder), CANOE
-    (``lidar/*.bin``, with poses in ``novatel/lidar_poses.csv``), a lidar of Pohang Canal (``points/*.bin``), and
-    USVInland (with ``Laser_Timestamp_Middle.txt``); otherwise the frames are in the folder itself, with
-    ``times.txt`` if this program wrote it. Stamps come from the file names if all contain a time, otherwise from the
-    time files of these layouts, otherwise from the rate, starting at 0.
-
-    `InputError` if the path contains no frames or frames of several formats, or cannot be read.
+    Known layouts are SeePerSea (``point_clouds/*.pcd``), KITTI (``velodyne/*.bin`` or ``velodyne_points/data/*.bin``),
+    CANOE (``lidar/*.bin``), and a lidar of Pohang Canal (``points/*.bin``); otherwise the frames are in the folder
+    itself. Stamps come from the file names if all contain a time, otherwise from the files of times in `sidecars`,
+    otherwise from the rate. `InputError` if there are no frames, frames of several formats, or they cannot be read.
     """
 
     channels: Sequence[Channel] = ()
@@ -97,11 +93,7 @@ class FolderSource(Source):
         return {self._channel.id: self._index_at(before_ns), **poses}
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
-        """Yield metadata, then a message for each readable frame, one at a time; add the others to the damage.
-
-        The pose of a frame comes before it. Reading starts at the first frame with a stamp of at least ``start_ns``,
-        and stops before the first one with a stamp of at least ``end_ns``.
-        """
+        """Yield metadata, then a message for each readable frame, after its pose; add the others to the damage."""
         yield from self.metadata
         first = 0 if start_ns is None else self._index_at(start_ns)
         last = self._index_at(_ANY_TIME if end_ns is None else end_ns)
@@ -154,11 +146,7 @@ def _read_metadata(folder: Path) -> Sequence[Metadata]:
 
 
 def is_frame_folder(path: Path) -> bool:
-    """Return whether a path is a folder that contains frame files, directly or in the layout of a data set.
-
-    Only names are checked and, because they may be any table, the first lines of CSV files. False for a folder that
-    cannot be listed.
-    """
+    """Return whether a folder contains frame files, by their names and, as they may be any table, by lines of CSV."""
     from seaclutter_cli.sources.frame_files.csv import is_point_table
 
     try:

@@ -62,11 +62,7 @@ def read_las(path: Path) -> Cloud:
 
 @contextmanager
 def open_las(path: Path) -> Iterator[Any]:
-    """Open a LAS or LAZ file as a ``laspy.LasReader`` after checking its sizes.
-
-    Call it inside ``reading``, which converts laspy's own errors to `CloudError`. `MissingExtraError` if laspy, or its
-    LAZ backend, is not installed.
-    """
+    """Open a LAS or LAZ file as a ``laspy.LasReader`` after checking its sizes; call it inside `reading`."""
     laspy = _laspy()
     with path.open("rb") as file, LazBackend(path) as laz:
         size = file.seek(0, os.SEEK_END)
@@ -91,10 +87,7 @@ def _laspy() -> Any:
 
 
 def with_records(header: Any, path: Path) -> Any:
-    """Return the header of a file opened by `open_las`, with its variable length records, all of them unchanged.
-
-    laspy rewrites those it knows, not always correctly. The record that describes the compression is left out.
-    """
+    """Return the header of a file opened by `open_las`, with the records that laspy would rewrite, not always well."""
     laspy = _laspy()
     with path.open("rb") as file:
         (at,), (number,) = _unpack(file, _HEADER_BYTES_AT, "<H"), _unpack(file, _VLRS_AT, "<I")

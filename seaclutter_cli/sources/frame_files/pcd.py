@@ -27,10 +27,7 @@ _BYTES_HEADER = (
 
 
 def read_pcd(path: Path) -> Cloud:
-    """Return the points of a PCD file with all their fields; an organised cloud keeps its height and width.
-
-    `CloudError` if the file is not a PCD file, or does not contain the number of points in its header.
-    """
+    """Return the points of a PCD file with all fields, height and width; `CloudError` if it is damaged."""
     with reading("PCD"):
         content = path.read_bytes()
         match = _DATA_LINE.search(content[:_MAX_HEADER])

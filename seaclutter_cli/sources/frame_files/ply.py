@@ -38,11 +38,7 @@ class _Element:
 
 
 def read_ply(path: Path) -> Cloud:
-    """Return the vertices of a PLY file with all their properties; other elements are skipped.
-
-    `CloudError` if the file is not a PLY file, or is truncated; also for a list property of the vertices or, in a
-    binary file, of an element before the vertices.
-    """
+    """Return the vertices of a PLY file with all their properties; `CloudError` if it is damaged, or has lists."""
     with reading("PLY"):
         content = path.read_bytes()
         match = _HEADER.match(content[:_MAX_HEADER])

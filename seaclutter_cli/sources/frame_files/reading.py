@@ -36,13 +36,7 @@ def check_size(needed: int, found: int) -> None:
 
 
 def column_names(count: int) -> tuple[str, ...]:
-    """Return default names for at least three columns; `CloudError` for fewer.
-
-    Examples
-    --------
-    >>> column_names(6)
-    ('x', 'y', 'z', 'intensity', 'ring', 'field_5')
-    """
+    """Return default names for at least three columns; `CloudError` for fewer."""
     if count < len("xyz"):
         raise CloudError(f"expected at least 3 columns (x, y, z), got {count}")
     return (*_COLUMNS[:count], *(f"field_{index}" for index in range(len(_COLUMNS), count)))

@@ -74,10 +74,7 @@ def from_names(files: Sequence[Path]) -> list[int] | None:
 
 
 def from_time_files(files: Sequence[Path]) -> list[int] | None:
-    """Return one stamp per file from the time files of a SeePerSea, KITTI or USVInland folder; None without such files.
-
-    `InputError` if the times do not match the frames.
-    """
+    """Return one stamp per file from `times_beside`, None without; `InputError` if the times do not fit the frames."""
     times = times_beside(files[0].parent)
     if times is None:
         return None
@@ -140,10 +137,7 @@ class Pose(NamedTuple):
 
 
 def poses_beside(folder: Path) -> Mapping[int, Pose]:
-    """Return the poses by stamp in nanoseconds that CANOE has beside its folder ``lidar``; empty if there are none.
-
-    `InputError` if they cannot be read.
-    """
+    """Return the poses by stamp in nanoseconds that CANOE has beside ``lidar``; `InputError` if they cannot be read."""
     path = folder.parent / "novatel" / "lidar_poses.csv"
     if folder.name != "lidar" or not path.is_file():
         return {}

@@ -40,10 +40,7 @@ class Excerpt:
 
 
 def excerpt(read: ReadRange, size: int) -> Excerpt | None:
-    """Return an excerpt of an MCAP file of a size; None if its summary cannot be used, or it has no clouds.
-
-    A few parts of the file are read, at its beginning, at its end, and the first chunks.
-    """
+    """Return an excerpt of an MCAP file of a size; None if its summary cannot be used, or it has no clouds."""
     try:
         return _excerpt(read, size)
     except (BrokenRecordError, struct.error):

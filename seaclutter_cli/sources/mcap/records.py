@@ -246,10 +246,7 @@ def _is_valid_chunk(data: Bytes[Buffer], span: Span) -> bool:
 
 
 def _extent(data: Bytes[Buffer], op: int, at: int, *, filled: bool = False) -> int:
-    """Return the end of a record's content according to the sizes inside it; `_ENDLESS` if it exceeds the data.
-
-    With ``filled``, empty content gives `_ENDLESS` too: zeros would match every layout.
-    """
+    """Return where content ends by the sizes inside it; `_ENDLESS` beyond the data and, if ``filled``, for zeros."""
     inside = 0
     for part in _LAYOUTS.get(op, ()):
         if isinstance(part, int):
@@ -270,13 +267,7 @@ def is_other(data: Bytes[Buffer], span: Span) -> bool:
 
 
 def name_of(op: int) -> str:
-    """Return the name of a kind of record, for messages.
-
-    Examples
-    --------
-    >>> name_of(7), name_of(200)
-    ('message index', 'record of kind 200')
-    """
+    """Return the name of a kind of record, for messages."""
     return Opcode(op).name.lower().replace("_", " ") if op in _LAYOUTS else f"record of kind {op}"
 
 
@@ -317,10 +308,7 @@ def parse(read: Callable[[ReadDataStream], R], content: Buffer) -> R:
 
 
 def unpack(header: ChunkHeader, data: Bytes[Buffer]) -> Buffer:
-    """Return the records of a chunk.
-
-    `BrokenRecordError` if they cannot be decompressed, have a wrong size or checksum, or exceed the limit of a chunk.
-    """
+    """Return the records of a chunk; `BrokenRecordError` if they are damaged, or exceed the limit of a chunk."""
     size = max(header.size, header.data_end - header.data_start)
     if size > limits().chunk_bytes_of(len(data)):
         raise BrokenRecordError(f"has {above_in_file(count(size, 'byte'), 'chunk', len(data))}")

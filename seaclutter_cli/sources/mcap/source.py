@@ -83,10 +83,7 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
         return dict(self._statistics.channel_message_counts if self._statistics else self._counts)
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
-        """Yield metadata and attachments, then the messages in log time order; can be called again.
-
-        Chunks outside ``[start_ns, end_ns)`` are left out.
-        """
+        """Yield metadata and attachments, then the messages of chunks with times in ``[start_ns, end_ns)``."""
         for extra in self._extras:
             if isinstance(extra, Attachment) and len(extra.data) <= _SMALL:  # so that it outlives the source
                 yield replace(extra, data=bytes(extra.data))

@@ -39,10 +39,7 @@ _LATEST_NS = 2**62
 
 @dataclass(frozen=True)
 class Records:
-    """R records of one link type: offset and captured length of each packet in the file, and its capture time.
-
-    All arrays have the shape (R,); times are in nanoseconds of Unix time.
-    """
+    """Offsets, captured lengths, and times (ns of Unix time) of R packets of a link type; arrays of shape (R,)."""
 
     link: int
     offsets: NDArray[np.int64]

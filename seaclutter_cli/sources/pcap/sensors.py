@@ -25,10 +25,7 @@ Kind = tuple[int, int]
 
 @dataclass
 class Flow:
-    """Datagrams with payloads of one length from one port of a sender to one port.
-
-    ``unsupported`` names a sensor that is known, but not decoded.
-    """
+    """Datagrams of one length from one port to another; ``unsupported`` names a known sensor that is not decoded."""
 
     address: str
     source_port: int
@@ -116,10 +113,7 @@ class SensorSearch:
             self._calibrated.add(sensor)
 
     def damaged_flows(self) -> list[Flow]:
-        """Return flows of few packets, which are probably damaged packets of other flows.
-
-        They look like data packets but have another address, or have the addresses but another length.
-        """
+        """Return flows of few packets, probably damaged ones of another flow: only address, or only length differs."""
         most: dict[tuple[str | None, int] | str, int] = defaultdict(int)
         for flow in self.flows.values():
             if flow.family is not None:

@@ -122,10 +122,7 @@ class CaptureSource(Source):
         return PACKET_FAMILIES[sensor.family].decoder(sensor.sample, options)
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:  # noqa: ARG002
-        """Yield the frames of all sensors in the order of their stamps; one at a time is decoded.
-
-        Reading stops as soon as every sensor has a frame at ``end_ns`` or later.
-        """
+        """Yield the frames of all sensors in the order of their stamps, until every sensor has one at ``end_ns``."""
         streams = self._start([self._decoder(sensor) for sensor in self._sensors])
         kinds = {kind: number for number, sensor in enumerate(self._sensors) for kind in sensor.kinds}
         flows = {flow: number for (flow, _), number in kinds.items()}

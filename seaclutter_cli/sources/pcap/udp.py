@@ -128,10 +128,7 @@ class _Parsed:
 
 
 class Udp:
-    """Parser of the datagrams in a capture; it keeps known addresses, and incomplete datagrams.
-
-    ``other`` counts records without a datagram, ``unread`` has some.
-    """
+    """Parser of the datagrams in a capture; ``other`` counts records without a datagram, ``unread`` has some."""
 
     def __init__(self, file: LogFile) -> None:
         self._file = file
@@ -222,10 +219,7 @@ class Udp:
         return _Parsed(rows, udp, sources, fragments)
 
     def _numbers(self, addresses: NDArray[np.uint8]) -> NDArray[np.int64]:
-        """Return the number of each sender, shape (R,), given their addresses, shape (R, 4) or (R, 16).
-
-        It is -1 for new senders beyond the limit.
-        """
+        """Return numbers, shape (R,), of addresses, shape (R, 4) or (R, 16); -1 for new ones beyond the limit."""
         different, inverse = np.unique(addresses, axis=0, return_inverse=True)
         numbers = [self._number(address.tobytes()) for address in different]
         return np.array(numbers, np.int64)[inverse.ravel()]

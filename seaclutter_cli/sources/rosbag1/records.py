@@ -79,15 +79,7 @@ class BagRecord(NamedTuple):
 
 
 def parse_fields(header: bytes) -> dict[bytes, bytes] | None:
-    r"""Return the fields of a header; None if it is not valid.
-
-    Examples
-    --------
-    >>> parse_fields(b"\x04\0\0\0op=\x05")
-    {b'op': b'\x05'}
-    >>> parse_fields(b"\x04\0\0\0op") is None
-    True
-    """
+    r"""Return the fields of a header; None if it is not valid."""
     fields = {}
     at = 0
     while at < len(header):

@@ -188,10 +188,7 @@ class BagSource(ChunkedSource[Chunk, Content]):
         return {channel: self._counts[channel] for channel in self._channels if channel not in self._hidden}
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
-        """Yield metadata, then the messages in log time order; can be called again.
-
-        Chunks outside ``[start_ns, end_ns)`` are left out.
-        """
+        """Yield metadata, then the messages of chunks with times in ``[start_ns, end_ns)``."""
         yield from self.metadata
         read = 0
         messages, is_all = self._in_time_order(start_ns, end_ns)
@@ -311,10 +308,7 @@ def read_index(view: Bytes[Buffer], at: int) -> ChunkIndex | None:
 
 
 def _unpacked(packed: memoryview, chunk: BagRecord, *, ends_bag: bool, bag_bytes: int) -> tuple[memoryview, str | None]:
-    """Return the readable content of a chunk's data, and a description of its damage; None if it is intact.
-
-    The limit of a chunk depends on the size of the bag; ``ends_bag`` if the bag ends where the chunk ends.
-    """
+    """Return the readable content of a chunk's data, and a description of its damage; None if it is intact."""
     size, limit = chunk.number(b"size"), limits().chunk_bytes_of(bag_bytes)
     most = min(limit, max(size, MAX_AHEAD_BYTES))
     compression = chunk.fields[b"compression"]

@@ -30,10 +30,7 @@ class _Metadata:
 
 
 def is_rosbag2_folder(path: Path) -> bool:
-    """Return whether a folder is a ROS 2 recording.
-
-    A recording has a ``metadata.yaml`` of rosbag2, or all of its storage files are named after the folder.
-    """
+    """Return whether a folder has a ``metadata.yaml`` of rosbag2, or all of its storage files are named after it."""
     if not path.is_dir():
         return False
     files = _storage_files(path)

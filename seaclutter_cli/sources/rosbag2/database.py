@@ -62,10 +62,7 @@ def open_database(path: Path, stack: ExitStack) -> sqlite3.Connection:
 
 
 class _GuardedConnection(sqlite3.Connection):
-    """A connection that interrupts statements that take more steps than the size of an intact file explains.
-
-    Pages of a damaged file may refer to one another in circles.
-    """
+    """A connection that interrupts endless statements: pages of a damaged file may refer to one another in circles."""
 
     def guard(self, size: int) -> None:
         """Set the limits for a file of ``size`` bytes."""

@@ -34,11 +34,7 @@ _log_time = attrgetter("log_time_ns")
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """A part of a file that is read as a whole: offset, size, and log times of the first and last message.
-
-    ``unpacked`` is its size in memory as far as declared; 0 if it is not compressed. ``messages`` is their number as
-    far as known.
-    """
+    """A part of a file that is read as a whole; ``unpacked`` size, and number of ``messages``, as far as known."""
 
     offset: int
     size: int
@@ -161,10 +157,7 @@ def in_order(found: Mapping[int, Message]) -> list[Message]:
 
 
 class ChunkedSource(Source, Generic[C, P]):
-    """A log in one file whose messages are in chunks; a few unpacked ones are in memory, and numbers about each.
-
-    ``P`` is the unpacked content of a chunk.
-    """
+    """A log in one file whose messages are in chunks of kind ``C``, with content ``P``; a few are in memory."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()

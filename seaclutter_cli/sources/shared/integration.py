@@ -121,10 +121,7 @@ def _joined(channel: Channel) -> Channel:
 
 
 def _one(clouds: Sequence[Cloud]) -> Cloud:
-    """Return an unorganised cloud of the points of clouds with the same layout, with the earliest stamp.
-
-    Times of points that are relative to the stamp of their cloud become relative to the earliest one.
-    """
+    """Return an unorganised cloud of the points of clouds with the same layout, with the earliest stamp."""
     start_ns = min(cloud.stamp_ns for cloud in clouds)
     shifted = [_shifted(cloud, start_ns) for cloud in clouds]
     data, width = memoryview(b"".join(points.tobytes() for points in shifted)), sum(map(len, shifted))

@@ -268,10 +268,7 @@ class PacketMessage:
 
 @dataclass
 class Batch:
-    """The packets of messages of one topic in order, in runs of equal length.
-
-    The frame id is that in the last message that names one; ``problems`` are messages that cannot be read, by position.
-    """
+    """Packets of messages of one topic in runs of equal length, the last frame id, and problems by position."""
 
     packets: list[Packets] = field(default_factory=list)
     frame_id: str | None = None
@@ -279,11 +276,7 @@ class Batch:
 
 
 def read_batch(messages: Sequence[Message]) -> Batch:
-    """Return the packets of messages of one topic.
-
-    Messages with one packet differ only in stamps, flags and payloads if their lengths are equal. They are read as
-    one array, which is several times faster than one after the other.
-    """
+    """Return the packets of messages of one topic; those of equal length with one packet are read as one array."""
     batch, at = Batch(), 0
     for _, group in groupby(messages, key=lambda message: len(message.data)):
         alike = list(group)

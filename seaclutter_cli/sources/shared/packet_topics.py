@@ -148,15 +148,7 @@ def _messages(stream: _Stream, frames: Iterator[PacketFrame]) -> Iterator[Messag
 
 
 def _points_topic(packets: Channel) -> str:
-    """Return the topic of the clouds of a packet topic, as the sensor's driver names it.
-
-    Examples
-    --------
-    >>> _points_topic(Channel(1, "/front/velodyne_packets", "cdr", None))
-    '/front/velodyne_points'
-    >>> _points_topic(Channel(2, "/scan", "cdr", None))
-    '/scan/points'
-    """
+    """Return the topic of the clouds of a packet topic, as the sensor's driver names it."""
     of_ouster = (packet_type(packets) or "").endswith("/PacketMsg")
     topic = re.sub("lidar_packets$", "packets", packets.topic) if of_ouster else packets.topic
     front = topic.removesuffix("packets")

@@ -108,11 +108,7 @@ class SplitSource(Source):
         return counts
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
-        """Yield the records of one file after another; can be called again.
-
-        Within a file, messages are in log time order. Late messages that a recorder wrote to the next file remain in
-        that file.
-        """
+        """Yield the records of one file after another, late messages in the file to which the recorder wrote them."""
         del self.damage[self._at_opening :]
         read = 0
         for file in self._relabelled:

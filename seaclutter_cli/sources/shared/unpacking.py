@@ -31,10 +31,7 @@ _INCREMENTAL: Mapping[str, Callable[[], Any]] = {
 
 
 def unpacked(compression: str, packed: Buffer, size: int) -> Buffer:
-    """Return decompressed data, at most one byte more than the expected ``size``.
-
-    The compression is ``zstd``, ``lz4``, ``bz2``, or empty for none. Frames of zstd may follow one another.
-    """
+    """Return data compressed by ``zstd``, ``lz4``, ``bz2`` or not, at most one byte more than the expected ``size``."""
     if compression == "":
         return packed
     if compression == "zstd":
@@ -50,10 +47,7 @@ def unpacked_frame(compression: str, packed: Buffer, size: int) -> tuple[bytes, 
 
 
 def readable(compression: str, packed: Buffer, most: int) -> tuple[Buffer, bool]:
-    """Return the data before the first error, at most ``most`` bytes.
-
-    The second value is whether these are all data; it is unknown, and False, for zstd.
-    """
+    """Return at most ``most`` bytes before the first error, and whether these are known to be all, not for zstd."""
     if compression == "":
         return packed[:most], len(packed) <= most
     content = bytearray()
@@ -104,10 +98,7 @@ def is_large(data: object, most: int) -> bool:
 
 
 def unpack_file(path: Path, folder: Path) -> tuple[Path, Damage | None]:
-    """Unpack the readable part of a ``.zstd`` file into a folder; return it, and the damage of the packed file if any.
-
-    `InputError` if the file cannot be read, or the unpacked one does not fit on the disk.
-    """
+    """Return the readable part of a ``.zstd`` file, unpacked into a folder, and its damage; `InputError` if not."""
     target = folder / path.stem
     try:
         with path.open("rb") as packed, target.open("wb") as unpacked:
