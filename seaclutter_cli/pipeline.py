@@ -4,6 +4,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass, field
+from itertools import chain, starmap
 from time import perf_counter
 from typing import TypeVar
 
@@ -173,27 +174,22 @@ def run(
     `FieldError` if all frames of a topic lack a field that the method needs; if only some do, they are damage.
     """
     clouds = cloud_channels(source, selection.topics)
-    filters = {channel.topic: make_filter() for channel in clouds}
+    filters = {channel.topic: [make_filter()] for channel in clouds}
     tallies = {} if tallies is None else tallies
     tallies.update((topic, TopicTally()) for topic in filters)
-    _observe(source, selection, {topic: [method] for topic, method in filters.items()})
+    _observe(source, selection, filters)
     for sink in sinks:
         sink.begin(source, clouds)
-    holder = RecordHolder({topic: [method] for topic, method in filters.items()})
-    for held in _held(holder, read(source, clouds, selection, with_latched=True)):
+    records = read(source, clouds, selection, with_latched=True)
+    for held in _filtered(source, filters, {topic: [tallies[topic]] for topic in filters}, records):
         if held.frame is None:
             for sink in sinks:
                 sink.copy(held.record)
-            continue
-        (result,) = _counted(held.frame, held, [tallies[held.frame.topic]], source)
-        if isinstance(result, FieldError):
-            report_lost(source, held.frame.topic, held.frame.index, held.frame.nbytes, result)
-            continue
-        for sink in sinks:
-            sink.write(result)
-        on_frame(result)
-    for topic, tally in tallies.items():
-        _require_fields(source, topic, tally)
+        for result in held.results:
+            if isinstance(result, FilterResult):
+                for sink in sinks:
+                    sink.write(result)
+                on_frame(result)
     for sink in sinks:
         sink.end()
     return tallies
@@ -221,24 +217,38 @@ def run_each(
     tallies = [TopicTally() for _ in filters]
     records = read(source, clouds, selection)
     usable = ((record, frame) for record, frame in records if frame is not None and _has_coordinates(frame, source))
-    for held in _held(RecordHolder({topics[0]: filters}), usable):
-        if held.frame is None:
-            continue
-        frame, results = held.frame, _counted(held.frame, held, tallies, source)
-        unusable = next((result for result in results if isinstance(result, FieldError)), None)
-        if unusable is not None:
-            report_lost(source, frame.topic, frame.index, frame.nbytes, unusable)
-        seconds = [0.0 if isinstance(r, FieldError) else s for r, s in zip(results, held.seconds, strict=True)]
-        on_frame(frame, [None if isinstance(result, FieldError) else result for result in results], seconds)
-    for tally in tallies:
-        _require_fields(source, topics[0], tally)
+    for held in _filtered(source, {topics[0]: filters}, {topics[0]: tallies}, usable):
+        if held.frame is not None:
+            results = [result if isinstance(result, FilterResult) else None for result in held.results]
+            on_frame(held.frame, results, held.seconds)
 
 
-def _held(holder: RecordHolder, records: Iterable[tuple[Record, Frame | None]]) -> Iterator[HeldRecord]:
-    """Yield all records in order, frames with their results."""
-    for record, frame in records:
-        yield from holder.add(record, frame)
-    yield from holder.finish()
+def _filtered(
+    source: Source,
+    filters: Mapping[str, Sequence[Filter]],
+    tallies: Mapping[str, Sequence[TopicTally]],
+    records: Iterable[tuple[Record, Frame | None]],
+) -> Iterator[HeldRecord]:
+    """Yield all records in order, frames with their results, which are added to the sums; report unusable frames.
+
+    Filters and their sums are given by topic. `FieldError` if a filter cannot use any frame.
+    """
+    holder = RecordHolder(filters)
+    for held in chain(chain.from_iterable(starmap(holder.add, records)), holder.finish()):
+        frame = held.frame
+        if frame is not None:
+            for result, tally, seconds in zip(held.results, tallies[frame.topic], held.seconds, strict=True):
+                if isinstance(result, FilterResult):
+                    tally.add(result, seconds)
+                elif result is not None:
+                    _record_unfit(result, frame, tally, source)
+            error = next((result for result in held.results if isinstance(result, FieldError)), None)
+            if error is not None:
+                report_lost(source, frame.topic, frame.index, frame.nbytes, error)
+        yield held
+    for topic, own in tallies.items():
+        for tally in own:
+            _require_fields(source, topic, tally)
 
 
 def _has_coordinates(frame: Frame, source: Source) -> bool:
@@ -270,19 +280,6 @@ def _observe(source: Source, selection: Selection, filters: Mapping[str, Sequenc
             with suppress(FieldError):  # `step` reports it
                 method.observe(frame)
     source.damage[:] = damage  # reading reports it again
-
-
-def _counted(
-    frame: Frame, held: HeldRecord, tallies: Sequence[TopicTally], source: Source
-) -> list[FilterResult | FieldError]:
-    """Return the results of the filters after adding each to its sums."""
-    known = [result for result in held.results if result is not None]
-    for result, tally, seconds in zip(known, tallies, held.seconds, strict=True):
-        if isinstance(result, FieldError):
-            _record_unfit(result, frame, tally, source)
-        else:
-            tally.add(result, seconds)
-    return known
 
 
 def _record_unfit(error: FieldError, frame: Frame, tally: TopicTally, source: Source) -> None:

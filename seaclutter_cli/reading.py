@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from seaclutter_cli.errors import CloudError, MissingExtraError, SeaclutterError, UnsupportedCloudError
+from seaclutter_cli.errors import CloudError, MissingExtraError, UnsupportedCloudError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import declares_latched, find_codec
@@ -38,7 +38,7 @@ def read(
     `UnsupportedCloudError` if the clouds of a topic are stored in a form that cannot be read, `MissingExtraError` if
     they need an extra. With ``unreadable``, the reason is stored there by topic instead; the topic yields no frames.
     """
-    decoder = _Decoder(source, clouds, selection.intensity_field, unreadable)
+    codecs = {channel: codec for channel in clouds if (codec := find_codec(channel))}
     window = Window(source, clouds, selection)
     if with_latched and window.start_ns is not None:
         yield from ((message, None) for message in _latched_before(source, window.start_ns, selection.latched))
@@ -46,50 +46,34 @@ def read(
         if not isinstance(record, Message):
             yield record, None
             continue
-        is_cloud = record.channel in decoder.codecs
-        if is_cloud and window.closed:
+        codec = codecs.get(record.channel)
+        if codec and window.closed:
             return
-        index = window.count(record) if is_cloud else 0
+        index = window.count(record) if codec else 0
         if not window.contains(record):
             continue
-        for frame in decoder.frames(record, index) if is_cloud else (None,):
-            if frame is not None:
+        frame = None
+        if codec and record.channel.topic not in (unreadable or ()):
+            try:
+                cloud = codec.decode(record.data)
+            except (UnsupportedCloudError, MissingExtraError) as error:
+                _note_unreadable(error, source, record.channel.topic, unreadable)
+            except CloudError as error:
+                report_lost(source, record.channel.topic, index, len(record.data), error)
+                continue
+            else:
+                frame = Frame.of_message(record, cloud, index, selection.intensity_field)
                 window.count_selected(record)
-            yield record, frame
+        yield record, frame
 
 
-class _Decoder:
-    """Decoder of the messages of cloud topics; see `read`."""
-
-    def __init__(
-        self, source: Source, clouds: Sequence[Channel], intensity: str | None, unreadable: dict[str, str] | None
-    ) -> None:
-        self.codecs = {channel: codec for channel in clouds if (codec := find_codec(channel))}
-        self._source, self._intensity, self._unreadable = source, intensity, unreadable
-
-    def frames(self, message: Message, index: int) -> Iterator[Frame | None]:
-        """Yield the frame of a message; None if clouds of its topic cannot be read, nothing if it is damaged."""
-        topic = message.channel.topic
-        if self._unreadable and topic in self._unreadable:
-            yield None
-            return
-        try:
-            cloud = self.codecs[message.channel].decode(message.data)
-        except (UnsupportedCloudError, MissingExtraError) as error:
-            if self._unreadable is None:
-                raise _of_topic(error, self._source, topic) from error
-            self._unreadable[topic] = str(_of_topic(error, self._source, topic))
-            yield None
-        except CloudError as error:
-            report_lost(self._source, topic, index, len(message.data), error)
-        else:
-            yield Frame.of_message(message, cloud, index, self._intensity)
-
-
-def _of_topic(error: SeaclutterError, source: Source, topic: str) -> SeaclutterError:
-    if isinstance(error, UnsupportedCloudError):
-        return UnsupportedCloudError(f"{source.name}, {topic}: {error}")
-    return error
+def _note_unreadable(
+    error: UnsupportedCloudError | MissingExtraError, source: Source, topic: str, unreadable: dict[str, str] | None
+) -> None:
+    of_topic = UnsupportedCloudError(f"{source.name}, {topic}: {error}") if isinstance(error, UnsupportedCloudError) else error
+    if unreadable is None:
+        raise of_topic from error
+    unreadable[topic] = str(of_topic)
 
 
 def _latched_before(source: Source, start_ns: int, topics: Collection[str]) -> Iterator[Message]:
