@@ -70,7 +70,9 @@ def read(
 def _note_unreadable(
     error: UnsupportedCloudError | MissingExtraError, source: Source, topic: str, unreadable: dict[str, str] | None
 ) -> None:
-    of_topic = UnsupportedCloudError(f"{source.name}, {topic}: {error}") if isinstance(error, UnsupportedCloudError) else error
+    of_topic = (
+        UnsupportedCloudError(f"{source.name}, {topic}: {error}") if isinstance(error, UnsupportedCloudError) else error
+    )
     if unreadable is None:
         raise of_topic from error
     unreadable[topic] = str(of_topic)

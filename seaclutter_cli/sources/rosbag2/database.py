@@ -6,7 +6,6 @@ from array import array
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
-from functools import partial
 from pathlib import Path
 from shutil import copy
 from tempfile import TemporaryDirectory
@@ -32,6 +31,7 @@ _COLUMNS = (
     "ELSE data END FROM messages"
 )
 _TIMES = "SELECT rowid, CASE typeof(timestamp) WHEN 'integer' THEN timestamp END FROM messages NOT INDEXED"
+_INDEXED = "SELECT count(*) FROM messages INDEXED BY timestamp_idx WHERE timestamp IS NOT NULL"
 _MAX_MISSES = 100_000
 _ANY_TIME = 2**63 - 1
 _PROBE = "SELECT name FROM sqlite_master LIMIT 1"
@@ -130,7 +130,17 @@ def read_rows(
             seen[block] |= bit
             yield row
     except BROKEN as error:
-        yield from _salvage(database, seen, bounds, partial(report, f"the database is damaged ({error})"))
+        rows, lost = _FoundRows(database), 0
+        try:
+            for index in np.lexsort((rows.numbers, rows.times)):
+                number = rows.numbers[index]
+                if bounds[0] <= rows.times[index] < bounds[1] and not seen[number >> 10] & 1 << (number & 1023):
+                    try:
+                        yield from _row(database, number).fetchall()
+                    except BROKEN:
+                        lost += 1
+        finally:
+            report(f"the database is damaged ({error})", None if rows.missing is None else rows.missing + lost)
 
 
 def _in_time_order(database: sqlite3.Connection, bounds: tuple[int, int] | None) -> Iterator[Row]:
@@ -160,34 +170,11 @@ def _columns() -> str:
     return _COLUMNS.format(most=limits().message_bytes)
 
 
-def _salvage(
-    database: sqlite3.Connection,
-    seen: defaultdict[int, int],
-    bounds: tuple[int, int],
-    report: Callable[[int | None], None],
-) -> Iterator[Row]:
-    """Yield the readable rows that were not yielded yet, in time order."""
-    rows = _find_rows(database)
-    lost = 0
-    try:
-        for index in np.lexsort((rows.numbers, rows.times)):
-            number = rows.numbers[index]
-            if not bounds[0] <= rows.times[index] < bounds[1]:
-                continue
-            if seen.get(number >> 10, 0) & 1 << (number & 1023):
-                continue
-            try:
-                yield from _row(database, number).fetchall()
-            except BROKEN:
-                lost += 1
-    finally:
-        report(None if rows.missing is None else rows.missing + lost)
-
-
 class _FoundRows:
-    """Numbers and times in nanoseconds of rows in the messages table; each takes 16 bytes.
+    """Numbers and times in nanoseconds of the readable rows; each takes 16 bytes.
 
-    ``missing`` is the number of rows that cannot be read; None if it is unknown.
+    They are searched from both ends of the table, and between them one by one. ``missing`` is the number of rows that
+    cannot be read; None if it is unknown.
     """
 
     def __init__(self, database: sqlite3.Connection) -> None:
@@ -195,8 +182,19 @@ class _FoundRows:
         self.times = array("q")
         self.missing: int | None = 0
         self._database = database
+        if self._scan("ASC", 0):
+            return
+        count = len(self.numbers)
+        last = self.numbers[-1] if count else 0
+        self._scan("DESC", last)
+        end_found = len(self.numbers) > count
+        self._probe(last + 1, self.numbers[-1] if end_found else sys.maxsize)
+        total = max(self.numbers) if end_found else None  # the recorder numbers its messages from 1
+        with suppress(*BROKEN):
+            total = int(database.execute(_INDEXED).fetchone()[0])
+        self.missing = None if total is None else max(total - len(self.numbers), 0)
 
-    def scan(self, order: str, above: int) -> bool:
+    def _scan(self, order: str, above: int) -> bool:
         """Add the rows above a number, from one end of the table on; return whether all of them can be read."""
         last = None
         with suppress(*BROKEN):
@@ -210,7 +208,7 @@ class _FoundRows:
             return True
         return False
 
-    def probe(self, first: int, end: int) -> None:
+    def _probe(self, first: int, end: int) -> None:
         """Add the readable rows of a range of numbers; stop after a long series of missing rows."""
         misses = 0
         for number in range(first, end):
@@ -226,29 +224,3 @@ class _FoundRows:
         if isinstance(time_ns, int):
             self.numbers.append(number)
             self.times.append(time_ns)
-
-
-def _find_rows(database: sqlite3.Connection) -> _FoundRows:
-    """Return the readable rows, searched from both ends of the table, and between them one by one."""
-    rows = _FoundRows(database)
-    if rows.scan("ASC", 0):
-        return rows
-    count = len(rows.numbers)
-    last = rows.numbers[-1] if count else 0
-    rows.scan("DESC", last)
-    end_found = len(rows.numbers) > count
-    rows.probe(last + 1, rows.numbers[-1] if end_found else sys.maxsize)
-    total = _indexed(database)
-    if total is None and end_found:
-        # The recorder numbers its messages from 1.
-        total = max(rows.numbers)
-    rows.missing = None if total is None else max(total - len(rows.numbers), 0)
-    return rows
-
-
-def _indexed(database: sqlite3.Connection) -> int | None:
-    """Return the number of messages in the index of their times; None if it is damaged or missing."""
-    with suppress(*BROKEN):
-        query = "SELECT count(*) FROM messages INDEXED BY timestamp_idx WHERE timestamp IS NOT NULL"
-        return int(database.execute(query).fetchone()[0])
-    return None
