@@ -1,7 +1,5 @@
 """Conversion of recordings to other formats."""
 
-from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
 from time import perf_counter
@@ -15,31 +13,26 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reading import read
 from seaclutter_cli.records import Channel
-from seaclutter_cli.runs.batch import input_bytes, run_batch
+from seaclutter_cli.runs.batch import input_bytes
 from seaclutter_cli.runs.log_work import (
     LogOutcome,
-    LogRun,
     LogSummary,
     LogWork,
-    plan_outputs,
+    log_run,
     warn_of_losses,
     warn_of_patterns,
 )
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ConvertOptions
-from seaclutter_cli.runs.outputs import inputs_of
 from seaclutter_cli.runs.recordings import (
-    expand,
     expected_frames,
-    opened,
     require_frames,
     require_selected,
-    storing_errors,
 )
-from seaclutter_cli.runs.resume import RunIdentity, identity_of, same_output_accepted
+from seaclutter_cli.runs.resume import RunIdentity, identity_of
 from seaclutter_cli.selection import Selection, cloud_channels
 from seaclutter_cli.sinks.atomic import OutputGroup
-from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options
+from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.text import count, printable
 
 
@@ -66,40 +59,16 @@ def convert_log(options: ConvertOptions) -> "ConvertSummary":
     (60, ['sequence numbers'])
     """
     started, observer = perf_counter(), options.watching
-    run = convert_run(options, observer)
-    run.prepare(observer)
-    earlier = run.earlier(observer)
-    todo = [work for work, outcome in zip(run.works, earlier, strict=True) if outcome is None]
-    is_alone = options.batch.runs_here(len(run.works)) and todo
-    done = iter([todo[0].run(observer)] if is_alone else run_batch(todo, options.batch, observer))
-    outcomes = [outcome or next(done) for outcome in earlier]
+    run = log_run(options, observer, ConvertWork)
+    outcomes = run.do(run.begin(observer), observer)
     require_selected(outcomes)
-    run.finish(outcomes)
+    run.list_outputs(outcomes)
     return ConvertSummary(outcomes, perf_counter() - started)
-
-
-def convert_run(options: ConvertOptions, observer: Observer, *, ahead: bool = True) -> "LogRun[ConvertWork]":
-    """Return the work on each recording, without checks of the output files; see `filter_run`."""
-    recordings = expand(options.logs, options.reading, observer, ahead=ahead)
-    form, targets = plan_outputs(recordings, options.output, options.to)
-    check_options(form, options.written)
-    each = zip(recordings, targets, strict=True)
-    works = [ConvertWork(options, one, target, form, None) for one, target in each]
-    return LogRun(works, inputs_of(recordings, options.reading), {})
 
 
 @dataclass(frozen=True)
 class ConvertWork(LogWork["ConvertOutcome", ConvertOptions]):
     """Conversion of one recording."""
-
-    def run(self, observer: Observer) -> "ConvertOutcome":
-        """Convert the recording; store an error in the outcome."""
-        outcome, options = self.without_result(None), self.options
-        with storing_errors(outcome, observer), same_output_accepted(self), ExitStack() as stack:
-            source = stack.enter_context(opened(self.recording, options.reading, observer, outcome))
-            group = stack.enter_context(OutputGroup(replace=self.replaces))
-            self._stream(source, outcome, observer, group)
-        return outcome
 
     def clouds(self, source: Source) -> list[Channel]:
         """Return the channels of the clouds that are converted as frames, and counted."""
@@ -117,7 +86,8 @@ class ConvertWork(LogWork["ConvertOutcome", ConvertOptions]):
         options, paths = self.options, self.recording.paths
         return identity_of(paths, None, options.reading, options.written, None, convert_to=self.form)
 
-    def _stream(self, source: Source, outcome: "ConvertOutcome", observer: Observer, group: OutputGroup) -> None:
+    def stream(self, source: Source, outcome: "ConvertOutcome", observer: Observer, group: OutputGroup) -> None:
+        """Copy the records, and count the frames."""
         selection = replace(self.options.reading.selection, latched=self.options.written.latched)
         warn_of_patterns(source, self.options.written, observer)
         clouds = self._clouds(source, selection)
@@ -169,18 +139,14 @@ class ConvertOutcome(LogOutcome):
     messages: int = 0
     lost: list[str] = field(default_factory=list)
 
-    def figures(self) -> str:
-        """Return frames, points and duration, for a line about the outcome."""
-        if self.skipped:
-            return f"{count(self.frames, 'frame')}; skipped, the output was complete"
-        return f"{self._amounts()}, {self.seconds:.1f} s -> {printable(str(self.output))}"
+    @property
+    def points_out(self) -> int:
+        """Number of points, which are all kept."""
+        return self.points_in
 
-    def _amounts(self) -> str:
+    def amounts(self) -> str:
+        """Return messages, frames and points."""
         return f"{count(self.messages, 'message')}, {count(self.frames, 'frame')} of {count(self.points_in, 'point')}"
-
-    def counts(self) -> dict[str, Any]:
-        """Return further columns of the manifest of a run."""
-        return {**super().counts(), "points_out": self.points_in}
 
     def as_dict(self) -> dict[str, Any]:
         """Return the outcome as JSON-compatible data."""
@@ -211,8 +177,5 @@ class ConvertOutcome(LogOutcome):
         return "\n".join([*lines, f"{count(self.messages, 'message')} in {self.seconds:.1f} s"])
 
 
-@dataclass(frozen=True)
-class ConvertSummary(LogSummary):
+class ConvertSummary(LogSummary[ConvertOutcome]):
     """Outcomes of the conversion of several recordings."""
-
-    outcomes: Sequence[ConvertOutcome]

@@ -21,30 +21,32 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import TopicTally, run
 from seaclutter_cli.records import Channel, Message, Metadata
 from seaclutter_cli.reporting.palette import reason_names
-from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
+from seaclutter_cli.runs.batch import Work, input_bytes
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
-from seaclutter_cli.runs.labels import assign_labels
-from seaclutter_cli.runs.log_work import LogRun, LogWork, plan_outputs, warn_of_losses, warn_of_patterns
+from seaclutter_cli.runs.log_work import (
+    LogRun,
+    LogWork,
+    log_run,
+    warn_of_losses,
+    warn_of_patterns,
+)
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import FilterOptions
-from seaclutter_cli.runs.outputs import inputs_of, may_appear
+from seaclutter_cli.runs.outputs import may_appear
 from seaclutter_cli.runs.recordings import (
-    expand,
     expected_frames,
     open_recording,
-    opened,
     require_frames,
     require_selected,
-    storing_errors,
 )
-from seaclutter_cli.runs.resume import RunIdentity, identity_of, same_output_accepted
+from seaclutter_cli.runs.resume import RunIdentity, identity_of
 from seaclutter_cli.selection import cloud_channels, filtered_by, was_filtered
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.csv import CsvSink
-from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options
+from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.text import count, printable, share
@@ -76,24 +78,19 @@ def filter_log(options: FilterOptions) -> FilterSummary:
     """
     started, observer = perf_counter(), options.watching
     run = filter_run(options, observer)
-    run.prepare(observer)
-    earlier = run.earlier(observer)
-    works = _works(run.works, earlier, with_table=options.csv_file is not None)
+    begun, csv_file = run.begin(observer), options.csv_file
     with OutputGroup(replace=run.works[0].replaces) as files:
         with ExitStack() as stack:
             # A single log appears together with the table, after it. Of several, each appears when it is complete.
-            is_alone, csv_file = options.batch.runs_here(len(run.works)) and bool(works), options.csv_file
-            log_written = stack.enter_context(OutputGroup(files)) if is_alone else None
+            logs = stack.enter_context(OutputGroup(files))
             table = stack.enter_context(_frame_table(run.works[0].config, csv_file, files)) if csv_file else None
-            if is_alone and isinstance(works[0], FilterWork):
-                done = iter([works[0].run(observer, table, log_written)])
-            else:
-                done = iter(run_batch(works, options.batch, observer, partial(_append, table)))
-            outcomes = list(done) if csv_file else [outcome or next(done) for outcome in earlier]
+            if table:
+                begun = [_with_rows(one, work, table, run) for one, work in zip(begun, run.works, strict=True)]
+            outcomes = run.do(begun, observer, logs, partial(_append, table))
             require_selected(outcomes)
-        if not may_appear([options.csv_file], outcomes, observer):
+        if not may_appear([csv_file], outcomes, observer):
             files.discard()
-    run.finish(outcomes)
+    run.list_outputs(outcomes)
     return FilterSummary(outcomes, perf_counter() - started)
 
 
@@ -103,30 +100,21 @@ def filter_run(options: FilterOptions, observer: Observer, *, ahead: bool = True
     Recordings in object storage are fetched ahead, if ``ahead``. Raise `SeaclutterError` if the configuration is not
     valid, there are no recordings, or options do not fit them.
     """
-    config, recordings = configured(options), expand(options.logs, options.reading, observer, ahead=ahead)
     if options.labels and not options.with_scene:
         raise UsageError("--labels: only used for the boxes of --with-scene; add that option or leave out --labels")
-    form, targets = plan_outputs(recordings, options.output, options.to)
-    check_options(form, options.written, with_scene=options.with_scene)
-    each = zip(recordings, targets, assign_labels(options, recordings), strict=True)
-    works = [FilterWork(options, one, target, form, labels, config) for one, target, labels in each]
-    inputs = inputs_of(recordings, options.reading, options.config, [config])
-    return LogRun(works, inputs, {"--csv": options.csv_file}, options.labels)
+    return log_run(options, observer, partial(FilterWork, config=configured(options)), ahead=ahead)
 
 
-def _works(
-    works: Sequence["FilterWork"], earlier: Sequence[FilterOutcome | None], *, with_table: bool
-) -> list[Work[FilterOutcome]]:
-    """Return the work that is left; with a table, also the reading of the rows in complete outputs."""
-    pairs = list(zip(works, earlier, strict=True))
-    if not with_table:
-        return [work for work, outcome in pairs if outcome is None]
-    return [work if outcome is None else _ReadBackWork(work, outcome) for work, outcome in pairs]
+def _with_rows(begun: object, work: "FilterWork", table: CsvSink, run: "LogRun[FilterWork]") -> Work[FilterOutcome]:
+    """Return the work on a recording with rows for the table, which read back those of a complete output."""
+    if isinstance(begun, FilterOutcome):
+        return _ReadBackWork(work, begun)
+    return replace(work, table=table) if run.is_alone else work
 
 
 def _append(table: CsvSink | None, outcome: FilterOutcome) -> None:
     """Append the rows of a recording to the table."""
-    if table and not outcome.error:
+    if table and outcome.rows:
         table.append(zlib.decompress(outcome.rows))
     outcome.rows = b""
 
@@ -149,22 +137,8 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
     """Filtering of one recording with a configuration."""
 
     config: Config
-
-    def run(self, observer: Observer, table: CsvSink | None = None, group: OutputGroup | None = None) -> FilterOutcome:
-        """Filter the recording; store an error in the outcome.
-
-        The rows of its frames go into the ``table``, or into the outcome; the filtered file appears with the ``group``,
-        or by itself.
-        """
-        outcome = self.without_result(None)
-        with storing_errors(outcome, observer), same_output_accepted(self), ExitStack() as stack:
-            own = None if table or not self.options.csv_file else stack.enter_context(_own_table(self.config))
-            source = stack.enter_context(opened(self.recording, self.options.reading, observer, outcome))
-            written = stack.enter_context(OutputGroup(group, replace=self.replaces))
-            self._stream(source, outcome, observer, table or own, written)
-            if own:
-                outcome.rows = zlib.compress(own.rows())
-        return outcome
+    table: CsvSink | None = None
+    """Receives the rows of the frames; by default they are stored in the outcome, if there is a table."""
 
     def clouds(self, source: Source) -> list[Channel]:
         """Return the channels of the clouds to filter."""
@@ -181,14 +155,8 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
             error=reason,
         )
 
-    def _stream(
-        self,
-        source: Source,
-        outcome: FilterOutcome,
-        observer: Observer,
-        table: CsvSink | None,
-        group: OutputGroup,
-    ) -> None:
+    def stream(self, source: Source, outcome: FilterOutcome, observer: Observer, group: OutputGroup) -> None:
+        """Filter the frames of the recording."""
         selection = replace(self.options.reading.selection, latched=self.options.written.latched)
         clouds = cloud_channels(source, selection.topics)
         warn_of_patterns(source, self.options.written, observer)
@@ -203,6 +171,7 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
         fit = _FitWarnings(self.config, source, topics, observer)
         with (
+            self._rows(outcome) as table,
             observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
             OUTPUT_FORMATS[self.form].make_sink(
                 self.target, self._written(labels, partial(self.record, source, outcome)), group
@@ -218,6 +187,15 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
             require_frames(source, outcome.frames, selection)
         warn_of_losses(self.output, self.form, sink.lost, observer)
         fit.finish(outcome.topics)
+
+    @contextmanager
+    def _rows(self, outcome: FilterOutcome) -> Iterator[CsvSink | None]:
+        if self.table or not self.options.csv_file:
+            yield self.table
+            return
+        with _own_table(self.config) as own:
+            yield own
+            outcome.rows = zlib.compress(own.rows())
 
     def identity(self) -> RunIdentity:
         """Return what the filtered file depends on."""

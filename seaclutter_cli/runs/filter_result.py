@@ -30,16 +30,9 @@ class FilterOutcome(LogOutcome):
         """Number of points kept."""
         return sum(int(tally.counts[Reason.KEPT]) for tally in self.topics.values())
 
-    def figures(self) -> str:
-        """Return frames, share of the points kept, and duration, for a line about the outcome."""
-        if self.skipped:
-            return f"{count(self.frames, 'frame')}; skipped, the output was complete"
-        kept = f"{share(self.points_out, self.points_in)} of the points kept"
-        return f"{count(self.frames, 'frame')}, {kept}, {self.seconds:.1f} s -> {printable(str(self.output))}"
-
-    def counts(self) -> dict[str, Any]:
-        """Return further columns of the manifest of a run."""
-        return {**super().counts(), "points_out": self.points_out}
+    def amounts(self) -> str:
+        """Return frames and the share of the points that were kept."""
+        return f"{count(self.frames, 'frame')}, {share(self.points_out, self.points_in)} of the points kept"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the outcome as JSON-compatible data."""
@@ -57,11 +50,8 @@ class FilterOutcome(LogOutcome):
 
     def as_text(self) -> str:
         """Return the outcome as human-readable text."""
-        if self.skipped:
-            last = f"{count(self.frames, 'frame')}; skipped, the output was complete"
-        else:
-            pace = f" ({self.frames / self.seconds:.0f} frames/s)" if self.frames else ""
-            last = f"{count(self.frames, 'frame')} in {self.seconds:.1f} s{pace}"
+        pace = f" ({self.frames / self.seconds:.0f} frames/s)" if self.frames and not self.skipped else ""
+        last = self.figures() if self.skipped else f"{count(self.frames, 'frame')} in {self.seconds:.1f} s{pace}"
         topics = [_as_text(topic, tally, self.edges, has_water=self.has_water) for topic, tally in self.topics.items()]
         return "\n".join((printable(f"{self.recording} -> {self.output}"), *topics, last))
 
@@ -156,11 +146,8 @@ def _ring_row(ring: Mapping[str, float]) -> tuple[str, ...]:
     return (span, *counts, share(kept, ring["points"]), f"{ring['mean_threshold']:.2f}")
 
 
-@dataclass(frozen=True)
-class FilterSummary(LogSummary):
+class FilterSummary(LogSummary[FilterOutcome]):
     """Outcomes of filtering several recordings."""
-
-    outcomes: Sequence[FilterOutcome]
 
     def totals(self) -> str:
         """Return how the recordings ended, sizes, and pace."""

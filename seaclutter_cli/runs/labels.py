@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from seaclutter_cli.buckets import fetch, mirror_of
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Labels
+from seaclutter_cli.options import Options
 from seaclutter_cli.runs.options import LabelSources
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.text import count
@@ -18,12 +19,12 @@ if TYPE_CHECKING:
 LABEL_SUFFIX = ".labels.csv"
 
 
-def assign_labels(sources: LabelSources, recordings: Sequence[Recording]) -> list["LabelFile | None"]:
+def assign_labels(sources: Options, recordings: Sequence[Recording]) -> list["LabelFile | None"]:
     """Return the labels of each recording, not yet read; None for all recordings if there are no paths.
 
     Raise `UsageError` if they cannot be assigned to the recordings, or some do not exist.
     """
-    if not sources.labels:
+    if not isinstance(sources, LabelSources) or not sources.labels:
         return [None] * len(recordings)
     from seaclutter_cli.labels import LabelOptions  # not needed otherwise
 

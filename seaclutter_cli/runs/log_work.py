@@ -2,7 +2,7 @@
 
 import re
 from abc import abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from operator import truediv
@@ -14,18 +14,27 @@ from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Channel, Metadata
-from seaclutter_cli.runs.batch import Work, inputs_of_work, size_of
-from seaclutter_cli.runs.labels import LabelFile
+from seaclutter_cli.runs.batch import Work, inputs_of_work, run_batch, size_of
+from seaclutter_cli.runs.labels import LabelFile, assign_labels
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import WritingLogs
-from seaclutter_cli.runs.outputs import Paths, Root, is_file, is_folder, prepare_outputs, write_manifest
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, statuses
-from seaclutter_cli.runs.resume import NAME, RunIdentity, earlier_outcomes, from_entries, record_in, to_entries
-from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, format_of
+from seaclutter_cli.runs.outputs import Paths, Root, inputs_of, is_file, is_folder, prepare_outputs, write_manifest
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand, opened, statuses, storing_errors
+from seaclutter_cli.runs.resume import (
+    NAME,
+    RunIdentity,
+    earlier_outcomes,
+    from_entries,
+    record_in,
+    same_output_accepted,
+    to_entries,
+)
+from seaclutter_cli.sinks.atomic import OutputGroup
+from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options, format_of
 from seaclutter_cli.sinks.options import McapOptions, Split, part_path, parts_after
 from seaclutter_cli.sources import SOURCES, Recording
 from seaclutter_cli.sources.frame_files import FRAME_READERS
-from seaclutter_cli.text import count, data_size, named_folder
+from seaclutter_cli.text import count, data_size, named_folder, printable
 from seaclutter_cli.threads import in_threads
 from seaclutter_cli.urls import PathLike
 
@@ -95,6 +104,22 @@ class LogWork(Work[L], Generic[L, O]):
         """Whether an output may be replaced."""
         return self.options.force or self.options.batch.resume
 
+    def run(self, observer: Observer, group: OutputGroup | None = None) -> L:
+        """Do the work; store an error in the outcome. The output appears with the files of the group, or by itself."""
+        outcome = self.without_result(None)
+        with (
+            storing_errors(outcome, observer),
+            same_output_accepted(self),
+            opened(self.recording, self.options.reading, observer, outcome) as source,
+            OutputGroup(group, replace=self.replaces) as files,
+        ):
+            self.stream(source, outcome, observer, files)
+        return outcome
+
+    @abstractmethod
+    def stream(self, source: Source, outcome: L, observer: Observer, group: OutputGroup) -> None:
+        """Write the output."""
+
     @abstractmethod
     def clouds(self, source: Source) -> list[Channel]:
         """Return the channels whose frames count."""
@@ -138,45 +163,83 @@ W = TypeVar("W", bound=LogWork[Any, Any])
 
 @dataclass(frozen=True)
 class LogRun(Generic[W]):
-    """Work on each recording of a run, and the files that the run reads and writes, by option."""
+    """Work on each recording of a run, and the files that the run reads, by option."""
 
+    options: WritingLogs
     works: list[W]
     inputs: Paths
-    others: Paths
-    """Outputs beside the logs."""
-    labels: Sequence[Path] = ()
 
     @property
     def root(self) -> Root:
         """Folder of the outputs, or the only one."""
-        first = self.works[0]
-        return Root(Path(first.options.output), OUTPUT_FORMATS[first.form].marker)
+        return Root(Path(self.options.output), OUTPUT_FORMATS[self.works[0].form].marker)
 
     @property
-    def outputs(self) -> Paths:
-        """All outputs."""
-        first = self.works[0]
-        places = _places_of([work.target for work in self.works], first.form, first.options.written.split)
-        return {"-o": places, **self.others, "--manifest": first.options.batch.manifest}
+    def is_alone(self) -> bool:
+        """Whether there is only one recording, and it is processed in this process."""
+        return self.options.batch.runs_here(len(self.works))
 
-    def prepare(self, observer: Observer) -> None:
-        """Check the names of the outputs, and prepare their folders; see `prepare_outputs`."""
-        first = self.works[0]
-        prepare_outputs(self.outputs, self.inputs, self.labels, force=first.replaces, observer=observer, root=self.root)
-        check_names((work.target for work in self.works), first.options.to)
+    @property
+    def others(self) -> Paths:
+        """Outputs beside the logs."""
+        return {"--csv": getattr(self.options, "csv_file", None), "--manifest": self.options.batch.manifest}
 
-    def earlier(self, observer: Observer) -> list[Any]:
-        """Return the outcomes of an earlier run; None for each recording that must be done."""
-        resumes = self.works[0].options.batch.resume
-        return earlier_outcomes(self.works, observer) if resumes else [None] * len(self.works)
+    def prepare(self, observer: Observer, *, dry: bool = False) -> None:
+        """Check the names of the outputs, and prepare their folders, unless ``dry``; see `prepare_outputs`."""
+        targets, force = [work.target for work in self.works], dry or self.works[0].replaces
+        outputs = {"-o": _places_of(targets, self.works[0].form, self.options.written.split), **self.others}
+        labels = getattr(self.options, "labels", ())
+        prepare_outputs(outputs, self.inputs, labels, force=force, observer=observer, root=self.root, dry=dry)
+        check_names(targets, self.options.to)
 
-    def finish(self, outcomes: "Sequence[LogOutcome]") -> None:
+    def begin(self, observer: Observer) -> "list[Work[Any] | LogOutcome]":
+        """Prepare the outputs; return the work on each recording, or its outcome of an earlier run that is resumed."""
+        self.prepare(observer)
+        earlier: list[Any] = earlier_outcomes(self.works, observer) if self.options.batch.resume else self.works
+        return [outcome or work for outcome, work in zip(earlier, self.works, strict=True)]
+
+    def do(
+        self,
+        begun: "Sequence[Work[Any] | LogOutcome]",
+        observer: Observer,
+        group: OutputGroup | None = None,
+        in_order: Callable[[Any], object] = lambda _: None,
+    ) -> list[Any]:
+        """Do the work that is left, as `run_batch` does; the only output of a run appears with the ``group``."""
+        works = [one for one in begun if isinstance(one, Work)]
+        if self.is_alone and works and isinstance(works[0], LogWork):
+            done = iter([works[0].run(observer, group)])
+        else:
+            done = iter(run_batch(works, self.options.batch, observer, in_order))
+        return [next(done) if isinstance(one, Work) else one for one in begun]
+
+    def list_outputs(self, outcomes: "Sequence[LogOutcome]") -> None:
         """Store the sizes of the outputs, and write the manifest."""
         for outcome, size in zip(outcomes, in_threads(_output_size, outcomes), strict=True):
             outcome.bytes_out = size
-        first = self.works[0]
         recordings = [work.recording for work in self.works]
-        write_manifest(first.options.batch.manifest, recordings, outcomes, replace=first.replaces)
+        write_manifest(self.options.batch.manifest, recordings, outcomes, replace=self.works[0].replaces)
+
+
+def log_run(
+    options: O,
+    observer: Observer,
+    make: Callable[[O, Recording, Path, str, LabelFile | None], W],
+    *,
+    ahead: bool = True,
+) -> LogRun[W]:
+    """Return the work on each recording, as a function makes it, without checks of the output files.
+
+    Recordings in object storage are fetched ahead, if ``ahead``. Raise `SeaclutterError` if there are no recordings, or
+    options do not fit them.
+    """
+    recordings = expand(options.logs, options.reading, observer, ahead=ahead)
+    form, targets = plan_outputs(recordings, options.output, options.to)
+    check_options(form, options.written, with_scene=getattr(options, "with_scene", False))
+    each = zip(recordings, targets, assign_labels(options, recordings), strict=True)
+    works = [make(options, recording, target, form, labels) for recording, target, labels in each]
+    configs = [work.config for work in works[:1] if hasattr(work, "config")]
+    return LogRun(options, works, inputs_of(recordings, options.reading, getattr(options, "config", None), configs))
 
 
 def check_names(outputs: Iterable[Path], to: str | None) -> None:
@@ -239,24 +302,40 @@ class LogOutcome(Outcome):
         """Number of points of all topics."""
         return sum(tally.points_in for tally in self.topics.values())
 
+    @property
+    @abstractmethod
+    def points_out(self) -> int:
+        """Number of points kept."""
+
+    @abstractmethod
+    def amounts(self) -> str:
+        """Return what was written in words."""
+
+    def figures(self) -> str:
+        """Return what was written and the duration, for a line about the outcome."""
+        if self.skipped:
+            return f"{count(self.frames, 'frame')}; skipped, the output was complete"
+        return f"{self.amounts()}, {self.seconds:.1f} s -> {printable(str(self.output))}"
+
     def counts(self) -> dict[str, Any]:
         """Return further columns of the manifest of a run."""
         return {
             "output": None if self.error else str(self.output),
             "frames": self.frames,
             "points_in": self.points_in,
+            "points_out": self.points_out,
             "bytes_in": self.bytes_in,
             "bytes_out": self.bytes_out,
         }
 
 
 @dataclass(frozen=True)
-class LogSummary(RecordingsResult):
+class LogSummary(RecordingsResult, Generic[L]):
     """Outcomes of work on several recordings with logs as outputs, and the duration of the run in seconds."""
 
     is_summary = True
 
-    outcomes: Sequence[LogOutcome]
+    outcomes: Sequence[L]
     seconds: float = 0.0
 
     def as_text(self) -> str:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from seaclutter_cli.buckets import look, mirror_of, shown
 from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.parts import remove_stale
-from seaclutter_cli.paths import Identities, Identity, RealPaths, files_in
+from seaclutter_cli.paths import Identities, Identity, files_in
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.recordings import Outcome
@@ -104,31 +104,6 @@ def is_folder(output: PathLike, outputs: int, marker: str = "") -> bool:
     return os.path.isdir(place)  # noqa: PTH112 - false if the name is too long
 
 
-def prepare_outputs(
-    outputs: Paths,
-    inputs: Paths,
-    labels: Sequence[Path] = (),
-    *,
-    force: bool,
-    observer: Observer = SILENT,
-    root: Root | None = None,
-) -> None:
-    """Check the paths of output files before anything is read or written, and prepare their folders.
-
-    Folders below ``root``, and within `making_parents` all, are created. Incomplete files that killed runs left are
-    removed, with a note to the observer. A file that the observer writes, its ``log_file``, is an output, too.
-    `check_outputs` describes the other parameters and the errors.
-    """
-    log_file = getattr(observer, "log_file", None)
-    check_outputs(outputs, inputs, labels, force=force, log_file=log_file, root=root)
-    real = RealPaths()
-    folders = {real(path).parent: path for _, path in _flat(outputs)}
-    for folder, path in folders.items():
-        if _making_parents.get() or _is_below(folder, root.place if root else None):
-            _make(folder, path)
-    _tidy(folders, observer)
-
-
 @contextmanager
 def making_parents() -> Iterator[None]:
     """Within this context, all missing folders of outputs are created; otherwise at most the last of each path."""
@@ -139,27 +114,32 @@ def making_parents() -> Iterator[None]:
         _making_parents.reset(token)
 
 
-def check_outputs(
+def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
     outputs: Paths,
     inputs: Paths,
     labels: Sequence[Path] = (),
     *,
     force: bool,
-    log_file: Path | None = None,
+    observer: Observer = SILENT,
     root: Root | None = None,
+    dry: bool = False,
 ) -> None:
-    """Check the paths of output files, by option, against each other and against the inputs.
+    """Check the paths of output files, by option, against each other and against the inputs; prepare their folders.
 
     New files in folders of inputs are refused, too, but allowed in those of ``labels``. Inputs that do not exist are
-    names of built-in files. Existing files may be replaced if ``force``; ``log_file``, to which the observer appends
-    messages, may exist. ``root`` is what ``-o`` gives. Raise `UsageError` if two outputs are the same file, or an
-    output is an input, is inside an input folder, is a folder, is in a folder whose parent does not exist, or exists
+    names of built-in files. Existing files may be replaced if ``force``; a file to which the observer appends messages,
+    its ``log_file``, may exist. ``root`` is what ``-o`` gives. Raise `UsageError` if two outputs are the same file, or
+    an output is an input, is inside an input folder, is a folder, is in a folder whose parent does not exist, or exists
     and may not be replaced.
+
+    Unless ``dry``, folders below ``root``, and within `making_parents` all, are created. Incomplete files that killed
+    runs left are removed, with a note to the observer.
     """
     markers = {"-o": root.marker} if root else {}
     _list_objects(path for _, path in _flat(outputs))
     known = Identities()
     targets = [_Target(path, option, known, markers.get(option, "")) for option, path in _flat(outputs)]
+    log_file = getattr(observer, "log_file", None)
     log = [_Target(log_file, "--log-file", known)] if log_file else []
     _check_distinct([*targets, *log], known)
     read = _Inputs(_flat(inputs), known)
@@ -174,6 +154,13 @@ def check_outputs(
     for target in targets:
         _check_place(target, force=force)
     _check_folders(targets, root.place if root else None)
+    if dry:
+        return
+    folders = {target.file.parent: target.path for target in targets}
+    for folder, path in folders.items():
+        if _making_parents.get() or _is_below(folder, root.place if root else None):
+            _make(folder, path)
+    _tidy(folders, observer)
 
 
 def _list_objects(outputs: Iterable[Path]) -> None:

@@ -14,14 +14,14 @@ from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
-from seaclutter_cli.runs.convert import convert_run
+from seaclutter_cli.runs.convert import ConvertWork
 from seaclutter_cli.runs.filter import filter_run
 from seaclutter_cli.runs.info import excerpt_of
-from seaclutter_cli.runs.log_work import LogRun, LogWork, W, check_names
+from seaclutter_cli.runs.log_work import LogRun, LogWork, W, log_run
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import ConvertOptions, FilterOptions
-from seaclutter_cli.runs.outputs import Root, check_outputs
+from seaclutter_cli.runs.outputs import Root, prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expected_frames, open_recording
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sources import Recording
@@ -78,18 +78,14 @@ def plan_convert(options: ConvertOptions) -> "RunPlan":
     >>> [(one.recording, one.status, one.frames) for one in plan.outcomes]
     [('sea', 'do', 60)]
     """
-    return _plan(convert_run(options, options.observer, ahead=False), options.observer)
+    return _plan(log_run(options, options.observer, ConvertWork, ahead=False), options.observer)
 
 
 def _plan(run: LogRun[W], observer: Observer) -> "RunPlan":
-    options = run.works[0].options
-    log_file = getattr(observer, "log_file", None)
-    check_outputs(run.outputs, run.inputs, run.labels, force=True, log_file=log_file, root=run.root)
-    check_names((work.target for work in run.works), options.to)
-    others = {option: place for option, place in run.outputs.items() if option != "-o"}
-    check_outputs(others, {}, force=run.works[0].replaces)
+    run.prepare(observer, dry=True)
+    prepare_outputs(run.others, {}, force=run.works[0].replaces, dry=True)
     works = [_PlanWork(work, exists=os.path.lexists(work.output)) for work in run.works]
-    planned = [works[0].run(observer)] if len(works) == 1 else run_batch(works, options.batch.here(), observer)
+    planned = [works[0].run(observer)] if len(works) == 1 else run_batch(works, run.options.batch.here(), observer)
     result = RunPlan(planned, _free_bytes(run.works[0].target))
     if result.is_too_large:
         observer.warn(f"{run.root.place}: the outputs may not fit")
@@ -141,7 +137,7 @@ class _PlanWork(Work["Planned"]):
                 return
         elif self.exists:
             root = Root(self.work.output, OUTPUT_FORMATS[self.work.form].marker)
-            check_outputs({"-o": self.work.output}, {}, force=options.force, root=root)
+            prepare_outputs({"-o": self.work.output}, {}, force=options.force, root=root, dry=True)
             planned.reason = "replaces the output"
         with _opened(self.recording, options.reading) as source:
             if source is None:

@@ -50,11 +50,9 @@ def prepared(
     """Return the recordings of a study with their labels, after a check of its outputs against all inputs."""
     recordings = expand(logs, options.reading, observer)
     inputs = inputs_of(recordings, options.reading, getattr(options, "config", None), configs)
-    sources = None if isinstance(options, MaskOptions) else options
-    labels, force = sources.labels if sources else (), getattr(options, "force", False)
+    labels, force = getattr(options, "labels", ()), getattr(options, "force", False)
     prepare_outputs(outputs, inputs, labels, force=force, observer=observer)
-    assigned = assign_labels(sources, recordings) if sources else [None] * len(recordings)
-    return list(zip(recordings, assigned, strict=True))
+    return list(zip(recordings, assign_labels(options, recordings), strict=True))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ import pytest
 from seaclutter_cli.runs.filter import filter_log, filter_run
 from seaclutter_cli.runs.observer import SILENT, Silent
 from seaclutter_cli.runs.options.logs import FilterOptions
-from seaclutter_cli.runs.outputs import check_outputs
 from tests.logs import cloud_log
 
 FEW, MANY = 10, 40
@@ -44,7 +43,7 @@ def looks(folder, monkeypatch):
         for name in ("stat", "lstat"):
             patch.setattr(os, name, counted(getattr(os, name)))
         plan = filter_run(FilterOptions(str(folder), f"{folder.parent / 'out'}/"), SILENT)
-        check_outputs(plan.outputs, plan.inputs, force=False)
+        plan.prepare(SILENT, dry=True)
     return count
 
 
