@@ -118,7 +118,12 @@ class Plan:
     def extend(self, objects: Sequence[SceneObjectParams]) -> None:
         """Add the objects of another scene, and reserve the water around them."""
         self.objects += objects
-        self._reserved += [(*item.path[0], float(item.size_m[0]) / 2) for item in objects]
+        for item in objects:
+            length, width = float(item.size_m[0]), float(item.size_m[1])
+            leg, pieces = item.track.legs[0], max(1, round(length / width))
+            for along in (length / 2 * (np.arange(1, 2 * pieces, 2) / pieces - 1)).tolist():
+                x, y = leg.x_m + along * np.cos(leg.heading_rad), leg.y_m + along * np.sin(leg.heading_rad)
+                self._reserved.append((float(x), float(y), width))
 
     def scatter(self, shapes: Sequence[str], count: int, nearest_m: float, farthest_m: float, **more: Any) -> None:
         """Add boats at random positions and headings, each at rest or under way; fewer if room runs out."""

@@ -15,7 +15,7 @@ from seaclutter_cli.simulation.marine.scene import Scene, VesselParams
 from seaclutter_cli.simulation.marine.sea import SeaParams
 
 SECONDS = 5.0
-_OTHERS = 0.1
+_OTHERS = 0.06
 _LEG_RAD = float(np.radians(8))
 
 
@@ -75,7 +75,7 @@ RANGES: Mapping[str, Range] = {
     "patch_s": log(0.1, 1.0),
     "whitecap_s": log(1.0, 6.0),
     "wake_m": Between(50, 150),
-    "wake_height_m": Between(0.06, 0.16),
+    "wake_height_m": Between(0.03, 0.16),
     "wake_cover": Between(0.02, 0.1),
     "wake_reflectivity": log(0.01, 0.06),
     # receiver
@@ -223,7 +223,11 @@ def _add_reeds(plan: Plan, drawn: Mapping[str, Any]) -> None:
 
 _OPEN = open_sea, anchorage, fairway, pile_field
 _CONFINED = harbour_basin, moored_rows, narrow_channel, lock, river
-_SHELTERED: Mapping[str, Range] = {"sea_state": Between(0.0, 0.8), "speed_ms": Between(0.0, 2.5)}
+_SHELTERED: Mapping[str, Range] = {
+    "sea_state": Between(0.0, 0.8),
+    "speed_ms": Between(0.0, 2.5),
+    "shelter": log(0.005, 0.5),
+}
 
 FAMILIES: Mapping[str, Family] = {
     "open": Family({}),
@@ -261,7 +265,7 @@ FAMILIES: Mapping[str, Family] = {
     "rolling": Family({"roll_deg": Between(5, 10), "pitch_deg": Between(0.5, 3), "sea_state": Between(1, 3)}),
     "small targets": Family({"sea_state": Between(0, 1.5)}, add=_add_small),
     "harbour": Family(_SHELTERED, _CONFINED),
-    "passing quay": Family({"sea_state": Between(0, 1.5), "speed_ms": Between(2, 7)}, add=_add_quay),
+    "passing quay": Family({**_SHELTERED, "speed_ms": Between(2, 7)}, add=_add_quay),
     "bridge": Family({**_SHELTERED, "speed_ms": Between(1, 5)}, add=_add_bridge),
     "reeds": Family(_SHELTERED, add=_add_reeds),
     "birds": Family({}, add=_add_birds),
@@ -282,9 +286,12 @@ def draw_world(seed: int, family: str | None = None) -> Scene:
     rng = np.random.default_rng([seed, 7])
     names = list(FAMILIES)
     main = names[int(rng.integers(len(names)))]
-    others = [name for name in names if rng.random() < _OTHERS]
-    main = family or main
-    chosen = [main, *(name for name in others if name not in (main, "open"))]
+    others = [name for name in names[1:] if rng.random() < _OTHERS]
+    chosen = [family or main]
+    for name in others:
+        # Families that change the same parameters exclude each other, so that all that are named are true.
+        if all(FAMILIES[name].ranges.keys().isdisjoint(FAMILIES[one].ranges) and name != one for one in chosen):
+            chosen.append(name)
     layouts = next((FAMILIES[name].layouts for name in chosen if FAMILIES[name].layouts), _OPEN)
     base = layouts[int(rng.integers(len(layouts)))](rng)
     drawn = _drawn(chosen, rng)
@@ -307,9 +314,9 @@ def with_wide_physics(scene: Scene, seed: int) -> Scene:
 
 
 def _drawn(families: Sequence[str], rng: np.random.Generator) -> dict[str, Any]:
-    """Return a value of each parameter; the first family has the last word."""
+    """Return a value of each parameter."""
     ranges = dict(RANGES)
-    for name in reversed(families):
+    for name in families:
         ranges |= FAMILIES[name].ranges
     return {key: ranges[key].draw(rng) for key in ranges}
 
