@@ -1,6 +1,6 @@
 """Decoder for Ouster sensors, based on their metadata."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,6 @@ from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.ouster.metadata import OusterMetadata, parse_metadata
 from seaclutter_cli.sensors.ouster.packets import (
     PROFILES,
-    FrameIdCheck,
     first_columns,
     frame_ids,
     is_data_packet,
@@ -33,7 +32,8 @@ class OusterDecoder:
 
     Notes
     -----
-    State: packets of the incomplete revolution, the last packet until its successor is known, and the clock correction.
+    State: packets of the incomplete revolution, a packet that may begin the next one until its successor is known, and
+    the clock correction.
     """
 
     def __init__(self, metadata: OusterMetadata) -> None:
@@ -50,10 +50,9 @@ class OusterDecoder:
         self._dtype = point_dtype(returns=returns == 2)
         self._clock = SensorClock(self.facts)
         self._frame_id: int | None = None
-        self._frame_ids = FrameIdCheck(len(self._expected))
-        self._waiting: tuple[int, NDArray[np.uint8], NDArray[np.int64]] | None = None
-        self._pending: list[tuple[NDArray[np.uint8], NDArray[np.int64]]] = []
-        self._count = 0
+        self._place = 0
+        self._waiting: Packets | None = None
+        self._pending: list[Packets] = []
         self._is_first = True
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
@@ -67,40 +66,47 @@ class OusterDecoder:
         self.facts.bad_packets += int((~valid).sum())
         useful = np.flatnonzero(valid & valid_columns(data).any(axis=1))
         if len(useful):
-            if self._waiting is None:
+            if self._frame_id is None and self._waiting is None:
                 self._check_serial(data[useful[0]])
-            yield from self._add_valid(packets, data, useful)
+            yield from self._add_valid(Packets(packets.times_ns[useful], packets.payloads[useful]))
 
-    def _add_valid(self, packets: Packets, data: NDArray[np.void], rows: NDArray[np.intp]) -> Iterator[PacketFrame]:
-        """Add the packet that waited for its successor, and those in valid rows but the last, which waits."""
-        ids = frame_ids(data)[rows]
-        intact = self._frame_ids.add(ids, first_columns(data)[rows] // self._metadata.packet_columns)
-        self.facts.bad_packets += int((~intact).sum())
+    def _add_valid(self, packets: Packets) -> Iterator[PacketFrame]:
+        """Add packets with measurements; a last one with another frame id waits for its successor."""
         if self._waiting is not None:
-            if intact[0]:
-                yield from self._collect(*self._waiting)
-            intact = intact[1:]
-        kept = np.flatnonzero(intact)
-        for part in np.split(kept, np.flatnonzero(np.diff(ids[kept])) + 1):
-            if len(part):
-                yield from self._collect(int(ids[part[0]]), packets.payloads[rows[part]], packets.times_ns[rows[part]])
-        self._waiting = int(ids[-1]), packets.payloads[rows[-1:]], packets.times_ns[rows[-1:]]
+            packets, self._waiting = _joined([self._waiting, packets]), None
+        places = self._places(packets)
+        ids = places // len(self._expected)
+        starts = np.append(0, np.flatnonzero(np.diff(ids)) + 1).tolist()
+        for start, end in zip(starts, [*starts[1:], len(ids)], strict=True):
+            run = Packets(packets.times_ns[start:end], packets.payloads[start:end])
+            if len(run) == 1 and self._frame_id not in (None, ids[start]):
+                if end == len(ids):
+                    self._waiting = run
+                    return
+                if _is_damaged(*places[[start, end]].tolist(), before=self._place, per_revolution=len(self._expected)):
+                    self.facts.bad_packets += 1
+                    continue
+            yield from self._collect(int(ids[start]), run)
+            self._place = int(places[end - 1])
+
+    def _places(self, packets: Packets) -> NDArray[np.int64]:
+        """Return the number of each packet since the revolution with the frame id 0, shape (P,)."""
+        data = view_packets(packets.payloads, self._layout)
+        return frame_ids(data) * len(self._expected) + first_columns(data) // self._metadata.packet_columns
 
     def finish(self) -> Iterator[PacketFrame]:
         """Yield the remaining points as frames."""
         if self._waiting is not None:
-            yield from self._collect(*self._waiting)
+            yield from self._collect(int(self._places(self._waiting)[0]) // len(self._expected), self._waiting)
             self._waiting = None
         if self._pending:
             yield self._complete(is_last=True)
 
-    def _collect(
-        self, frame_id: int, payloads: NDArray[np.uint8], times_ns: NDArray[np.int64]
-    ) -> Iterator[PacketFrame]:
-        """Collect packets of one revolution, shape (P,); yield the previous revolution."""
+    def _collect(self, frame_id: int, packets: Packets) -> Iterator[PacketFrame]:
+        """Collect packets of one revolution; yield the previous revolution."""
         step = 0 if self._frame_id is None else (frame_id - self._frame_id + 0x8000) % 0x10000 - 0x8000
         if step == -1:  # late packets of the previous revolution
-            self.facts.bad_packets += len(payloads)
+            self.facts.bad_packets += len(packets)
             return
         most = 2 * len(self._expected)
         if step and self._pending:
@@ -108,19 +114,20 @@ class OusterDecoder:
             if 1 < step <= _MAX_LOST_FRAMES:
                 self.facts.lost_packets += (step - 1) * int(self._expected.sum())
         self._frame_id = frame_id
-        while len(payloads):
-            if self._count >= most:
+        begin = 0
+        while begin < len(packets):
+            count = sum(map(len, self._pending))
+            if count >= most:
                 yield self._complete()
-            room = most - self._count
-            self._pending.append((payloads[:room], times_ns[:room]))
-            self._count += len(payloads[:room])
-            payloads, times_ns = payloads[room:], times_ns[room:]
+                count = 0
+            part = slice(begin, begin + most - count)
+            self._pending.append(Packets(packets.times_ns[part], packets.payloads[part]))
+            begin = part.stop
 
     def _complete(self, *, is_last: bool = False) -> PacketFrame:
         """Return the frame of the pending packets."""
-        data = view_packets(np.concatenate([part for part, _ in self._pending]), self._layout)
-        times_ns = np.concatenate([times for _, times in self._pending])
-        self._pending, self._count = [], 0
+        packets, self._pending = _joined(self._pending), []
+        data, times_ns = view_packets(packets.payloads, self._layout), packets.times_ns
         partial = self._count_lost(data, is_last=is_last)
         valid = valid_columns(data)
         column_ns = np.where(valid, data["columns"]["time_ns"], 0).astype(np.int64)
@@ -175,6 +182,18 @@ class OusterDecoder:
         if serial and known and serial != known:
             text = f"the metadata is from sensor {known}, the packets are from {serial}: the angles do not match"
             self.facts.warnings.append(text)
+
+
+def _joined(parts: Sequence[Packets]) -> Packets:
+    times_ns, payloads = ([getattr(part, name) for part in parts] for name in ("times_ns", "payloads"))
+    return Packets(np.concatenate(times_ns), np.concatenate(payloads))
+
+
+def _is_damaged(place: int, after: int, *, before: int, per_revolution: int) -> bool:
+    """Return whether the place of a packet is not between those of its neighbours, at most a revolution apart."""
+    total = 0x10000 * per_revolution
+    gap = (after - before) % total
+    return gap <= per_revolution and (place - before) % total > gap
 
 
 def _details(metadata: OusterMetadata) -> dict[str, str]:
