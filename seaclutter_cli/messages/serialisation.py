@@ -57,16 +57,16 @@ class Reader:
         """Return several numbers."""
         return tuple(self.number(code) for code in codes)
 
-    def blob(self) -> memoryview:
-        """Return a sequence of bytes."""
-        return self._take_declared(self.number("I"))
+    def blob(self, bytes_each: int = 1) -> memoryview:
+        """Return a sequence of bytes, or of values of several bytes."""
+        size = bytes_each * self.number("I")
+        if size:
+            self.align(bytes_each)
+        return self.take(size, is_declared=True)
 
     def floats(self) -> NDArray[np.float32]:
         """Return a sequence of float32 numbers as a view."""
-        number = self.number("I")
-        if number:
-            self.align(4)
-        return np.frombuffer(self._take_declared(4 * number), self._order + "f4")
+        return np.frombuffer(self.blob(4), self._order + "f4")
 
     def text(self) -> str:
         """Return a string; bytes that are not UTF-8 become surrogates."""
@@ -96,7 +96,7 @@ class Reader:
 
     def structures(self, number: int, size: int, step: int) -> Buffer:
         """Return structures of ``step`` bytes: a view, or a copy if the padding of the last one is missing."""
-        data = self._take_declared(max(number * step - (step - size), 0))
+        data = self.take(max(number * step - (step - size), 0), is_declared=True)
         return bytes(data) + bytes(step - size) if number and step > size else data
 
     def align(self, size: int) -> None:
@@ -104,9 +104,12 @@ class Reader:
         if self.ros == 2:
             self._at += -(self._at - self._start) % size
 
-    def take(self, size: int) -> memoryview:
-        """Return the next bytes."""
+    def take(self, size: int, *, is_declared: bool = False) -> memoryview:
+        """Return the next bytes, whose number the message may declare."""
         if size > self.left:
+            if is_declared:
+                left = max(self.left, 0)
+                raise CloudError(f"the message declares {count(size, 'byte')}, but contains only {left:,} more")
             raise CloudError(f"the message is truncated at byte {len(self._data)}")
         self._at += size
         return self._data[self._at - size : self._at]
@@ -127,12 +130,6 @@ class Reader:
         if not 1 <= datatype <= len(types):
             raise CloudError(f"field {name!r} has unknown type {datatype}")
         return PointField(name, offset, types[datatype - 1], number)
-
-    def _take_declared(self, size: int) -> memoryview:
-        if size > self.left:
-            left = max(self.left, 0)
-            raise CloudError(f"the message declares {count(size, 'byte')}, but contains only {left:,} more")
-        return self.take(size)
 
 
 class Writer:

@@ -163,10 +163,10 @@ class RoboSenseDecoder:
         """Return the valid blocks of packets, and the revolution of each, shape (B,); 0 for the current one."""
         raw = packets["blocks"]
         azimuth = raw["azimuth"].astype(np.int64)
-        step, after_ns = steps(azimuth, self._device)
         used = azimuth[valid]
         revolution = np.cumsum(np.diff(used, prepend=self._azimuth) < 0, dtype=np.int64)
         second = second_returns(azimuth, self._device, self._azimuth)
+        step, after_ns = steps(azimuth, second, self._device)
         header_ns = header_times(packets, is_utc=self._is_utc)
         times_ns = header_ns + self._clock.shifts(header_ns, record_ns - self._device.model.packet_ns)
         self._count_lost(header_ns, azimuth)

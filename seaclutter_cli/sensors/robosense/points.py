@@ -39,41 +39,6 @@ def valid_blocks(blocks: NDArray[Any], layout: PacketFormat) -> NDArray[np.bool_
     return np.logical_and.accumulate(ids == value, axis=1) & (blocks["azimuth"] < 36000)
 
 
-def steps(azimuth: NDArray[np.int64], device: Device) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the rotation during each block, and its start time relative to the first block of its packet.
-
-    Azimuths and rotations, shape (P, B), are in hundredths of a degree, times in nanoseconds.
-    """
-    if device.paired and azimuth.shape[1] % 2:
-        return _steps_of_one_and_a_half(azimuth, device)
-    stride = 2 if device.paired else 1
-    first = azimuth[:, ::stride]
-    step = np.diff(first, axis=1)
-    step += np.where(step < 0, 36000, 0)
-    blind = step > BLIND
-    step[blind] = device.step
-    time_ns = np.zeros(first.shape, np.int64)
-    np.cumsum(np.where(blind, device.gap_ns, device.step_ns), axis=1, out=time_ns[:, 1:])
-    last = np.full((len(first), 1), device.step, np.int64)
-    step = np.concatenate([step, last], axis=1)
-    return np.repeat(step, stride, axis=1), np.repeat(time_ns, stride, axis=1)
-
-
-def _steps_of_one_and_a_half(azimuth: NDArray[np.int64], device: Device) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the result of `steps` for packets of three blocks: a pair and half a pair, or the other way round."""
-    step = azimuth[:, 2] - azimuth[:, 0]
-    step += np.where(step < 0, 36000, 0)
-    blind = step > BLIND
-    step[blind] = device.step
-    late_ns = np.where(blind, device.gap_ns, device.step_ns)
-    begins_with_pair = azimuth[:, 0] == azimuth[:, 1]
-    steps, time_ns = np.full(azimuth.shape, device.step, np.int64), np.zeros(azimuth.shape, np.int64)
-    steps[:, 0], time_ns[:, 2] = step, late_ns
-    steps[begins_with_pair, 1] = step[begins_with_pair]
-    time_ns[~begins_with_pair, 1] = late_ns[~begins_with_pair]
-    return steps, time_ns
-
-
 def second_returns(azimuth: NDArray[np.int64], device: Device, before: int) -> NDArray[np.bool_]:
     """Return which blocks contain second returns, shape (P, B), given their azimuths and that of the block before."""
     blocks = azimuth.shape[1]
@@ -81,6 +46,23 @@ def second_returns(azimuth: NDArray[np.int64], device: Device, before: int) -> N
         # Pairs extend from one packet into the next.
         return np.asarray(np.diff(azimuth.ravel(), prepend=before) == 0).reshape(azimuth.shape)
     return np.broadcast_to((np.arange(blocks) % 2 == 1) & device.paired, azimuth.shape)
+
+
+def steps(
+    azimuth: NDArray[np.int64], second: NDArray[np.bool_], device: Device
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the rotation during each block, and its start time relative to the first block of its packet.
+
+    Azimuths and rotations, shape (P, B), are in hundredths of a degree, times in nanoseconds. The blocks with
+    ``second`` returns start with those before them.
+    """
+    jump = np.diff(azimuth, axis=1)
+    jump += np.where(jump < 0, 36000, 0)
+    blind, later = jump > BLIND, ~second[:, 1:]
+    step, time_ns = np.full(azimuth.shape, device.step, np.int64), np.zeros(azimuth.shape, np.int64)
+    np.cumsum(np.where(blind, device.gap_ns, device.step_ns) * later, axis=1, out=time_ns[:, 1:])
+    step[:, :-1] = np.where(blind, device.step, jump)
+    return np.where(np.pad(later, ((0, 0), (0, 1)), constant_values=True), step, np.roll(step, -1, axis=1)), time_ns
 
 
 class Geometry:

@@ -87,23 +87,21 @@ class VelodyneClock:
         self._offset_ns: int | None = None
 
     def unix_ns(self, host_ns: NDArray[np.int64], time_us: NDArray[np.uint32]) -> NDArray[np.int64]:
-        """Return the times of packets, shape (P,), in nanoseconds of Unix time."""
-        if self._offset_ns is None or abs(self._error_ns(host_ns, time_us)) > CLOCK_NS:
-            self._offset_ns = 0
-            error = self._error_ns(host_ns, time_us)
+        """Return the times of packets, shape (P,), in nanoseconds of Unix time, the nearest to the recording times."""
+        times_ns = time_us.astype(np.int64) * 1000
+        near = _near(host_ns, times_ns + (self._offset_ns or 0))
+        if self._offset_ns is None or abs(host_ns[0] - near[0]) > CLOCK_NS:
+            error = int((host_ns - _near(host_ns, times_ns))[0])
             self._offset_ns = error if abs(error) > CLOCK_NS else 0
             relation = "shifted to the recording time" if self._offset_ns else "consistent with the recording time"
             self._details["clock"] = f"sensor time, {relation}"
-        return self._near(host_ns, time_us)
+            near = _near(host_ns, times_ns + self._offset_ns)
+        return near
 
-    def _error_ns(self, host_ns: NDArray[np.int64], time_us: NDArray[np.uint32]) -> int:
-        return int((host_ns - self._near(host_ns, time_us))[0])
 
-    def _near(self, host_ns: NDArray[np.int64], time_us: NDArray[np.uint32]) -> NDArray[np.int64]:
-        """Return the Unix times nearest to the recording times that have these microseconds of the hour."""
-        offset = self._offset_ns or 0
-        moved = time_us.astype(np.int64) * 1000 + offset
-        return host_ns + (moved - host_ns + _HOUR_NS // 2) % _HOUR_NS - _HOUR_NS // 2
+def _near(host_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the times nearest to the recording times that differ from given ones by whole hours."""
+    return host_ns + (times_ns - host_ns + _HOUR_NS // 2) % _HOUR_NS - _HOUR_NS // 2
 
 
 @dataclass(frozen=True)

@@ -273,7 +273,7 @@ def test_values_of_the_vendors_own_tests():
     assert first["intensity"] == 7
     assert list(packet_angles(model, info).vertical[:2]) == [-1028, 233]
     device, _ = find_device(model, payload[None], info[None], DecoderOptions(), [])
-    step, _ = steps(np.array([[1, 21, 51, *[76] * 9]]), replace(device, rotation_hz=12))
+    step, _ = steps(np.array([[1, 21, 51, *[76] * 9]]), np.zeros((1, 12), bool), replace(device, rotation_hz=12))
     assert list(step[0, :3]) == [20, 30, 25]
 
 
