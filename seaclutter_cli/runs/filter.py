@@ -1,13 +1,11 @@
 """Filtering of recordings into drop-in logs."""
 
-import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from time import perf_counter
 
 from seaclutter_cli.buckets import on_paths
@@ -44,8 +42,8 @@ from seaclutter_cli.runs.recordings import (
 )
 from seaclutter_cli.runs.resume import RunIdentity, identity_of
 from seaclutter_cli.selection import cloud_channels, filtered_by, was_filtered
-from seaclutter_cli.sinks.atomic import OutputGroup
-from seaclutter_cli.sinks.csv import CsvSink
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+from seaclutter_cli.sinks.csv import FrameTable, unpack_rows
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources import Recording
@@ -83,9 +81,11 @@ def filter_log(options: FilterOptions) -> FilterSummary:
         with ExitStack() as stack:
             # A single log appears together with the table, after it. Of several, each appears when it is complete.
             logs = stack.enter_context(OutputGroup(files))
-            table = stack.enter_context(_frame_table(run.works[0].config, csv_file, files)) if csv_file else None
+            table = stack.enter_context(AtomicFile(csv_file, files)) if csv_file else None
             if table:
-                begun = [_with_rows(one, work, table, run) for one, work in zip(begun, run.works, strict=True)]
+                table.stream.write(_frame_table(run.works[0].config).header)
+                pairs = zip(run.works, begun, strict=True)
+                begun = [_ReadBackWork(work, one) if isinstance(one, FilterOutcome) else work for work, one in pairs]
             outcomes = run.do(begun, observer, logs, partial(_append, table))
             require_selected(outcomes)
         if not may_appear([csv_file], outcomes, observer):
@@ -105,31 +105,16 @@ def filter_run(options: FilterOptions, observer: Observer, *, ahead: bool = True
     return log_run(options, observer, partial(FilterWork, config=configured(options)), ahead=ahead)
 
 
-def _with_rows(begun: object, work: "FilterWork", table: CsvSink, run: "LogRun[FilterWork]") -> Work[FilterOutcome]:
-    """Return the work on a recording with rows for the table, which read back those of a complete output."""
-    if isinstance(begun, FilterOutcome):
-        return _ReadBackWork(work, begun)
-    return replace(work, table=table) if run.is_alone else work
-
-
-def _append(table: CsvSink | None, outcome: FilterOutcome) -> None:
+def _append(table: AtomicFile | None, outcome: FilterOutcome) -> None:
     """Append the rows of a recording to the table."""
-    if table and outcome.rows:
-        table.append(zlib.decompress(outcome.rows))
+    if table:
+        table.stream.writelines(unpack_rows(outcome.rows))
     outcome.rows = b""
 
 
-def _frame_table(config: Config, path: Path, group: OutputGroup | None = None) -> CsvSink:
-    """Return the table for the frames of recordings."""
-    rings = len(config.ring_edges[1:])
-    return CsvSink(path, rings, scenes=config.has_scenes, water=config.has_water, group=group)
-
-
-@contextmanager
-def _own_table(config: Config) -> Iterator[CsvSink]:
-    """Return a table for the frames of one recording, which is removed at the end."""
-    with TemporaryDirectory(prefix="seaclutter-") as folder, _frame_table(config, Path(folder, "t.csv")) as own:
-        yield own
+def _frame_table(config: Config) -> FrameTable:
+    """Return the table for the frames of a recording."""
+    return FrameTable(len(config.ring_edges[1:]), scenes=config.has_scenes, water=config.has_water)
 
 
 @dataclass(frozen=True)
@@ -137,8 +122,6 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
     """Filtering of one recording with a configuration."""
 
     config: Config
-    table: CsvSink | None = None
-    """Receives the rows of the frames; by default they are stored in the outcome, if there is a table."""
 
     def clouds(self, source: Source) -> list[Channel]:
         """Return the channels of the clouds to filter."""
@@ -170,8 +153,8 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         named = printable(", ".join(channel.topic for channel in clouds))
         observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
         fit = _FitWarnings(self.config, source, topics, observer)
+        table = _frame_table(self.config) if self.options.csv_file else None
         with (
-            self._rows(outcome) as table,
             observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
             OUTPUT_FORMATS[self.form].make_sink(
                 self.target, self._written(labels, partial(self.record, source, outcome)), group
@@ -185,17 +168,9 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
             sinks: list[Sink] = [sink, table] if table else [sink]
             run(source, self.config.make_filter, sinks, selection, on_result, outcome.topics)
             require_frames(source, outcome.frames, selection)
+        outcome.rows = table.packed() if table else b""
         warn_of_losses(self.output, self.form, sink.lost, observer)
         fit.finish(outcome.topics)
-
-    @contextmanager
-    def _rows(self, outcome: FilterOutcome) -> Iterator[CsvSink | None]:
-        if self.table or not self.options.csv_file:
-            yield self.table
-            return
-        with _own_table(self.config) as own:
-            yield own
-            outcome.rows = zlib.compress(own.rows())
 
     def identity(self) -> RunIdentity:
         """Return what the filtered file depends on."""
@@ -238,12 +213,12 @@ class _ReadBackWork(Work[FilterOutcome]):
 
     def run(self, observer: Observer) -> FilterOutcome:
         """Return the outcome of the earlier run with its rows."""
-        with _own_table(self.work.config) as table:
-            rows = _rows_in(self.outcome.output, self.recording.name, self.outcome.topics, table)
+        table = _frame_table(self.work.config)
+        rows = _rows_in(self.outcome.output, self.recording.name, self.outcome.topics, table)
         if rows is None:
             observer.note("filtered again; the output lacks the diagnostics that the table needs")
             return self.work.run(observer)
-        self.outcome.rows = zlib.compress(rows)
+        self.outcome.rows = rows
         return self.outcome
 
     def without_result(self, reason: str) -> FilterOutcome:
@@ -251,7 +226,7 @@ class _ReadBackWork(Work[FilterOutcome]):
         return self.work.without_result(reason)
 
 
-def _rows_in(output: Path, recording: str, topics: Mapping[str, TopicTally], table: CsvSink) -> bytes | None:
+def _rows_in(output: Path, recording: str, topics: Mapping[str, TopicTally], table: FrameTable) -> bytes | None:
     """Return the rows of a recording from the diagnostics in its output; None if these are not of all frames.
 
     ``recording`` is its name, ``topics`` are the sums over its frames; the empty ``table`` is filled.
@@ -269,8 +244,7 @@ def _rows_in(output: Path, recording: str, topics: Mapping[str, TopicTally], tab
                 found[one.topic] += 1
     except InputError:
         return None
-    table.end()
-    return table.rows() if found == Counter({topic: tally.frames for topic, tally in topics.items()}) else None
+    return table.packed() if found == Counter({topic: tally.frames for topic, tally in topics.items()}) else None
 
 
 _FEW_WATER = 0.05

@@ -208,7 +208,9 @@ class LogRun(Generic[W]):
         """Do the work that is left, as `run_batch` does; the only output of a run appears with the ``group``."""
         works = [one for one in begun if isinstance(one, Work)]
         if self.is_alone and works and isinstance(works[0], LogWork):
-            done = iter([works[0].run(observer, group)])
+            outcome = works[0].run(observer, group)
+            in_order(outcome)
+            done = iter([outcome])
         else:
             done = iter(run_batch(works, self.options.batch, observer, in_order))
         return [next(done) if isinstance(one, Work) else one for one in begun]

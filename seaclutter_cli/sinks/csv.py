@@ -2,11 +2,9 @@
 
 import csv
 import io
-from collections.abc import Iterable, Sequence
-from contextlib import AbstractContextManager
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import astuple
-from pathlib import Path
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +12,8 @@ from numpy.typing import NDArray
 from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, Rings, WaterState
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
-from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 
+_PIECE = 2**20
 _REASONS = (Reason.INVALID, Reason.NEAR, Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.FAR, Reason.EXCLUDED)
 _COLUMNS = (
     "recording",
@@ -28,43 +26,27 @@ _COLUMNS = (
 )
 
 
-class CsvSink(AbstractContextManager["CsvSink"]):
-    """Sink that writes one row for each frame of all recordings to a CSV file, which appears when the context ends.
+class FrameTable:
+    """Sink that makes one row for each frame of a recording, compressed.
 
-    The rows of a recording that fails midway are removed. There are columns for the ``rings`` of the method and, if it
-    distinguishes scenes, the class of scene; if it estimates the water, unconfirmed points and those of `WaterState`.
+    There are columns for the ``rings`` of the method and, if it distinguishes scenes, the class of scene; if it
+    estimates the water, unconfirmed points and those of `WaterState`.
     """
 
-    def __init__(
-        self, path: Path, rings: int, *, scenes: bool = False, water: bool = False, group: OutputGroup | None = None
-    ) -> None:
-        self._file = AtomicFile(path, group)
-        self._states, self._scenes, self._water = 2 * rings, scenes, water
-        numbers = range(1, rings + 1)
-        states = (*(f"threshold_{k}" for k in numbers), *(f"correction_{k}" for k in numbers))
-        columns = (
-            *_COLUMNS,
-            *states,
-            *(["scene"] if scenes else []),
-            *(["unconfirmed", *WATER_COLUMNS] if water else []),
-        )
-        self._file.stream.write(csv_line(columns))
-        self._header = self._complete = self._file.stream.tell()
+    def __init__(self, rings: int, *, scenes: bool = False, water: bool = False) -> None:
+        self._rings, self._scenes, self._water = rings, scenes, water
         self._recording = ""
+        self._pack, self._packed = zlib.compressobj(), bytearray()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Complete the file under its name, or remove it after an error."""
-        if kind is not None:
-            self._file.__exit__(kind, error, trace)
-            return
-        with self._file:
-            self._discard_incomplete()
+    @property
+    def header(self) -> bytes:
+        """The line with the names of the columns."""
+        states = [f"{name}_{k}" for name in ("threshold", "correction") for k in range(1, self._rings + 1)]
+        waters = ["unconfirmed", *WATER_COLUMNS] if self._water else []
+        return csv_line((*_COLUMNS, *states, *(["scene"] if self._scenes else []), *waters))
 
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:  # noqa: ARG002
         """Start a recording."""
-        self._discard_incomplete()
         self._recording = source.name
 
     def copy(self, record: Message | Attachment | Metadata) -> None:
@@ -86,32 +68,27 @@ class CsvSink(AbstractContextManager["CsvSink"]):
         water: WaterState | None,
     ) -> None:
         """Write the row of a frame, given its topic, index, stamp in nanoseconds and number of points as ``place``."""
-        states = [""] * self._states if rings is None else [*rings.thresholds.tolist(), *rings.corrections.tolist()]
+        states = [""] * 2 * self._rings if rings is None else [*rings.thresholds.tolist(), *rings.corrections.tolist()]
         scenes = [scene or ""] if self._scenes else []
         waters = [counts[Reason.UNCONFIRMED], *_numbers(water)] if self._water else []
         by_reason = (counts[reason] for reason in _REASONS)
         row = (recording, *place, *by_reason, counts[Reason.KEPT], *states, *scenes, *waters)
-        self._file.stream.write(csv_line(row))
+        self._packed += self._pack.compress(csv_line(row))
 
     def end(self) -> None:
-        """End a recording and keep its rows."""
-        self._complete = self._file.stream.tell()
+        """End the recording."""
 
-    def rows(self) -> bytes:
-        """Return the rows of all complete recordings, without the header."""
-        self._discard_incomplete()
-        self._file.stream.flush()
-        return self._file.part.read_bytes()[self._header :]
+    def packed(self) -> bytes:
+        """Return all rows, for `unpack_rows`; there can be no more rows."""
+        return bytes(self._packed + self._pack.flush())
 
-    def append(self, rows: bytes) -> None:
-        """Write the rows of a complete recording, from a table of its own without the header."""
-        self._discard_incomplete()
-        self._file.stream.write(rows)
-        self.end()
 
-    def _discard_incomplete(self) -> None:
-        self._file.stream.seek(self._complete)
-        self._file.stream.truncate()
+def unpack_rows(packed: bytes) -> Iterator[bytes]:
+    """Yield the rows of a table piece by piece."""
+    unpack = zlib.decompressobj()
+    while packed:
+        yield unpack.decompress(packed, _PIECE)
+        packed = unpack.unconsumed_tail
 
 
 def _numbers(water: WaterState | None) -> list[float | str]:
