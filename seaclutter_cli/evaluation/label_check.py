@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.label_fit import DEGREES, LARGEST_M, FrameSample, Guess, LabelFit
+from seaclutter_cli.evaluation.label_fit import DEGREES, LARGEST_M, FrameSample, LabelFit
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.text import count, printable
-from seaclutter_cli.truth import Boxes, Truth
+from seaclutter_cli.truth import Truth
 
 _FEW = 0.1
 _MIN_BOXES = 5
@@ -72,108 +72,81 @@ class LabelCheck:
         self._over_full_turn += int(np.count_nonzero(np.abs(boxes.yaws) > _FULL_TURN))
         self._without_size += int(np.count_nonzero((boxes.sizes <= 0).any(axis=1)))
         self._positions += int(np.count_nonzero((boxes.sizes == 0).all(axis=1)))
-        if same := _duplicates(boxes):
+        rows = np.round(np.column_stack([boxes.centers, boxes.sizes]) / _SAME_M)
+        if same := len(rows) - len(np.unique(rows, axis=0)):
             self._duplicates[frame.index] = same
-        for kind, longest_m in _too_long(boxes):
-            self._too_long[kind] += 1
-            self._longest_m[kind] = max(longest_m, self._longest_m.get(kind, 0.0))
+        for kind, longest_m in zip(boxes.classes, boxes.sizes.max(axis=1, initial=0).tolist(), strict=True):
+            if longest_m > _limit_m(kind):
+                self._too_long[kind] += 1
+                self._longest_m[kind] = max(longest_m, self._longest_m.get(kind, 0.0))
         others = np.array([not _resembles(kind, "ignore") for kind in boxes.classes])
         self._sample.offer(frame, replace(truth, targets=boxes.chosen(np.flatnonzero(others))))
 
     def findings(self, targets: int, visible: int) -> list[Finding]:
         """Return the probable mistakes, given the number of targets in all frames, and of those with enough points."""
         found = [*self._class_names(), *self._counted()]
-        fitted = self._fitted() if sum(len(one.targets) for one in self._sample.frames) >= _MIN_BOXES else []
+        fitted = list(self._fitted())
         found += fitted
         if not any("sizes" in finding.text for finding in fitted):
-            found += [_long(kind, number, self._longest_m[kind]) for kind, number in self._too_long.items()]
+            for kind, number in self._too_long.items():
+                subject = printable(f"{count(number, 'box')} of class {kind!r} {'is' if number == 1 else 'are'}")
+                most = f"{_limit_m(kind):g} m (up to {self._longest_m[kind]:,.1f} m)"
+                found.append(Finding("size", f"{subject} longer than {most}: check unit and class"))
         if not fitted and targets >= _MIN_BOXES and visible < _FEW * targets:
-            found.append(_invisible(targets, visible, self.params.min_visible_points))
+            few, least = f"only {visible:,}" if visible else "none", count(self.params.min_visible_points, "point")
+            text = (
+                f"{few} of {count(targets, 'box')} with at least {least} inside; check that the labels belong to this "
+                "recording, and are in metres and radians in the frame of the lidar"
+            )
+            found.append(Finding("points", text))
         return found
 
-    def _fitted(self) -> list[Finding]:
-        """Return what the fit of the boxes shows."""
+    def _fitted(self) -> Iterator[Finding]:
+        """Yield what the fit of the boxes shows."""
+        if sum(len(one.targets) for one in self._sample.frames) < _MIN_BOXES:
+            return
         fit = LabelFit(self._sample.frames, self.params.box_margin_m, self.params.min_visible_points)
         if (share := fit.share_in_middle()) > _MOST:
-            return [_too_large(share)]
-        return [_guessed(guess) for guess in fit.guesses([DEGREES] if self._over_full_turn else [])]
+            inside = f"{100 * share:.0f} % of the points inside are in the middle third of length and width"
+            yield Finding("size", f"boxes seem too large: {inside}: check the sizes and their unit")
+            return
+        for guess in fit.guesses([DEGREES] if self._over_full_turn else []):
+            after, before = (f"{100 * part:.0f} %" for part in (guess.after, guess.before))
+            evidence = f"then {after} of the points in and around boxes are inside, not {before}"
+            yield Finding("fit", f"it seems that {guess.change.mistake}: {guess.change.remedy} ({evidence})")
 
-    def _counted(self) -> list[Finding]:
-        """Return what is wrong whatever the points are."""
-        found = []
+    def _counted(self) -> Iterator[Finding]:
+        """Yield what is wrong whatever the points are."""
         if self._over_full_turn:
             text = f"yaws of {self._of(self._over_full_turn)} exceed 2 pi; they seem to be in degrees"
-            found.append(Finding("yaw", f"{text}: convert them to radians"))
+            yield Finding("yaw", f"{text}: convert them to radians")
         if self._duplicates:
             first = ", ".join(map(str, sorted(self._duplicates)[:3])) + (", …" if len(self._duplicates) > 3 else "")
             text = f"{self._of(self._duplicates.total())} repeat another one and count twice (frame {first})"
-            found.append(Finding("duplicate", f"{text}: delete them"))
+            yield Finding("duplicate", f"{text}: delete them")
         # Positions alone are labels too if the margin has been chosen for them.
         chosen = self.params.box_margin_m > EvaluationParams().box_margin_m
         if wrong := self._without_size - (self._positions if chosen else 0):
             text = f"{self._of(wrong)} have a side of 0 m: set length, width and height"
             if wrong == self._positions:
                 text += ", or for positions alone a larger evaluation.box_margin_m"
-            found.append(Finding("size", text))
-        return found
+            yield Finding("size", text)
 
     def _of(self, number: int) -> str:
         return f"{number:,} of {count(self.boxes, 'box')}"
 
-    def _class_names(self) -> list[Finding]:
-        """Return classes that look like one with a meaning, but count as targets."""
-        found = []
+    def _class_names(self) -> Iterator[Finding]:
+        """Yield classes that look like one with a meaning, but count as targets."""
         for kind, number in self._classes.items():
             for name, meaning in _MEANINGS.items():
                 if _resembles(kind, name):
                     text = f"{self._of(number)} have the class {kind!r} and count as targets; {meaning} have the class "
-                    found.append(Finding("class", f"{printable(text)}{name!r}: rename it"))
-        return found
+                    yield Finding("class", f"{printable(text)}{name!r}: rename it")
 
 
 def _resembles(kind: str, name: str) -> bool:
     """Return whether a class is probably meant to be one of `_MEANINGS`."""
     return bool(_SIMILAR[name].match(re.sub(r"[^a-z]", "", kind.lower())))
-
-
-def _duplicates(boxes: Boxes) -> int:
-    """Return the number of boxes that are the same as another one, whatever their track."""
-    rows = np.round(np.column_stack([boxes.centers, boxes.sizes]) / _SAME_M)
-    return len(rows) - len(np.unique(rows, axis=0))
-
-
-def _guessed(guess: Guess) -> Finding:
-    after, before = (f"{100 * fit:.0f} %" for fit in (guess.after, guess.before))
-    evidence = f"then {after} of the points in and around boxes are inside, not {before}"
-    return Finding("fit", f"it seems that {guess.change.mistake}: {guess.change.remedy} ({evidence})")
-
-
-def _long(kind: str, number: int, longest_m: float) -> Finding:
-    subject = printable(f"{count(number, 'box')} of class {kind!r} {'is' if number == 1 else 'are'}")
-    return Finding(
-        "size", f"{subject} longer than {_limit_m(kind):g} m (up to {longest_m:,.1f} m): check unit and class"
-    )
-
-
-def _too_large(share: float) -> Finding:
-    text = f"boxes seem too large: {100 * share:.0f} % of the points inside are in the middle third of length and width"
-    return Finding("size", f"{text}: check the sizes and their unit")
-
-
-def _invisible(targets: int, visible: int, least: int) -> Finding:
-    text = f"only {visible:,}" if visible else "none"
-    return Finding(
-        "points",
-        f"{text} of {count(targets, 'box')} with at least {count(least, 'point')} inside"
-        "; check that the labels belong to this recording, and are in metres and radians in the frame of the lidar",
-    )
-
-
-def _too_long(boxes: Boxes) -> Iterator[tuple[str, float]]:
-    """Yield class and longest side in metres of each box that is longer than any target of its class."""
-    for kind, longest_m in zip(boxes.classes, boxes.sizes.max(axis=1, initial=0), strict=True):
-        if longest_m > _limit_m(kind):
-            yield kind, float(longest_m)
 
 
 def _limit_m(kind: str) -> float:

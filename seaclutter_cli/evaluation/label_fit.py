@@ -36,6 +36,13 @@ _MAX_FRAMES, _MAX_POINTS = 12, 2_000_000
 _MAX_BOXES, _MAX_BOXES_IN_FRAME = 120, 40
 
 
+_CENTERS: Sequence[Callable[[Points], Vector]] = (
+    lambda points: np.asarray((points.min(axis=1) + points.max(axis=1)) / 2, np.float64),
+    lambda points: np.asarray(np.median(points, axis=1), np.float64),
+)
+"""Middle and median of points, shape (3, N)."""
+
+
 class LabelledFrame(NamedTuple):
     """Points (3, N) of a frame in metres in the order of x, without those in areas to ignore; boxes of its targets."""
 
@@ -62,14 +69,13 @@ class FrameSample:
         if self._seen % self._stride == 0 and frame.size <= _MAX_POINTS:
             self.frames.append(self._taken(frame, truth, truth.targets))
         self._seen += 1
-        while self._is_full():
+        while (
+            len(self.frames) > _MAX_FRAMES
+            or sum(one.xyz.shape[1] for one in self.frames) > _MAX_POINTS
+            or sum(len(one.targets) for one in self.frames) > _MAX_BOXES
+        ):
             del self.frames[1::2]
             self._stride *= 2
-
-    def _is_full(self) -> bool:
-        points = sum(one.xyz.shape[1] for one in self.frames)
-        boxes = sum(len(one.targets) for one in self.frames)
-        return len(self.frames) > _MAX_FRAMES or points > _MAX_POINTS or boxes > _MAX_BOXES
 
     def _taken(self, frame: Frame, truth: Truth, targets: Boxes) -> LabelledFrame:
         used = frame.valid & ~truth.ignored.covers(frame.coordinates, self._margin_m)
@@ -237,7 +243,7 @@ class LabelFit:
         vertical, others = [], []
         for start_m in (0.0, *self._heights(frames)):
             vertical.append(_shift(np.array([0, 0, start_m])))
-            for center_of in (_middle, _median):
+            for center_of in _CENTERS:
                 shift_m = np.array([0.0, 0.0, start_m])
                 for _ in range(_SHIFT_STEPS):
                     shift_m += self._step(frames, shift_m, center_of)
@@ -267,14 +273,6 @@ class LabelFit:
                     points = one.xyz[:, near.strip][:, near.around]
                     offsets.append(center_of(points) - center)
         return np.median(offsets, axis=0) if offsets else np.zeros(3)
-
-
-def _middle(points: Points) -> Vector:
-    return np.asarray((points.min(axis=1) + points.max(axis=1)) / 2, np.float64)
-
-
-def _median(points: Points) -> Vector:
-    return np.asarray(np.median(points, axis=1), np.float64)
 
 
 class _Neighbourhood(NamedTuple):

@@ -22,7 +22,7 @@ from seaclutter_cli.runs.options.studies import LabelCheckOptions
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.runs.studies import StudyWork, frame_progress, prepared, study_all
 from seaclutter_cli.text import UNKNOWN, count, printable, table
-from seaclutter_cli.truth import Boxes, Truth
+from seaclutter_cli.truth import Truth
 
 _LINE_CHARACTERS = 80
 
@@ -96,16 +96,14 @@ class CheckedLabels(Outcome):
         self.labelled += 1
         self.areas += len(truth.ignored)
         self.point_frames += truth.points is not None
-        if truth.targets:
-            self._add_boxes(truth.targets, [len(one) for one in targets_of(frame, truth, params).members], params)
-
-    def _add_boxes(self, boxes: Boxes, points: Sequence[int], params: EvaluationParams) -> None:
-        for kind, size_m, inside in zip(boxes.classes, boxes.sizes, points, strict=True):
-            own = self.classes.setdefault(kind, _ClassCounts())
-            own.boxes += 1
-            own.visible += inside >= params.min_visible_points
-            own.sizes_m += size_m
-            own.points += inside
+        if boxes := truth.targets:
+            members = targets_of(frame, truth, params).members
+            for kind, size_m, inside in zip(boxes.classes, boxes.sizes, map(len, members), strict=True):
+                own = self.classes.setdefault(kind, _ClassCounts())
+                own.boxes += 1
+                own.visible += inside >= params.min_visible_points
+                own.sizes_m += size_m
+                own.points += inside
 
     def figures(self) -> str:
         """Return the main figures, for a line about the outcome."""
@@ -139,21 +137,15 @@ class CheckedLabels(Outcome):
         lines = [f"{printable(self.recording)} with {printable(self.labels)}", frames, "; ".join(more)]
         blocks = ["\n".join(filter(None, lines))]
         if self.classes:
-            rows = [(kind, one.boxes, one.visible, *_cells(one)) for kind, one in self.classes.items()]
+            rows = []
+            for kind, one in self.classes.items():
+                *sizes, points = one.means().values()
+                cells = [*(f"{size:.2f}" for size in sizes), f"{points:.0f}" if one.visible else UNKNOWN]
+                rows.append((kind, one.boxes, one.visible, *cells))
             blocks.append(table(("class", "boxes", "visible", "length m", "width m", "height m", "points"), rows))
-        found = [_item(finding.text) for finding in self.findings]
+        found = [textwrap.fill(f"* {one.text}", _LINE_CHARACTERS, subsequent_indent="  ") for one in self.findings]
         blocks.append("\n".join(["Probable mistakes:", *found]) if found else "No mistake found.")
         return "\n\n".join(blocks)
-
-
-def _cells(one: _ClassCounts) -> list[str]:
-    """Return means as text."""
-    *sizes, points = one.means().values()
-    return [*(f"{size:.2f}" for size in sizes), f"{points:.0f}" if one.visible else UNKNOWN]
-
-
-def _item(text: str) -> str:
-    return textwrap.fill(text, _LINE_CHARACTERS, initial_indent="* ", subsequent_indent="  ")
 
 
 @dataclass(frozen=True)
@@ -202,6 +194,6 @@ class LabelCheckResult(RecordingsResult):
         """Return the result as human-readable text."""
         return super().details()
 
-    def details(self) -> str:
-        """Return nothing: the text has all details."""
-        return ""
+    def as_detailed_text(self) -> str:
+        """Return the same, which has all details."""
+        return self.as_text()

@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
+from operator import getitem
 from typing import Any
 
 import yaml
@@ -33,11 +34,6 @@ class Sweep:
     values: tuple[Any, ...]
 
     @property
-    def shown(self) -> list[str]:
-        """Values as text."""
-        return [shown(value) for value in self.values]
-
-    @property
     def method(self) -> str | None:
         """The method that the key names; None if it names none.
 
@@ -59,10 +55,6 @@ class Sweep:
         named = self.method in (None, base.method or base.name)
         return named and self.own_key.partition(".")[0] in base.keys
 
-    def value_in(self, settings: Mapping[str, Any]) -> Any:
-        """Return the parameter's value in a section of a configuration."""
-        return reduce(lambda values, key: values[key], self.own_key.split("."), settings)
-
 
 @dataclass(frozen=True)
 class Combination:
@@ -79,12 +71,7 @@ def shown(value: Any) -> str:
 
 
 def parse_sweep(text: str) -> Sweep:
-    """Return the sweep that ``KEY=V1,V2,…`` or ``KEY=START:STOP:STEP`` describes.
-
-    Raises
-    ------
-    UsageError
-        If the text has another form.
+    """Return the sweep that ``KEY=V1,V2,…`` or ``KEY=START:STOP:STEP`` describes; raise `UsageError` for other texts.
 
     Examples
     --------
@@ -128,14 +115,8 @@ def _steps(given: str) -> list[float]:
 def grid(sweeps: Sequence[Sweep], options: MethodOptions) -> list[Combination]:
     """Return all combinations of methods and values, the last parameter changing fastest.
 
-    A parameter is swept for every method that has it.
-
-    Raises
-    ------
-    UsageError
-        If no method has a key, or there are too many combinations, or only one.
-    ConfigError
-        If a value is not allowed.
+    A parameter is swept for every method that has it. Raise `UsageError` if no method has a key, or there are too many
+    combinations, or only one; `ConfigError` if a value is not allowed.
     """
     bases = bases_of(options)
     plain = {base.name: base.variant() for base in bases}  # names and configurations are valid
@@ -156,7 +137,7 @@ def grid(sweeps: Sequence[Sweep], options: MethodOptions) -> list[Combination]:
             name = " ".join((base.name, *settings) if several else settings)
             variant = base.variant(*(f"filter.{setting}" for setting in settings), name=name)
             section = variant.config.as_dict()["filter"]
-            used = {sweep.key: sweep.value_in(section) for sweep in own[base.name]}
+            used = {one.key: reduce(getitem, one.own_key.split("."), section) for one in own[base.name]}
             combinations.append(Combination(variant, base.name, used))
     return combinations
 

@@ -1,7 +1,5 @@
 """Tuning: every combination of methods and parameter values over labelled recordings, in one pass."""
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -9,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import UsageError
@@ -27,7 +24,8 @@ from seaclutter_cli.runs.options.studies import TuneOptions
 from seaclutter_cli.runs.outputs import may_appear, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.runs.studies import prepared, study_all
-from seaclutter_cli.runs.sweep import Combination, Sweep, grid
+from seaclutter_cli.runs.sweep import Combination, Sweep, grid, shown
+from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.text import count, printable, table
 
 _RATES = ("frames", "N_FP", "N_FN", "R_FP", "R_FN", "precision", "recall", "f1", "false_alarms", "omitted_alarms")
@@ -92,7 +90,7 @@ def _files(result: "TuningResult", history: "_ThresholdHistory | None", options:
     if options.output and result.best:
         files[options.output] = result.best_config().encode()
     if options.csv_file:
-        files[options.csv_file] = result.as_csv().encode()
+        files[options.csv_file] = result.as_csv()
     if options.curve_file:
         files[options.curve_file] = result.curve(options.curve_file.suffix)
     if options.thresholds_file and history:
@@ -177,18 +175,9 @@ def _split_scores(outcomes: Sequence[Evaluated], names: Sequence[str], share: fl
 
 @dataclass(frozen=True)
 class TuningResult(RecordingsResult):
-    """Result of a sweep over methods and parameter values.
+    """Result of a sweep over methods and parameter values: all combinations, and their scores.
 
-    Parameters
-    ----------
-    sweeps : sequence of Sweep
-        Parameters and values that were tried.
-    combinations : sequence of Combination
-        All combinations.
-    outcomes : sequence of Evaluated
-        Outcome of each recording.
-    split : Split
-        Scores of the frames used for tuning, and of those held out.
+    ``split`` has those of the frames used for tuning, and of those held out.
     """
 
     sweeps: Sequence[Sweep]
@@ -224,8 +213,14 @@ class TuningResult(RecordingsResult):
         """Return the content of a plot of the rates over a single parameter."""
         (sweep,) = self.sweeps
         chosen = list(self.split.tuned).index(self.best) if self.best else None
-        tuned, held_out = (_rates(summaries) for summaries in (self.split.tuned, self.split.held_out))
-        return render(lambda figure: draw_rates(figure, sweep.key, sweep.shown, tuned, held_out, chosen), suffix)
+        both = ([(one.r_fp, one.r_fn) for one in part.values()] for part in (self.split.tuned, self.split.held_out))
+        tuned, held_out = (np.array(rates, np.float64).reshape(-1, 2).T for rates in both)  # NaN where unknown
+        values = list(map(shown, sweep.values))
+        return render(lambda figure: draw_rates(figure, sweep.key, values, tuned, held_out, chosen), suffix)
+
+    @property
+    def _several(self) -> bool:
+        return len({one.method for one in self.combinations}) > 1
 
     def _parts(self) -> list[tuple[str, Mapping[str, Summary]]]:
         """Return the scores of the frames used for tuning and, if there are any, of those held out."""
@@ -234,10 +229,9 @@ class TuningResult(RecordingsResult):
 
     def _rows(self) -> list[dict[str, Any]]:
         rows = []
-        several = len({one.method for one in self.combinations}) > 1
         for one in self.combinations:
             name = one.variant.name
-            row: dict[str, Any] = {"method": one.method} if several else {}
+            row: dict[str, Any] = {"method": one.method} if self._several else {}
             row |= {sweep.key: one.values.get(sweep.key) for sweep in self.sweeps}
             found = self.split.tuned[name].as_dict()
             row |= {key: found[key] for key in _RATES}
@@ -256,13 +250,10 @@ class TuningResult(RecordingsResult):
             "recordings": [Outcome.as_dict(outcome) for outcome in self.outcomes],
         }
 
-    def as_csv(self) -> str:
+    def as_csv(self) -> bytes:
         """Return the result as CSV, with a row for each combination."""
-        rows, text = self._rows(), io.StringIO()
-        writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-        return text.getvalue()
+        rows = self._rows()
+        return b"".join(map(csv_line, (rows[0], *(row.values() for row in rows))))
 
     def as_text(self) -> str:
         """Return the result as human-readable text: all combinations, then tuned and held-out figures of the best."""
@@ -272,31 +263,23 @@ class TuningResult(RecordingsResult):
         title = f"best on {count(frames, 'frame')}: {self.best}"
         if self.split.held_out:
             title += f"\nheld out: {printable(self.split.title)}"
-        tables = f"{self._table()}\n\n{title}\n\n{self._judgement()}"
+        judged = []
+        for part, summaries in self._parts():
+            cells = score_cells({name: summaries[name] for name in self.best_of_methods}, _JUDGED)
+            judged += [(name, part, *cells[name]) for name in self.best_of_methods]
+        judgement = table(("best combination", "", *(one.head for one in _JUDGED)), judged)
+        tables = f"{self._table()}\n\n{title}\n\n{judgement}"
         legend = score_legend(tables, _JUDGED, {_BEST: "fewest frames with an error, then fewest errors, when tuned"})
         return f"{tables}\n\n{legend}"
 
     def _table(self) -> str:
         """Return a table of all combinations on the frames used for tuning."""
         cells = score_cells(self.split.tuned, FRAME_ERRORS)
-        several = len({one.method for one in self.combinations}) > 1
+        first = ["method"] if self._several else []
         keys = [sweep.key for sweep in self.sweeps]
         rows = []
         for one in self.combinations:
             name = one.variant.name
-            first = ([one.method] if several else []) + [str(one.values.get(key, "")) for key in keys]
-            rows.append((*first, *cells[name], _BEST if name == self.best else ""))
-        return table((*(["method"] if several else []), *keys, *(one.head for one in FRAME_ERRORS), ""), rows)
-
-    def _judgement(self) -> str:
-        """Return a table of the best combination of each method, on the frames for tuning and on those held out."""
-        rows = []
-        for part, summaries in self._parts():
-            cells = score_cells({name: summaries[name] for name in self.best_of_methods}, _JUDGED)
-            rows += [(name, part, *cells[name]) for name in self.best_of_methods]
-        return table(("best combination", "", *(one.head for one in _JUDGED)), rows)
-
-
-def _rates(summaries: Mapping[str, Summary]) -> NDArray[np.float64]:
-    """Return the rates of frames with a false alarm and with a missed target, shape (2, K); NaN where unknown."""
-    return np.array([(summary.r_fp, summary.r_fn) for summary in summaries.values()], np.float64).reshape(-1, 2).T
+            values = [*([one.method] if first else []), *(str(one.values.get(key, "")) for key in keys)]
+            rows.append((*values, *cells[name], _BEST if name == self.best else ""))
+        return table((*first, *keys, *(one.head for one in FRAME_ERRORS), ""), rows)
