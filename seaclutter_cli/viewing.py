@@ -16,7 +16,7 @@ from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.messages.scene import SceneBox
 from seaclutter_cli.reporting import palette
-from seaclutter_cli.reporting.history import FrameListener, FrameStatistics, ScoredFrame
+from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
 from seaclutter_cli.reporting.sample import boxes_of
 
 Mask = NDArray[np.bool_]
@@ -54,20 +54,18 @@ class FrameStream(FrameListener):
         self._name = recording
 
     def add(self, scored: ScoredFrame) -> None:
-        """Take a frame and its statistics."""
-        frame, statistics = scored.frame, scored.statistics[0]
+        """Take a frame and its result."""
+        frame, result = scored.frame, scored.results[0]
         self._recording.set_time("time", timestamp=np.datetime64(frame.stamp_ns, "ns"))
         self._recording.set_time("frame", sequence=self._frames)
         self._frames += 1
-        result = scored.results()[0]
         scene = f", scene {result.scene}" if result and result.scene else ""
         self._log("recording", self._rerun.TextLog(f"{self._name}, frame {frame.index}{scene}"))
         self._points(frame, result)
         if result is not None:
             for name, boxes in boxes_of(result, scored.truth, self._params).items():
                 self._boxes(name, boxes)
-        if statistics is not None:
-            self._curves(statistics)
+            self._curves(result)
 
     def finish(self) -> None:
         """Send the remaining data and disconnect."""
@@ -101,12 +99,12 @@ class FrameStream(FrameListener):
         )
         self._log(f"world/{name}", entity)
 
-    def _curves(self, statistics: FrameStatistics | FilterResult) -> None:
+    def _curves(self, result: FilterResult) -> None:
         for reason in palette.REASONS:
-            self._log(f"counts/{reason.name.lower()}", self._rerun.Scalars(float(statistics.counts[reason])))
-        if statistics.rings is not None:
+            self._log(f"counts/{reason.name.lower()}", self._rerun.Scalars(float(result.counts[reason])))
+        if result.rings is not None:
             for name in ("thresholds", "corrections"):
-                for ring, value in enumerate(getattr(statistics.rings, name).tolist(), 1):
+                for ring, value in enumerate(getattr(result.rings, name).tolist(), 1):
                     self._log(f"{name}/ring_{ring}", self._rerun.Scalars(value))
 
 

@@ -255,9 +255,7 @@ FIGURES: Mapping[str, ReportFigure] = {
     "intensity": ReportFigure(_draw_intensity, _has_intensity),
     "thresholds": ReportFigure(partial(_draw_rings, name="thresholds"), _has_rings),
     "corrections": ReportFigure(partial(_draw_rings, name="corrections"), _has_rings),
-    "water": ReportFigure(
-        _draw_water, lambda collected: bool(np.isfinite(collected.histories[0]["water"]).any()), 0.75
-    ),
+    "water": ReportFigure(_draw_water, _has_water, 0.75),
     "own_structure": ReportFigure(_draw_own_structure, _has_excluded, aspect=0.95),
     "reasons": ReportFigure(_draw_reasons, lambda collected: bool(collected.chosen)),
     "alarms": ReportFigure(_draw_alarms, lambda collected: collected.labelled and bool(collected.chosen), 0.27, 0.08),

@@ -10,7 +10,7 @@ import numpy as np
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.frame import FilterResult, Reason
-from seaclutter_cli.reporting.history import FrameListener, FrameStatistics, History, ScoredFrame
+from seaclutter_cli.reporting.history import FrameListener, History, ScoredFrame
 from seaclutter_cli.reporting.sample import Sample, take_sample
 
 T = TypeVar("T")
@@ -191,7 +191,7 @@ class Collector(FrameListener):
         self._first_ns = None
 
     def add(self, scored: ScoredFrame) -> None:
-        """Take the statistics of a frame; its results are requested only if its points are stored."""
+        """Take the statistics of a frame, and its points if it is selected."""
         frame = scored.frame
         if self._first_ns is None:
             self._first_ns = frame.log_time_ns
@@ -199,15 +199,15 @@ class Collector(FrameListener):
         self.timeline.recording.append(len(self.recordings) - 1)
         self.timeline.frame.append(frame.index)
         self.timeline.seconds.append((frame.log_time_ns - self._first_ns) / _NANO)
-        for history, own, score in zip(self.histories, scored.statistics, scored.scores, strict=True):
+        for history, own, score in zip(self.histories, scored.results, scored.scores, strict=True):
             history.add(own, score)
 
         def make() -> Sample:
-            return take_sample(frame, scored.results(), scored.truth, self.params, self._points)
+            return take_sample(frame, scored.results, scored.truth, self.params, self._points)
 
         if frame.index in self._picks:
             self._picked[row] = make()
-        badness, merit = _by_alarms(scored.scores[0]) if self.labelled else _by_removal(scored.statistics[0])
+        badness, merit = _by_alarms(scored.scores[0]) if self.labelled else _by_removal(scored.results[0])
         self._choice.offer(row, badness=badness, merit=merit, make=make)
 
     @property
@@ -238,11 +238,11 @@ def _by_alarms(score: FrameScore | None) -> tuple[float | None, float | None]:
     return float(errors), None if errors else float(score.alarms.detected)
 
 
-def _by_removal(statistics: FrameStatistics | FilterResult | None) -> tuple[float | None, float | None]:
+def _by_removal(result: FilterResult | None) -> tuple[float | None, float | None]:
     """Return badness and merit of an unlabelled frame: the share removed as clutter, and its negative."""
-    if statistics is None:
+    if result is None:
         return None, None
     clutter = [Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.UNCONFIRMED]
-    removed = float(statistics.counts[clutter].sum())
-    share = removed / max(float(statistics.counts.sum()), 1.0)
+    removed = float(result.counts[clutter].sum())
+    share = removed / max(float(result.counts.sum()), 1.0)
     return share, -share

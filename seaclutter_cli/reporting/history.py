@@ -1,28 +1,18 @@
 """Statistics of a method for every frame, who receives them, and their reduction to what a screen can show."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.evaluation.scores import FrameScore
-from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Frame, Reason, Rings, WaterState
+from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Frame, Reason
 from seaclutter_cli.reporting.sample import Sample
 from seaclutter_cli.truth import Truth
 
 Series = NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class FrameStatistics:
-    """What a `FilterResult` tells apart from the reasons of the points; of them the counts for each `Reason`."""
-
-    counts: NDArray[np.int64]
-    rings: Rings | None
-    scene: str | None = None
-    water: WaterState | None = None
 
 
 class History:
@@ -40,20 +30,20 @@ class History:
         self._rows: list[NDArray[np.void]] = []
         self._scenes: list[str] = []
 
-    def add(self, statistics: FrameStatistics | FilterResult | None, score: FrameScore | None) -> None:
+    def add(self, result: FilterResult | None, score: FrameScore | None) -> None:
         """Add a frame; unknown values become NaN."""
         row = np.full((), np.nan, self._type)
-        if statistics is not None:
-            row["counts"] = statistics.counts
-            if statistics.water is not None:
-                row["water"] = astuple(statistics.water)
-            if statistics.rings is not None and row["thresholds"].size:
-                row["thresholds"] = statistics.rings.thresholds
-                row["corrections"] = statistics.rings.corrections
+        if result is not None:
+            row["counts"] = result.counts
+            if result.water is not None:
+                row["water"] = astuple(result.water)
+            if result.rings is not None and row["thresholds"].size:
+                row["thresholds"] = result.rings.thresholds
+                row["corrections"] = result.rings.corrections
         if score is not None and score.alarms is not None:
             row["missed"], row["false_alarms"] = score.alarms.missed, score.alarms.false_alarms
         self._rows.append(row)
-        self._scenes.append((statistics.scene if statistics else None) or "")
+        self._scenes.append((result.scene if result else None) or "")
 
     def __getitem__(self, name: str) -> Series:
         """Return a column."""
@@ -68,16 +58,12 @@ class History:
 
 @dataclass(frozen=True)
 class ScoredFrame:
-    """A frame of an evaluation or of a filtered log, with its truth, and statistics and score by each method.
-
-    ``results`` returns the result of each method, which may be slow.
-    """
+    """A frame of an evaluation or of a filtered log, with its truth, and result and score by each method."""
 
     frame: Frame
-    statistics: Sequence[FrameStatistics | FilterResult | None]
+    results: Sequence[FilterResult | None]
     truth: Truth | None
     scores: Sequence[FrameScore | None]
-    results: Callable[[], Sequence[FilterResult | None]]
 
 
 class FrameListener(ABC):

@@ -4,9 +4,7 @@ The log was written by ``filter --keep-raw --with-removed``: the raw cloud is on
 points are on two additional topics, and each frame has a diagnostics message.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +18,6 @@ from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
 from seaclutter_cli.messages.metadata import DIAGNOSTICS, recorded_topics
 from seaclutter_cli.reading import read
 from seaclutter_cli.records import Damage, Message, Metadata
-from seaclutter_cli.reporting.history import FrameStatistics
 from seaclutter_cli.selection import Selection
 
 _FILTERED, _REMOVED = "/filtered", "/removed"
@@ -55,38 +52,10 @@ def recorded_config(source: Source) -> str | None:
     return None
 
 
-@dataclass(frozen=True)
-class Replayed:
-    """A frame as recorded in a filtered log: raw points, statistics, and the message with the removed points."""
+def replay(source: Source, topic: str, selection: Selection) -> Iterator[FilterResult]:
+    """Yield the filter results of the frames of a topic; frames without removed points or diagnostics are left out.
 
-    frame: Frame
-    statistics: FrameStatistics
-    removed: Message
-
-    @cached_property
-    def result(self) -> FilterResult:
-        """Reasons of the raw points; `CloudError` if a removed point is not in the raw cloud.
-
-        Points are matched by their bytes; points with equal bytes are interchangeable.
-        """
-        codec = find_codec(self.removed.channel)
-        if codec is None:
-            raise CloudError(f"topic {self.removed.channel.topic} contains no point clouds")
-        removed = codec.decode(self.removed.data)
-        raw = self.frame.cloud
-        reasons = removed.points[_reason_field(removed.dtype.names or ())]
-        indices = _find(_keys(removed.points, raw.dtype.itemsize), _keys(raw.points, raw.dtype.itemsize))
-        if indices is None:
-            raise CloudError(f"frame {self.frame.index}: a removed point is not in the raw cloud")
-        reason = np.full(raw.size, Reason.KEPT, np.uint8)
-        reason[indices] = np.minimum(reasons, max(Reason))
-        return FilterResult(self.frame, reason, self.statistics.rings, self.statistics.scene, self.statistics.water)
-
-
-def replay(source: Source, topic: str, selection: Selection) -> Iterator[Replayed]:
-    """Yield the frames of a topic with their filter results.
-
-    Frames without removed points or valid diagnostics are left out.
+    Raise `CloudError` if a removed point is not in the raw cloud.
     """
     clouds = [channel for channel in source.channels if channel.topic == topic]
     diagnostics = _diagnostics_topic(source, topic)
@@ -107,17 +76,29 @@ def replay(source: Source, topic: str, selection: Selection) -> Iterator[Replaye
                 source.damage.append(Damage(Path(source.name), None, str(error), len(record.data), 1))
                 continue
             if found.topic == topic and found.numbers["points_in"] == frame.size:
-                yield Replayed(
-                    frame, FrameStatistics(found.counts, found.rings, found.scene or None, found.water), removed
-                )
+                yield FilterResult(frame, _reasons(frame, removed), found.rings, found.scene or None, found.water)
                 frame = removed = None
 
 
-def _reason_field(names: Sequence[str]) -> str:
-    """Return the name of the field that the filter added: the last one, ``reason`` with or without underscores."""
-    if not names or not names[-1].startswith("reason"):
+def _reasons(frame: Frame, message: Message) -> NDArray[np.uint8]:
+    """Return the reasons of the points of a frame, given the message with those removed.
+
+    Points are matched by their bytes; points with equal bytes are interchangeable.
+    """
+    codec, raw = find_codec(message.channel), frame.cloud
+    if codec is None:
+        raise CloudError(f"topic {message.channel.topic} contains no point clouds")
+    removed = codec.decode(message.data).points
+    # The filter added the last field, ``reason`` with or without underscores.
+    names = removed.dtype.names or ("",)
+    if not names[-1].startswith("reason"):
         raise CloudError("the cloud of removed points has no field 'reason'")
-    return names[-1]
+    indices = _find(_keys(removed, raw.dtype.itemsize), _keys(raw.points, raw.dtype.itemsize))
+    if indices is None:
+        raise CloudError(f"frame {frame.index}: a removed point is not in the raw cloud")
+    reason = np.full(raw.size, Reason.KEPT, np.uint8)
+    reason[indices] = np.minimum(removed[names[-1]], max(Reason))
+    return reason
 
 
 def _keys(points: NDArray[np.void], size: int) -> NDArray[np.uint64]:

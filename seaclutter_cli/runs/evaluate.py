@@ -283,7 +283,7 @@ class EvaluateWork(StudyWork[Evaluated]):
         pairs = zip(self.variants, filters, strict=True)
         given = [variant for variant, method in pairs if not method.needs_first_pass]
         checks = {variant.name: Checks(variant.config, source.facts, filtered=filtered) for variant in given}
-        scorer = _FrameScorer(self, labels, outcome, checks, observer)
+        scorer = FrameScorer(self, labels, outcome, checks, observer)
         with frame_progress(source, selection, observer) as step:
 
             def on_frame(frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float]) -> None:
@@ -301,7 +301,7 @@ class EvaluateWork(StudyWork[Evaluated]):
 
 
 @dataclass
-class _FrameScorer:
+class FrameScorer:
     """Comparison of the frames of one recording with its labels."""
 
     work: EvaluateWork
@@ -315,7 +315,7 @@ class _FrameScorer:
         self._label_check = LabelCheck(self._evaluation)
         self._warned: set[str] = set()
 
-    def add(self, frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float]) -> None:
+    def add(self, frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float | None]) -> None:
         """Score a frame for every method that could use it."""
         truth = self.labels.truth(frame) if self.labels else None
         scores = score_frame(frame, results, truth, self._evaluation)
@@ -324,7 +324,7 @@ class _FrameScorer:
         if truth is not None and self.outcome.parts:
             self.outcome.parts.add(scores)
         for listener in self.work.listeners:
-            listener.add(ScoredFrame(frame, results, truth, scores, lambda: results))
+            listener.add(ScoredFrame(frame, results, truth, scores))
         for variant, result, found, spent in zip(self.work.variants, results, scores, seconds, strict=True):
             if result is None or found is None:
                 continue

@@ -12,8 +12,6 @@ from seaclutter_cli import __version__
 from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.config import parse_config
 from seaclutter_cli.errors import ConfigError, InputError, UsageError
-from seaclutter_cli.evaluation.label_check import LabelCheck
-from seaclutter_cli.evaluation.scores import Summary, score_frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.figure import check_target
@@ -22,16 +20,16 @@ from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.reporting.collector import Collector, Method
 from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
 from seaclutter_cli.reporting.page import render_page, report_data
-from seaclutter_cli.reporting.replay import Replayed, filtered_topics, recorded_config, replay
-from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork
+from seaclutter_cli.reporting.replay import filtered_topics, recorded_config, replay
+from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork, FrameScorer
 from seaclutter_cli.runs.methods import Variant, is_default
 from seaclutter_cli.runs.methods import variants as variants_of
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import MethodOptions, ReadOptions
 from seaclutter_cli.runs.options.studies import ReportOptions
 from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
-from seaclutter_cli.runs.recordings import Outcome, open_recording, require_frames
-from seaclutter_cli.runs.studies import LabelledRecordings, StudyWork, prepared
+from seaclutter_cli.runs.recordings import Outcome, expected_frames, open_recording, require_frames
+from seaclutter_cli.runs.studies import LabelledRecordings, prepared
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.selection import was_filtered
 from seaclutter_cli.sources import Recording
@@ -223,22 +221,17 @@ def filter_or_replay(
 ) -> tuple[Comparison, L]:
     """Filter recordings, or read filtered ones back if no method is chosen, and pass every frame to a listener.
 
-    Raises
-    ------
-    UsageError
-        If filtered logs differ in their configuration, or a topic has to be chosen.
-    InputError
-        If the recorded configuration is not valid, or a filtered log lacks the removed points.
+    Raise `UsageError` if filtered logs differ in their configuration, or a topic has to be chosen; `InputError` if the
+    recorded configuration is not valid, or a filtered log lacks the removed points.
     """
     recordings = [recording for recording, _ in pairs]
     variant, topics = _recorded_run(recordings, reading) if is_default(methods) else (None, ())
     variants = [variant] if variant else variants_of(methods, configured_first=True)
     listener = make_listener(variants)
-    works: list[StudyWork[Evaluated]] = (
-        [_ReplayWork(reading, *pair, variant, topic, listener) for pair, topic in zip(pairs, topics, strict=True)]
-        if variant
-        else [EvaluateWork(reading, *pair, variants, [listener]) for pair in pairs]
-    )
+    works = [EvaluateWork(reading, *pair, variants, [listener]) for pair in pairs]
+    if variant:
+        replayed = zip(pairs, topics, strict=True)
+        works = [_ReplayWork(reading, *pair, variants, [listener], topic=topic) for pair, topic in replayed]
     return Comparison(variants, [work.run(observer) for work in works]), listener
 
 
@@ -277,50 +270,22 @@ def _recorded(recording: Recording, reading: ReadOptions) -> tuple[str, str] | N
 
 
 @dataclass(frozen=True)
-class _ReplayWork(StudyWork[Evaluated]):
+class _ReplayWork(EvaluateWork):
     """Reading of a filtered log for a listener, and comparison with its labels if there are any."""
 
-    variant: Variant
-    topic: str
-    listener: FrameListener
-
-    def without_result(self, reason: str | None) -> Evaluated:
-        """Return an outcome without frames."""
-        return Evaluated(recording=self.recording.name, methods={self.variant.name: Summary()}, error=reason)
-
-    def run(self, observer: Observer) -> Evaluated:
-        """Read the recording, also for the listener; store an error in the outcome."""
-        self.listener.begin(self.recording.name)
-        return super().run(observer)
+    topic: str = ""
 
     def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
         """Read all frames."""
-        selection, (summary,) = self.reading.selection, outcome.methods.values()
-        total = sum(source.counts.get(channel.id, 0) for channel in source.channels if channel.topic == self.topic)
-        found, check = False, LabelCheck(self.variant.config.evaluation)
-        with observer.progress(source.name, selection.frames or total or None) as step:
-            for one in replay(source, self.topic, selection):
-                self._add(one, labels, summary, check)
+        selection, scorer = self.reading.selection, FrameScorer(self, labels, outcome, {}, observer)
+        clouds = [channel for channel in source.channels if channel.topic == self.topic]
+        with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
+            for result in replay(source, self.topic, selection):
+                scorer.add(result.frame, [result], [None])
                 step()
-                found = True
-        if not found:
+        if not outcome.frames:
             require_frames(source, 0, selection)
-            reason = (
-                source.damage[0] if source.damage else f"no frame of {self.topic} has removed points and diagnostics"
-            )
-            raise InputError(f"{source.name}: nothing to show; {reason}")
-        self.finish(source, labels, 1)
-        for finding in check.findings(summary.targets, summary.visible):
-            observer.warn(f"{source.name}: labels: {finding.text}")
-
-    def _add(self, one: Replayed, labels: Labels | None, summary: Summary, check: LabelCheck) -> None:
-        truth = labels.truth(one.frame) if labels else None
-        score = None
-        if truth is not None:
-            check.add(one.frame, truth)
-            score = score_frame(one.frame, [one.result], truth, self.variant.config.evaluation)[0]
-        if score is not None:
-            summary.add(score, None)
-        else:
-            summary.unlabelled += 1
-        self.listener.add(ScoredFrame(one.frame, [one.statistics], truth, [score], lambda: [one.result]))
+            missing = f"no frame of {self.topic} has removed points and diagnostics"
+            raise InputError(f"{source.name}: nothing to show; {source.damage[0] if source.damage else missing}")
+        self.finish(source, labels, outcome.frames)
+        scorer.finish()

@@ -121,7 +121,7 @@ class _ThresholdHistory(FrameListener):
             inside = frame.valid & (frame.range_m >= self._start_m) & (frame.range_m < self._end_m)
             points = point_truth(frame, scored.truth, self._evaluation)
             ideal = ideal_threshold(frame.intensity[inside], points[inside])
-        rings = [None if one is None else one.rings for one in scored.statistics]
+        rings = [None if one is None else one.rings for one in scored.results]
         used = [np.nan if one is None else float(one.thresholds[self._ring]) for one in rings]
         self._rows.append([np.nan if ideal is None else ideal, *used])
 

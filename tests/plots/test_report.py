@@ -16,9 +16,9 @@ from seaclutter_cli.frame import Reason, WaterState
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import Collector, Method
-from seaclutter_cli.reporting.history import FrameStatistics, History, ScoredFrame
+from seaclutter_cli.reporting.history import History, ScoredFrame
 from seaclutter_cli.truth import Truth
-from tests.evaluation.scenes import boxes, frame_of, lump
+from tests.evaluation.scenes import boxes, frame_of, lump, told
 from tests.reporting.colors import difference
 
 EDGES = (10.0, 25.0, 40.0, 55.0, 70.0)
@@ -36,8 +36,7 @@ def collect(*, edges=EDGES, names=("joint", "none"), frames=FRAMES, labelled=Tru
     for index in range(frames):
         frame = frame_of(TARGET, *([WAVE] if index % 2 else []), index=index)
         results = [method.step(frame) for method in methods]
-        statistics, scores = results, score_frame(frame, results, truth, EvaluationParams())
-        collected.add(ScoredFrame(frame, statistics, truth, scores, lambda results=results: results))
+        collected.add(ScoredFrame(frame, results, truth, score_frame(frame, results, truth, EvaluationParams())))
     return collected
 
 
@@ -108,7 +107,7 @@ def test_level_and_wave_height_of_the_water():
     rows = [None, WaterState(-2.5, 0, 0, 0.3), WaterState(-2.4, 0, 0, 0.4), None, WaterState(-2.3, 0, 0, 0.5)]
     collected.histories[0] = History(4)
     for water in rows:
-        collected.histories[0].add(FrameStatistics(np.zeros(8), None, water=water), None)
+        collected.histories[0].add(told(np.zeros(8), water=water), None)
     assert FIGURES["water"].applies(collected)
     level, height = drawn("water", collected).axes
     unknown = float("nan")
