@@ -18,14 +18,12 @@ def best(summaries: Mapping[str, Summary]) -> str | None:
     (:math:`N_{FP} + N_{FN}`). Ties are resolved by the rate of false alarms plus missed targets, then by order.
     """
     labelled = {name: summary for name, summary in summaries.items() if summary.frames}
-    if not labelled:
-        return None
-    return min(labelled, key=lambda name: _error_rates(labelled[name]))
-
-
-def _error_rates(summary: Summary) -> tuple[float, float]:
-    frames = summary.frames  # rates, since a method may be unable to process some frames
-    return (summary.n_fp + summary.n_fn) / frames, (summary.false_alarms + summary.missed) / frames
+    # Rates, since a method may be unable to process some frames.
+    errors = {
+        name: ((one.n_fp + one.n_fn) / one.frames, (one.false_alarms + one.missed) / one.frames)
+        for name, one in labelled.items()
+    }
+    return min(errors, key=lambda name: errors[name], default=None)
 
 
 def ideal_threshold(intensity: NDArray[np.float64], points: NDArray[np.int64]) -> float | None:
@@ -66,18 +64,15 @@ class Parts:
     def add(self, scores: Sequence[FrameScore | None]) -> None:
         """Add a labelled frame: the score of each method, None for a method that could not use it."""
         if self._frames_in_last == self._part_frames or not self._parts:
-            self._start_part()
+            if len(self._parts) == _MAX_PARTS:
+                self._parts = [self._sums(self._parts[k : k + 2]) for k in range(0, _MAX_PARTS, 2)]
+                self._part_frames *= 2
+            self._parts.append(self._sums([]))
+            self._frames_in_last = 0
         self._frames_in_last += 1
         for summary, score in zip(self._parts[-1], scores, strict=True):
             if score is not None:
                 summary.add(score, None)
-
-    def _start_part(self) -> None:
-        if len(self._parts) == _MAX_PARTS:
-            self._parts = [self._sums(self._parts[k : k + 2]) for k in range(0, _MAX_PARTS, 2)]
-            self._part_frames *= 2
-        self._parts.append(self._sums([]))
-        self._frames_in_last = 0
 
     def split(self, share: float) -> tuple[list[Summary], list[Summary]]:
         """Return the sums of the frames before the end, and of a share of the frames at the end, for each method.

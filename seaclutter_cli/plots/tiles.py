@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 COLORS: Mapping[str, str] = {
@@ -52,19 +51,15 @@ def draw_tile(
         axes.scatter(x, y, s=0.5, color=color, linewidths=0, rasterized=True)
         axes.scatter([], [], s=10, color=color, label=name)
     for name, corners in boxes:
-        _draw_box(axes, name, corners - corner)
+        color, ring = COLORS.get(name, "red"), corners - corner
+        axes.plot(*np.vstack((ring, ring[:1])).T, color=color, linewidth=0.4)
+        top = ring[:, 0].mean(), ring[:, 1].max()
+        axes.annotate(name, top, (0, 1.5), textcoords="offset points", fontsize=5, ha="center", color=color)
     axes.set_aspect("equal")
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
     if points:
         figure.legend(loc="outside upper center", ncols=min(4, len(points)), handletextpad=0.2, columnspacing=1.0)
-
-
-def _draw_box(axes: "Axes", name: str, corners: NDArray[np.float64]) -> None:
-    color = COLORS.get(name, "red")
-    axes.plot(*np.vstack((corners, corners[:1])).T, color=color, linewidth=0.4)
-    top = corners[:, 0].mean(), corners[:, 1].max()
-    axes.annotate(name, top, (0, 1.5), textcoords="offset points", fontsize=5, ha="center", color=color)
 
 
 def draw_confusion(figure: "Figure", names: Sequence[str], matrix: NDArray[np.int64]) -> None:

@@ -36,7 +36,9 @@ def report_data(
     timeline = collected.timeline
     starts = bin_starts(len(timeline.frame))
     chosen = collected.chosen
-    top = _intensity_top([one.item for one in chosen])
+    known = [one.item.intensity[np.isfinite(one.item.intensity)] for one in chosen]
+    intensities = np.concatenate([*known, np.empty(0, np.float32)])
+    top = float(np.quantile(intensities, 0.98)) if len(intensities) else 0.0  # of the colour scale
     return {
         "version": __version__,
         "recordings": collected.recordings,
@@ -80,6 +82,7 @@ def _method(method: Method, history: History, summary: dict[str, Any], starts: N
     counts, _, _ = binned(history["counts"], starts)
     thresholds = binned(history["thresholds"], starts)
     corrections, _, _ = binned(history["corrections"], starts)
+    alarms, missed = history["false_alarms"], history["missed"] > 0
     return {
         "name": method.name,
         "edges": list(method.edges),
@@ -94,8 +97,8 @@ def _method(method: Method, history: History, summary: dict[str, Any], starts: N
         "corrections": _packed(corrections.T, "<f4"),
         "water": _water(history, starts),
         "scenes": {name: _packed(frames, "u1") for name, frames in history.scenes.items()},
-        "alarms": _packed(_alarm_bits(history), "u1"),
-        "false_alarms": _packed(np.nan_to_num(history["false_alarms"]).clip(0, 255), "u1"),
+        "alarms": _packed(LABELLED * np.isfinite(alarms) + FALSE_ALARM * (alarms > 0) + MISSED_TARGET * missed, "u1"),
+        "false_alarms": _packed(np.nan_to_num(alarms).clip(0, 255), "u1"),
         "missed": _packed(np.nan_to_num(history["missed"]).clip(0, 255), "u1"),
     }
 
@@ -117,13 +120,6 @@ def mean_thresholds(history: History) -> list[float]:
     return [float(mean) for mean in total / np.maximum(known.sum(axis=0), 1)]
 
 
-def _alarm_bits(history: History) -> NDArray[np.uint8]:
-    """Return the bits `LABELLED`, `FALSE_ALARM` and `MISSED_TARGET` of each frame, shape (frames,), uint8."""
-    labelled = np.isfinite(history["false_alarms"])
-    bits = LABELLED * labelled + FALSE_ALARM * (history["false_alarms"] > 0) + MISSED_TARGET * (history["missed"] > 0)
-    return np.asarray(bits, np.uint8)
-
-
 def _density(collected: Collector, number: int, history: History) -> dict[str, Any] | None:
     method = collected.methods[number]
     top = float(np.nanmax(history["thresholds"], initial=0)) if len(method.edges) else 0.0
@@ -141,13 +137,6 @@ def _density(collected: Collector, number: int, history: History) -> dict[str, A
         },
         "frames": len(collected.spread),
     }
-
-
-def _intensity_top(samples: Sequence[Sample]) -> float:
-    """Return the upper end of the intensity colour scale; 98 % of the points are below it."""
-    known = [sample.intensity[np.isfinite(sample.intensity)] for sample in samples]
-    values = np.concatenate([*known, np.empty(0, np.float32)])
-    return float(np.quantile(values, 0.98)) if len(values) else 0.0
 
 
 def _sample(one: Chosen[Sample], top: float) -> dict[str, Any]:
@@ -193,7 +182,7 @@ def render_page(data: Mapping[str, Any]) -> bytes:
     only this style and this code, identified by their hashes, and no loading of resources.
     """
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-    style = _read("page.css") + _variables()
+    style = _read("page.css") + ":root{" + "".join(f"--{name}:{color};" for name, color in INK.items()) + "}"
     script = "\n".join(_read(name) for name in SCRIPTS)
     policy = f"default-src 'none'; style-src '{_hash(style)}'; script-src '{_hash(script)}'; {_OTHER_SOURCES}"
     parts = {"POLICY": policy, "STYLE": style, "SCRIPT": script, "DATA": text}
@@ -202,10 +191,6 @@ def render_page(data: Mapping[str, Any]) -> bytes:
         before, mark, after = page.partition(f"%{name}%")
         page = before + part + after if mark else page
     return page.encode()
-
-
-def _variables() -> str:
-    return ":root{" + "".join(f"--{name}:{color};" for name, color in INK.items()) + "}"
 
 
 def _hash(text: str) -> str:

@@ -6,7 +6,6 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.config import load_config
@@ -25,6 +24,7 @@ from seaclutter_cli.text import UNKNOWN, count, printable, table
 from seaclutter_cli.truth import Truth
 
 _LINE_CHARACTERS = 80
+_MEANS = ("length_m", "width_m", "height_m", "points")
 
 
 @function_of(LabelCheckOptions)
@@ -50,30 +50,17 @@ def check_labels(options: LabelCheckOptions) -> "LabelCheckResult":
     return LabelCheckResult(study_all(works, options.batch, observer))
 
 
-@dataclass
-class _ClassCounts:
-    """Boxes of one class: their number, how many are visible, and sums of their sizes and points."""
-
-    boxes: int = 0
-    visible: int = 0
-    sizes_m: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
-    points: int = 0
-
-    def means(self) -> dict[str, float]:
-        """Return mean length, width and height in metres, and the mean number of points inside."""
-        sizes = (self.sizes_m / max(self.boxes, 1)).tolist()
-        names = ("length_m", "width_m", "height_m")
-        return {**dict(zip(names, sizes, strict=True)), "points": self.points / max(self.boxes, 1)}
-
-
 @dataclass(kw_only=True)
 class CheckedLabels(Outcome):
-    """Outcome of the check of the labels of one recording: its boxes of targets by class, and probable mistakes."""
+    """Outcome of the check of the labels of one recording: its boxes of targets by class, and probable mistakes.
+
+    Of each box, there are length, width and height in metres, the number of points inside, and whether they are enough.
+    """
 
     labels: str
     labelled: int = 0
     unlabelled: int = 0
-    classes: dict[str, _ClassCounts] = field(default_factory=dict)
+    classes: dict[str, list[tuple[float, ...]]] = field(default_factory=dict)
     areas: int = 0
     point_frames: int = 0
     findings: list[Finding] = field(default_factory=list)
@@ -81,12 +68,12 @@ class CheckedLabels(Outcome):
     @property
     def boxes(self) -> int:
         """Number of boxes of targets."""
-        return sum(one.boxes for one in self.classes.values())
+        return sum(map(len, self.classes.values()))
 
     @property
     def visible(self) -> int:
         """Number of boxes with enough points."""
-        return sum(one.visible for one in self.classes.values())
+        return sum(_visible(rows) for rows in self.classes.values())
 
     def add(self, frame: Frame, truth: Truth | None, params: EvaluationParams) -> None:
         """Count a frame."""
@@ -99,11 +86,8 @@ class CheckedLabels(Outcome):
         if boxes := truth.targets:
             members = targets_of(frame, truth, params).members
             for kind, size_m, inside in zip(boxes.classes, boxes.sizes, map(len, members), strict=True):
-                own = self.classes.setdefault(kind, _ClassCounts())
-                own.boxes += 1
-                own.visible += inside >= params.min_visible_points
-                own.sizes_m += size_m
-                own.points += inside
+                row = (*size_m.tolist(), inside, inside >= params.min_visible_points)
+                self.classes.setdefault(kind, []).append(row)
 
     def figures(self) -> str:
         """Return the main figures, for a line about the outcome."""
@@ -124,7 +108,8 @@ class CheckedLabels(Outcome):
             "areas_to_ignore": self.areas,
             "frames_with_labelled_points": self.point_frames,
             "classes": {
-                kind: {"boxes": one.boxes, "visible": one.visible, **one.means()} for kind, one in self.classes.items()
+                kind: {"boxes": len(rows), "visible": _visible(rows), **dict(zip(_MEANS, _means(rows), strict=True))}
+                for kind, rows in self.classes.items()
             },
             "findings": [asdict(one) for one in self.findings],
         }
@@ -134,18 +119,28 @@ class CheckedLabels(Outcome):
         frames = f"{count(self.labelled, 'labelled frame')}, {self.unlabelled:,} unlabelled"
         more = [f"{count(self.areas, 'area')} to ignore"] if self.areas else []
         more += [f"labels of points in {count(self.point_frames, 'frame')}"] if self.point_frames else []
-        lines = [f"{printable(self.recording)} with {printable(self.labels)}", frames, "; ".join(more)]
-        blocks = ["\n".join(filter(None, lines))]
+        first = [f"{printable(self.recording)} with {printable(self.labels)}", frames, "; ".join(more)]
+        blocks = ["\n".join(filter(None, first))]
         if self.classes:
-            rows = []
-            for kind, one in self.classes.items():
-                *sizes, points = one.means().values()
-                cells = [*(f"{size:.2f}" for size in sizes), f"{points:.0f}" if one.visible else UNKNOWN]
-                rows.append((kind, one.boxes, one.visible, *cells))
-            blocks.append(table(("class", "boxes", "visible", "length m", "width m", "height m", "points"), rows))
+            lines = []
+            for kind, rows in self.classes.items():
+                *sizes, points = _means(rows)
+                cells = [*(f"{size:.2f}" for size in sizes), f"{points:.0f}" if _visible(rows) else UNKNOWN]
+                lines.append((kind, len(rows), _visible(rows), *cells))
+            blocks.append(table(("class", "boxes", "visible", "length m", "width m", "height m", "points"), lines))
         found = [textwrap.fill(f"* {one.text}", _LINE_CHARACTERS, subsequent_indent="  ") for one in self.findings]
         blocks.append("\n".join(["Probable mistakes:", *found]) if found else "No mistake found.")
         return "\n\n".join(blocks)
+
+
+def _visible(rows: Sequence[tuple[float, ...]]) -> int:
+    return sum(bool(visible) for *_, visible in rows)
+
+
+def _means(rows: Sequence[tuple[float, ...]]) -> list[float]:
+    """Return the means of `_MEANS`."""
+    means: list[float] = np.mean(rows, axis=0)[:4].tolist()
+    return means
 
 
 @dataclass(frozen=True)

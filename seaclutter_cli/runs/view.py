@@ -1,7 +1,7 @@
 """Recordings in the Rerun viewer: raw and filtered points, boxes, clusters and curves."""
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -56,9 +56,10 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
     with OutputGroup(replace=options.force) as files, ExitStack() as stack:
 
         def open_stream(variants: Sequence[Variant]) -> FrameStream:
-            target = _complete_file(options.target, files) if options.target else viewer(options.port)
-            sink = stack.enter_context(target)
-            return FrameStream(variants[0].config.evaluation, sink)
+            if options.target:
+                part = stack.enter_context(AtomicFile(options.target, files)).part
+                return FrameStream(variants[0].config.evaluation, lambda recording: recording.save(part))
+            return FrameStream(variants[0].config.evaluation, stack.enter_context(viewer(options.port)))
 
         comparison, stream = filter_or_replay(pairs, methods, options.reading, observer, open_stream)
         stream.finish()
@@ -68,13 +69,6 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
         if not may_appear([options.target], comparison.outcomes, observer):
             files.discard()
     return ViewResult(comparison.variants, comparison.outcomes, options.target)
-
-
-@contextmanager
-def _complete_file(target: Path, group: OutputGroup) -> Iterator[Callable[[Any], None]]:
-    """Yield the sink of a `FrameStream` for a file, which appears under its name when it is complete."""
-    with AtomicFile(target, group) as file:
-        yield lambda recording: recording.save(file.part)
 
 
 @dataclass(frozen=True)

@@ -158,23 +158,15 @@ def geojson_of(tiles: Sequence[MappedTile], observer: Observer) -> bytes:
 
 
 def _line_features(tile: MappedTile, convert: ToLongitudeLatitude | None) -> list[dict[str, Any]]:
-    digits = 3 if convert is None else 8
-    return [
-        {
-            "type": "Feature",
-            "geometry": {
-                "type": "LineString",
-                "coordinates": [[round(x, digits), round(y, digits)] for x, y in _placed(line, tile.crs, convert)],
-            },
-            "properties": {
-                "coordinates": "tile" if convert is None else "WGS 84",
-                "tile": tile.name,
-                "kind": "shoreline",
-                "length_m": round(total_length_m([line]), 1),
-            },
-        }
-        for line in tile.shoreline
-    ]
+    digits, known = (3, "tile") if convert is None else (8, "WGS 84")
+    features = []
+    for line in tile.shoreline:
+        places = [[round(x, digits), round(y, digits)] for x, y in _placed(line, tile.crs, convert)]
+        length_m = round(total_length_m([line]), 1)
+        properties = {"coordinates": known, "tile": tile.name, "kind": "shoreline", "length_m": length_m}
+        geometry = {"type": "LineString", "coordinates": places}
+        features.append({"type": "Feature", "geometry": geometry, "properties": properties})
+    return features
 
 
 def _placed(line: NDArray[np.float64], crs: Crs, convert: ToLongitudeLatitude | None) -> list[tuple[float, float]]:

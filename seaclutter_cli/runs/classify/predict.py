@@ -36,7 +36,7 @@ from seaclutter_cli.runs.classify.tiles import (
     write_tile,
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import BatchOptions, Logs
+from seaclutter_cli.runs.options import Logs
 from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions
 from seaclutter_cli.runs.outputs import write_files
 from seaclutter_cli.runs.recordings import Result
@@ -104,7 +104,9 @@ def classify_tiles(
         works = [
             _PredictWork(*each, model, plot_file.suffix if plot_file else "", with_shoreline=package) for each in pairs
         ]
-        found = _classified(works, options.batch, observer)
+        batch = jobs_for(options.batch, len(works))
+        alone = len(works) == 1
+        found = [works[0].run(observer)] if alone else run_batch(works, batch, observer, together=True)
         with OutputGroup(files) as written:
             for part, target in zip(staged, targets, strict=True):
                 written.add(CompleteFile(part, target))
@@ -151,12 +153,6 @@ class _PredictWork(TileWork["ClassifiedTile"]):
             picture=_picture(tile, found, self.plot_suffix) if self.plot_suffix else b"",
             seconds=perf_counter() - started,
         )
-
-
-def _classified(works: Sequence[_PredictWork], batch: BatchOptions, observer: Observer) -> "list[ClassifiedTile]":
-    if len(works) == 1:
-        return [works[0].run(observer)]
-    return run_batch(works, jobs_for(batch, len(works)), observer, together=True)
 
 
 @contextmanager

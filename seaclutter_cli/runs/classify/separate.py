@@ -233,7 +233,10 @@ class _SeparateWork(TileWork["SeparatedTile"]):
         """Draw the map of a complete output if there is to be one; return what its record lacks for it."""
         if self.pixel_m is not None:
             try:
-                outcome.map = self._mapped(*_recorded_separation(self.target, sea))
+                tile = LasTile(self.target)
+                land = LandCells.from_text(text_in(tile.header, _LAND) or "")
+                classes = read_columns(tile, ["classification"]).get("classification", np.empty(0, np.uint8))
+                outcome.map = self._mapped(tile, Separation(classes, np.empty(0, np.float32), 0, sea, land))
             except (CloudError, OSError, ValueError) as error:
                 return f"a run that recorded no land for the maps ({error})"
         return None
@@ -244,14 +247,6 @@ def _figures(found: Separation) -> dict[str, Any]:
     sea, never = (int(np.count_nonzero(found.classification == code)) for code in (WATER, NEVER))
     points = len(found.classification)
     return {"points": points, "sea": sea, "other": points - sea - never, "sea_state": found.sea}
-
-
-def _recorded_separation(output: Path, sea: SeaState) -> tuple[LasTile, Separation]:
-    """Return an output and its separation, without heights; raise `ValueError` if there is no record of the land."""
-    tile = LasTile(output)
-    land = LandCells.from_text(text_in(tile.header, _LAND) or "")
-    classes = read_columns(tile, ["classification"]).get("classification", np.empty(0, np.uint8))
-    return tile, Separation(classes, np.empty(0, np.float32), 0, sea, land)
 
 
 def _recorded_run(output: Path) -> Mapping[str, Any] | None:
