@@ -211,10 +211,10 @@ LIDARS: Mapping[str, Lidar] = {
         _VLP32_ELEVATIONS, (0.0,) * 32, tuple(1.152 * c for c in range(32)), 1800, 120.0, 200.0, min_range_m=0.5
     ),
     "PandarXT-32": _even(32, 15.0, -16.0, 2000, 80.0),
-    "generic-64-905": _even(64, 10.0, -20.0, 1800, 120.0),
-    "generic-128-905": _even(128, 15.0, -25.0, 1800, 150.0),
+    "generic-64-905": _even(64, 10.0, -20.0, 1024, 120.0),
+    "generic-128-905": _even(128, 15.0, -25.0, 1024, 150.0),
     "generic-32-1550": _even(32, 10.0, -20.0, 1800, 200.0, wavelength_nm=1550),
-    "generic-64-1550": _even(64, 10.0, -20.0, 1800, 200.0, wavelength_nm=1550),
+    "generic-64-1550": _even(64, 10.0, -20.0, 1024, 200.0, wavelength_nm=1550),
 }
 """Lidars by name; to add one, add a line here.
 

@@ -93,7 +93,7 @@ class PhysicsParams:
     wake_reflectivity: Share = 0.05
     spray: Annotated[float, Interval(ge=0, le=50)] = 0.0
     rain_mm_h: Annotated[float, Interval(ge=0, le=200)] = 0.0
-    drop_reflectivity: Share = 0.02
+    drop_reflectivity: Share = 0.17
     retro_tracks: tuple[int, ...] = ()
     bloom_deg: Annotated[float, Gt(0)] = 0.5
     roll_deg: Annotated[float, Interval(ge=0, le=45)] = 0.0

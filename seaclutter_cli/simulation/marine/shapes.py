@@ -201,10 +201,11 @@ def _bird() -> Mesh:
 
 
 def _bridge() -> Mesh:
-    """Return the deck of a bridge, in the highest fifth of its box."""
+    """Return the deck of a bridge, in the highest fifth of its box, on two piers."""
     deck = _prism(_box((-0.5, 0.5), (-0.5, 0.5)), 0.8, 1.0)
     under = deck[-4:] * np.array([1.0, 1.0, 0.8])
-    return _mesh((np.concatenate((deck, under)), 1.0))
+    piers = [_prism(_box((-0.4, 0.4), (y - 0.006, y + 0.006)), -0.1, 0.8) for y in (-0.12, 0.14)]
+    return _mesh((np.concatenate((deck, under, *piers)), 1.0))
 
 
 def _reeds() -> Mesh:

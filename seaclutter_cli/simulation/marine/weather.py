@@ -29,7 +29,8 @@ class Weather:
     Notes
     -----
     *Rain.* Drops of diameter D are distributed as :math:`N_0 e^{-\Lambda D}`, :math:`\Lambda = 4.1 R^{-0.21}` per mm
-    [1]_. A drop in the beam, B wide, returns its share of the area of the beam [2]_, so that only drops larger than
+    [1]_. A drop in the beam, B wide, returns its share of the area of the beam [2]_, with a reflectivity :math:`\rho`
+    of about 0.17, which is the lidar ratio of water drops, 18.8 sr [4]_, as that of a surface. Only drops larger than
     :math:`D^* = B R e^{\alpha R} / \sqrt{G \rho}` give an echo; there are
     :math:`N_0 / \Lambda e^{-\Lambda D^*} \cdot \pi B^2 / 4` of them per metre.
 
@@ -45,6 +46,7 @@ class Weather:
        conditions for 3D object detection". arXiv:2107.07004.
     .. [3] Rasshofer, Spies, Spies (2011). "Influences of weather phenomena on automotive laser radar systems". Advances
        in Radio Science 9.
+    .. [4] O'Connor, Illingworth, Hogan (2004). "A technique for autocalibration of cloud lidar". JTECH 21(5).
     """
 
     def __init__(self, lidar: Lidar, rain: tuple[float, float], fog_extinction: float, near_m: float) -> None:

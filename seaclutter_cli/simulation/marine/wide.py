@@ -31,7 +31,7 @@ _DEPTHS = np.concatenate((np.geomspace(1e-6, 0.05, 300), np.linspace(0.06, 16.0,
 _WHITECAP_M = 1.2
 _CYCLE = 4.0
 _SHEET_S = 1.2
-_SHEET_DENSITY = 0.15
+_SHEET_DENSITY = 0.4
 _CREST_REACH_M = 50.0
 
 

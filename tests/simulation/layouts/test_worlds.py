@@ -32,7 +32,7 @@ def test_worlds_span_all_lidars_rates_and_heights():
 
 
 def test_families_change_parameters_that_have_ranges():
-    extra = {"rain_mm_h", "drop_reflectivity", "spray", "wash_m", "blooming"}  # absent elsewhere
+    extra = {"rain_mm_h", "drop_reflectivity", "spray", "wash_m", "blooming"}  # of no other world
     assert {key for family in FAMILIES.values() for key in family.ranges} <= set(RANGES) | extra
 
 

@@ -135,7 +135,7 @@ class TestWeather:
         ("sea", "physics"), [({}, {"rain_mm_h": 30}), ({"visibility_km": 0.08}, {})], ids=["rain", "fog"]
     )
     def test_echoes_of_the_air_are_near_and_all_around(self, sea, physics):
-        dark = {"backscatter": 1e-6, "drop_reflectivity": 0.02}
+        dark = {"backscatter": 1e-6}
         points = clutter(frame(sea=CALM | sea, physics=physics | dark))
         assert len(points) > 100
         assert np.quantile(range_of(points), 0.95) < 25
