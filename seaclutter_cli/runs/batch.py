@@ -1,5 +1,6 @@
 """Work on several recordings: in this process, in several, or on a cluster."""
 
+import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
@@ -11,9 +12,8 @@ from typing import Any, ClassVar, Generic, TypeVar
 from seaclutter_cli.buckets import copies_removed, local, mirror_of, on_paths, shown
 from seaclutter_cli.errors import SeaclutterError, SelectionError
 from seaclutter_cli.jobs.engine import Engine, Lost, Report, run_in_turn
-from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.labels import LabelFile
-from seaclutter_cli.runs.observer import Observer, Step
+from seaclutter_cli.runs.observer import Observer, Silent, Step
 from seaclutter_cli.runs.options import BatchOptions, ReadOptions
 from seaclutter_cli.runs.recordings import NOT_PROCESSED, Outcome
 from seaclutter_cli.sources import Recording
@@ -79,8 +79,12 @@ class Work(ABC, Generic[O]):
         """Return the outcome of work that did not come to an end."""
 
 
+_Message = tuple[str, str, dict[str, bool]]
+"""Name and arguments of a method of an observer."""
+
+
 @dataclass
-class _Messages:
+class _Messages(Silent):
     """Observer of the work on one of several recordings, perhaps in another process.
 
     Messages, which begin with the name of the recording, come along with the result, or reach ``observer`` at once.
@@ -89,21 +93,14 @@ class _Messages:
     report: Report
     name: str
     observer: Observer | None = None
-    messages: list[tuple[str, str, bool]] = field(default_factory=list)
+    messages: list[_Message] = field(default_factory=list)
     error: SeaclutterError | None = None
 
     @contextmanager
     def progress(self, title: str, total: int | None, unit: str = "frame") -> Iterator[Step]:  # noqa: ARG002
         """Report the share that is done after each frame, if the total is known."""
-        done = 0
-
-        def step() -> None:
-            nonlocal done
-            done += 1
-            if total:
-                self.report(min(done / total, 1.0))
-
-        yield step
+        done = itertools.count(1)
+        yield lambda: self.report(min(next(done) / total, 1.0)) if total else None
 
     def note(self, text: str, *, detail: bool = False) -> None:
         """Keep a note, or pass it on."""
@@ -113,30 +110,16 @@ class _Messages:
         """Keep a warning, or pass it on."""
         self._add("warn", text)
 
-    def _add(self, kind: str, text: str, *, detail: bool = False) -> None:
-        self.messages.append((kind, text, detail))
+    def _add(self, kind: str, text: str, **options: bool) -> None:
+        named = text if text.startswith(f"{self.name}:") else f"{self.name}: {text}"
         if self.observer:
-            self.repeat(self.observer)
-
-    def damage(self, damage: Sequence[Damage]) -> None:
-        """Ignore damage: the outcome lists it."""
+            getattr(self.observer, kind)(named, **options)
+        else:
+            self.messages.append((kind, named, options))
 
     def fail(self, error: SeaclutterError) -> None:
         """Keep an error."""
         self.error = error
-
-    def done(self, line: str, damage: Sequence[Damage], error: SeaclutterError | None) -> None:
-        """Ignore the end: who started the work reports it."""
-
-    def repeat(self, observer: Observer) -> None:
-        """Pass the messages that were kept on to another observer."""
-        for kind, text, detail in self.messages:
-            named = text if text.startswith(f"{self.name}:") else f"{self.name}: {text}"
-            if kind == "warn":
-                observer.warn(named)
-            else:
-                observer.note(named, detail=detail)
-        self.messages.clear()
 
 
 @dataclass(frozen=True)
@@ -144,18 +127,16 @@ class _Task(Generic[O]):
     """Work with an observer whose messages travel with the outcome, or appear at once in this process."""
 
     work: Work[O]
-    name: str
     observer: Observer | None
 
-    def __call__(self, report: Report) -> tuple[O, _Messages]:
-        messages = _Messages(report, self.name, self.observer)
+    def __call__(self, report: Report) -> tuple[O, list[_Message], SeaclutterError | None]:
+        messages = _Messages(report, self.work.recording.name, self.observer)
         outcome = _outcome(self.work, messages)
-        messages.report, messages.observer = _no_report, None
-        return outcome, messages
+        return outcome, messages.messages, messages.error
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let another process have copies of its own."""
-        return _Task, (shown(self.work), self.name, None)
+        return _Task, (shown(self.work), None)
 
 
 @on_paths
@@ -193,17 +174,19 @@ def run_batch(
     with (
         _progress(works, observer) as on_share,
         _engine(options, works, observer) as engine,
-        closing(engine(_tasks(works, engine, observer), on_share)) as results,
+        closing(
+            engine([_Task(work, observer if engine is run_in_turn else None) for work in works], on_share)
+        ) as done,
     ):
-        for number, result in results:
+        for number, result in done:
             work, error = works[number], None
             if isinstance(result, Lost):
                 outcome = work.without_result(f"{work.recording.paths[0]}: {result.reason}")
                 error = SeaclutterError(str(outcome.error))
             else:
-                outcome, messages = local(result)
-                messages.repeat(observer)
-                error = messages.error
+                outcome, messages, error = local(result)
+                for kind, text, named in messages:
+                    getattr(observer, kind)(text, **named)
             if error and together:
                 raise error
             on_share(number, 1.0)
@@ -216,11 +199,6 @@ def run_batch(
             if error and options.fail_fast:
                 break
     return [one or work.without_result(NOT_PROCESSED) for one, work in zip(outcomes, works, strict=True)]
-
-
-def _tasks(works: Sequence[Work[O]], engine: Engine[Any], observer: Observer) -> list[_Task[O]]:
-    direct = observer if engine is run_in_turn else None
-    return [_Task(work, work.recording.name, direct) for work in works]
 
 
 @contextmanager
@@ -258,7 +236,3 @@ def size_of(path: Path) -> int:
         return path.stat().st_size
     except OSError:
         return 0
-
-
-def _no_report(_: float) -> None:
-    """Ignore a share."""

@@ -71,20 +71,10 @@ class Silent:
         """Yield a function that does nothing."""
         yield lambda: None
 
-    def note(self, text: str, *, detail: bool = False) -> None:
-        """Ignore a note."""
+    def _ignore(self, *_: Any, **__: Any) -> None:
+        """Ignore what results also contain."""
 
-    def warn(self, text: str) -> None:
-        """Ignore a warning."""
-
-    def damage(self, damage: Sequence[Damage]) -> None:
-        """Ignore damage; results also list it."""
-
-    def fail(self, error: SeaclutterError) -> None:
-        """Ignore an error; results also contain it."""
-
-    def done(self, line: str, damage: Sequence[Damage], error: SeaclutterError | None) -> None:
-        """Ignore the end of a recording; results also contain its outcome."""
+    note = warn = damage = fail = done = _ignore
 
 
 SILENT = Silent()
@@ -101,11 +91,9 @@ class _Raising:
         return getattr(self.inner, name)
 
     def fail(self, error: SeaclutterError) -> None:
-        """Raise the error."""
         raise error
 
     def done(self, line: str, damage: Sequence[Damage], error: SeaclutterError | None) -> None:
-        """Pass on the end of a recording, or raise its error."""
         if error:
             raise error
         self.inner.done(line, damage, error)
