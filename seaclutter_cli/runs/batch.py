@@ -174,9 +174,7 @@ def run_batch(
     with (
         _progress(works, observer) as on_share,
         _engine(options, works, observer) as engine,
-        closing(
-            engine([_Task(work, observer if engine is run_in_turn else None) for work in works], on_share)
-        ) as done,
+        closing(engine([_Task(work, observer if engine is run_in_turn else None) for work in works], on_share)) as done,
     ):
         for number, result in done:
             work, error = works[number], None

@@ -10,7 +10,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from seaclutter_cli.buckets import look, mirror_of, shown
 from seaclutter_cli.errors import OutputError, UsageError
@@ -136,7 +136,9 @@ def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
     runs left are removed, with a note to the observer.
     """
     markers = {"-o": root.marker} if root else {}
-    _list_objects(path for _, path in _flat(outputs))
+    for folder in {path.parent if mirror_of(path.parent) else path for _, path in _flat(outputs)}:
+        if mirror := mirror_of(folder):
+            mirror.list_folder(folder)  # with one request for each folder
     known = Identities()
     targets = [_Target(path, option, known, markers.get(option, "")) for option, path in _flat(outputs)]
     log_file = getattr(observer, "log_file", None)
@@ -153,21 +155,7 @@ def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
             raise UsageError(f"{target.path}: contains the input, {option}; choose another output for {target.option}")
     for target in targets:
         _check_place(target, force=force)
-    _check_folders(targets, root.place if root else None)
-    if dry:
-        return
-    folders = {target.file.parent: target.path for target in targets}
-    for folder, path in folders.items():
-        if _making_parents.get() or _is_below(folder, root.place if root else None):
-            _make(folder, path)
-    _tidy(folders, observer)
-
-
-def _list_objects(outputs: Iterable[Path]) -> None:
-    """Let what there is in the folders of outputs in object storage be there, with one request for each folder."""
-    for folder in {path.parent if mirror_of(path.parent) else path for path in outputs}:
-        if mirror := mirror_of(folder):
-            mirror.list_folder(folder)
+    _prepare_folders(targets, root, observer, dry=dry)
 
 
 def _flat(paths: Paths) -> Iterator[tuple[str, Path]]:
@@ -243,28 +231,20 @@ def _check_place(target: _Target, *, force: bool) -> None:
         raise UsageError(f"{path}: already exists; use --force to replace it")
 
 
-def _check_folders(targets: Iterable[_Target], root: Path | None) -> None:
-    """Check that folders of outputs exist, or can be created; each is looked at only once."""
-    first = {target.file.parent: target.path for target in reversed(list(targets))}
-    for folder, path in reversed(first.items()):
-        above = Path(os.path.realpath(root)) if root and _is_below(folder, root) else folder
-        if not (mirror_of(path) or os.path.lexists(above) or os.path.lexists(above.parent) or _making_parents.get()):
+def _prepare_folders(targets: Sequence[_Target], root: Root | None, observer: Observer, *, dry: bool) -> None:
+    """Check that folders of outputs exist or can be created; create and tidy them. Each is looked at only once."""
+    top, at_any_depth = Path(os.path.realpath(root.place)) if root else None, _making_parents.get()
+    folders = {target.file.parent: target.path for target in reversed(targets)}
+    for folder, path in reversed(folders.items()):
+        above = top if top and top in folder.parents else folder
+        if not (at_any_depth or mirror_of(path) or os.path.lexists(above) or os.path.lexists(above.parent)):
             raise UsageError(f"{path}: there is no folder {path.parent.parent}; --parents creates it")
-
-
-def _is_below(folder: Path, root: Path | None) -> bool:
-    return root is not None and Path(os.path.realpath(root)) in folder.parents
-
-
-def _make(folder: Path, output: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{output}: cannot be written ({error.strerror})") from error
-
-
-def _tidy(folders: Iterable[Path], observer: Observer) -> None:
-    for folder in sorted(folders):
+    for folder, path in () if dry else sorted(folders.items()):
+        try:
+            if at_any_depth or top in folder.parents:
+                folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
         if removed := remove_stale(folder):
             observer.note(f"{folder}: removed {count(removed, 'incomplete file')} of runs that were killed")
 
@@ -297,27 +277,23 @@ def write_manifest(
     """Write a table with a row for each recording: JSON if the name ends in ``.json``, otherwise CSV."""
     if path is None:
         return
-    rows = shown([_row(*pair) for pair in zip(recordings, outcomes, strict=True)])
-    text = json.dumps(rows, indent=2) + "\n" if path.suffix.lower() == ".json" else _csv(rows)
-    write_files({path: text.encode(errors="surrogateescape")}, replace=replace)
-
-
-def _row(recording: Recording, outcome: Outcome) -> dict[str, Any]:
-    known = {
-        "recording": outcome.recording,
-        "input": str(recording.paths[0]),
-        "status": outcome.status,
-        "seconds": round(outcome.seconds, 3),
-        "damaged_parts": len(outcome.damage),
-        "error": outcome.error,
-        **outcome.counts(),
-    }
-    return {name: known.get(name) for name in _COLUMNS}
-
-
-def _csv(rows: Sequence[dict[str, Any]]) -> str:
+    rows = []
+    for recording, outcome in zip(recordings, outcomes, strict=True):
+        known = {
+            "recording": outcome.recording,
+            "input": str(recording.paths[0]),
+            "status": outcome.status,
+            "seconds": round(outcome.seconds, 3),
+            "damaged_parts": len(outcome.damage),
+            "error": outcome.error,
+            **outcome.counts(),
+        }
+        rows.append(shown({name: known.get(name) for name in _COLUMNS}))
     text = io.StringIO()
-    writer = csv.DictWriter(text, _COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    if path.suffix.lower() == ".json":
+        text.write(json.dumps(rows, indent=2) + "\n")
+    else:
+        writer = csv.DictWriter(text, _COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    write_files({path: text.getvalue().encode(errors="surrogateescape")}, replace=replace)

@@ -5,7 +5,7 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -46,6 +46,9 @@ _PARTS = {
     "options": "other options",
     "labels": "other labels",
 }
+
+_SUMS = ("frames", "points_in", "counts", "rings", "scenes", "water", "water_frames")
+"""Fields of a tally in a record."""
 
 _LATER = ("split", "include", "exclude")
 """Fields that count only if they are set, so that the records of earlier versions stay valid."""
@@ -209,10 +212,14 @@ def digest_of(value: Any) -> str:
 def to_entries(identity: RunIdentity, topics: Mapping[str, TopicTally], damage: Iterable[Damage]) -> dict[str, str]:
     """Return the entries of the metadata record of a run."""
     outcome = {
-        "topics": {topic: _tally_to_json(tally) for topic, tally in topics.items()},
+        "topics": {topic: {name: getattr(tally, name) for name in _SUMS} for topic, tally in topics.items()},
         "damage": [{**asdict(item), "path": item.path.name} for item in damage],
     }
-    return {**asdict(identity), "outcome": json.dumps(outcome, sort_keys=True)}
+
+    def as_json(value: Any) -> Any:
+        return value.tolist() if isinstance(value, np.ndarray) else vars(value)
+
+    return {**asdict(identity), "outcome": json.dumps(outcome, sort_keys=True, default=as_json)}
 
 
 def from_entries(entries: Mapping[str, str], paths: Iterable[Path]) -> tuple[dict[str, TopicTally], list[Damage]]:
@@ -230,19 +237,6 @@ def from_entries(entries: Mapping[str, str], paths: Iterable[Path]) -> tuple[dic
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise ValueError(f"incomplete record: {error!r}") from error
     return topics, damage
-
-
-def _tally_to_json(tally: TopicTally) -> dict[str, Any]:
-    rings = tally.rings
-    return {
-        "frames": tally.frames,
-        "points_in": tally.points_in,
-        "counts": tally.counts.tolist(),
-        "rings": None if rings is None else {item.name: getattr(rings, item.name).tolist() for item in fields(rings)},
-        "scenes": dict(sorted(tally.scenes.items())),
-        "water": tally.water.tolist(),
-        "water_frames": tally.water_frames,
-    }
 
 
 def _tally_from_json(stored: Mapping[str, Any]) -> TopicTally:
