@@ -150,13 +150,7 @@ class Cloud:
         return self._unorganised(np.take(self._as(self._opaque), np.flatnonzero(keep)), self.fields)
 
     def blank(self, removed: NDArray[np.bool_]) -> "Cloud":
-        """Return a cloud of the same shape with NaN coordinates where ``removed``, shape (N,), is true.
-
-        Raises
-        ------
-        FieldError
-            If a coordinate is missing or is not a floating-point number.
-        """
+        """Return a cloud of this shape, NaN where ``removed``, (N,), is true; `FieldError` without floats."""
         for axis in "xyz":
             if axis not in _names(self.dtype) or self.dtype[axis].kind != "f":
                 raise FieldError(f"field {axis!r} is not a floating-point number, so removed points cannot become NaN")
@@ -168,10 +162,7 @@ class Cloud:
         return replace(self, data=memoryview(data), dense=False)
 
     def with_field(self, name: str, values: NDArray[Any]) -> "Cloud":
-        """Return an unorganised cloud with an additional last field; ``values`` has shape (N,).
-
-        A name that already exists gets an underscore.
-        """
+        """Return an unorganised cloud with a further last field, shape (N,); a name that exists gets an underscore."""
         kind, opaque = _field_type(values.dtype), self._opaque
         field = PointField(_free_name(name, [field.name for field in self.fields]), opaque.itemsize, kind)
         order = ">" if self.big_endian else "<"

@@ -154,10 +154,7 @@ def _along_axis(values: Points, side: float, tolerance_m: float) -> Indices:
 
 
 def _with_gaps(values: Points, side: float, tolerance_m: float) -> Indices:
-    """Return the cell numbers of widely spread coordinates: every gap is shortened to three cells.
-
-    Cell numbers are therefore below five times the number of points, and exact for all coordinates.
-    """
+    """Return the cell numbers of widely spread coordinates, exactly: every gap is shortened to three cells."""
     order = np.argsort(values)
     ordered = values[order]
     with np.errstate(over="ignore"):

@@ -188,10 +188,7 @@ class DbscanFinder:
         self._finder = ClusterFinder(xyz, among, float(np.nextafter(eps_m, np.inf)))
 
     def clusters(self, keep: Mask, min_cluster_points: int) -> Indices:
-        """Return the cluster of each point of a subset, shape (N,), numbered by first points; -1 for all others.
-
-        Clusters with fewer than ``min_cluster_points`` are left out.
-        """
+        """Return the cluster of each point of a subset, shape (N,), by first points; -1 for others, and small ones."""
         core = self._core(keep)
         labels = self._finder.clusters(core, 1)
         kept, cores = np.flatnonzero(keep & ~core), np.flatnonzero(core)

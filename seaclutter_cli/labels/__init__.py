@@ -15,10 +15,7 @@ __all__ = ["LABELS", "LabelFormat", "LabelOptions", "open_labels"]
 
 @dataclass(frozen=True)
 class LabelFormat:
-    """Label format: its description, whether the content of an existing path has it, and its reader.
-
-    ``open`` takes a path that matches, and raises `LabelError` if the labels cannot be read.
-    """
+    """Label format: its description, whether the content of an existing path has it, and its reader."""
 
     title: str
     matches: Callable[[Path], bool]

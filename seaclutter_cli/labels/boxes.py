@@ -35,10 +35,7 @@ def checked(labelled: Labelled) -> Labelled:
 
 
 def truth_of(objects: Sequence[Labelled]) -> Truth:
-    """Return the truth of a frame: objects of class ``ignore`` are areas to ignore, all others are targets.
-
-    `LabelError` if there are more than `MAX_OBJECTS`.
-    """
+    """Return the truth of a frame: areas of class ``ignore``, and targets; `LabelError` above `MAX_OBJECTS`."""
     if len(objects) > MAX_OBJECTS:
         raise LabelError(f"{len(objects):,} labels in one frame, more than {MAX_OBJECTS:,}")
     ignored = [labelled for labelled in objects if labelled.kind.lower() == IGNORE]

@@ -176,10 +176,7 @@ class CsvLabels:
         self._labelled = False
 
     def truth(self, frame: Frame) -> Truth | None:
-        """Return the boxes of a frame; None if no line belongs to it, `LabelError` if a stamp matches two frames.
-
-        If the cloud has labels of its points in the format of the simulator, they are included.
-        """
+        """Return the boxes of a frame, and labels in its cloud; None without a line, `LabelError` for two frames."""
         key = self._key(frame)
         rows = None if key is None else self._frames.get(key)
         if rows is None:
@@ -199,10 +196,7 @@ class CsvLabels:
             raise LabelError(f"{self._path}: {error}") from error
 
     def finish(self) -> None:
-        """Check that the log contained all labelled frames; `LabelError` names the first missing ones.
-
-        Call this only after the complete log was read without lost frames.
-        """
+        """Check, after a complete log, that it had all labelled frames; `LabelError` names the first missing ones."""
         hint = "" if self._labelled else "; check that the labels belong to this log"
         left = self._matcher.left if self._matcher else sorted(number for number in self._frames if number > self._last)
         if left:

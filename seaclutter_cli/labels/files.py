@@ -72,10 +72,7 @@ def _by_name(labels: Sequence[Path], clouds: Sequence[Path], *, complete: bool) 
 
 
 class FileLabels:
-    """Labels with one file per frame in a folder, read on demand; `_assigned` says which.
-
-    ``read`` raises `LabelError` without the name of the file.
-    """
+    """Labels with one file per frame in a folder, read on demand; errors of ``read`` need not name the file."""
 
     def __init__(
         self,
@@ -94,11 +91,7 @@ class FileLabels:
         self._labelled = False
 
     def truth(self, frame: Frame) -> Truth | None:
-        """Return the truth from the file of a frame; None if there is no file or it is empty.
-
-        `LabelError` if the file cannot be read, does not fit the frame, or is missing although every frame must have
-        one.
-        """
+        """Return the truth from the file of a frame; None without content, `LabelError` if it does not fit."""
         number = self._number(frame)
         self._last = max(self._last, number)
         file = self._files.get(number)
@@ -117,10 +110,7 @@ class FileLabels:
         return truth
 
     def finish(self) -> None:
-        """Check that the log contained frames for all label files, and a labelled one; otherwise raise `LabelError`.
-
-        Call this only after the complete log was read without lost frames.
-        """
+        """Check, after a complete log, that it had frames for all files, and a labelled one; or raise `LabelError`."""
         left = {number: file for number, file in self._files.items() if number > self._last}
         if left:
             first = min(left)

@@ -33,11 +33,7 @@ def _is_log(path: Path) -> bool:
 
 
 def point_labels(frame: Frame) -> NDArray[np.int64] | None:
-    """Return the ``label`` of each point, shape (N,).
-
-    None if the field is missing or not a whole number from 0 for each point. Its type may be a float, because text
-    files and NumPy arrays may contain floats only.
-    """
+    """Return the ``label`` of each point, shape (N,), also of a float field; None unless whole numbers from 0."""
     points = frame.cloud.points
     if _FIELD not in (points.dtype.names or ()) or points.dtype[_FIELD].shape:
         return None
@@ -49,10 +45,7 @@ def point_labels(frame: Frame) -> NDArray[np.int64] | None:
 
 
 class CloudLabels:
-    """Labels inside the clouds of a log: 0 is clutter, 65535 is ignored or own ship, other values are track numbers.
-
-    They are read from the frames; the log itself is not opened again.
-    """
+    """Labels inside the clouds of a log: 0 is clutter, 65535 is ignored or own ship, others are track numbers."""
 
     def __init__(self, path: Path, _: LabelOptions) -> None:
         self._path = path

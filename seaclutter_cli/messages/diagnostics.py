@@ -31,10 +31,7 @@ _ARRAYS = {
 
 @dataclass(frozen=True)
 class Layout:
-    """Fields of the messages of a method: one layout for all methods, and one for those that estimate the water.
-
-    They are whole ``numbers``, the arrays of all layouts, and ``measures`` of the water.
-    """
+    """Fields of the messages of a method: whole ``numbers``, the arrays of all layouts, ``measures`` of water."""
 
     name: str
     numbers: tuple[str, ...]
@@ -147,10 +144,7 @@ def diagnostics_format(cloud_encoding: str, layout: Layout = PLAIN) -> tuple[str
 
 
 def read_diagnostics(data: Buffer, encoding: str, schema: str = PLAIN.name) -> Diagnostics:
-    """Return the statistics in a message of an encoding, whose schema has a name that ends with that of its `Layout`.
-
-    `InputError` if the bytes are not a valid diagnostics message.
-    """
+    """Return the statistics in a message, given the name of its schema; `InputError` if it is not valid."""
     layout = WATER if schema.endswith(WATER.name) else PLAIN
     try:
         if encoding == "json":

@@ -231,10 +231,7 @@ def known_types(ros: Ros) -> Types:
 
 @lru_cache(maxsize=256)
 def types_of(schema: Schema) -> Types:
-    """Return the types that a schema defines, and those that it only names if they are known.
-
-    `TranslationError` if the schema is not a definition of ROS, or has none.
-    """
+    """Return the types that a schema defines, and known ones; `TranslationError` if it is no definition of ROS."""
     name, known = full_name(schema.name), known_types(1 if schema.encoding == "ros1msg" else 2)
     if not schema.data and name in known:
         return known
@@ -254,10 +251,7 @@ def types_of(schema: Schema) -> Types:
 
 
 def definition_of(types: Types, name: str, ros: Ros) -> tuple[Schema, str]:
-    """Return the schema of a type for a version of ROS, and its checksum: MD5 for ROS 1, RIHS01 for ROS 2.
-
-    `TranslationError` if a type that it contains is unknown, or contains itself.
-    """
+    """Return schema and checksum (MD5 or RIHS01) of a type for a ROS; `TranslationError` if a type is unknown."""
     store = get_typestore(Stores.EMPTY)
     store.fielddefs.update({**types, _HEADER: known_types(ros)[_HEADER]})
     try:
@@ -270,21 +264,14 @@ def definition_of(types: Types, name: str, ros: Ros) -> tuple[Schema, str]:
 
 
 class Layouts:
-    """Layouts of types that contain each other, which could be more than any memory holds.
-
-    Unless ``merged``, neighbouring numbers do not become one block.
-    """
+    """Layouts of types that contain each other; if ``merged``, neighbouring numbers become one block."""
 
     def __init__(self, types: Types, *, merged: bool = True) -> None:
         self._types, self._merged = types, merged
         self._left = _MAX_FIELDS
 
     def struct(self, name: str, depth: int = 0) -> Struct:
-        """Return the layout of the messages of a type.
-
-        `TranslationError` if a type is unknown, contains itself or too many others, or has values that are not
-        supported.
-        """
+        """Return the layout of messages of a type; `TranslationError` if it is unknown, too large or unsupported."""
         if name not in self._types or depth > _MAX_DEPTH:
             raise TranslationError(f"the definition of {name} is not complete")
         fields: list[tuple[str, _Node]] = []

@@ -28,10 +28,7 @@ class _CustomHeader:
 
 
 class LivoxCustomMsg(RosCodec):
-    """Codec for Livox points: a time, x, y, z, reflectivity, tag and line.
-
-    In ROS 2 a point has 20 bytes because of its alignment, but the last one of a message only 19.
-    """
+    """Codec for Livox points; in ROS 2 a point has 20 bytes, but the last one of a message only 19."""
 
     def _read(self, read: Reader) -> Cloud:
         header, timebase_ns, _ = read.header(), read.number("Q"), read.number("I")

@@ -83,10 +83,7 @@ def _cloud(scan: _Scan) -> Cloud:
 
 
 def _begin(write: Writer, cloud: Cloud) -> tuple[_Scan, NDArray[np.bool_]]:
-    """Write the header and the limits of a scan; return it, and which values remain, shape (N,).
-
-    These are the values of the cloud's points, and those that are no returns.
-    """
+    """Write the header and the limits of a scan; return it, and which values remain or are no returns, shape (N,)."""
     scan, points = cloud.extra, cloud.points
     if not isinstance(scan, _Scan):
         raise CloudError("only the points of a scan can be written as a scan")

@@ -32,10 +32,7 @@ class Header:
 
 
 class Reader:
-    """Reader for the values of a message of a version of ROS.
-
-    `CloudError` if a ROS 2 message is not in plain CDR, or if a message is truncated where it is read.
-    """
+    """Reader for the values of a message of a version of ROS; `CloudError` if it is truncated or not in plain CDR."""
 
     def __init__(self, data: Buffer, ros: Ros) -> None:
         self.ros = ros

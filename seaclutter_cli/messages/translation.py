@@ -88,11 +88,7 @@ class Translations:
 
 
 class Translator(NamedTuple):
-    """A channel with the schema and metadata of another version of ROS, and how its messages get there.
-
-    ``translate`` returns a message in its serialisation, or raises `TranslationError`; ``lost`` are the fields that
-    this version does not have.
-    """
+    """A channel of another version of ROS, the translation of its messages, and the fields that are lost."""
 
     channel: Channel
     translate: Callable[[Buffer], Buffer]

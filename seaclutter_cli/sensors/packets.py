@@ -187,10 +187,7 @@ class SensorClock:
 
 
 class LossCounter:
-    """Counter of missing packets, based on a number that grows by a constant from packet to packet and wraps to 0.
-
-    Late packets are not missing. A jump of more than 100,000 packets restarts the count. ``lost`` is the count so far.
-    """
+    """Counter of packets ``lost`` in a number that grows constantly and wraps; jumps of over 100,000 restart it."""
 
     def __init__(self, wrap: int = 1 << 62) -> None:
         self.lost = 0

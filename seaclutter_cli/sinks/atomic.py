@@ -53,10 +53,7 @@ class CompleteFile:
         self._pending: Pending | None = None
 
     def prepare(self, *, replace: bool = True) -> None:
-        """Do all work before it can appear: for object storage, upload it.
-
-        Raise `OutputError` if the target can no longer be written, or exists and may not be replaced.
-        """
+        """Do all work before it can appear, such as uploads; `OutputError` if it may not be written or replaced."""
         if mirror := mirror_of(self._target):
             self._pending = mirror.send(self.part, self._target, self._last)
         is_folder = self.part.is_dir()
@@ -70,10 +67,7 @@ class CompleteFile:
                 raise OutputError(_appeared(self.path))
 
     def publish(self, *, replace: bool = True) -> None:
-        """Rename it to its target, or let what was uploaded appear.
-
-        Raise `OutputError` if the target exists and may not be replaced.
-        """
+        """Rename it to its target, or let what was uploaded appear; `OutputError` if it may not be replaced."""
         if self._pending is not None:
             self._pending.complete()
             self._pending = None
@@ -160,10 +154,7 @@ class AtomicFile(CompleteFile, AbstractContextManager["AtomicFile"]):
 
 
 class AtomicFolder(AtomicFile):
-    """A folder that is written beside its target, as an `AtomicFile` is.
-
-    An existing folder is moved aside before the new one appears, and removed after.
-    """
+    """A folder that is written as an `AtomicFile` is; an existing one is moved aside while the new one appears."""
 
     def _create(self) -> None:
         if self._target.exists() and not self._target.is_dir():
@@ -259,10 +250,7 @@ def _remove(part: Path, opened: list[BinaryIO]) -> None:
 
 
 def _rename(part: Path, target: Path, *, replace: bool) -> None:
-    """Rename a file or folder; `FileExistsError` if the target exists and may not be replaced.
-
-    A file is not replaced either if it appears at the same moment.
-    """
+    """Rename a file or folder; `FileExistsError` if the target exists, even just now, and may not be replaced."""
     if part.is_dir():
         if not os.path.lexists(target):
             part.rename(target)

@@ -94,10 +94,7 @@ def check_options(form: str, options: McapOptions, *, with_scene: bool = False) 
 
 
 def format_of(output: Path, name: str | None) -> str:
-    """Return the name of the format of an output: the one that was asked for, or that of its suffix, or MCAP.
-
-    `UsageError` if the suffix is that of another format, or of a file where a format needs a folder.
-    """
+    """Return the format that was asked for, or of the suffix, or MCAP; `UsageError` if the suffix is another."""
     by_suffix = {form.suffix: key for key, form in OUTPUT_FORMATS.items() if form.suffix}
     meant = by_suffix.get(output.suffix.lower())
     chosen = name or meant or "mcap"

@@ -26,10 +26,7 @@ class Layer:
 
 
 def geopackage(layers: Sequence[Layer]) -> bytes:
-    """Return a GeoPackage; the same layers give the same bytes, so it has no time of its last change.
-
-    `MissingExtraError` if fudgeo is not installed.
-    """
+    """Return a GeoPackage, the same bytes for the same layers; `MissingExtraError` if fudgeo is not installed."""
     try:
         from fudgeo.geometry import LineString, Polygon
         from fudgeo.geopkg import Field, MemoryGeoPackage

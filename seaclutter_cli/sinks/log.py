@@ -46,10 +46,7 @@ _Output = tuple[int, Callable[[FilterResult], Buffer]]
 
 
 class LogSink(AbstractContextManager["LogSink"]):
-    """Sink that writes a recording to a log, which appears when the context exits without an error.
-
-    With ``as_is``, frames are written with `keep` only, so that nothing is added to the log but the records about it.
-    """
+    """Sink that writes a recording to a log; with ``as_is``, frames are written with `keep`, and nothing is added."""
 
     def __init__(
         self,

@@ -71,10 +71,7 @@ class LogWriter(ABC):
 
 
 class MessagesOnly(LogWriter):
-    """Writer of a log whose messages have one time each, and which has neither attachments nor metadata records.
-
-    Metadata records are kept in ``metadata`` for the end, in the form that the format has for such things.
-    """
+    """Writer of a log without publish times and attachments; ``metadata`` records are kept for the end."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -127,10 +124,7 @@ class Chunk:
 
 
 class ChunkedWriter(LogWriter):
-    """Writer of chunks, which threads compress; the bytes do not depend on their number.
-
-    A chunk is closed when it has ``chunk_size`` bytes.
-    """
+    """Writer of chunks of ``chunk_size`` bytes, which threads compress; the bytes do not depend on their number."""
 
     chunk_size: ClassVar[int]
 
@@ -191,10 +185,7 @@ class ChunkedWriter(LogWriter):
 
 
 class LogOutput(AbstractContextManager["LogOutput"], ABC):
-    """A log that appears under its name, alone or with a group, when the context exits without an error.
-
-    If it is split, it has several parts, and their names have numbers.
-    """
+    """A log that appears when the context exits, alone or with a group; if it is split, in numbered parts."""
 
     encoding: str | None = None
     """Encoding of all messages in the log; None if it takes messages of any encoding."""

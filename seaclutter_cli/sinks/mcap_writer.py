@@ -58,10 +58,7 @@ def mcap_compression(source: Source, given: str | None) -> str:
 
 
 class McapWriter(ChunkedWriter):
-    """Writer for one MCAP file, which is written sequentially, without seeking.
-
-    Profile and library are fields of the file header; the compression is a key of `COMPRESSIONS`.
-    """
+    """Writer for one MCAP file, which is written sequentially; the compression is a key of `COMPRESSIONS`."""
 
     chunk_size = 1 << 20
     """As in other writers."""

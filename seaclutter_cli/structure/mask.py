@@ -55,10 +55,7 @@ COLUMNS = tuple(field.name for field in fields(Sector))
 
 
 class StructureMask:
-    """A mask of own structure, as a grid in which each direction is found in constant time.
-
-    Where sectors overlap, their ranges are joined. `ValueError` if the directions need more than four million cells.
-    """
+    """A mask of own structure, as a grid; overlapping sectors are joined, `ValueError` above 4 million cells."""
 
     def __init__(self, sectors: tuple[Sector, ...]) -> None:
         self.sectors = sectors
@@ -90,13 +87,7 @@ class StructureMask:
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Return the mask in a file.
-
-        Raises
-        ------
-        ConfigError
-            If the file cannot be read or is not a mask; names the line.
-        """
+        """Return the mask in a file; `ConfigError` if it cannot be read or is not a mask, with its line."""
         try:
             with path.open(encoding="utf-8", newline="") as file:
                 text = file.read(_MAX_BYTES + 1)

@@ -39,19 +39,13 @@ _MIN_SHARE, _MOST_SPREAD_DEG = 0.002, 0.3
 
 @dataclass(frozen=True)
 class BeamGrid:
-    """Rows of elevation, between the beams of a lidar if they are known, by columns of 1° of azimuth.
-
-    ``edges_deg``, shape (R + 1,), are the limits of the rows, ascending.
-    """
+    """Rows of elevation by columns of 1° of azimuth; ``edges_deg``, shape (R + 1,), are ascending limits of rows."""
 
     edges_deg: Floats
 
     @classmethod
     def of(cls, frame: Frame) -> Self:
-        """Return the grid for the lidar of a frame: by its beams if they are known, otherwise rows of 1°.
-
-        Beams are known by the field of the ring, or by the gaps between elevations.
-        """
+        """Return the grid by the beams of a frame, if the field of the ring or gaps show them; otherwise rows of 1°."""
         elevation = elevation_deg(frame.coordinates[:, frame.valid], frame.range_m[frame.valid])
         beams = _numbered_beams(frame, elevation)
         if beams is None:
@@ -232,10 +226,7 @@ def _count(counts: NDArray[np.uint32], direction: NDArray[np.int64], depth: Floa
 
 
 def _connected(strong: NDArray[np.bool_], weak: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the part of each weak cell, (rows, columns, bins): those connected to strong ones with a strong neighbour.
-
-    Parts are numbered from 1; other cells have 0. Columns go round.
-    """
+    """Return the part of each weak cell, (rows, columns, bins), from 1 if connected to strong ones; else 0."""
     around = np.ones((3, 3, 3))
     wrapped = np.concatenate((strong[:, -1:], strong, strong[:, :1]), axis=1)
     neighbors = ndimage.convolve(wrapped.astype(np.uint8), around.astype(np.uint8), mode="constant")[:, 1:-1]

@@ -233,10 +233,7 @@ def parse_angles(data: bytes, name: str, channels: int) -> tuple[NDArray[np.floa
 
 
 def parse_corrections(data: bytes, name: str, channels: int) -> "MirrorScan":
-    """Return the scan of a binary angle correction file, version 1.5; a prefix, as in a message, is skipped.
-
-    Errors contain its name. `InputError` if it is another file, of another sensor, or damaged.
-    """
+    """Return the scan of a binary angle correction file, version 1.5; `InputError` if it is not one of this sensor."""
     data = data[max(data.find(_MARK), 0) :]
     if len(data) < _HEADER_BYTES or not data.startswith(_MARK):
         raise InputError(f"{name}: not a binary angle correction file of Hesai (.dat or .bin)")

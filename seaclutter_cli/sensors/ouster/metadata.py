@@ -69,10 +69,7 @@ class OusterMetadata:
 
 
 def parse_metadata(data: bytes, name: str) -> OusterMetadata:
-    """Return metadata from JSON in the flat form of older firmware or the nested form of newer firmware.
-
-    Errors say where it comes from (``name``). `InputError` if the metadata is incomplete.
-    """
+    """Return metadata from flat (older) or nested JSON; `InputError` with a name if it is incomplete."""
     try:
         content = load_json(data)
         flat = dict(content)

@@ -15,10 +15,7 @@ _MAX_COLUMNS = 4096
 
 @dataclass(frozen=True)
 class Profile:
-    """Layout of the pixels in a column, as defined by an Ouster packet profile.
-
-    Each return has a range, of which the mask has the bits, and an intensity: the signal, or else the reflectivity.
-    """
+    """Layout of the pixels in a column; each return has a range, in the bits of a mask, and an intensity."""
 
     pixel: np.dtype[Any]
     ranges: tuple[str, ...]

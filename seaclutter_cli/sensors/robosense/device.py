@@ -151,10 +151,7 @@ def packet_angles(model: RobosenseModel, packet: NDArray[np.uint8]) -> Angles | 
 
 
 def _file_angles(model: RobosenseModel, path: Path) -> Angles:
-    """Return the angles in a file that RoboSense ships with a unit; `InputError` if it is not such a file.
-
-    It has one line per laser: its elevation and, after a comma, its azimuth offset, in degrees.
-    """
+    """Return the angles in a file with one line per laser, ``elevation,azimuth offset`` in degrees; or `InputError`."""
     lines = read_calibration(path).decode(errors="replace").splitlines()
     rows = [row for line in lines if (row := _numbers(line))]
     if len(rows) != model.lasers:
@@ -220,10 +217,7 @@ def find_device(
     options: DecoderOptions,
     warnings: list[str],
 ) -> tuple[Device, Angles]:
-    """Return a sensor and its angles, from data packets, shape (P, L), and device information, shape (I, 1248).
-
-    `InputError` if the angles are unknown.
-    """
+    """Return a sensor and its angles, from packets, (P, L), and device information, (I, 1248); or `InputError`."""
     tables = [packet_angles(model, packet) for packet in info]
     place = next((number for number, table in enumerate(tables) if table), 0)
     angles = _file_angles(model, options.calibration) if options.calibration else tables[place] if tables else None

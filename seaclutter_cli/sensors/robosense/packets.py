@@ -41,10 +41,7 @@ def header_times(packets: NDArray[Any], *, is_utc: bool) -> NDArray[np.int64]:
 
 @cache
 def data_layout(model: RobosenseModel) -> np.dtype[Any]:
-    """Return the layout of a data packet (MSOP).
-
-    The channels of a block are raw bytes, which copy several times faster; see `channels`.
-    """
+    """Return the layout of a data packet (MSOP); channels are raw bytes, which copy several times faster."""
     layout = model.format
     size = CHANNEL.itemsize * model.channels + (_HALF_HEADER if layout.has_halves else 0)
     block = np.dtype([("id", ">u2"), ("azimuth", ">u2"), ("channels", f"V{size}")])
@@ -90,10 +87,7 @@ class Angles:
 
 
 def make_angles(vertical: NDArray[np.int64], horizontal: NDArray[np.int64]) -> Angles | None:
-    """Return the angles of all channels of a block from those of its lasers; None if an angle is out of range.
-
-    The channels of 16 lasers repeat.
-    """
+    """Return the angles of all channels of a block (those of 16 lasers repeat); None if an angle is out of range."""
     both = np.stack([vertical, horizontal])
     if ((both < _MIN_ANGLE) | (both >= ANGLE_LIMIT)).any():
         return None

@@ -103,12 +103,7 @@ class RoboSenseSolid:
 
 
 class SolidDecoder:
-    """Decoder for the packets of one sensor. A frame ends where the numbers of packets begin again.
-
-    Notes
-    -----
-    State: the points of the current frame, and the highest number of its packets.
-    """
+    """Decoder for the packets of one sensor. A frame ends where the numbers of packets begin again."""
 
     def __init__(self, model: SolidModel) -> None:
         details = {"angles": "in the packets", "intensity": "reflectivity, 0 to 255"}

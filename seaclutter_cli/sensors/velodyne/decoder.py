@@ -53,11 +53,7 @@ class _Velodyne:
         return len(_known_models(payload[None])) > 0
 
     def decoder(self, packets: Packets, options: DecoderOptions) -> "VelodyneDecoder":
-        """Return a decoder for the model that most of these packets name.
-
-        `InputError` if no packet is from a supported model, the model is ambiguous or the calibration cannot be read;
-        `MissingExtraError` if ``velodyne-decoder`` is not installed.
-        """
+        """Return a decoder for the model that most packets name; `InputError` if it is unknown or ambiguous."""
         known = _known_models(packets.payloads)
         if not len(known):
             raise InputError("the packets are not from a supported Velodyne sensor")

@@ -77,10 +77,7 @@ def used_blocks(packets: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 class VelodyneClock:
-    """Converter from microseconds of the hour to Unix time.
-
-    Times of a sensor clock that is not set are shifted to the recording time.
-    """
+    """Converter from microseconds of the hour to Unix time; a clock that is not set follows the recording time."""
 
     def __init__(self, facts: SensorFacts) -> None:
         self._details = facts.details
