@@ -9,7 +9,7 @@ from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.sensors.catalog import SENSORS, SensorModel
 from seaclutter_cli.simulation.airborne.scene import builtin_tiles
-from seaclutter_cli.simulation.layouts import LAYOUTS
+from seaclutter_cli.simulation.layouts import LAYOUTS, RANDOM
 from seaclutter_cli.simulation.lidar.models import LIDARS
 from seaclutter_cli.simulation.marine.scene import builtin_scenes
 from seaclutter_cli.sources import SOURCES
@@ -25,7 +25,7 @@ def list_builtin() -> "Builtin":
         "formats": [form.title for form in SOURCES.values()] + [f"*{suffix}" for suffix in FRAME_READERS],
         "configs": [path.name for path in builtin_files().values()],
         "scenes": list(builtin_scenes()),
-        "layouts": list(LAYOUTS),
+        "layouts": [*LAYOUTS, RANDOM],
         "tiles": list(builtin_tiles()),
         "lidars": list(LIDARS),
     }

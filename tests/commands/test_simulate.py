@@ -69,6 +69,16 @@ def test_a_layout_makes_a_different_recording_for_each_seed(tmp_path):
     assert made["a"] == made["b"] != made["c"]
 
 
+def test_a_world_of_wide_physics_names_its_families_and_can_be_saved(tmp_path):
+    logs, scene_file = [tmp_path / f"{name}.mcap" for name in "ab"], tmp_path / "scene.yaml"
+    options = ("--physics", "wide", "--seed", 3, "-n", 1, "--scene-file", scene_file)
+    assert run("simulate", "random", "-o", logs[0], *options).exit_code == 0
+    assert "families" in scene_file.read_text()
+    assert run("simulate", scene_file, "-o", logs[1]).exit_code == 0
+    assert logs[0].read_bytes() == logs[1].read_bytes()
+    assert run("simulate", "apple", "-o", tmp_path / "c.mcap", "--physics", "wide").exit_code == 2
+
+
 def test_the_scene_of_a_layout_can_be_saved_and_simulated_again(tmp_path):
     scene, logs = tmp_path / "made.yaml", [tmp_path / "a.mcap", tmp_path / "b.mcap"]
     for layout in ("channel", "poplar_grove"):

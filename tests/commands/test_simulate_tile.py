@@ -44,7 +44,8 @@ def test_a_scene_that_is_saved_makes_the_same_tile(tmp_path, scene):
 def test_wrong_command_lines(tmp_path, scene):
     (tmp_path / "a.laz").write_text("mine")
     assert "--force" in run(scene, "-o", tmp_path / "a.laz").stderr
-    assert "not available for tiles" in run(scene, "-o", tmp_path / "b.laz", "-n", 3).stderr
+    for options in (("-n", 3), ("--physics", "wide")):
+        assert "not available for tiles" in run(scene, "-o", tmp_path / "b.laz", *options).stderr
     assert "no such tile scene; built-in ones: " in run("nowhere", "-o", tmp_path / "b.laz").stderr
     for name in (scene, "small"):
         result = run(name, "-o", tmp_path / "b.mcap")
