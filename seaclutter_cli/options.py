@@ -315,7 +315,7 @@ def declared(kind: type[Any]) -> dict[str, Option]:
     """Return the options of a class by name, in the order of the signature; what runs report to comes last."""
     found = [one.metadata[Option] for one in fields(kind)]
     last = ("keep_going", "observer")
-    order = sorted(found, key=lambda one: (one.kw_only, isinstance(one.kind, Group), one.name in last))
+    order = sorted(found, key=lambda one: (one.kw_only, one.name in last, isinstance(one.kind, Group)))
     return {one.name: one for one in order}
 
 
@@ -333,7 +333,7 @@ def function_of(kind: Callable[P, T]) -> Callable[[Callable[[T], R]], Callable[P
         returned = inspect.signature(run).return_annotation
         function.options = kind  # type: ignore[attr-defined]
         function.__signature__ = inspect.Signature(shown, return_annotation=returned)  # type: ignore[attr-defined]
-        function.__doc__ = documented(run.__doc__, kind)
+        function.__doc__ = documented(run.__doc__, kind, _RAISES)
         return function
 
     return decorate
@@ -344,8 +344,16 @@ def _parameter(parameter: inspect.Parameter, one: Option) -> inspect.Parameter:
     return parameter.replace(annotation=_shown(parameter.annotation), default=default)
 
 
-def documented(text: str | None, kind: Any) -> str:
-    """Return a docstring with the options of a class as its section of parameters."""
+_RAISES = """\
+Raises
+------
+SeaclutterError
+    If a log or an option cannot be used; see its subclasses.
+"""
+
+
+def documented(text: str | None, kind: Any, raises: str = "") -> str:
+    """Return a docstring with the options of a class as its section of parameters, and one of errors, unless it has."""
     hints: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         hints |= inspect.get_annotations(base)
@@ -353,7 +361,9 @@ def documented(text: str | None, kind: Any) -> str:
     for name, one in declared(kind).items():
         lines += [f"{name} : {_in_words(hints[name], one)}{'' if one.default is MISSING else ', optional'}"]
         lines += [f"    {_in_python(one.help, kind)}"]
-    summary, *sections = re.split(r"\n\n(?=\w+\n-----)", inspect.cleandoc(text or ""), maxsplit=1)
+    summary, *sections = re.split(r"\n\n(?=\w+\n-----)", inspect.cleandoc(text or ""))
+    if raises and not any(section.startswith("Raises") for section in sections):
+        sections.insert(len(sections) - 1, raises.rstrip())
     return "\n\n".join([summary, "\n".join(lines), *sections])
 
 

@@ -57,11 +57,6 @@ def calibrate(options: CalibrateOptions) -> CalibrationResult:
     CalibrationResult
         ``config``, to filter with; ``found``, the threshold of each range ring.
 
-    Raises
-    ------
-    SeaclutterError
-        If a log cannot be used; see its subclasses.
-
     Examples
     --------
     >>> import seaclutter

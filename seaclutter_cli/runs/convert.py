@@ -46,11 +46,6 @@ def convert_log(options: ConvertOptions) -> "ConvertSummary":
     ConvertSummary
         Outcome of each recording: messages, frames, points, what was lost, damage, seconds.
 
-    Raises
-    ------
-    SeaclutterError
-        If a log cannot be converted; see its subclasses.
-
     Examples
     --------
     >>> import seaclutter

@@ -40,11 +40,6 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     Comparison
         ``totals()``, a `Summary` for each method; ``as_text()``, the tables of the command line.
 
-    Raises
-    ------
-    SeaclutterError
-        If a log or its labels cannot be used; see its subclasses.
-
     Examples
     --------
     >>> import seaclutter

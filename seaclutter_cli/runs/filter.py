@@ -60,11 +60,6 @@ def filter_log(options: FilterOptions) -> FilterSummary:
     FilterSummary
         Outcome of each recording: frames, points by reason, range rings, damage, seconds.
 
-    Raises
-    ------
-    SeaclutterError
-        If a log cannot be filtered; see its subclasses.
-
     Examples
     --------
     >>> import seaclutter

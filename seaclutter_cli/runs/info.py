@@ -40,11 +40,6 @@ _DEFAULT_THRESHOLD = 4
 def info(options: InfoOptions) -> "InfoResult":
     """Return the content of logs: topics, frames, fields, extents, sensors, and settings that a filter run needs.
 
-    Raises
-    ------
-    SeaclutterError
-        If a log cannot be read; see its subclasses.
-
     Examples
     --------
     >>> import seaclutter

@@ -32,11 +32,6 @@ _MEANS = ("length_m", "width_m", "height_m", "points")
 def check_labels(options: LabelCheckOptions) -> "LabelCheckResult":
     """Compare labels with the points of logs, and return probable mistakes with their remedies.
 
-    Raises
-    ------
-    SeaclutterError
-        If a log or its labels cannot be used.
-
     Examples
     --------
     >>> import seaclutter

@@ -30,11 +30,6 @@ if TYPE_CHECKING:
 def find_mask(options: MaskOptions) -> "MaskResult":
     """Find own ship's structure, which is constant while the vessel moves, and write a mask of it.
 
-    Raises
-    ------
-    SeaclutterError
-        If a log cannot be used; see its subclasses.
-
     Examples
     --------
     >>> import seaclutter

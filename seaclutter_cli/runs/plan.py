@@ -41,11 +41,6 @@ def plan_filter(options: FilterOptions) -> "RunPlan":
         ``outcomes``: for each recording, its ``status`` (``do``, ``skip`` or ``refuse``), the reason, its size and
         number of frames; ``bytes_in``: size of all that is to be done.
 
-    Raises
-    ------
-    SeaclutterError
-        If the run could not start.
-
     Examples
     --------
     >>> import seaclutter
@@ -65,11 +60,6 @@ def plan_convert(options: ConvertOptions) -> "RunPlan":
     -------
     RunPlan
         As from `plan_filter`.
-
-    Raises
-    ------
-    SeaclutterError
-        If the run could not start.
 
     Examples
     --------

@@ -46,11 +46,6 @@ _MAX_LISTED = 200
 def report(options: ReportOptions) -> "ReportResult":
     """Write a page that shows the effect of a filter on logs and, with labels, its quality.
 
-    Raises
-    ------
-    SeaclutterError
-        If a log cannot be used; see its subclasses.
-
     Examples
     --------
     >>> import seaclutter

@@ -40,11 +40,6 @@ _MIN_RECORDINGS = 4
 def tune(options: TuneOptions) -> "TuningResult":
     """Evaluate every combination of methods and parameter values, and find the one with the fewest bad frames.
 
-    Raises
-    ------
-    SeaclutterError
-        If a log or its labels cannot be used, or a value is not allowed.
-
     Examples
     --------
     >>> import seaclutter
