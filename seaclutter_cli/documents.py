@@ -42,7 +42,9 @@ def load_yaml(text: str) -> Any:
         _check_events(yaml.parse(text, Loader=_Base))
         return yaml.load(text, Loader=_Loader)  # noqa: S506 - a SafeLoader
     except yaml.YAMLError as error:
-        raise DocumentError(f"not valid YAML ({_explain(error)})", *_place(error, text.splitlines())) from error
+        problem = str(getattr(error, "problem", None) or error)
+        context = f"{getattr(error, 'context', '')} " if problem.startswith("but ") else ""
+        raise DocumentError(f"not valid YAML ({context}{problem})", *_place(error, text.splitlines())) from error
 
 
 def _place(error: yaml.YAMLError, lines: Sequence[str]) -> tuple[int, int]:
@@ -52,11 +54,6 @@ def _place(error: yaml.YAMLError, lines: Sequence[str]) -> tuple[int, int]:
         return 0, 0
     at_end = mark.line >= len(lines)  # the fast loader places the end of a text in a line after it
     return (len(lines), len(lines[-1]) + 1) if at_end else (mark.line + 1, mark.column + 1)
-
-
-def _explain(error: yaml.YAMLError) -> str:
-    problem = str(getattr(error, "problem", None) or error)
-    return f"{getattr(error, 'context', '')} {problem}" if problem.startswith("but ") else problem
 
 
 def _check_events(events: Iterable[Any]) -> None:

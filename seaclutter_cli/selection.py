@@ -105,8 +105,9 @@ def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel
     clouds = [channel for channel in source.channels if find_codec(channel)]
     names = main_topics(source)
     if not names:
-        found = ", ".join(sorted({_describe(channel) for channel in source.channels})) or "no topics"
-        raise InputError(f"{source.name}: no point clouds that can be read; the log has {found}")
+        kinds = {c: c.schema.name if c.schema else "no schema" for c in source.channels}
+        found = ", ".join(sorted({f"{c.topic} ({kind}, {c.message_encoding})" for c, kind in kinds.items()}))
+        raise InputError(f"{source.name}: no point clouds that can be read; the log has {found or 'no topics'}")
     if not topics and len(names) > 1:
         choices = " ".join(f"-t {name}" for name in names)
         raise UsageError(f"{source.name}: several point-cloud topics; choose from: {choices}")
@@ -154,11 +155,6 @@ def first_frame(source: Source, topics: Collection[str] = ()) -> int:
     """Return the number of the first frame of the selected topics in the recording from which a log was made."""
     recorded = recorded_topics(source.metadata)
     return min((one.first_frame for name, one in recorded.items() if not topics or name in topics), default=0)
-
-
-def _describe(channel: Channel) -> str:
-    kind = channel.schema.name if channel.schema else "no schema"
-    return f"{channel.topic} ({kind}, {channel.message_encoding})"
 
 
 class Window:

@@ -274,9 +274,8 @@ class InfoResult(RecordingsResult):
 
     def as_text(self) -> str:
         """Return the content of one recording, or a table of several, as human-readable text."""
-        return self.details() if len(self.outcomes) == 1 else self._table()
-
-    def _table(self) -> str:
+        if len(self.outcomes) == 1:
+            return self.details()
         rows = [row for content in self.outcomes if not content.error for row in content.rows()]
         head = ("recording", "format", "seconds", "cloud topic", "frames", "median points", "sensor")
         return "\n".join((*([table(head, rows)] if rows else []), statuses(self.outcomes)))

@@ -252,7 +252,11 @@ def require_frames(source: Source, frames: int, selection: Selection) -> None:
     if source.damage:
         raise InputError(f"{source.name}: no frame can be read; {source.damage[0]}")
     if selection.period:
-        span = f"; the log is {_span(*source.span_ns)}" if source.span_ns else ""
+        span = ""
+        if source.span_ns:
+            first_ns, last_ns = source.span_ns
+            start = datetime.fromtimestamp(first_ns // 10**9, UTC).isoformat(sep=" ").removesuffix("+00:00")
+            span = f"; the log is {duration((last_ns - first_ns) / 10**9)} long, from {start} UTC"
         raise SelectionError(f"{source.name}: no frames {selection.period}{span}")
 
 
@@ -260,12 +264,6 @@ def require_selected(outcomes: Sequence[Outcome]) -> None:
     """Raise `SelectionError` if none of several recordings has a frame in the selected period."""
     if outcomes and all(outcome.has_nothing for outcome in outcomes):
         raise SelectionError("no recording has a frame in the selected time")
-
-
-def _span(first_ns: int, last_ns: int) -> str:
-    """Return the time of a log in words."""
-    start = datetime.fromtimestamp(first_ns // 10**9, UTC).isoformat(sep=" ").removesuffix("+00:00")
-    return f"{duration((last_ns - first_ns) / 10**9)} long, from {start} UTC"
 
 
 def finish_labels(labels: Labels | None, source: Source, selection: Selection) -> None:

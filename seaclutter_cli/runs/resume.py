@@ -109,18 +109,18 @@ def earlier_outcomes(works: Sequence[Work[O]], observer: Observer, verb: str = "
 
     Notes say that these are ``verb`` again.
     """
-    found = in_threads(_earlier, works)
+
+    def look(work: Work[O]) -> tuple[O | None, str]:
+        with copies_removed():
+            return work.earlier() if os.path.lexists(work.writes[0]) else (None, "")
+
+    found = in_threads(look, works)
     for work, (outcome, difference) in zip(works, found, strict=True):
         if difference:
             observer.note(f"{work.recording.name}: {verb} again; {difference}")
         if outcome is not None:
             observer.damage(outcome.damage)
     return [outcome for outcome, _ in found]
-
-
-def _earlier(work: Work[O]) -> tuple[O | None, str]:
-    with copies_removed():
-        return work.earlier() if os.path.lexists(work.writes[0]) else (None, "")
 
 
 @contextmanager
