@@ -12,10 +12,9 @@ from typing import Any, ClassVar, Generic, TypeVar
 from seaclutter_cli.buckets import copies_removed, local, mirror_of, on_paths, shown
 from seaclutter_cli.errors import SeaclutterError, SelectionError
 from seaclutter_cli.jobs.engine import Engine, Lost, Report, run_in_turn
-from seaclutter_cli.runs.labels import LabelFile
 from seaclutter_cli.runs.observer import Observer, Silent, Step
 from seaclutter_cli.runs.options import BatchOptions, ReadOptions
-from seaclutter_cli.runs.recordings import NOT_PROCESSED, Outcome
+from seaclutter_cli.runs.recordings import NOT_PROCESSED, LabelFile, Outcome
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.text import count
 

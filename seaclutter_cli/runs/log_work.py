@@ -15,11 +15,19 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Channel, Metadata
 from seaclutter_cli.runs.batch import Work, inputs_of_work, run_batch, size_of
-from seaclutter_cli.runs.labels import LabelFile, assign_labels
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import WritingLogs
 from seaclutter_cli.runs.outputs import Paths, Root, inputs_of, is_file, is_folder, prepare_outputs, write_manifest
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand, opened, statuses, storing_errors
+from seaclutter_cli.runs.recordings import (
+    LabelFile,
+    Outcome,
+    RecordingsResult,
+    assign_labels,
+    expand,
+    opened,
+    statuses,
+    storing_errors,
+)
 from seaclutter_cli.runs.resume import (
     NAME,
     RunIdentity,

@@ -1,22 +1,23 @@
-"""Runs over recordings: read options, outcomes, errors and warnings."""
+"""Runs over recordings: finding and opening them and their labels; outcomes, errors and warnings."""
 
 import os
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from time import perf_counter
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from seaclutter_cli.buckets import fetch, mirror_of
 from seaclutter_cli.errors import FieldError, InputError, SeaclutterError, SelectionError, UsageError
 from seaclutter_cli.interfaces import Labels, Source
+from seaclutter_cli.options import Options
 from seaclutter_cli.records import Channel, Damage, SensorFacts
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import Decoding, Logs, ReadOptions
+from seaclutter_cli.runs.options import Decoding, LabelSources, Logs, ReadOptions
 from seaclutter_cli.selection import Selection, is_part
 from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions
 from seaclutter_cli.sources import (
@@ -30,6 +31,10 @@ from seaclutter_cli.sources import (
 from seaclutter_cli.sources.shared.integration import Integrated
 from seaclutter_cli.text import count, duration, printable
 
+if TYPE_CHECKING:
+    from seaclutter_cli.labels import LabelOptions
+
+LABEL_SUFFIX = ".labels.csv"
 NOT_PROCESSED = "not processed"
 """Error of a recording that a run which stopped after an error did not come to."""
 _STATUSES = ("done", "damaged", "failed", NOT_PROCESSED, "skipped")
@@ -185,6 +190,70 @@ def _files_of(recording: Recording) -> list[Path]:
         if has_metadata_beside(path.name) and (mirror := mirror_of(path)):
             mirror.look_beside(path)
     return [*recording.paths, *(beside for path in recording.paths for beside in metadata_beside(path))]
+
+
+def assign_labels(sources: Options, recordings: Sequence[Recording]) -> list["LabelFile | None"]:
+    """Return the labels of each recording, not yet read; None for all recordings if there are no paths.
+
+    Raise `UsageError` if they cannot be assigned to the recordings, or some do not exist.
+    """
+    if not isinstance(sources, LabelSources) or not sources.labels:
+        return [None] * len(recordings)
+    from seaclutter_cli.labels import LabelOptions  # not needed otherwise
+
+    defaults = LabelOptions()
+    chosen = LabelOptions(
+        clutter_ids=defaults.clutter_ids if sources.clutter_ids is None else sources.clutter_ids,
+        ignore_ids=defaults.ignore_ids if sources.ignore_ids is None else sources.ignore_ids,
+    )
+    for path in sources.labels:
+        if mirror := mirror_of(path):
+            mirror.know(path)
+    found = zip(recordings, find_labels(recordings, sources.labels), strict=True)
+    return [LabelFile(path, replace(chosen, by_sequence=one.is_frame_folder)) for one, path in found]
+
+
+@dataclass(frozen=True)
+class LabelFile:
+    """Labels of one recording, a file or a folder, and how they are read."""
+
+    path: Path
+    options: "LabelOptions"
+
+    def open(self) -> Labels:
+        """Return the labels; raise `LabelError` if they cannot be read."""
+        from seaclutter_cli.labels import open_labels
+
+        fetch(self.path)
+        return open_labels(self.path, self.options)
+
+
+def find_labels(recordings: Sequence[Recording], paths: Sequence[Path]) -> list[Path]:
+    """Return the path of each recording's labels; raise `UsageError` if one is ambiguous or missing."""
+    if len(paths) == 1 and paths[0].is_dir() and (found := _in_folder(recordings, paths[0])):
+        return found
+    if len(paths) != len(recordings):
+        raise UsageError(
+            f"{len(paths)} --labels for {count(len(recordings), 'recording')}: give one for each, in the same order, "
+            f"or a folder with RECORDING{LABEL_SUFFIX} for each"
+        )
+    for path in paths:
+        if not path.exists():
+            raise UsageError(f"{path}: no such file or folder of labels")
+    return list(paths)
+
+
+def _in_folder(recordings: Sequence[Recording], folder: Path) -> list[Path]:
+    """Return the labels in a folder; an empty list if the folder itself is the labels of a single recording."""
+    named = [folder / f"{recording.name}{LABEL_SUFFIX}" for recording in recordings]
+    missing = [path for path in named if not path.is_file()]
+    if missing and len(recordings) == 1:
+        return []
+    if missing:
+        raise UsageError(f"{folder}: labels of some recordings are missing: {', '.join(p.name for p in missing)}")
+    if len(set(named)) < len(named):
+        raise UsageError(f"{folder}: two recordings have the same name and would share labels; give --labels for each")
+    return named
 
 
 def open_recording(recording: Recording, reading: Decoding) -> Source:

@@ -21,10 +21,9 @@ from seaclutter_cli.frame import Rings
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Damage, Metadata
 from seaclutter_cli.runs.batch import Work
-from seaclutter_cli.runs.labels import LabelFile
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
-from seaclutter_cli.runs.recordings import Outcome, open_recording
+from seaclutter_cli.runs.recordings import LabelFile, Outcome, open_recording
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources import Recording
 from seaclutter_cli.threads import in_threads

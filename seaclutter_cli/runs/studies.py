@@ -10,7 +10,6 @@ from typing import TypeVar
 from seaclutter_cli.config import Config
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.runs.batch import Work, inputs_of_work, run_batch
-from seaclutter_cli.runs.labels import LabelFile, assign_labels
 from seaclutter_cli.runs.observer import Observer, Step
 from seaclutter_cli.runs.options import BatchOptions, Logs, ReadOptions
 from seaclutter_cli.runs.options.logs import MaskOptions, ViewOptions
@@ -23,7 +22,9 @@ from seaclutter_cli.runs.options.studies import (
 )
 from seaclutter_cli.runs.outputs import Paths, inputs_of, prepare_outputs
 from seaclutter_cli.runs.recordings import (
+    LabelFile,
     Outcome,
+    assign_labels,
     expand,
     expected_frames,
     finish_labels,
