@@ -268,13 +268,7 @@ def _in_words(hint: Any) -> str:
     return " ".join((_KINDS[kind], " and ".join(limits))).rstrip()
 
 
-_KINDS = {
-    tuple: "a list",
-    bool: "true or false",
-    int: "a whole number",
-    float: "a number",
-    str: "text",
-}
+_KINDS = {tuple: "a list", bool: "true or false", int: "a whole number", float: "a number", str: "text"}
 _LIMITS: Mapping[str, tuple[Callable[[Any, Any], bool], str]] = {
     "ge": (operator.ge, "greater than or equal to"),
     "gt": (operator.gt, "greater than"),

@@ -16,18 +16,7 @@ import click
 
 from seaclutter_cli.commands.console import DEBUG, NOTES, Console
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.options import (
-    Choice,
-    Flag,
-    Group,
-    Kind,
-    Number,
-    Option,
-    Options,
-    Whole,
-    declared,
-    option,
-)
+from seaclutter_cli.options import Choice, Flag, Group, Kind, Number, Option, Options, Whole, declared, option
 from seaclutter_cli.parts import SCRATCH
 from seaclutter_cli.runs.options import WORKING_CONFIG, ConfigFile
 

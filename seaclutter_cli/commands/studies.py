@@ -62,7 +62,7 @@ _LABELS = [
         `evaluate`, `tune` and `report` give the same as warnings.
         """,
         short_help="Find mistakes in labels that would give wrong rates without an error.",
-    ),
+    )
 ]
 
 COMMANDS = (

@@ -14,21 +14,10 @@ from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reading import read
 from seaclutter_cli.records import Channel
 from seaclutter_cli.runs.batch import input_bytes
-from seaclutter_cli.runs.log_work import (
-    LogOutcome,
-    LogSummary,
-    LogWork,
-    log_run,
-    warn_of_losses,
-    warn_of_patterns,
-)
+from seaclutter_cli.runs.log_work import LogOutcome, LogSummary, LogWork, log_run, warn_of_losses, warn_of_patterns
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ConvertOptions
-from seaclutter_cli.runs.recordings import (
-    expected_frames,
-    require_frames,
-    require_selected,
-)
+from seaclutter_cli.runs.recordings import expected_frames, require_frames, require_selected
 from seaclutter_cli.runs.resume import RunIdentity, identity_of
 from seaclutter_cli.selection import Selection, cloud_channels
 from seaclutter_cli.sinks.atomic import OutputGroup

@@ -22,24 +22,13 @@ from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.batch import Work, input_bytes
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
-from seaclutter_cli.runs.log_work import (
-    LogRun,
-    LogWork,
-    log_run,
-    warn_of_losses,
-    warn_of_patterns,
-)
+from seaclutter_cli.runs.log_work import LogRun, LogWork, log_run, warn_of_losses, warn_of_patterns
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import FilterOptions
 from seaclutter_cli.runs.outputs import may_appear
-from seaclutter_cli.runs.recordings import (
-    expected_frames,
-    open_recording,
-    require_frames,
-    require_selected,
-)
+from seaclutter_cli.runs.recordings import expected_frames, open_recording, require_frames, require_selected
 from seaclutter_cli.runs.resume import RunIdentity, identity_of
 from seaclutter_cli.selection import cloud_channels, filtered_by, was_filtered
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup

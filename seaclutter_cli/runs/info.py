@@ -194,12 +194,7 @@ class Content(Outcome):
         """Return a row of cells for each cloud topic, or one without a topic."""
         first = (self.recording, self.format, f"{self.duration_s:.1f}")
         clouds = [
-            (
-                topic,
-                f"{cloud.frames:,}",
-                f"{cloud.sizes()[1]:,.0f}",
-                _sensor(cloud, self.facts.get(topic)),
-            )
+            (topic, f"{cloud.frames:,}", f"{cloud.sizes()[1]:,.0f}", _sensor(cloud, self.facts.get(topic)))
             for topic, cloud in self.clouds.items()
         ]
         return [(*first, *cells) for cells in clouds or [("-", "-", "-", "-")]]

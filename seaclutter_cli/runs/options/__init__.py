@@ -288,10 +288,7 @@ class _Configured(Options):
         f"[default: {WORKING_CONFIG} in the working folder, if there is one; - is standard input]",
     )
     settings: Converted[Sequence[str] | Mapping[str, Any], tuple[str, ...]] = option(
-        "-s --set KEY=VALUE",
-        default=(),
-        kind=_Settings(),
-        help="Set a key, such as filter.start_m=5; repeatable.",
+        "-s --set KEY=VALUE", default=(), kind=_Settings(), help="Set a key, such as filter.start_m=5; repeatable."
     )
 
 
@@ -348,10 +345,7 @@ class LabelSources(Options):
         help="Class ids of clutter in point labels, such as 110,111. [default: 110]",
     )
     ignore_ids: Converted[Sequence[int] | None, tuple[int, ...] | None] = option(
-        "--ignore-ids IDS",
-        default=None,
-        kind=_Ids(),
-        help="Class ids to ignore in point labels. [default: 0,99]",
+        "--ignore-ids IDS", default=None, kind=_Ids(), help="Class ids to ignore in point labels. [default: 0,99]"
     )
 
 
@@ -359,9 +353,5 @@ class OfLabelledLogs(LabelSources, OfLogs):
     """What every function for labelled logs takes."""
 
     labels: Converted[PathLike | Sequence[PathLike], tuple[Path, ...]] = option(
-        "--labels LABELS",
-        kind=Place(remote=True),
-        repeatable=True,
-        help=_LABELS_HELP,
-        kw_only=False,
+        "--labels LABELS", kind=Place(remote=True), repeatable=True, help=_LABELS_HELP, kw_only=False
     )

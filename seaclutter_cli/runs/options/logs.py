@@ -44,10 +44,7 @@ class FilterOptions(WritingLogs, LabelSources, ConfigOptions):
     """Options of a filter run."""
 
     csv_file: OptionalPath = option(
-        "--csv",
-        default=None,
-        kind=FILE,
-        help="Also write a table with a row for each frame.",
+        "--csv", default=None, kind=FILE, help="Also write a table with a row for each frame."
     )
     with_scene: bool = option(
         "--with-scene",

@@ -47,11 +47,7 @@ class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
     """Options of a calibration."""
 
     output: OptionalPath = option(
-        "-o --output CONFIG",
-        default=None,
-        kind=FILE,
-        required=True,
-        help="Configuration to write, for filter -c.",
+        "-o --output CONFIG", default=None, kind=FILE, required=True, help="Configuration to write, for filter -c."
     )
     filter_rate: float = option(
         "--filter-rate SHARE",
@@ -95,10 +91,7 @@ class EvaluateOptions(Replacing, OfLabelledLogs, MethodOptions):
     """Options of an evaluation."""
 
     frames_file: OptionalPath = option(
-        "-o --output FRAMES.csv",
-        default=None,
-        kind=FILE,
-        help="Write a table with a row for each frame and method.",
+        "-o --output FRAMES.csv", default=None, kind=FILE, help="Write a table with a row for each frame and method."
     )
     summary_file: OptionalPath = option(
         "--summary FILE.json", default=None, kind=FILE, help="Write all results as JSON."
@@ -163,10 +156,7 @@ class TuneOptions(Replacing, OfLabelledLogs, MethodOptions):
         "--csv", default=None, kind=FILE, help="Write a table with a row for each combination."
     )
     curve_file: OptionalPath = option(
-        "--plot",
-        default=None,
-        kind=FILE,
-        help="Plot the rates over the values of a single --sweep (.png or .svg).",
+        "--plot", default=None, kind=FILE, help="Plot the rates over the values of a single --sweep (.png or .svg)."
     )
     thresholds_file: OptionalPath = option(
         "--plot-thresholds",
