@@ -19,7 +19,7 @@ from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import MAX_RINGS, Zones
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels
-from seaclutter_cli.truth import CLUTTER, Truth
+from seaclutter_cli.truth import CLUTTER
 
 GAP_M = 1.0
 MAX_RANGE_M = 10_000.0
@@ -186,10 +186,7 @@ class Calibration:
     def thresholds(self) -> Thresholds:
         """Return the thresholds and the far limit of the points added so far; depends on attributes set meanwhile.
 
-        Raises
-        ------
-        InputError
-            If there are no points, or if they are farther than the maximum number of range rings of this width.
+        Raise `InputError` if there are no points, or if they are farther than the maximum number of range rings.
         """
         last_m = self._limit.last_m
         edges = self._edges if self.keep_end else self._up_to(last_m)
@@ -216,7 +213,11 @@ class Calibration:
     def _ring(self, number: int, edges: NDArray[np.float64], source: range) -> RingCalibration:
         """Return the calibration of a range ring from the points of those in ``source``."""
         histogram = self._pooled(source)
-        threshold = self._threshold(histogram, self._rate(histogram.points))
+        rate = self.filter_rate
+        if self.max_left is not None:
+            left = max(self.max_left * self.frames, _FEW_ABOVE)
+            rate = max(rate, 1 - left / histogram.points)
+        threshold = self._threshold(histogram, rate)
         saturated = self.filter_rate < 1 and threshold > self.highest
         if saturated:
             threshold = self.highest
@@ -226,20 +227,13 @@ class Calibration:
         span = float(edges[number]), float(edges[number + 1])
         return RingCalibration(*span, points, threshold, below, few, (source[0] + 1, source[-1] + 1), saturated)
 
-    def _rate(self, points: int) -> float:
-        """Return the filter rate at which so many points leave no more than ``max_left`` per frame."""
-        if self.max_left is None:
-            return self.filter_rate
-        left = max(self.max_left * self.frames, _FEW_ABOVE)
-        return max(self.filter_rate, 1 - left / points)
-
     def _pooled(self, source: range) -> IntensityHistogram:
-        first, *others = [self._rings[number] for number in source if number in self._rings]
-        if others:
-            first = deepcopy(first)
-            for histogram in others:
-                first += deepcopy(histogram)
-        return first
+        """Return the intensities of several range rings in one histogram."""
+        pooled = IntensityHistogram()
+        for number in source:
+            if number in self._rings:
+                pooled += deepcopy(self._rings[number])
+        return pooled
 
     def _threshold(self, histogram: IntensityHistogram, filter_rate: float) -> float:
         whole = all(ring.all_whole for ring in self._rings.values())
@@ -330,10 +324,7 @@ class ClutterSelector:
     def clutter(self, frame: Frame) -> NDArray[np.intp]:
         """Return the indices of the clutter points of a frame; empty if labels exist but not for this frame.
 
-        Raises
-        ------
-        FieldError
-            If the frame has no intensities.
+        Raise `FieldError` if the frame has no intensities.
         """
         _ = frame.intensity
         truth = self._labels.truth(frame) if self._labels else None
@@ -344,18 +335,12 @@ class ClutterSelector:
         zone, _ = self._zones.divide(frame)
         clutter = np.flatnonzero((zone >= 1) & (zone <= self._zones.count + 1))  # range rings and beyond
         if truth is not None:
-            marked = _marked(truth, frame.coordinates, clutter, self._margin_m)
+            positions = frame.coordinates[:, clutter]
+            marked = truth.ignored.covers(positions, self._margin_m)
+            if truth.targets is not None:
+                marked |= truth.targets.covers(positions, self._margin_m)
+            if truth.points is not None:
+                marked |= truth.points[clutter] != CLUTTER
             self.marked += int(np.count_nonzero(marked))
             clutter = clutter[~marked]
         return clutter
-
-
-def _marked(truth: Truth, xyz: NDArray[np.float64], chosen: NDArray[np.intp], margin_m: float) -> NDArray[np.bool_]:
-    """Return whether each chosen point belongs to a target or an ignored area."""
-    positions = xyz[:, chosen]
-    marked = truth.ignored.covers(positions, margin_m)
-    if truth.targets is not None:
-        marked |= truth.targets.covers(positions, margin_m)
-    if truth.points is not None:
-        marked |= truth.points[chosen] != CLUTTER
-    return np.asarray(marked)

@@ -46,7 +46,12 @@ _MAX_BYTES = 64 * 2**20
 class SensorParams:
     """The sensor that the thresholds are for, recorded by `calibrate` if the packets identify it.
 
-    Its model, and its intensity mode: thresholds are valid for one mode only.
+    Parameters
+    ----------
+    model : str or None
+        Name of the sensor.
+    intensity : str or None
+        Intensity mode of the sensor; thresholds are valid for one mode only.
     """
 
     model: str | None = None

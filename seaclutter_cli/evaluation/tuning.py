@@ -1,6 +1,7 @@
 """Choice of parameter values: scores of the parts of a recording, the best values, ideal thresholds."""
 
 from collections.abc import Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,10 +9,11 @@ from numpy.typing import NDArray
 from seaclutter_cli.evaluation.scores import FrameScore, Summary
 from seaclutter_cli.truth import CLUTTER, IGNORED
 
+K = TypeVar("K")
 _MAX_PARTS = 64
 
 
-def best(summaries: Mapping[str, Summary]) -> str | None:
+def best(summaries: Mapping[K, Summary]) -> K | None:
     """Return the name of the best summary; None without labelled frames.
 
     The best summary has the lowest rate of frames with a false alarm plus frames with a missed target

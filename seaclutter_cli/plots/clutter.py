@@ -1,6 +1,5 @@
 """Intensity of clutter over range, with the thresholds of the range rings ([Li2023], Fig. 5 and 6)."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
@@ -22,31 +21,32 @@ class ClutterDensity:
     """Histogram of points by range and intensity in bounded memory, for intensities of any scale.
 
     A range ring has 32 columns. The row of an intensity is the upper 15 bits of its float32 representation: sign,
-    exponent, and six bits that divide each octave into 64 rows. Of the 8 MB for each range ring, only pages with points
-    occupy memory. Points beyond ``max_rings`` are left out.
+    exponent, and six bits that divide each octave into 64 rows. Points beyond ``max_rings`` are left out.
     """
 
     def __init__(self, start_m: float, ring_width_m: float, max_rings: int) -> None:
-        self._start_m, self._width_m, self._max_rings = start_m, ring_width_m / _COLUMNS, max_rings
+        self._start_m, self._width_m, self._columns = start_m, ring_width_m / _COLUMNS, _COLUMNS * max_rings
         self._all_whole = True
-        self._rings: dict[int, NDArray[np.int64]] = {}
+        self._cells, self._counts = np.empty(0, np.int64), np.empty(0, np.int64)
 
     def add(self, range_m: NDArray[np.float64], intensity: NDArray[np.float64]) -> None:
         """Count points beyond ``start_m``, given their ranges in metres and their intensities, both of shape (N,)."""
         self._all_whole = self._all_whole and bool((intensity == np.floor(intensity)).all())
-        column = ((range_m - self._start_m) / self._width_m).clip(0, _COLUMNS * self._max_rings).astype(np.int64)
-        cell = (column % _COLUMNS << _KEY_BITS) + _key(intensity)
-        ring = column // _COLUMNS
-        for number in np.unique(ring[ring < self._max_rings]).tolist():
-            counts = self._rings.setdefault(number, np.zeros(_COLUMNS << _KEY_BITS, np.int64))
-            np.add.at(counts, cell[ring == number], 1)
+        column = ((range_m - self._start_m) / self._width_m).clip(0, self._columns).astype(np.int64)
+        cells = (column << _KEY_BITS) + _key(intensity)
+        self._count(*np.unique(cells[column < self._columns], return_counts=True))
 
     def __iadd__(self, other: Self) -> Self:
-        """Add the counts of another histogram with the same parameters, which must not be used afterwards."""
+        """Add the counts of another histogram with the same parameters."""
         self._all_whole = self._all_whole and other._all_whole
-        for number, counts in other._rings.items():
-            self._rings[number] = self._rings.get(number, 0) + counts
+        self._count(other._cells, other._counts)
         return self
+
+    def _count(self, cells: NDArray[np.int64], counts: NDArray[np.int64]) -> None:
+        both = np.append(self._counts, counts)
+        self._cells, place = np.unique(np.append(self._cells, cells), return_inverse=True)
+        self._counts = np.zeros(len(self._cells), np.int64)
+        np.add.at(self._counts, place, both)
 
     def grid(self, end_m: float, limits: tuple[float, float]) -> "DensityGrid":
         """Return the counts up to a range and between intensities, in around 100 rows of equal height."""
@@ -56,29 +56,27 @@ class ClutterDensity:
         first, last = np.floor(limits[0] / height), np.ceil(limits[1] / height)
         columns = int(np.ceil((end_m - self._start_m) / self._width_m - 1e-9))
         counts = np.zeros((int(last - first), columns), np.int64)
-        for column, intensity, count in self._cells():
-            row = np.floor(intensity / height) - first
-            shown = (row >= 0) & (row < len(counts)) & (column < columns)
-            np.add.at(counts, (row[shown].astype(np.int64), column[shown]), count[shown])
+        column, row = self._cells >> _KEY_BITS, np.floor(self._intensity / height) - first
+        shown = (row >= 0) & (row < len(counts)) & (column < columns)
+        np.add.at(counts, (row[shown].astype(np.int64), column[shown]), self._counts[shown])
         range_m = np.asarray(self._start_m + self._width_m * np.arange(columns + 1), np.float64)
         return DensityGrid(range_m, height * np.arange(first, last + 1), counts)
 
     def quantile(self, share: float) -> float:
         """Return the approximate quantile of the intensities; 0 without points."""
-        cells = list(self._cells())
-        if not cells:
+        if not len(self._cells):
             return 0.0
-        intensity = np.concatenate([cell[1] for cell in cells])
-        count = np.concatenate([cell[2] for cell in cells])
-        order = np.argsort(intensity, kind="stable")
-        below = np.cumsum(count[order])
-        return float(intensity[order][np.searchsorted(below, share * below[-1])])
+        order = np.argsort(self._intensity, kind="stable")
+        below = np.cumsum(self._counts[order])
+        return float(self._intensity[order][np.searchsorted(below, share * below[-1])])
 
-    def _cells(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.int64]]]:
-        """Yield columns, middle intensities and counts of the cells with points, ring by ring."""
-        for number, counts in sorted(self._rings.items()):
-            cell = np.flatnonzero(counts)
-            yield number * _COLUMNS + (cell >> _KEY_BITS), _middle(cell & ((1 << _KEY_BITS) - 1)), counts[cell]
+    @property
+    def _intensity(self) -> NDArray[np.float64]:
+        """Middle intensity of each cell."""
+        key = self._cells & ((1 << _KEY_BITS) - 1)
+        # 0 is exact; all other values become the middle of their row.
+        half = np.where(key == 0, 0, 1 << (31 - _KEY_BITS)).astype(np.uint32)
+        return ((key.astype(np.uint32) << (32 - _KEY_BITS)) + half).view(np.float32).astype(np.float64)
 
 
 @dataclass(frozen=True)
@@ -94,12 +92,6 @@ def _key(intensity: NDArray[np.float64]) -> NDArray[np.int64]:
     limit = np.finfo(np.float32).max
     single = np.clip(intensity, -limit, limit).astype(np.float32) + np.float32(0)  # -0 becomes 0
     return np.asarray(single.view(np.uint32) >> (32 - _KEY_BITS), np.int64)
-
-
-def _middle(key: NDArray[np.int64]) -> NDArray[np.float64]:
-    # 0 is exact; all other values become the middle of their row.
-    bits = (key.astype(np.uint32) << (32 - _KEY_BITS)) + np.where(key == 0, 0, 1 << (31 - _KEY_BITS)).astype(np.uint32)
-    return bits.view(np.float32).astype(np.float64)
 
 
 def draw_clutter(figure: "Figure", density: ClutterDensity, found: Thresholds) -> None:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import (
-    Finder,
     FrameTargets,
     Matches,
     finder_of,
@@ -73,36 +72,24 @@ def find_boxes(
     targets = None if truth is None else targets_of(frame, truth, params)
     subsets = [mask for result in results if result is not None for mask in (result.keep, unconfirmed(result))]
     finder = finder_of(frame, subsets, params)
-    clusters, matched = [], []
+    clusters: list[list[Described]] = []
+    matched: list[Matches | None] = []
     for result in results:
-        found, matches = ([], None) if result is None else _clusters_of(result, finder, targets, params)
+        found, matches = list[Described](), None
+        if result is not None:
+            kept, others = (
+                finder.clusters(points & frame.valid, params.min_cluster_points)
+                for points in (result.keep, unconfirmed(result))
+            )
+            matches = None if targets is None else match_clusters(kept, targets, params)
+            found = _clusters(frame, kept, matches, "unknown") + _clusters(frame, others, None, "unconfirmed")
         clusters.append(found)
         matched.append(matches)
     return _boxes(truth, targets, matched), clusters
 
 
-def _clusters_of(
-    result: FilterResult, finder: Finder, targets: FrameTargets | None, params: EvaluationParams
-) -> tuple[list[Described], Matches | None]:
-    """Return the clusters of kept and of unconfirmed points and, with labels, the matches with the targets."""
-    frame = result.frame
-    kept, others = (
-        finder.clusters(points & frame.valid, params.min_cluster_points)
-        for points in (result.keep, unconfirmed(result))
-    )
-    matches = None if targets is None else match_clusters(kept, targets, params)
-    kinds = ["unknown"] * _count(kept)
-    if matches is not None:
-        kinds = ["target" if belongs else "false" for belongs in matches.belongs]
-    return _clusters(frame, kept, kinds) + _clusters(frame, others, ["unconfirmed"] * _count(others)), matches
-
-
-def _count(labels: NDArray[np.int64]) -> int:
-    return int(labels.max(initial=-1)) + 1
-
-
-def _clusters(frame: Frame, labels: NDArray[np.int64], kinds: Sequence[str]) -> list[Described]:
-    """Return the bounding boxes of the clusters, at most the `_MAX_CLUSTERS` largest."""
+def _clusters(frame: Frame, labels: NDArray[np.int64], matches: Matches | None, kind: str) -> list[Described]:
+    """Return the bounding boxes of the clusters, at most the `_MAX_CLUSTERS` largest, of a kind without matches."""
     members = np.flatnonzero(labels >= 0)
     if not len(members):
         return []
@@ -111,6 +98,7 @@ def _clusters(frame: Frame, labels: NDArray[np.int64], kinds: Sequence[str]) -> 
     starts = np.cumsum(size) - size
     xyz = frame.coordinates[:, members]
     low, high = (reduce.reduceat(xyz, starts, axis=1).T for reduce in (np.minimum, np.maximum))
+    kinds = np.where(matches.belongs, "target", "false").tolist() if matches else [kind] * len(size)
     return [
         {"low": _rounded(low[k]), "high": _rounded(high[k]), "points": int(size[k]), "kind": kinds[k]}
         for k in np.sort(np.argsort(-size, kind="stable")[:_MAX_CLUSTERS]).tolist()

@@ -1,7 +1,7 @@
 """Calibration: thresholds and the far limit of clutter, from recordings that contain clutter."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from time import perf_counter
 
@@ -133,14 +133,14 @@ def _trade_off(works: Sequence["_CalibrateWork"], found: ClutterSums, observer: 
         for work, number in zip(works, frames, strict=True):
             training += replace(work, labelled_frames=training_frames(number)[half]).read(OnlyProgress(observer))
         for one in compared:
-            training.calibration.filter_rate, training.calibration.max_left = astuple(one)
+            training.calibration.filter_rate, training.calibration.max_left = one
             params = training.calibration.thresholds().applied_to(config.filter)
-            variants.append(Variant(f"{one.name} ({half})", replace(config, filter=params)))
+            variants.append(Variant(f"{one} ({half})", replace(config, filter=params)))
     judged = [EvaluateWork(work.reading, work.recording, work.labels, variants, in_parts=True) for work in works]
     trade_off = TradeOff(dict(zip(compared, held_out_scores(judged, observer), strict=True)), used)
     if not options.choose:
         return trade_off
-    found.calibration.filter_rate, found.calibration.max_left = astuple(trade_off.best)
+    found.calibration.filter_rate, found.calibration.max_left = trade_off.best
     return replace(trade_off, used=trade_off.best)
 
 

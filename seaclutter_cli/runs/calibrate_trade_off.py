@@ -11,8 +11,8 @@ gives no thresholds: neighbouring frames are alike.
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation.scores import Summary
@@ -30,17 +30,11 @@ _COLUMNS = (N_FP, N_FN, F1, FALSE_ALARMS, POINTS[1])
 _BEST, _USED = "<", "used"
 
 
-@dataclass(frozen=True)
-class Candidate:
+class Candidate(NamedTuple):
     """A way to set the thresholds: the share of clutter points to remove in each range ring, and most that are left."""
 
     filter_rate: float
     max_left: float | None = None
-
-    @property
-    def name(self) -> str:
-        """Name in messages."""
-        return f"{self.filter_rate:g}" + ("" if self.max_left is None else f", at most {self.max_left:g} left")
 
 
 def candidates(given: Candidate) -> list[Candidate]:
@@ -60,13 +54,12 @@ class TradeOff:
     @property
     def best(self) -> Candidate:
         """Candidate with the fewest frames with an error, then the fewest errors; in a tie, the first."""
-        name = best({one.name: summary for one, summary in self.scores.items()})
-        return next((one for one in self.scores if one.name == name), self.used)
+        return best(self.scores) or self.used
 
     def as_dict(self) -> dict[str, Any]:
         """Return the scores as JSON-compatible data."""
         rows = [
-            {**asdict(one), **summary.as_dict(), "best": one == self.best, "used": one == self.used}
+            {**one._asdict(), **summary.as_dict(), "best": one == self.best, "used": one == self.used}
             for one, summary in self.scores.items()
         ]
         for row in rows:
@@ -75,12 +68,12 @@ class TradeOff:
 
     def as_text(self) -> str:
         """Return the scores as a table."""
-        cells = score_cells({one.name: summary for one, summary in self.scores.items()}, _COLUMNS)
+        cells = score_cells(self.scores, _COLUMNS)
         rows = []
         for one in self.scores:
             notes = [_BEST] * (one == self.best) + [_USED] * (one == self.used)
             left = "" if one.max_left is None else f"{one.max_left:g}"
-            rows.append((f"{one.filter_rate:g}", left, *cells[one.name], " ".join(notes)))
+            rows.append((f"{one.filter_rate:g}", left, *cells[one], " ".join(notes)))
         frames = max(summary.frames for summary in self.scores.values())
         title = f"On {count(frames, 'labelled frame')}, each half with thresholds from the other:"
         lines = table(("filter rate", "max left", *(column.head for column in _COLUMNS), ""), rows)

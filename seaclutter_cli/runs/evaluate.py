@@ -2,10 +2,10 @@
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field
 from operator import attrgetter, methodcaller
-from typing import Any, Literal
+from pathlib import Path
+from typing import Any, Literal, TypeVar
 
 from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.errors import LabelError
@@ -21,11 +21,10 @@ from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.methods import Variant, variants
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.studies import EvaluateOptions
-from seaclutter_cli.runs.outputs import may_appear, write_manifest
+from seaclutter_cli.runs.outputs import may_appear, write_files, write_manifest
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.runs.studies import StudyWork, frame_progress, prepared, study_all
 from seaclutter_cli.selection import cloud_channels, filtered_by, first_frame, was_filtered
-from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.text import UNKNOWN, count, legend, printable, table
 
@@ -56,21 +55,21 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     pairs = prepared(options.logs, options, outputs, observer, configs)
     tabulated = options.frames_file is not None
     works = [EvaluateWork(options.reading, *each, chosen, tabulated=tabulated) for each in pairs]
-    with OutputGroup(replace=options.force) as files:
-        with ExitStack() as stack:
-            table, summary = (stack.enter_context(AtomicFile(it, files)) if it else None for it in targets.values())
-            outcomes = study_all(works, options.batch, observer)
-            comparison = Comparison(chosen, outcomes)
-            if table:
-                table.stream.writelines(frame_table([one.rows for one in outcomes if one.rows and not one.error]))
-            if summary:
-                summary.stream.write(json.dumps(shown(comparison.as_dict()), indent=2).encode() + b"\n")
-        if not may_appear(targets.values(), outcomes, observer):
-            files.discard()
+    outcomes = study_all(works, options.batch, observer)
+    comparison = Comparison(chosen, outcomes)
+    files = dict[Path, bytes]()
+    if may_appear(targets.values(), outcomes, observer):
+        if options.frames_file:
+            used = [one.rows for one in outcomes if one.rows and not one.error]
+            files[options.frames_file] = b"".join(frame_table(used))
+        if options.summary_file:
+            files[options.summary_file] = json.dumps(shown(comparison.as_dict()), indent=2).encode() + b"\n"
+    write_files(files, replace=options.force)
     write_manifest(manifest, [recording for recording, _ in pairs], outcomes, replace=options.force)
     return comparison
 
 
+K = TypeVar("K")
 BASELINE = "none"
 """Method that is never marked as the best: it loses no target and takes no time, because it does not filter."""
 
@@ -105,7 +104,7 @@ class Column:
         unit = self.head[len(head) :] if self.value(summary) is not None else ""
         return f"{head} {self.cell(summary)}{unit}"
 
-    def best_in(self, summaries: Mapping[str, Summary]) -> set[str]:
+    def best_in(self, summaries: Mapping[K, Summary]) -> set[K]:
         """Return the names of the best methods, as far as the digits show; empty if all methods are alike."""
         filters = {name: summary for name, summary in summaries.items() if name != BASELINE}
         known = {name: value for name, one in filters.items() if (value := self.value(one)) is not None}
@@ -154,9 +153,9 @@ def score_table(summaries: Mapping[str, Summary], columns: Sequence[Column]) -> 
     return table(("method", *(column.head for column in columns)), rows)
 
 
-def score_cells(summaries: Mapping[str, Summary], columns: Sequence[Column]) -> dict[str, list[str]]:
+def score_cells(summaries: Mapping[K, Summary], columns: Sequence[Column]) -> dict[K, list[str]]:
     """Return the cells of each method, with an asterisk before the best values of each column."""
-    cells: dict[str, list[str]] = {name: [] for name in summaries}
+    cells: dict[K, list[str]] = {name: [] for name in summaries}
     for column in columns:
         best = column.best_in(summaries)
         for name, summary in summaries.items():
@@ -388,10 +387,8 @@ class Comparison(RecordingsResult):
         frames = f"{count(first.frames, 'labelled frame')}, {first.unlabelled:,} unlabelled"
         visible = f"{first.visible:,} visible (at least {count(least, 'point')})"
         part = "" if done == len(self.outcomes) else f"{done:,} of "
-        lines = [
-            f"{part}{count(len(self.outcomes), 'recording')}; {frames}",
-            f"{count(first.targets, 'target')}, {visible}",
-        ]
+        recordings = f"{part}{count(len(self.outcomes), 'recording')}"
+        lines = [f"{recordings}; {frames}", f"{count(first.targets, 'target')}, {visible}"]
         if points := first.points:
             lines.append(f"{count(points.target_in, 'target point')}, {count(points.clutter_in, 'clutter point')}")
         return "\n".join(lines)

@@ -254,8 +254,8 @@ class _Trainer:
         epochs: list[Epoch] = []
         weights: dict[str, Any] = {}
         for _ in range(self._params.epochs):
-            train_loss, on_train = self._train_epoch()
-            loss, on_validation = self._evaluate(self._split.validation)
+            train_loss, on_train = self._epoch(self._split.train, self._params.batch, training=True)
+            loss, on_validation = self._epoch(self._split.validation, _TEST_BATCH, training=False)
             if not epochs or loss < min(epoch.validation_loss for epoch in epochs):
                 weights = {name: value.clone() for name, value in self._network.state_dict().items()}
             epochs.append(Epoch(train_loss, loss, on_train.mean_precision, on_validation.mean_precision))
@@ -263,40 +263,31 @@ class _Trainer:
         self._network.load_state_dict(weights)
         self._network.eval()
         best = int(np.argmin([epoch.validation_loss for epoch in epochs]))
-        return Trained(self._network, epochs, best, self._split, self._evaluate(self._split.test)[1])
+        _, on_test = self._epoch(self._split.test, _TEST_BATCH, training=False)
+        return Trained(self._network, epochs, best, self._split, on_test)
 
-    def _train_epoch(self) -> tuple[float, SceneScores]:
-        """Train on the training part once; return the mean loss and the scores over the steps."""
-        from torch.nn.functional import cross_entropy
-
-        self._network.train()
-        batches = _batches(self._rng.permutation(self._split.train), self._params.batch)
-        losses, predicted = [], []
-        for batch, images in zip(batches, self._prepared(batches, self._rng), strict=True):
-            scores = self._network(images)
-            loss = cross_entropy(scores, self._targets(batch))
-            self._optimiser.zero_grad()
-            loss.backward()
-            self._optimiser.step()
-            self._schedule.step()
-            losses.append(float(loss.detach()) * len(batch))
-            predicted.append(scores.detach().argmax(1).numpy())
-        return self._sum_up(np.concatenate(batches), losses, predicted)
-
-    def _evaluate(self, part: NDArray[np.int64]) -> tuple[float, SceneScores]:
-        """Return the mean loss and the scores on a part."""
+    def _epoch(self, part: NDArray[np.int64], size: int, *, training: bool) -> tuple[float, SceneScores]:
+        """Train on a part once, in random order, or only evaluate it; return the mean loss and the scores."""
         import torch
         from torch.nn.functional import cross_entropy
 
-        self._network.eval()
+        self._network.train(training)
+        order = self._rng.permutation(part) if training else part
+        batches = _batches(order, size)
         losses, predicted = [], []
-        batches = _batches(part, _TEST_BATCH)
-        with torch.no_grad():
-            for batch, images in zip(batches, self._prepared(batches, None), strict=True):
+        with torch.set_grad_enabled(training):
+            for batch, images in zip(batches, self._prepared(batches, self._rng if training else None), strict=True):
                 scores = self._network(images)
-                losses.append(float(cross_entropy(scores, self._targets(batch))) * len(batch))
-                predicted.append(scores.argmax(1).numpy())
-        return self._sum_up(part, losses, predicted)
+                loss = cross_entropy(scores, torch.from_numpy(self._scenes[batch]))
+                if training:
+                    self._optimiser.zero_grad()
+                    loss.backward()
+                    self._optimiser.step()
+                    self._schedule.step()
+                losses.append(float(loss.detach()) * len(batch))
+                predicted.append(scores.detach().argmax(1).numpy())
+        confusion = SceneScores.count(self._examples.classes, self._scenes[order], np.concatenate(predicted))
+        return sum(losses) / len(order), confusion
 
     def _prepared(self, batches: Sequence[NDArray[np.int64]], rng: np.random.Generator | None) -> Iterator[Any]:
         """Yield the images of each batch, and prepare the next batch in the meantime."""
@@ -309,17 +300,6 @@ class _Trainer:
                 if following is not None:
                     pending = pool.submit(self._examples.images, following, rng)
                 yield torch.from_numpy(images).float()
-
-    def _targets(self, batch: NDArray[np.int64]) -> Any:
-        import torch
-
-        return torch.from_numpy(self._scenes[batch])
-
-    def _sum_up(
-        self, part: NDArray[np.int64], losses: Sequence[float], predicted: Sequence[NDArray[np.int64]]
-    ) -> tuple[float, SceneScores]:
-        confusion = SceneScores.count(self._examples.classes, self._scenes[part], np.concatenate(predicted))
-        return sum(losses) / len(part), confusion
 
 
 def _batches(part: NDArray[np.int64], size: int) -> list[NDArray[np.int64]]:

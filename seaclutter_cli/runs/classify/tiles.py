@@ -50,12 +50,7 @@ _MEMORY_PER_TILE = 1500 * 2**20
 def tiles_of(paths: Sequence[Path], window_m: float | None, observer: Observer) -> list[TileHead]:
     """Return the tiles in files: whole ones, or with ``window_m`` the windows of that width in COPC files.
 
-    Raises
-    ------
-    UsageError
-        If there are to be windows, but no COPC file.
-    InputError
-        If the index of a COPC file is damaged.
+    Raise `UsageError` if there is no COPC file for windows, `InputError` if the index of one is damaged.
     """
     if window_m is None:
         return in_threads(read_head, paths) if len(paths) > 1 else [TileHead(path, Crs(), None) for path in paths]
@@ -147,13 +142,8 @@ def plan_tiles(
     """Return the output file of each tile: ``output`` itself for one, files named after the tiles in it for several.
 
     ``output`` is a folder if there are several tiles, or if it is a `str` that ends in a slash. Additional output and
-    input files are given by option.
-
-    Raises
-    ------
-    UsageError
-        If an output is an input, exists and may not be replaced, would be written twice, or has a format to which the
-        tile cannot be converted.
+    input files are given by option. Raise `UsageError` if an output is an input, exists and may not be replaced, would
+    be written twice, or has a format to which the tile cannot be converted.
     """
     into_folder = is_folder(output, len(tiles))
     if into_folder and is_file(Path(output)):

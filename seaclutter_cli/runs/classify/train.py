@@ -1,12 +1,12 @@
 """Training of a random forest on labelled tiles."""
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from textwrap import fill
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.classification import tile_features
 from seaclutter_cli.airborne.forest import Samples, class_name, join, predict, split_samples, train
@@ -65,7 +65,8 @@ def train_forest(tiles: Logs, options: TrainForestOptions, observer: Observer = 
     model, report = fit(join(parts), settings)
     files = {options.output: model.to_bytes()}
     if options.plot_file and report.tested:
-        files[options.plot_file] = _picture(report, options.plot_file.suffix)
+        draw = partial(draw_confusion, names=report.names, matrix=report.points.counts)
+        files[options.plot_file] = render(draw, options.plot_file.suffix, aspect=0.85)
     write_files(files, replace=options.force)
     _warn_of_untested(report, options.plot_file, observer)
     return report
@@ -106,29 +107,21 @@ def fit(samples: Samples, settings: TileSettings) -> "tuple[ObjectModel, Trainin
     forest = train(seen, settings.forest)
     codes = tuple(int(code) for code in np.unique(samples.code))
     predicted = forest.classes_[predict(forest, unseen.features).argmax(axis=1)].astype(np.int64)
+    # Of each object, the true class, and the most frequent predicted class of its points.
+    objects, which = unseen.objects
+    votes = np.zeros((objects.shape[1], len(OBJECT_CLASSES) + 1), np.int64)
+    np.add.at(votes, (which, predicted), 1)
     importances = dict(zip(settings.features.names, map(float, forest.feature_importances_.round(4)), strict=True))
     report = TrainingReport(
         codes,
         Confusion.of(unseen.code, predicted, codes),
-        Confusion.of(*_by_object(unseen, predicted), codes),
+        Confusion.of(objects[2], votes.argmax(axis=1), codes),
         importances,
         split,
         len(seen.code),
         len(unseen.code),
     )
     return ObjectModel(settings, forest), report
-
-
-def _by_object(samples: Samples, predicted: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the true class of each object and the most frequent predicted class of its points, shape (M,) each."""
-    objects, which = samples.objects
-    votes = np.zeros((objects.shape[1], len(OBJECT_CLASSES) + 1), np.int64)
-    np.add.at(votes, (which, predicted), 1)
-    return objects[2], votes.argmax(axis=1)
-
-
-def _picture(report: "TrainingReport", suffix: str) -> bytes:
-    return render(lambda figure: draw_confusion(figure, report.names, report.points.counts), suffix, aspect=0.85)
 
 
 def _warn_of_untested(report: "TrainingReport", plot_file: Path | None, observer: Observer) -> None:

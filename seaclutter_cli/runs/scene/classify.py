@@ -283,10 +283,7 @@ def read_frames(
 ) -> Iterator[Frame]:
     """Yield the selected frames of a recording; pass on its warnings, and store its damage in the outcome.
 
-    Raises
-    ------
-    InputError
-        If no frame can be read.
+    Raise `InputError` if no frame can be read.
     """
     found = 0
     with opened(recording, reading, observer, outcome) as source:

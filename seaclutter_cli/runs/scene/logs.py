@@ -13,10 +13,7 @@ from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
 def find_labelled(folders: Sequence[Path], scenes: Sequence[str]) -> "list[LabelledLog]":
     """Return the recordings in folders of classes and in entries ``CLASS=LOGS``, with their true classes.
 
-    Raises
-    ------
-    UsageError
-        If there are no recordings, or one has two classes.
+    Raise `UsageError` if there are no recordings, or one has two classes.
     """
     named = [_parse(text) for text in scenes]
     named += [(folder.name, str(folder)) for parent in folders for folder in _class_folders(parent)]

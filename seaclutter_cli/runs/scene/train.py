@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, astuple, dataclass
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -67,7 +68,9 @@ def train_scenes(logs: LabelledLogs, options: TrainSceneOptions, observer: Obser
     trained = _train(examples, options.training, observer)
     files = {options.output: to_onnx(trained.network, examples.classes, examples.extent_m)}
     if options.plot_file:
-        files[options.plot_file] = _picture(trained, options.plot_file.suffix)
+        curves = np.array([astuple(epoch) for epoch in trained.epochs]).T
+        draw = partial(draw_training, loss=curves[:2], precision=curves[2:], best=trained.best)
+        files[options.plot_file] = render(draw, options.plot_file.suffix, aspect=1.1)
     write_files(files, replace=options.force)
     return SceneTraining(trained, examples, options.output, damage)
 
@@ -99,11 +102,6 @@ def _train(examples: Examples, params: TrainingParams, observer: Observer) -> Tr
         observer.note(f"epoch {len(done)} of {params.epochs}: {loss}; {precision}")
 
     return train(examples, params, on_epoch)
-
-
-def _picture(trained: Trained, suffix: str) -> bytes:
-    curves = np.array([astuple(epoch) for epoch in trained.epochs]).T
-    return render(lambda figure: draw_training(figure, curves[:2], curves[2:], trained.best), suffix, aspect=1.1)
 
 
 @dataclass(frozen=True)
