@@ -67,15 +67,10 @@ def index_counts(view: Bytes[Buffer], at: int) -> Counter[int]:
 
 @dataclass(frozen=True, slots=True)
 class McapChunk(Chunk):
-    """A chunk record, or a run of messages outside chunks (``header`` is None).
-
-    ``suspect`` chunks may have wrong times, or contain ``additional`` messages: those that an index after damaged bytes
-    lists, unless they are in a lost chunk.
-    """
+    """A chunk record, or a run of messages outside chunks (``header`` is None); ``suspect`` if times may be wrong."""
 
     header: ChunkHeader | None
     suspect: bool = False
-    additional: int = 0
 
 
 class Trust(IntEnum):
@@ -186,8 +181,7 @@ class McapContents:
         self._file = file
         self._declarations = declarations
         self._report = report
-        self._follows_chunk = self._follows_gap = self._follows_odd = False
-        self._orphans = self._orphans_at = self._loose_streak = 0
+        self._follows_chunk = self._follows_odd = False
         self._run()
 
     def _run(self) -> None:
@@ -199,7 +193,6 @@ class McapContents:
             if is_closed and self._file[span.end : span.end + 2 * len(MAGIC)] == 2 * MAGIC:
                 self._gap(span.end, "", len(self._file) - span.end)  # another file
                 break
-        self._report_orphans()
 
     def declare(self, spans: Sequence[Span], trust: Trust) -> None:
         """Add the schemas and channels among records of the file."""
@@ -219,10 +212,7 @@ class McapContents:
         if span.op == Opcode.MESSAGE_INDEX:
             self._message_index(span)
             return
-        self._report_orphans()
-        self._follows_chunk, self._follows_gap = span.op == Opcode.CHUNK, False
-        self._follows_odd = span.op == Opcode.DATA_END
-        self._loose_streak = self._loose_streak + 1 if span.op == Opcode.MESSAGE else 0
+        self._follows_chunk, self._follows_odd = span.op == Opcode.CHUNK, span.op == Opcode.DATA_END
         if span.op == Opcode.CHUNK:
             self._chunk(span)
         elif span.op == Opcode.MESSAGE:
@@ -275,10 +265,7 @@ class McapContents:
         """Count the messages of a channel in the previous chunk, and compare their times with the chunk's."""
         content = self._file[span.start : span.end]
         count = int.from_bytes(content[2:6], "little") // 16
-        if not self._follows_chunk:
-            self._orphans_at = self._orphans_at or span.offset
-            self._orphans += count
-        elif count:
+        if self._follows_chunk and count:
             chunk = self.chunks[-1]
             suspect = chunk.suspect or not self._is_index(span)
             self.chunks[-1] = replace(chunk, messages=chunk.messages + count, suspect=suspect)
@@ -303,16 +290,7 @@ class McapContents:
         if self._follows_chunk:
             self.chunks[-1] = replace(self.chunks[-1], suspect=True)
         if lost_bytes:
-            self._follows_chunk, self._follows_gap, self._follows_odd = False, self._follows_chunk, True
-
-    def _report_orphans(self) -> None:
-        """Report the messages of a lost chunk whose index is present, except those found outside chunks."""
-        if self._orphans and self._follows_gap:
-            self.chunks[-1] = replace(self.chunks[-1], suspect=True, additional=self._orphans)
-        elif self._orphans > self._loose_streak:
-            lost = self._orphans - self._loose_streak
-            self._report(self._orphans_at, "the chunk before this message index is missing", 0, lost)
-        self._orphans = self._orphans_at = 0
+            self._follows_chunk, self._follows_odd = False, True
 
     def _loose_message(self, span: Span) -> None:
         """Add a message outside chunks to the run before it, or begin a run."""

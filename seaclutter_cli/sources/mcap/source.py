@@ -192,9 +192,6 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
         """Determine the times and the number of messages of a chunk from its content."""
         chunk = replace(self._chunks[number], suspect=True)
         messages = self._read(chunk)
-        additional = chunk.messages + chunk.additional - len(messages)
-        if chunk.additional and additional > 0:
-            self._report(chunk.offset, "the chunk after this one is missing", 0, additional)
         if not chunk.messages:
             self._counts.update(message.channel.id for message in messages)
         times_ns = [message.log_time_ns for message in messages] or [chunk.start_ns, chunk.end_ns]

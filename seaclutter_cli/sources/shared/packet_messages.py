@@ -1,13 +1,11 @@
-"""Messages of lidar drivers that contain packets: their layouts, and their packets, of one or of many at once."""
+"""Messages of lidar drivers that contain packets: their layouts, and their packets."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
-from itertools import groupby
 from struct import unpack_from
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.records import Buffer, Channel, Message
@@ -147,11 +145,9 @@ def read_packets(message: Message) -> "PacketMessage":
 
 
 class PacketMessage:
-    """The packets in a message, and the places of what differs between messages of equal length with one packet.
+    """The packets in a message, and its frame id, None if it names none.
 
-    ``frame_id`` is None if the message names none. ``times_ns`` are in Unix time, and the log time if the message has
-    none. ``payload`` are the bytes of the last packet, ``stamp`` the offset of its seconds and nanoseconds, two
-    integers of 32 bits in the byte order ``order``.
+    Times are in Unix time, and the log time where the message has none.
     """
 
     def __init__(self, message: Message, layout: Layout) -> None:
@@ -161,14 +157,10 @@ class PacketMessage:
         if not self._ros1 and (len(data) < 4 or data[0] != 0 or data[1] > 1):
             raise CloudError("the message does not start with a plain CDR header")
         self._start, self._align = (0, 1) if self._ros1 else (4, 4)
-        self.order = "<" if self._ros1 or data[1] else ">"
+        self._order = "<" if self._ros1 or data[1] else ">"
         self._at = self._start
-        self.payload = slice(0)
-        self.stamp: int | None = None
-        self._other: list[slice] = []
         self.frame_id: str | None = None
         stamp_ns = self._read_header() if layout.header else 0
-        self._other.append(slice(self._at, self._at + layout.flags))
         self._at += layout.flags
         number = self._number() if layout.many else 1
         self.times_ns: list[int] = []
@@ -183,33 +175,20 @@ class PacketMessage:
         """The packets in order, in runs of equal length."""
         return list(runs(self.times_ns, self.payloads))
 
-    @property
-    def fixed(self) -> NDArray[np.intp]:
-        """Bytes that do not differ, shape (F,): all but payload, stamp, sequence number and flags."""
-        is_fixed = np.ones(self._size, np.bool_)
-        for place in (self.payload, *self._other):
-            is_fixed[place] = False
-        if self.stamp is not None:
-            is_fixed[self.stamp : self.stamp + 8] = False
-        return np.flatnonzero(is_fixed)
-
     def _numbers(self, number: int) -> tuple[int, ...]:
         """Return unsigned integers of 32 bits, which are aligned."""
         at = self._at + -(self._at - self._start) % self._align
         self._at = at + 4 * number
         if self._at > self._size:
             raise CloudError(f"the message is truncated at byte {self._size}")
-        return unpack_from(f"{self.order}{number}I", self._data, at)
+        return unpack_from(f"{self._order}{number}I", self._data, at)
 
     def _number(self) -> int:
         return self._numbers(1)[0]
 
     def _read_header(self) -> int:
         """Read the frame id, and return the stamp."""
-        if self._ros1:
-            self._other.append(slice(self._at, self._at + 4))
-            self._at += 4
-        self.stamp = self._at
+        self._at += 4 * self._ros1
         sec, nanosec, size = self._numbers(3)
         begin, left = self._at, self._size - self._at
         if size > left:
@@ -223,7 +202,7 @@ class PacketMessage:
 
     def _read_reserved(self, layout: Layout, length: int, number: int) -> None:
         at = self._at + -(self._at - self._start) % self._align
-        number_type = self.order + "u4"
+        number_type = self._order + "u4"
         fields = [("sec", number_type), ("nanosec", number_type), ("data", "u1", (length,))]
         packet = np.dtype([*fields, ("size", number_type)] if layout.sized else fields)
         step = packet.itemsize + -packet.itemsize % self._align
@@ -234,7 +213,6 @@ class PacketMessage:
         packets = np.ndarray((number,), packet, self._data, at, (step,))
         sizes = np.minimum(packets["size"], length).tolist() if layout.sized else [length] * number
         view, begin = memoryview(self._data), at + 8
-        self.stamp, self.payload = at, slice(begin, begin + length)
         spans = zip(range(begin, begin + number * step, step), sizes, strict=True)
         times_ns = packets["sec"].astype(np.int64) * _NANO + packets["nanosec"]
         times_ns[times_ns == 0] = self._log_ns
@@ -259,67 +237,7 @@ class PacketMessage:
                 size = min(self._number(), size)
             if layout.spare and size % 4 == 1:
                 size -= 1
-            self.payload = slice(begin, begin + size)
             self.times_ns.append(stamp_ns or self._log_ns)
             self.payloads.append(view[begin : begin + size])
         if self._size - self._at > _MAX_SLACK:
             raise CloudError(f"{count(self._size - self._at, 'byte')} follow the packets in the message")
-
-
-@dataclass
-class Batch:
-    """Packets of messages of one topic in runs of equal length, the last frame id, and problems by position."""
-
-    packets: list[Packets] = field(default_factory=list)
-    frame_id: str | None = None
-    problems: list[tuple[int, CloudError]] = field(default_factory=list)
-
-
-def read_batch(messages: Sequence[Message]) -> Batch:
-    """Return the packets of messages of one topic; those of equal length with one packet are read as one array."""
-    batch, at = Batch(), 0
-    for _, group in groupby(messages, key=lambda message: len(message.data)):
-        alike = list(group)
-        if len(alike) == 1 or not _read_alike(alike, batch):
-            _read_each(alike, batch, at)
-        at += len(alike)
-    return batch
-
-
-def _read_each(messages: Sequence[Message], batch: Batch, first: int) -> None:
-    """Add the packets of messages, of which the first has a position in the batch."""
-    times_ns: list[int] = []
-    payloads: list[Buffer] = []
-    for number, message in enumerate(messages, first):
-        try:
-            read = read_packets(message)
-        except CloudError as error:
-            batch.problems.append((number, error))
-            continue
-        times_ns += read.times_ns
-        payloads += read.payloads
-        batch.frame_id = batch.frame_id if read.frame_id is None else read.frame_id
-    batch.packets += runs(times_ns, payloads)
-
-
-def _read_alike(messages: Sequence[Message], batch: Batch) -> bool:
-    """Add the packets of messages of equal length with one packet each; return whether they are alike."""
-    if not has_single_packets(messages[0].channel):
-        return False
-    try:
-        first = read_packets(messages[0])
-    except CloudError:
-        return False
-    rows = np.frombuffer(b"".join(message.data for message in messages), np.uint8).reshape(len(messages), -1)
-    fixed = first.fixed
-    if (rows[:, fixed] != rows[0, fixed]).any():
-        return False
-    times_ns = np.array([min(message.log_time_ns, _LATEST_NS) for message in messages], np.int64)
-    if first.stamp is not None:
-        stamps = np.ascontiguousarray(rows[:, first.stamp : first.stamp + 8]).view(first.order + "u4")
-        sec, nanosec = stamps.astype(np.int64).T
-        stamps_ns = sec * _NANO + nanosec
-        times_ns = np.where(stamps_ns == 0, times_ns, stamps_ns)
-    batch.packets.append(Packets(times_ns, rows[:, first.payload]))
-    batch.frame_id = batch.frame_id if first.frame_id is None else first.frame_id
-    return True

@@ -5,12 +5,13 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from seaclutter_cli.errors import CloudError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages.definitions import ros1_cloud_schema, ros2_schema
-from seaclutter_cli.records import Channel, Message, Record, SensorFacts
+from seaclutter_cli.records import Buffer, Channel, Message, Record, SensorFacts
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily, PacketFrame, Packets
 from seaclutter_cli.sources.shared import SourceWrapper
-from seaclutter_cli.sources.shared.packet_messages import has_single_packets, packet_type, read_batch
+from seaclutter_cli.sources.shared.packet_messages import has_single_packets, packet_type, read_packets, runs
 from seaclutter_cli.sources.shared.packet_probe import make_candidates, probe
 from seaclutter_cli.sources.shared.packet_streams import CloudStream
 
@@ -130,14 +131,19 @@ class PacketTopics(SourceWrapper):
     def _add(self, stream: _Stream) -> Iterator[Message]:
         """Yield the clouds that the waiting messages complete."""
         messages, stream.waiting = stream.waiting, []
-        batch = read_batch(messages)
-        for number, error in batch.problems:
-            topic = messages[number].channel.topic
-            problem = f"scan {stream.scans + number} of {topic} cannot be read ({error})"
-            self._note(problem, len(messages[number].data))
+        times_ns, payloads = list[int](), list[Buffer]()
+        for number, message in enumerate(messages, stream.scans):
+            try:
+                read = read_packets(message)
+            except CloudError as error:
+                problem = f"scan {number} of {message.channel.topic} cannot be read ({error})"
+                self._note(problem, len(message.data))
+                continue
+            times_ns += read.times_ns
+            payloads += read.payloads
+            stream.frame_id = stream.frame_id if read.frame_id is None else read.frame_id
         stream.scans += len(messages)
-        stream.frame_id = stream.frame_id if batch.frame_id is None else batch.frame_id
-        for packets in batch.packets:
+        for packets in runs(times_ns, payloads):
             yield from _messages(stream, stream.clouds.decoder.add(packets))
 
 

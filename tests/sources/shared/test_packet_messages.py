@@ -1,12 +1,12 @@
-"""Packets of many messages at once, compared with a reader that takes one field after the other."""
+"""Packets of messages, compared with a reader that takes one field after the other."""
 
 import random
 
 import pytest
 
+from seaclutter_cli.errors import CloudError
 from seaclutter_cli.records import Channel, Message, Schema
-from seaclutter_cli.sources.shared import packet_messages
-from seaclutter_cli.sources.shared.packet_messages import read_batch
+from seaclutter_cli.sources.shared.packet_messages import read_packets
 from tests.sources.shared.slow_messages import SINGLE, Form
 
 START = 1_700_000_000 * 10**9
@@ -41,24 +41,27 @@ def expected(kind, form, sent):
     ]
 
 
-def found(batch):
-    return [
-        (time_ns, payload.tobytes())
-        for packets in batch.packets
-        for time_ns, payload in zip(packets.times_ns.tolist(), packets.payloads, strict=True)
-    ]
+def read(sent):
+    """Return the (time, payload) of each packet, the errors by position, and the last frame id."""
+    found, problems, frame_id = [], {}, None
+    for number, message in enumerate(sent):
+        try:
+            packets = read_packets(message)
+        except CloudError as error:
+            problems[number] = str(error)
+        else:
+            found += zip(packets.times_ns, map(bytes, packets.payloads), strict=True)
+            frame_id = packets.frame_id
+    return found, problems, frame_id
 
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("kind", SINGLE)
-def test_equal_messages_are_read_as_one_array(kind, form, monkeypatch):
+def test_messages_of_one_packet(kind, form):
     rng = random.Random(1)
     sent = messages(kind, form, [values(rng, number) for number in range(20)])
-    monkeypatch.setattr(packet_messages, "_read_each", None)  # the slow way must not be needed
-    batch = read_batch(sent)
-    assert found(batch) == expected(kind, form, sent)
-    assert len(batch.packets) == 1
-    assert batch.frame_id == ("rslidar" if kind == "rslidar_msg/msg/RslidarPacket" else None)
+    frame_id = "rslidar" if kind == "rslidar_msg/msg/RslidarPacket" else None
+    assert read(sent) == (expected(kind, form, sent), {}, frame_id)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -72,7 +75,7 @@ def test_messages_of_several_publishers(form, seed):
         form,
         [values(rng, n, size=rng.choice((1248, 1248, 1210)), frame_id=rng.choice(names)) for n in range(60)],
     )
-    assert found(read_batch(sent)) == expected(kind, form, sent)
+    assert read(sent)[0] == expected(kind, form, sent)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -85,10 +88,10 @@ def test_truncated_messages_are_named_and_the_others_read(kind, form, cuts):
         Message(m.channel, m.log_time_ns, m.publish_time_ns, n, m.data[: cuts.get(n, len(m.data))])
         for n, m in enumerate(whole)
     ]
-    batch = read_batch(sent)
+    found, problems, _ = read(sent)
     wanted = expected(kind, form, sent)
-    assert found(batch) == [packet for packet in wanted if packet]
-    assert [number for number, _ in batch.problems] == sorted(cuts)
+    assert found == [packet for packet in wanted if packet]
+    assert sorted(problems) == sorted(cuts)
     assert all(wanted[number] is None for number in cuts)
 
 
@@ -100,9 +103,8 @@ def test_a_damaged_length_is_not_taken_from_the_message_before():
     at = len(damaged) - 1248 - 4
     damaged[at : at + 4] = (1300).to_bytes(4, "little")
     sent[4] = Message(sent[4].channel, START, START, 4, memoryview(bytes(damaged)))
-    batch = read_batch(sent)
-    ((number, error),) = batch.problems
-    assert number == 4
-    assert "declares a packet of 1,300 bytes" in str(error)
-    assert found(batch) == [packet for packet in expected(kind, form, sent) if packet]
-    assert len(found(batch)) == 8
+    found, problems, _ = read(sent)
+    assert list(problems) == [4]
+    assert "declares a packet of 1,300 bytes" in problems[4]
+    assert found == [packet for packet in expected(kind, form, sent) if packet]
+    assert len(found) == 8
