@@ -4,7 +4,7 @@ See https://github.com/Autoferry/sensor_fusion_dataset. Positions are relative t
 east and down. Here x points north, y west and z up, as clouds have it.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.documents import MAX_JSON_BYTES, DocumentError, load_json
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message
 from seaclutter_cli.sources.frame_files.sidecars import Pose, pose_message
+from seaclutter_cli.sources.shared import TimedSource
 
 _SUFFIX = "_detections.json"
 _CLOUD, _POSE = "sensor_msgs/msg/PointCloud2", "geometry_msgs/msg/PoseStamped"
@@ -37,10 +37,11 @@ class _Detections:
     places: NDArray[np.float64]
 
 
-class DetectionSource(Source):
+class DetectionSource(TimedSource):
     """Detections as clouds on a topic for each sensor, own ship on ``/pose``; `InputError` for other files."""
 
     format = "Autoferry detections"
+    channels: Sequence[Channel] = ()
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -62,20 +63,11 @@ class DetectionSource(Source):
             for number, topic in enumerate((*_TOPICS.values(), "/pose"), 1)
         }
 
-    @property
-    def channels(self) -> Sequence[Channel]:
-        """A channel for each sensor that gives positions, and ``/pose``."""
-        return list(self._channels.values())
-
-    @property
-    def counts(self) -> dict[int, int]:
-        """Number of messages by channel id."""
-        return self._counted(self._found)
-
-    @property
-    def span_ns(self) -> tuple[int, int] | None:
-        """Times of the first and the last detections."""
-        return (self._found[0].stamp_ns, self._found[-1].stamp_ns) if self._found else None
+        self.channels = list(self._channels.values())
+        times = {
+            topic: [one.stamp_ns for one in self._found if topic in ("/pose", one.topic)] for topic in self._channels
+        }
+        self._times_ns = {channel.id: times[topic] for topic, channel in self._channels.items()}
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:
         """Yield the messages with log times in ``[start_ns, end_ns)`` in order; own ship's position comes first."""
@@ -89,16 +81,8 @@ class DetectionSource(Source):
             cloud = from_array(points, stamp_ns=one.stamp_ns, frame_id=_FRAME_ID)
             yield self._message(one.topic, one, index, CODECS[_CLOUD, "cdr"].encode(cloud))
 
-    def skipped(self, start_ns: int) -> Mapping[int, int]:
-        """Return the number of messages by channel id before a time."""
-        return self._counted([one for one in self._found if one.stamp_ns < start_ns])
-
     def _message(self, topic: str, one: _Detections, index: int, data: bytes) -> Message:
         return Message(self._channels[topic], one.stamp_ns, one.stamp_ns, index, data)
-
-    def _counted(self, found: Sequence[_Detections]) -> dict[int, int]:
-        topics = [*(one.topic for one in found), *["/pose"] * len(found)]
-        return {channel.id: topics.count(topic) for topic, channel in self._channels.items()}
 
 
 def _items(path: Path) -> list[Any]:

@@ -121,15 +121,14 @@ def neighbors_of(tiles: Sequence[TileHead], margin_m: float) -> list[list[TileHe
             found.append([])
             continue
         near = ((low < region.high) & (high > region.low)).all(axis=1)
-        found.append([ordered[at] for at in np.flatnonzero(near) if _are_neighbors(tile, ordered[at])])
+        others = (ordered[at] for at in np.flatnonzero(near) if ordered[at] is not tile)
+        others = (other for other in others if other.crs.by_code == tile.crs.by_code)
+        found.append([other for other in others if not _repeats(tile.extent, other.extent)])
     return found
 
 
-def _are_neighbors(tile: TileHead, other: TileHead) -> bool:
-    """Return whether tiles that are near each other are different parts of the same survey."""
-    if other is tile or tile.extent is None or other.extent is None or other.crs.by_code != tile.crs.by_code:
-        return False
-    return tile.extent.overlap(other.extent) <= _REPEATED * min(tile.extent.area, other.extent.area)
+def _repeats(tile: Extent | None, other: Extent | None) -> bool:
+    return not tile or not other or tile.overlap(other) > _REPEATED * min(tile.area, other.area)
 
 
 class TilePart(LasTile):

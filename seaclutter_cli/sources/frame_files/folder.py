@@ -6,12 +6,10 @@ from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from operator import itemgetter
 from pathlib import Path
 
 from seaclutter_cli.documents import MAX_JSON_BYTES
 from seaclutter_cli.errors import CloudError, InputError, UsageError
-from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.messages.metadata import SIDECAR, from_text
@@ -24,15 +22,15 @@ from seaclutter_cli.sources.frame_files.sidecars import (
     pose_message,
     poses_beside,
 )
+from seaclutter_cli.sources.shared import TimedSource
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
 _LAYOUTS = ("point_clouds", "velodyne", "velodyne_points/data", "lidar", "points", "")
 _POSE = "geometry_msgs/msg/PoseStamped"
 _MAX_MESSAGE_BYTES = 2**32 - 2**16
-_ANY_TIME = float("inf")
 
 
-class FolderSource(Source):
+class FolderSource(TimedSource):
     """A folder of frames of one format, or a single frame file, as ROS 2 point clouds on ``/points``.
 
     Known layouts are SeePerSea (``point_clouds/*.pcd``), KITTI (``velodyne/*.bin`` or ``velodyne_points/data/*.bin``),
@@ -54,23 +52,21 @@ class FolderSource(Source):
         self.metadata = _read_metadata(files[0].parent) if path.is_dir() else ()
         self._frames = self._stamped(files, rate_hz)
         self._read = FRAME_READERS[files[0].suffix.lower()]
+        stamps = [stamp_ns for stamp_ns, _ in self._frames]
+        self._poses: Mapping[int, Pose] = {}
+        try:
+            found = poses_beside(files[0].parent)
+            self._poses = {stamp_ns: found[stamp_ns] for stamp_ns in stamps if stamp_ns in found}
+        except InputError as error:
+            self.warnings.append(f"{error}; the log has no poses")
         self._channel = Channel(1, "/points", "cdr", ros2_schema(_TYPE))
         self._pose_channel = Channel(2, "/pose", "cdr", ros2_schema(_POSE))
-        self._poses = self._read_poses(files[0].parent)
         self.channels = [self._channel, self._pose_channel] if self._poses else [self._channel]
+        self._times_ns = {1: stamps, 2: list(self._poses)} if self._poses else {1: stamps}
         kind = files[0].suffix[1:].upper()
         single = files == [path]
         self.format = f"{kind} file" if single else f"folder of {kind}"
         self.name = path.stem if single else (path if path.name not in ("", "..") else path.resolve()).name
-
-    def _read_poses(self, folder: Path) -> Mapping[int, Pose]:
-        try:
-            poses = poses_beside(folder)
-        except InputError as error:
-            self.warnings.append(f"{error}; the log has no poses")
-            return {}
-        stamps = {stamp_ns for stamp_ns, _ in self._frames}
-        return {stamp_ns: pose for stamp_ns, pose in poses.items() if stamp_ns in stamps}
 
     def _stamped(self, files: list[Path], rate_hz: float) -> list[tuple[int, Path]]:
         stamps = from_names(files)
@@ -83,20 +79,12 @@ class FolderSource(Source):
         period_ns = 10**9 / Fraction(str(rate_hz))
         return list(zip(stamps or [round(index * period_ns) for index in range(len(files))], files, strict=True))
 
-    @property
-    def counts(self) -> dict[int, int]:
-        """Number of frame files, and of their poses, by channel id."""
-        return self._count(_ANY_TIME)
-
-    def _count(self, before_ns: float) -> dict[int, int]:
-        poses = {self._pose_channel.id: sum(one < before_ns for one in self._poses)} if self._poses else {}
-        return {self._channel.id: self._index_at(before_ns), **poses}
-
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
         """Yield metadata, then a message for each readable frame, after its pose; add the others to the damage."""
         yield from self.metadata
-        first = 0 if start_ns is None else self._index_at(start_ns)
-        last = self._index_at(_ANY_TIME if end_ns is None else end_ns)
+        stamps = self._times_ns[1]
+        first = 0 if start_ns is None else bisect_left(stamps, start_ns)
+        last = len(stamps) if end_ns is None else bisect_left(stamps, end_ns)
         for index, (stamp_ns, file) in list(enumerate(self._frames))[first:last]:
             if stamp_ns in self._poses:
                 data = pose_message(self._poses[stamp_ns], stamp_ns)
@@ -108,18 +96,6 @@ class FolderSource(Source):
             else:
                 yield message
                 del message
-
-    def skipped(self, start_ns: int) -> Mapping[int, int]:
-        """Return the number of frames and poses, by channel id, that `records` leaves out before ``start_ns``."""
-        return self._count(start_ns)
-
-    @property
-    def span_ns(self) -> tuple[int, int] | None:
-        """Stamps of the first and the last frame."""
-        return self._frames[0][0], self._frames[-1][0]
-
-    def _index_at(self, time_ns: float) -> int:
-        return bisect_left(self._frames, time_ns, key=itemgetter(0))
 
     def _message(self, index: int, stamp_ns: int, file: Path) -> Message:
         cloud = replace(self._read(file), stamp_ns=stamp_ns, frame_id="lidar")

@@ -1,6 +1,7 @@
 """What sources of several formats have in common."""
 
-from collections.abc import Collection
+from bisect import bisect_left
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from seaclutter_cli.interfaces import Source
@@ -33,3 +34,24 @@ class SourceWrapper(Source):
 
     def _note(self, problem: str, lost_bytes: int, lost_messages: int | None = 1) -> None:
         self.add_damage(Damage(Path(self.name), None, problem, lost_bytes, lost_messages))
+
+
+class TimedSource(Source):
+    """A recording that knows the times of its messages, in order and by channel id, before it is read."""
+
+    _times_ns: Mapping[int, Sequence[int]]
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Number of messages by channel id."""
+        return {number: len(times) for number, times in self._times_ns.items()}
+
+    def skipped(self, start_ns: int) -> Mapping[int, int]:
+        """Return the number of messages before a time, by channel id."""
+        return {number: bisect_left(times, start_ns) for number, times in self._times_ns.items()}
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Times of the first and the last message."""
+        ends = [(times[0], times[-1]) for times in self._times_ns.values() if times]
+        return (min(first for first, _ in ends), max(last for _, last in ends)) if ends else None

@@ -3,15 +3,16 @@
 A companion is a topic beside a packet topic that contains the calibration of the same sensor.
 """
 
-from collections import Counter, defaultdict
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from seaclutter_cli.errors import CloudError, InputError, MissingExtraError
-from seaclutter_cli.records import Channel, Message, Record
+from seaclutter_cli.records import Channel, Message, Record, SensorFacts
 from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
 from seaclutter_cli.sensors.packets import (
     DecoderOptions,
@@ -84,6 +85,15 @@ def find_families(channel: Channel, families: Iterable[PacketFamily]) -> list[Pa
     return [family for family in families if typename and typename in family.scan_types]
 
 
+@dataclass(frozen=True)
+class Decodable:
+    """What is known about packets that can be decoded: how to make decoders, facts, and the length of packets."""
+
+    make: Callable[[], PacketDecoder]
+    facts: SensorFacts
+    packet_bytes: int
+
+
 @dataclass
 class Candidate:
     """A packet topic of which it is not yet known whether it can be decoded, and the families that may have sent it."""
@@ -92,79 +102,84 @@ class Candidate:
     families: Sequence[PacketFamily]
     options: DecoderOptions
     companion: Channel | None
-    family: PacketFamily | None = None
-    sample: Packets | None = None
+    found: Decodable | None = None
     problems: list[str] = field(default_factory=list)
     is_done: bool = False
-    _found: Samples = field(default_factory=Samples)
+    _family: PacketFamily | None = None
+    _samples: Samples = field(default_factory=Samples)
 
-    def add(self, message: Message) -> PacketDecoder | None:
-        """Add a message of the topic; return a decoder if the packets so far suffice for one."""
+    def add(self, message: Message) -> None:
+        """Add a message of the topic."""
         try:
-            packets = read_packets(message)
+            packets = read_packets(message).packets
         except CloudError as error:
             self._fail(str(error))
-            return None
-        longest = max(packets.packets, key=len, default=None)
+            return
+        longest = max(packets, key=len, default=None)
         if longest is None:
             self._fail("the scan contains no packets")
-            return None
-        self.family = self.family or self._recognise(longest)
-        if self.family is None:
+            return
+        self._family = self._family or self._recognise(longest)
+        if self._family is None:
             if longest.payloads.shape[1] in _IMU_BYTES:
                 self.is_done = True
             else:
                 self._fail(_unknown(longest, self.families))
-            return None
-        if not self._gathers:
-            return self.decoder(longest)
-        return self._gather(packets.packets)
+        elif self._gathers:
+            self._gather(packets)
+        else:
+            self._try(longest)
 
-    def add_calibration(self, message: Message) -> PacketDecoder | None:
-        """Add a message of the companion topic; return a decoder if the packets so far suffice for one."""
+    def add_calibration(self, message: Message) -> None:
+        """Add a message of the companion topic."""
         try:
             if packet_type(message.channel):
-                return self._gather(read_packets(message).packets)
+                self._gather(read_packets(message).packets)
+                return
             if self.options.recorded is None:
                 self.options = replace(self.options, recorded=_read_recorded(message))
         except CloudError as error:
             self._note(f"{message.channel.topic}: {error}")
-        return self._try() if self._is_ready else None
+        if self._is_ready:
+            self.finish()
 
-    def finish(self) -> PacketDecoder | None:
-        """Return a decoder if the packets in the log suffice for one."""
-        if self._found.calibrations and not self._found.data:
+    def finish(self) -> None:
+        """Try whether the packets so far suffice for a decoder."""
+        data, calibrations = self._samples.data, self._samples.calibrations
+        if data:
+            length = Counter(len(payload) for _, payload in data).most_common(1)[0][0]
+            sample, info = sample_of(calibrations, data, length)
+            self.options = replace(self.options, info=info)
+            self._try(sample)
+        elif calibrations:
             self._note("only device information, no data packets")
-        return self._try() if self._found.data else None
 
-    def decoder(self, sample: Packets) -> PacketDecoder | None:
-        """Return a decoder for a sample of packets; None, with a problem, if there is none."""
-        if self.family is None:
-            return None
+    def _try(self, sample: Packets) -> None:
+        if self._family is None:
+            return
+        make = partial(self._family.decoder, sample, self.options)
         try:
-            decoder = self.family.decoder(sample, self.options)
+            self.found = Decodable(make, make().facts, sample.payloads.shape[1])
         except MissingExtraError as error:
             self.is_done = True
             self._note(str(error))
-            return None
         except InputError as error:
             self._fail(str(error))
-            self.is_done |= self._gathers and not isinstance(self.family, SelfCalibrating)
-            return None
-        self.sample, self.is_done, self.problems = sample, True, []
-        return decoder
+            self.is_done |= self._gathers and not isinstance(self._family, SelfCalibrating)
+        else:
+            self.is_done, self.problems = True, []
 
     @property
     def _gathers(self) -> bool:
         """Whether a decoder needs more than the packets of one message."""
-        return has_single_packets(self.channel) or isinstance(self.family, SelfCalibrating) or bool(self.companion)
+        return has_single_packets(self.channel) or isinstance(self._family, SelfCalibrating) or bool(self.companion)
 
     @property
     def _is_ready(self) -> bool:
-        if isinstance(self.family, SelfCalibrating):
-            return len(self._found.data) >= MAX_SAMPLES and bool(self._found.calibrations)
+        if isinstance(self._family, SelfCalibrating):
+            return len(self._samples.data) >= MAX_SAMPLES and bool(self._samples.calibrations)
         waits = self.companion is not None and self.options.recorded is None and self.options.calibration is None
-        return len(self._found.data) >= MAX_SAMPLES and not waits
+        return len(self._samples.data) >= MAX_SAMPLES and not waits
 
     def _recognise(self, packets: Packets) -> PacketFamily | None:
         """Return the family that sent packets; the only one is taken as it is."""
@@ -172,27 +187,22 @@ class Candidate:
             return self.families[0]
         return next((f for f in self.families if any(map(f.recognises, packets.payloads[:MAX_SAMPLES]))), None)
 
-    def _gather(self, found: Iterable[Packets]) -> PacketDecoder | None:
-        own, new = self._found, False
+    def _gather(self, found: Iterable[Packets]) -> None:
+        own, new = self._samples, False
         for packets in found:
             calibrates = np.zeros(len(packets), np.bool_)
-            for family in [self.family] if self.family else self.families:
+            for family in [self._family] if self._family else self.families:
                 if isinstance(family, SelfCalibrating):
                     calibrates = family.is_calibration(packets.payloads)
             before = len(own.data)
             own.add(packets, calibrates)
             new |= bool(calibrates.any()) or before < len(own.data) == MAX_SAMPLES
-        return self._try() if new and self._is_ready else None
-
-    def _try(self) -> PacketDecoder | None:
-        length = Counter(len(payload) for _, payload in self._found.data).most_common(1)[0][0]
-        sample, info = sample_of(self._found.calibrations, self._found.data, length)
-        self.options = replace(self.options, info=info)
-        return self.decoder(sample)
+        if new and self._is_ready:
+            self.finish()
 
     def _fail(self, problem: str) -> None:
         self._note(problem)
-        self.is_done = len(self.problems) >= _MAX_TRIES and not self._found.data
+        self.is_done = len(self.problems) >= _MAX_TRIES and not self._samples.data
 
     def _note(self, problem: str) -> None:
         self.problems.append(f"{self.channel.topic} is not decoded: {problem}")
@@ -205,38 +215,30 @@ def _unknown(packets: Packets, families: Iterable[PacketFamily]) -> str:
     return f"packets of {packets.payloads.shape[1]:,} bytes are not from a supported sensor ({titles})"
 
 
-def probe(records: Callable[[], Iterable[Record]], waiting: Mapping[int, Candidate]) -> dict[int, PacketDecoder]:
-    """Read a log until it is known which of some topics can be decoded; return a decoder for each, by channel id."""
-    found: dict[int, PacketDecoder] = {}
-    left = dict(waiting)
-    uses: dict[int, list[Candidate]] = defaultdict(list)
-    for candidate in waiting.values():
-        for channel in (candidate.channel, candidate.companion):
-            if channel:
-                uses[channel.id].append(candidate)
+def probe(records: Callable[[], Iterable[Record]], candidates: Iterable[Candidate]) -> None:
+    """Read a log until it is known which of some topics can be decoded."""
+    left = list(candidates)
     for message in (record for record in (records() if left else ()) if isinstance(record, Message)):
-        for candidate in uses.get(message.channel.id, ()):
-            number = candidate.channel.id
-            own = number == message.channel.id
-            if number in left and (decoder := candidate.add(message) if own else candidate.add_calibration(message)):
-                found[number] = decoder
-            if candidate.is_done:
-                left.pop(number, None)
+        for candidate in left:
+            if message.channel.id == candidate.channel.id:
+                candidate.add(message)
+            elif candidate.companion and message.channel.id == candidate.companion.id:
+                candidate.add_calibration(message)
+        left = [candidate for candidate in left if not candidate.is_done]
         if not left:
             break
-    late = {number: candidate.finish() for number, candidate in left.items()}
-    return found | {number: decoder for number, decoder in late.items() if decoder}
+    for candidate in left:
+        candidate.finish()
 
 
 def make_candidates(
     channels: Collection[Channel], families: Iterable[PacketFamily], options: DecoderOptions
-) -> dict[int, Candidate]:
-    """Return a candidate for each channel of packets, by id; topics with only calibrations are left out."""
-    known = list(families)
-    found = {}
+) -> list[Candidate]:
+    """Return a candidate for each channel of packets; topics with only calibrations are left out."""
+    known, found = list(families), []
     for channel in channels:
         if of_channel := find_families(channel, known):
             companion = _find_companion(channel, channels)
-            found[channel.id] = Candidate(channel, of_channel, options, companion)
-    companions = {candidate.companion.id for candidate in found.values() if candidate.companion}
-    return {number: candidate for number, candidate in found.items() if number not in companions}
+            found.append(Candidate(channel, of_channel, options, companion))
+    companions = {candidate.companion.id for candidate in found if candidate.companion}
+    return [candidate for candidate in found if candidate.channel.id not in companions]

@@ -2,32 +2,21 @@
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.messages.definitions import ros1_cloud_schema, ros2_schema
+from seaclutter_cli.messages.definitions import points_channel
 from seaclutter_cli.records import Buffer, Channel, Message, Record, SensorFacts
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily, PacketFrame, Packets
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily, PacketFrame
 from seaclutter_cli.sources.shared import SourceWrapper
 from seaclutter_cli.sources.shared.packet_messages import has_single_packets, packet_type, read_packets, runs
-from seaclutter_cli.sources.shared.packet_probe import make_candidates, probe
+from seaclutter_cli.sources.shared.packet_probe import Decodable, make_candidates, probe
 from seaclutter_cli.sources.shared.packet_streams import CloudStream
 
 _MAX_IDS = 65_535
 _DECODED_AT_ONCE, _DECODED_WITHIN_NS = 64, 50_000_000
-
-
-@dataclass(frozen=True)
-class _Topic:
-    """A packet topic: the channel of its clouds, and the family and sample that its decoders need."""
-
-    clouds: Channel
-    family: PacketFamily
-    sample: Packets
-    options: DecoderOptions
-    is_single: bool
 
 
 @dataclass
@@ -55,7 +44,7 @@ class PacketTopics(SourceWrapper):
         super().__init__(inner)
         self._options = options
         self.facts: dict[str, SensorFacts] = dict(inner.facts)
-        self._topics: dict[int, _Topic] = {}
+        self._topics: dict[int, tuple[Channel, Decodable]] = {}
         topics = {channel.topic for channel in inner.channels}
         # Topics whose clouds were recorded too, as in the output of `filter`, are not decoded.
         undecoded = [channel for channel in inner.channels if _points_topic(channel) not in topics]
@@ -64,34 +53,31 @@ class PacketTopics(SourceWrapper):
     @property
     def channels(self) -> Sequence[Channel]:
         """Channels of the log and of the clouds."""
-        return [*self._inner.channels, *(topic.clouds for topic in self._topics.values())]
+        return [*self._inner.channels, *(clouds for clouds, _ in self._topics.values())]
 
     @property
     def counts(self) -> dict[int, int]:
         """Messages per channel id; each scan counts as one frame, and frames of single packets are not known."""
         counts = dict(self._inner.counts)
-        for number, topic in self._topics.items():
-            if number in counts and not topic.is_single:
-                counts[topic.clouds.id] = counts[number]
+        for channel in self._inner.channels:
+            if channel.id in counts and channel.id in self._topics and not has_single_packets(channel):
+                counts[self._topics[channel.id][0].id] = counts[channel.id]
         return counts
 
     def _probe(self, undecoded: Sequence[Channel], families: Collection[PacketFamily]) -> None:
         """Determine from the first packets of each topic whether it can be decoded."""
         candidates = make_candidates(undecoded, families, self._options)
-        for number, decoder in probe(self._inner.records, candidates).items():
-            one, encoding = candidates[number], candidates[number].channel.message_encoding
-            if one.family and one.sample:
+        probe(self._inner.records, candidates)
+        for candidate in candidates:
+            packets, found = candidate.channel, candidate.found
+            if found:
                 taken = {channel.id for channel in self.channels}
                 free = next(id_ for id_ in range(_MAX_IDS, 0, -1) if id_ not in taken)
-                schema = ros1_cloud_schema() if encoding == "ros1" else ros2_schema("sensor_msgs/msg/PointCloud2")
-                clouds, single = (
-                    Channel(free, _points_topic(one.channel), encoding, schema),
-                    has_single_packets(one.channel),
-                )
-                self._topics[number] = _Topic(clouds, one.family, one.sample, one.options, single)
-                self.facts[clouds.topic] = decoder.facts
-                self.warn(*(f"{clouds.topic}: {text}" for text in decoder.facts.warnings))
-        self.warn(*(candidate.problems[0] for candidate in candidates.values() if candidate.problems))
+                clouds = points_channel(replace(packets, id=free, topic=_points_topic(packets), metadata=()))
+                self._topics[packets.id] = clouds, found
+                self.facts[clouds.topic] = found.facts
+                self.warn(*(f"{clouds.topic}: {text}" for text in found.facts.warnings))
+        self.warn(*(candidate.problems[0] for candidate in candidates if candidate.problems))
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:  # noqa: ARG002
         """Yield the records of the log before ``end_ns``, and the clouds between them; can be called again."""
@@ -106,7 +92,7 @@ class PacketTopics(SourceWrapper):
                 return
             yield record
             latest_ns = max(latest_ns, time_ns)
-            if (topic := self._topics.get(record.channel.id)) and (stream := self._take(record, topic, streams)):
+            if record.channel.id in self._topics and (stream := self._take(record, streams)):
                 yield from self._add(stream)
         for stream in streams.values():
             stream.times = max(latest_ns, stream.times[0]), stream.times[1]
@@ -114,14 +100,14 @@ class PacketTopics(SourceWrapper):
             yield from _messages(stream, stream.clouds.decoder.finish())
             stream.clouds.conclude(Path(self.name), "where the recording begins, pauses or ends")
 
-    def _take(self, message: Message, topic: _Topic, streams: dict[int, _Stream]) -> _Stream | None:
+    def _take(self, message: Message, streams: dict[int, _Stream]) -> _Stream | None:
         """Take the packets of a message; return the stream if its packets are to be decoded now."""
         stream = streams.get(message.channel.id)
         if stream is None:
-            decoder = topic.family.decoder(topic.sample, topic.options)
-            clouds = CloudStream(self, topic.clouds, decoder, topic.sample.payloads.shape[1])
-            stream = streams[message.channel.id] = _Stream(clouds, topic.is_single)
-            self.facts[topic.clouds.topic] = decoder.facts
+            channel, found = self._topics[message.channel.id]
+            clouds = CloudStream(self, channel, found.make(), found.packet_bytes)
+            stream = streams[message.channel.id] = _Stream(clouds, has_single_packets(message.channel))
+            self.facts[channel.topic] = clouds.decoder.facts
         stream.times = (message.log_time_ns, message.publish_time_ns)
         stream.waiting.append(message)
         waited_ns = message.log_time_ns - stream.waiting[0].log_time_ns
