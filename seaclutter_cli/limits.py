@@ -69,13 +69,7 @@ class Limits:
         return min(self.chunk_bytes, max(self.file_ratio * file // _CHUNK_SHARE, 2 * _ALWAYS_BYTES))
 
     def message_bytes_of(self, file: int) -> int:
-        """Return the limit in bytes of a message of a file of ``file`` bytes; a small file has no large messages.
-
-        Examples
-        --------
-        >>> [Limits().message_bytes_of(size) // 2**20 for size in (10_000, 2 * 2**20, 2**30)]
-        [8, 16, 48]
-        """
+        """Return the limit in bytes of a message of a file of ``file`` bytes; a small file has no large messages."""
         return min(self.message_bytes, max(self.file_ratio * file // _MESSAGE_SHARE, _ALWAYS_BYTES // 2))
 
     def packed_message_bytes(self, packed: int) -> int:
@@ -98,15 +92,7 @@ def above(amount: str, name: str) -> str:
 
 
 def above_in_file(amount: str, part: Literal["chunk", "message"], file: int) -> str:
-    """Return a description of a chunk or message that exceeds the limit for a file of ``file`` bytes, for messages.
-
-    Examples
-    --------
-    >>> above_in_file("20,000,000 bytes", "message", 10_000)
-    '20,000,000 bytes, above the limit of 8 MiB in a file of 10,000 bytes (SEACLUTTER_MAX_FILE_RATIO)'
-    >>> above_in_file("90,000,000 bytes", "chunk", 10**9)
-    '90,000,000 bytes, above the limit of 80 MiB (SEACLUTTER_MAX_CHUNK_MIB)'
-    """
+    """Return a description of a chunk or message that exceeds the limit for a file of ``file`` bytes, for messages."""
     most = limits().chunk_bytes_of(file) if part == "chunk" else limits().message_bytes_of(file)
     if most == (limits().chunk_bytes if part == "chunk" else limits().message_bytes):
         return above(amount, f"{part}_mib")

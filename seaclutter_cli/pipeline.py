@@ -29,10 +29,8 @@ T = TypeVar("T")
 class TopicTally:
     """Sums over the frames of one topic.
 
-    ``counts``, shape (8,), are the points for each `Reason`, the first entry those kept. ``rings`` are sums including
-    thresholds and corrections. ``scenes`` are the frames for each class of scene; empty for methods without presets.
-    ``water``, shape (4,), are sums of the values of `WaterState` over ``water_frames``. ``filter_s`` are the seconds
-    spent in the filter, ``unfit`` the errors of the first frames, which lack a field.
+    ``counts``, shape (8,), are the points for each `Reason`, ``scenes`` the frames for each class of scene; ``water``,
+    shape (4,), are sums of `WaterState` over ``water_frames``, ``unfit`` errors of first frames, which lack a field.
     """
 
     frames: int = 0
@@ -67,11 +65,7 @@ class TopicTally:
 
 @dataclass
 class HeldRecord:
-    """A record with its frame, if it is a cloud, and the results of the frame's filters.
-
-    A result is the error of a filter that cannot use the frame, or None until it is known. ``seconds`` are the times
-    that the filters took when they received the frame.
-    """
+    """A record with its frame, if it is a cloud, and results or errors of its filters, None until they are known."""
 
     record: Record
     frame: Frame | None

@@ -29,11 +29,7 @@ ToLongitudeLatitude = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Crs:
-    """Coordinate reference system of a tile, as far as its file states it.
-
-    ``definition`` is WKT or ``EPSG:NUMBER``; empty if unknown. Units of positions and heights are in metres; metres if
-    unknown. Positions of a geographic system are degrees.
-    """
+    """Coordinate reference system of a tile: WKT or ``EPSG:NUMBER``, empty if unknown, and units in metres."""
 
     definition: str = ""
     unit_m: float = 1.0

@@ -89,12 +89,9 @@ class Search:
 def find_recordings(
     patterns: Iterable[str], search: Search | None = None, note: Callable[[str], object] = lambda _: None
 ) -> list[Recording]:
-    """Return the recordings that names, folders and globs on the command line refer to.
+    """Return the recordings that names, globs, and folders that are no recordings refer to; `UsageError` if none.
 
-    A folder that is not a recording itself refers to the recordings in it. Globs are expanded here because not every
-    shell expands them; an existing name is never treated as a glob. ``note`` receives lines about files that are
-    joined, and about what is left out. `UsageError` if a glob or a folder contains no recording, or a path does not
-    exist.
+    Globs are expanded here because not every shell does. ``note`` receives lines about what is joined or left out.
     """
     search = search or Search()
     found: dict[Path, Recording] = {}

@@ -82,11 +82,7 @@ _LAYOUTS: tuple[tuple[np.dtype[np.void], Callable[[_Points], bool]], ...] = (
 
 
 def read_npy(path: Path) -> Cloud:
-    """Return the points of an array of shape (N, 3) or wider, or of a structured array of shape (N,).
-
-    Columns without names are x, y, z, intensity, ring, field_5 and so on; all keep their type. `CloudError` if the file
-    does not contain such an array, or is truncated.
-    """
+    """Return the points of an array of shape (N, 3) or wider, or of a structured one, (N,); `CloudError` for others."""
     with reading("NPY"), path.open("rb") as file:
         array = _checked(file, os.fstat(file.fileno()).st_size)
         if array.dtype.names and array.ndim == 1:
@@ -111,10 +107,9 @@ def _checked(file: IO[bytes], size: int) -> NDArray[Any]:
 
 
 def read_npz(path: Path) -> Cloud:
-    """Return the points of an archive with arrays ``x``, ``y``, ``z`` and others of the same shape.
+    """Return the points of an archive with arrays ``x``, ``y``, ``z`` and others of their shape; `CloudError` if not.
 
-    The shape is (N,), or (height, width) for an organised cloud; one more axis are several values of a field. Arrays of
-    other shapes are left out. `CloudError` if there are no such arrays, or they expand to more than the limits allow.
+    The shape is (N,), or (height, width) for an organised cloud; one more axis are several values of a field.
     """
     with reading("NPZ"), zipfile.ZipFile(path) as archive:
         entries = [entry for entry in archive.infolist() if entry.filename.endswith(".npy")]

@@ -23,11 +23,9 @@ _MAX_HEAD_LINES = 1000
 
 
 def read_csv(path: Path) -> Cloud:
-    """Return the points of a text file, every column float64.
+    """Return the points of a text file, every column float64, empty cells NaN; `CloudError` if a line is not valid.
 
-    The first line contains the column names, among them x, y and z in upper or lower case; a leading ``#`` is ignored.
-    Columns without names are x, y, z, intensity, ring, field_5 and so on. An empty cell is NaN. `CloudError` if the
-    file has no points and no column names, or a line is not valid; the message gives the line.
+    Names of columns, in the first line after an optional ``#``, contain x, y and z; without, see `column_names`.
     """
     with reading("CSV"):
         content = path.read_bytes().removeprefix(_BOM)

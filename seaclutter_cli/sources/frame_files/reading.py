@@ -52,14 +52,8 @@ def parse_rows(
 ) -> NDArray[Any]:
     r"""Return lines of numbers as a structured array, shape (N,).
 
-    Blank lines and everything after a ``#`` are skipped, and rows after ``max_rows`` ignored. Without a delimiter, any
-    white space separates numbers. `CloudError` if a line has the wrong number of values, or one that is not a number,
-    or is longer than `MAX_LINE_BYTES`; the message gives the line, counted from ``first_line``.
-
-    Examples
-    --------
-    >>> parse_rows(b"1 2\n3 nan\n", np.dtype([("x", "f4"), ("y", "f4")]))["y"]
-    array([ 2., nan], dtype=float32)
+    Blank lines, everything after a ``#``, and rows after ``max_rows`` are skipped. `CloudError` names the first line
+    with other than the right number of numbers, counted from ``first_line``.
     """
     check_lines(body, first_line)
     if not body.strip():
@@ -72,14 +66,7 @@ def parse_rows(
 
 
 def check_lines(body: bytes, first_line: int = 1) -> None:
-    r"""Raise `CloudError` if a line is longer than `MAX_LINE_BYTES`: libraries need a hundred times its size.
-
-    Examples
-    --------
-    >>> check_lines(b"1 2 3\n" + b"4 " * 100_000, first_line=7)
-    Traceback (most recent call last):
-    seaclutter_cli.errors.CloudError: line 8 is longer than 65,536 bytes
-    """
+    """Raise `CloudError` if a line is longer than `MAX_LINE_BYTES`: libraries need a hundred times its size."""
     at = 0
     while len(body) - at > MAX_LINE_BYTES:
         # The last line that ends within the limit: a few steps for many lines.

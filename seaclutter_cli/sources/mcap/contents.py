@@ -86,11 +86,7 @@ class Trust(IntEnum):
 
 
 class Declarations:
-    """Schemas and channels of a file, declared in any order.
-
-    The format does not allow different declarations of one number. If there are any, the most trusted one applies, or
-    the first of equally trusted ones. Damaged records and contradictions are reported.
-    """
+    """Schemas and channels of a file, declared in any order; of contradictory ones, the first most trusted applies."""
 
     def __init__(self, report: ReportDamage) -> None:
         self._report = report
@@ -164,10 +160,8 @@ class Declarations:
 class McapContents:
     """Content of a file, found in one pass over its records.
 
-    The declarations receive the schemas and channels outside chunks, except those in the tail: the records after the
-    last data record, which are the summary, if there is one. ``first`` has the index of the first chunk with messages
-    of each channel, ``counts`` the messages per channel from the message indexes, and ``end`` is where the last record
-    ends. Attachments are views of the file.
+    The declarations receive the schemas and channels outside chunks, but not those in the ``tail``, records after the
+    last data: the summary. ``first`` has the index of the first chunk with messages of each channel.
     """
 
     def __init__(self, file: LogFile, declarations: Declarations, report: ReportDamage) -> None:

@@ -73,11 +73,7 @@ class BrokenRecordError(Exception):
 
 
 class Span(NamedTuple):
-    """A record: opcode, offset, and start and end of its content.
-
-    ``consistent`` if the sizes inside the content agree with the size of the record. The end of a consistent record may
-    be after the end of the file: it is truncated.
-    """
+    """A record and its content, which may end after the file; ``consistent`` if the sizes inside fit its size."""
 
     op: int
     offset: int

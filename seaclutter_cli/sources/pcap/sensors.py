@@ -48,11 +48,7 @@ class Flow:
 
 @dataclass
 class CapturedSensor:
-    """A sensor in a capture: its address, the port that its data packets are sent to, and its flows.
-
-    The sample are some of its packets, calibrations of the same length first; ``info``, shape (I, M), calibrations of
-    another length. ``shares`` if several sensors have its address.
-    """
+    """A sensor in a capture, with a sample and ``info`` of `sample_of`; it ``shares`` its address with others."""
 
     family: str
     address: str

@@ -32,8 +32,7 @@ class CaptureSource(Source):
     """A capture of one or several sensors; each revolution is a ROS 2 point cloud.
 
     One sensor is on ``/points``, several are on ``/points/<address>``, or ``/points/<address>/<port>`` if they share an
-    address. Nothing is skipped, because frames are numbered by decoding all packets. `InputError` if the file is not a
-    capture, or none of its packets can be decoded.
+    address. `InputError` if the file is not a capture, or none of its packets can be decoded.
     """
 
     channels: Sequence[Channel] = ()

@@ -45,10 +45,9 @@ class Datagrams:
 
 @dataclass
 class _UnreadRecords:
-    """Records of a capture without a datagram, because their Ethernet or IP header is damaged, or of other protocols.
+    """Offset and length of records without a datagram, some with damaged headers, to compare with those of sensors.
 
-    ``others`` are offset and length of at most 10,000 of them. They are compared with records of sensors: ``shapes``
-    are the length of a record and the offset of the payload in it, by the length of the payload.
+    ``shapes`` are the length of a record and the offset of the payload in it, by the length of the payload.
     """
 
     shapes: dict[int, tuple[int, int]] = field(default_factory=dict)

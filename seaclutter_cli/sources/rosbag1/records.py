@@ -136,9 +136,8 @@ def find_record(view: Bytes[Buffer], at: int, ops: Collection[Op] = frozenset(Op
 def walk(view: Bytes[Buffer], at: int, gaps: list[tuple[int, int]]) -> Iterator[BagRecord]:
     """Yield the records of a file, or of a chunk, from an offset on, one after another.
 
-    The gaps receive start and end of every part that is skipped; empty ones mark records of wrong length. A record
-    whose stated length exceeds the start of the next record ends there; if no record follows it at all, it is a gap.
-    Chunks end only at records that cannot occur in a chunk, or with the view.
+    The gaps receive start and end of every part that is skipped; empty ones mark records of wrong length, which end
+    where the next one begins. Chunks end only at records that cannot occur in a chunk, or with the view.
     """
     record = read_record(view, at)
     while at < len(view):

@@ -42,11 +42,9 @@ def is_rosbag2_folder(path: Path) -> bool:
 
 
 def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
-    """Open a rosbag2 folder as one source.
+    """Open a rosbag2 folder as one source; `InputError` if no file can be read, or the compression is not supported.
 
-    The files that ``metadata.yaml`` lists are read, then those that continue their numbers. Topics come from the files;
-    no message is lost if ``metadata.yaml`` is wrong or incomplete. `InputError` if the recording has no files, no file
-    can be read, or their compression is not supported.
+    The files that ``metadata.yaml`` lists are read, then those that continue their numbers. Topics come from the files.
     """
     metadata, damage = _read_metadata(folder)
     if metadata.compression_mode in {"file", "message"} and metadata.compression_format not in {"", "zstd"}:

@@ -41,10 +41,9 @@ _HEAP_LEAST, _HEAP_MORE = 192 * 2**20, 32 * 2**20
 
 
 def open_database(path: Path, stack: ExitStack) -> sqlite3.Connection:
-    """Open a database read-only; the stack closes it. ``sqlite3.Error`` if the file is not a database.
+    """Open a database read-only, with the ``-wal`` or ``-journal`` file of a crashed recorder; the stack closes it.
 
-    A single file is opened as immutable, which works in read-only folders and leaves no file next to it. The content of
-    a ``-wal`` or ``-journal`` file that a crashed recorder left is read too, if necessary in a temporary copy.
+    A single file is opened as immutable, which works in read-only folders and leaves no file next to it.
     """
     beside = [path.with_name(path.name + end) for end in ("-wal", "-journal")]
     beside = [file for file in beside if file.exists() and file.stat().st_size]
@@ -116,9 +115,8 @@ def read_rows(
 ) -> Iterator[Row]:
     """Yield the messages in ``[start_ns, end_ns)`` in time order; from a damaged file, all that can be read.
 
-    Rows are read through the index of their times. If it is damaged, the remaining rows are read one by one; the rows
-    that were already yielded are marked with one bit each. When reading ends, ``report`` receives a description of the
-    damage and the number of lost messages, if known.
+    Rows are read through the index of their times; if it is damaged, those not yielded yet, of which each has a bit,
+    one by one. ``report`` then receives a description of the damage and the number of lost messages, if known.
     """
     seen: defaultdict[int, int] = defaultdict(int)
     bounds = (-_ANY_TIME if start_ns is None else start_ns, _ANY_TIME if end_ns is None else end_ns)

@@ -25,11 +25,9 @@ _COUNT = "SELECT topic_id, count(*) FROM messages"
 
 
 class Db3Source(Source):
-    """One sqlite3 storage file of rosbag2.
+    """One sqlite3 storage file of rosbag2; `InputError` if its topics cannot be read.
 
-    The file is opened read-only. Messages that are compressed one by one are unpacked; a file that is compressed as a
-    whole (``.db3.zstd``) is unpacked to a temporary file, which `close` removes. `InputError` if the file is not an
-    sqlite3 recording, or its topics cannot be read.
+    A file that is compressed as a whole (``.db3.zstd``) is unpacked to a temporary file, which `close` removes.
     """
 
     format = "ROS 2 bag (sqlite3)"

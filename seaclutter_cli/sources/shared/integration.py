@@ -34,10 +34,9 @@ class _Window:
 class Integrated(SourceWrapper):
     """A recording in which the clouds of each time window are one cloud.
 
-    Windows of a topic have the same duration and begin with its first cloud. A cloud belongs to the window of its
-    stamp, a late one to the window that is open. Joined clouds are not organised and have their earliest stamp. They
-    come before the message that begins the next window, with its times. Messages whose points have fixed fields become
-    ``sensor_msgs/PointCloud2``. Without topics, those are joined that are meant if no topic is named.
+    Windows of a topic begin with its first cloud; a late cloud belongs to the open window. Joined clouds are not
+    organised and have their earliest stamp. They come before the message that begins the next window, with its times.
+    Messages whose points have fixed fields become ``sensor_msgs/PointCloud2``.
     """
 
     def __init__(self, inner: Source, window_ns: int, topics: Collection[str] = ()) -> None:

@@ -22,8 +22,7 @@ class Layout:
     """Fields of a packet message: a ``std_msgs/Header``, ``flags`` bytes, and one packet, or a sequence of ``many``.
 
     Each packet begins with a ``stamp``, and has ``length`` reserved bytes, or is preceded by its length. If ``sized``,
-    the number of used bytes follows it. If ``spare``, some drivers append an unused byte to packets, whose lengths are
-    multiples of 4.
+    the number of used bytes follows it; if ``spare``, some drivers append a byte to lengths that are multiples of 4.
     """
 
     header: bool = True

@@ -34,10 +34,8 @@ class _Stream:
 class PacketTopics(SourceWrapper):
     """A log with additional point clouds for its packet topics, as the sensor's driver would publish them.
 
-    Every message is kept. The cloud of a frame follows the scan message that completes it, and has the times of this
-    message. Messages with one packet are decoded 64 at once, or those of 50 ms: the cloud follows the last of them.
-    Frames that are incomplete at the end of the log come last. Topics that cannot be decoded are kept without clouds,
-    with a warning. The facts about sensors are filled while the records are read.
+    Every message is kept. A cloud follows the message that completes it, and has its times; messages with one packet
+    are decoded 64 at once, or those of 50 ms. Topics that cannot be decoded are kept without clouds, with a warning.
     """
 
     def __init__(self, inner: Source, families: Mapping[str, PacketFamily], options: DecoderOptions) -> None:

@@ -36,10 +36,9 @@ NUMBERED = re.compile(r"(.+)_(0|[1-9][0-9]{0,8})(\.mcap|\.db3|\.bag)(\.zstd|\.ac
 class SplitSource(Source):
     """Several storage files in time order as one `Source`; one file is open at a time.
 
-    Equal channels of different files become one channel; different channels get different ids. The name is that of the
-    first file unless one is given; ``damage`` is what is already known, ``expected`` the file that lists the number of
-    messages, and this number, and ``packed_messages`` whether messages are compressed one by one. Packets are decoded
-    by whoever wraps this source. `InputError` if none of the files can be read.
+    Equal channels of different files become one. ``damage`` is what is already known, ``expected`` the file that
+    lists the number of messages, and this number, and ``packed_messages`` whether messages are compressed one by one.
+    `InputError` if none of the files can be read.
     """
 
     def __init__(
@@ -197,13 +196,7 @@ class SplitSource(Source):
 
 
 def split_groups(files: Sequence[Path]) -> list[list[Path]]:
-    """Return files in groups of equal names with consecutive numbers from 0; other files are groups of one.
-
-    Examples
-    --------
-    >>> [len(group) for group in split_groups([Path("a_0.mcap"), Path("a_1.mcap"), Path("a_3.mcap"), Path("b.mcap")])]
-    [2, 1, 1]
-    """
+    """Return files in groups of equal names with consecutive numbers from 0; other files are groups of one."""
     groups: list[list[Path]] = []
     growing: dict[tuple[Path, str, str], list[Path]] = {}
     for file in sorted(files, key=_number):
@@ -239,9 +232,8 @@ def joined(
 ) -> list[list[Path]]:
     """Return numbered files in groups, each of which is one recording.
 
-    A file continues a recording if it begins at the end of the file before it, at most `MAX_GAP_S` after and
-    `MAX_OVERLAP_S` before, and has the same cloud topics, or some of them. A file that cannot be opened, or has no
-    messages, does not part a recording. ``note`` receives lines that say which files are joined, or why not.
+    A file continues a recording if it begins at the end of the file before it, and has the same cloud topics, or some
+    of them. A file that cannot be opened, or has no messages, does not part a recording. ``note`` receives the reasons.
     """
     groups, last, reasons = [[files[0]]], _content(files[0], open_file), []
     for file in files[1:]:
