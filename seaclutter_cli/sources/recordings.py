@@ -16,6 +16,7 @@ from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions
 from seaclutter_cli.sources.formats import LOG_SUFFIXES, SOURCES, format_names, open_file, open_source, wrap_packets
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
 from seaclutter_cli.sources.frame_files.sidecars import times_beside
+from seaclutter_cli.sources.pcap import metadata_of
 from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
 from seaclutter_cli.sources.shared.split import SplitSource, difference, joined, split_groups
 from seaclutter_cli.text import count
@@ -74,8 +75,7 @@ def metadata_beside(log: Path) -> list[Path]:
         return [times]
     if not has_metadata_beside(log.name):
         return []
-    files = (file for suffix in CALIBRATION_SUFFIXES.values() for file in log.parent.glob(f"*{suffix}"))
-    return [file for file in files if log.stem.startswith(file.stem) or file.stem.startswith(log.stem)]
+    return [file for suffix in CALIBRATION_SUFFIXES.values() for file in metadata_of(log, suffix)]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -116,7 +116,7 @@ class Mirror:
         path = Path(pattern)
         url = self.url(path)
         if found := find_object(url):
-            self._add([found, *(list_objects(url.parent, deep=False) if with_siblings else ())], sized=False)
+            self._add([found, *(list_folder(url.parent)[0] if with_siblings else ())], sized=False)
             return str(path)
         if objects := list(list_objects(url)):
             self._add(objects, sized=False)

@@ -48,12 +48,10 @@ def find_object(url: Url) -> StoredObject | None:
             return None
 
 
-def list_objects(folder: Url, *, deep: bool = True) -> Iterator[StoredObject]:
-    """Yield the objects in a folder and, if ``deep``, its subfolders, in the order in which the service lists them."""
-    store = store_of(folder)
+def list_objects(folder: Url) -> Iterator[StoredObject]:
+    """Yield the objects in a folder and its subfolders, in the order in which the service lists them."""
     with explained(folder):
-        batches = store.list(folder.key) if deep else [store.list_with_delimiter(folder.key)["objects"]]
-        for batch in batches:
+        for batch in store_of(folder).list(folder.key):
             for meta in batch:
                 yield _stored(Url(folder.scheme, folder.bucket, meta["path"]), meta)
 

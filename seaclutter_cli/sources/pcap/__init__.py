@@ -1,5 +1,7 @@
 """Packet captures (PCAP and PCAPNG): `source.CaptureSource`, and the first bytes of their files."""
 
+from pathlib import Path
+
 PCAP_MAGICS = {
     bytes.fromhex("a1b2c3d4"): (">", 1000),
     bytes.fromhex("d4c3b2a1"): ("<", 1000),
@@ -9,3 +11,15 @@ PCAP_MAGICS = {
 """Byte order and nanoseconds per tick of classic captures, by their first bytes."""
 PCAPNG_MAGIC = bytes.fromhex("0a0d0d0a")
 CAPTURE_MAGICS = (*PCAP_MAGICS, PCAPNG_MAGIC)
+
+
+def metadata_of(capture: Path, suffix: str) -> list[Path]:
+    """Return the file beside a capture with the same name, or those where one name starts with the other."""
+    same = capture.with_suffix(suffix)
+    if same.is_file():
+        return [same]
+    try:
+        others = [file for file in capture.parent.iterdir() if file.suffix.lower() == suffix and file.is_file()]
+    except OSError:
+        return []
+    return [file for file in others if capture.stem.startswith(file.stem) or file.stem.startswith(capture.stem)]

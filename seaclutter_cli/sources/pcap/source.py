@@ -13,7 +13,7 @@ from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message
 from seaclutter_cli.sensors.families import PACKET_FAMILIES
 from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions, PacketDecoder, PacketFrame, Packets
-from seaclutter_cli.sources.pcap import PCAP_MAGICS, PCAPNG_MAGIC
+from seaclutter_cli.sources.pcap import PCAP_MAGICS, PCAPNG_MAGIC, metadata_of
 from seaclutter_cli.sources.pcap.records import PcapngReader, PcapReader, RecordReader
 from seaclutter_cli.sources.pcap.sensors import CapturedSensor, Kind, SensorSearch, each_kind
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
@@ -117,7 +117,8 @@ class CaptureSource(Source):
     def _decoder(self, sensor: CapturedSensor) -> PacketDecoder:
         options = replace(self._options, info=sensor.info)
         if options.calibration is None and (suffix := CALIBRATION_SUFFIXES.get(sensor.family)):
-            options = replace(options, calibration=_find_beside(self._path, suffix))
+            beside = metadata_of(self._path, suffix)
+            options = replace(options, calibration=beside[0] if len(beside) == 1 else None)
         return PACKET_FAMILIES[sensor.family].decoder(sensor.sample, options)
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:  # noqa: ARG002
@@ -217,16 +218,3 @@ def _found(search: SensorSearch, cut: int, other: int, damage: Sequence[Damage])
     parts += [str(item) for item in damage[:1]]
     titles = ", ".join(family.title for family in PACKET_FAMILIES.values())
     return f"found {'; '.join(parts)}. Supported sensors: {titles}"
-
-
-def _find_beside(path: Path, suffix: str) -> Path | None:
-    """Return the file next to a capture with the same name, or the only one where one name starts with the other."""
-    same = path.with_suffix(suffix)
-    if same.is_file():
-        return same
-    try:
-        others = [file for file in path.parent.iterdir() if file.suffix.lower() == suffix and file.is_file()]
-    except OSError:
-        return None
-    like = [file for file in others if path.stem.startswith(file.stem) or file.stem.startswith(path.stem)]
-    return like[0] if len(like) == 1 else None
