@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
@@ -16,17 +15,6 @@ METADATA = "metadata.yaml"
 
 _KEY = "rosbag2_bagfile_information"
 _STORAGE = re.compile(r".+\.(mcap|db3)(\.zstd)?", re.IGNORECASE)
-
-
-@dataclass(frozen=True)
-class _Metadata:
-    """The used part of a ``metadata.yaml``; the storage files contain the rest."""
-
-    names: list[str] = field(default_factory=list)
-    counts: Mapping[str, int] = field(default_factory=dict)
-    messages: int | None = None
-    compression_mode: str = ""
-    compression_format: str = ""
 
 
 def is_rosbag2_folder(path: Path) -> bool:
@@ -46,29 +34,33 @@ def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
 
     The files that ``metadata.yaml`` lists are read, then those that continue their numbers. Topics come from the files.
     """
-    metadata, damage = _read_metadata(folder)
-    if metadata.compression_mode in {"file", "message"} and metadata.compression_format not in {"", "zstd"}:
-        raise InputError(f"{folder}: unsupported compression {metadata.compression_format!r}; only zstd can be read")
+    info, damage = _read_info(folder)
+    mode, compression = (str(info.get(key) or "").lower() for key in ("compression_mode", "compression_format"))
+    if mode in {"file", "message"} and compression not in {"", "zstd"}:
+        raise InputError(f"{folder}: unsupported compression {compression!r}; only zstd can be read")
+    listed = [file for file in _list(info, "files", dict) if isinstance(file.get("path"), str)]
+    counts = {_name(file["path"]): _count(file) or 0 for file in listed}
     files = []
-    for name in metadata.names:
+    for name in map(_name, _list(info, "relative_file_paths", str)):
         # The file of a name, or its packed or unpacked version.
         versions = (folder / name, folder / f"{name}.zstd", folder / name.removesuffix(".zstd"))
         file = next((file for file in versions if file.is_file()), None)
         if file is None:
             problem = f"{METADATA} lists this file, but it does not exist"
-            damage.append(Damage(folder / name, None, problem, lost_messages=metadata.counts.get(name)))
+            damage.append(Damage(folder / name, None, problem, lost_messages=counts.get(name)))
         else:
             files.append(file)
     files += _unnamed(folder, files)
     if not files:
         raise InputError(f"{folder}: a ROS 2 recording without .mcap or .db3 files")
+    messages = _count(info)
     return SplitSource(
         files,
         open_file,
         name=folder.resolve().name,
         damage=damage,
-        expected=None if metadata.messages is None else (folder / METADATA, metadata.messages),
-        packed_messages=metadata.compression_mode == "message",
+        expected=None if messages is None else (folder / METADATA, messages),
+        packed_messages=mode == "message",
     )
 
 
@@ -107,29 +99,25 @@ def _read_text(path: Path) -> str:
         return ""
 
 
-def _read_metadata(folder: Path) -> tuple[_Metadata, list[Damage]]:
-    """Return the valid content of ``metadata.yaml``, and its damage."""
+def _read_info(folder: Path) -> tuple[dict[str, Any], list[Damage]]:
+    """Return the content of ``metadata.yaml``, empty if it lists no files, and its damage."""
     path = folder / METADATA
     if not path.is_file():
-        return _Metadata(), []
+        return {}, []
+    problem = "not readable"
     try:
         document = load_yaml(_read_text(path))
+        info = document.get(_KEY) if isinstance(document, dict) else None
+        if isinstance(info, dict) and _list(info, "relative_file_paths", str):
+            return info, []
     except DocumentError as error:
-        return _Metadata(), [Damage(path, None, f"{error}; the files are read in the order of their numbers")]
-    info = document.get(_KEY) if isinstance(document, dict) else None
-    info = info if isinstance(info, dict) else {}
-    names = _list(info, "relative_file_paths", str)
-    if not names:
-        return _Metadata(), [Damage(path, None, "not readable; the files are read in the order of their numbers")]
-    files = [file for file in _list(info, "files", dict) if isinstance(file.get("path"), str)]
-    return _Metadata(
-        # In early versions, the folder name precedes the file names.
-        names=[PureWindowsPath(name).name for name in names],
-        counts={PureWindowsPath(file["path"]).name: _count(file) or 0 for file in files},
-        messages=_count(info),
-        compression_mode=str(info.get("compression_mode") or "").lower(),
-        compression_format=str(info.get("compression_format") or "").lower(),
-    ), []
+        problem = str(error)
+    return {}, [Damage(path, None, f"{problem}; the files are read in the order of their numbers")]
+
+
+def _name(path: str) -> str:
+    """Return the name of a file; in early versions, the folder precedes it."""
+    return PureWindowsPath(path).name
 
 
 def _list(mapping: Mapping[str, Any], key: str, kind: type) -> list[Any]:
