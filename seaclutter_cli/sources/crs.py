@@ -67,19 +67,16 @@ def read_crs(records: Iterable[Any]) -> Crs:
         horizontal, *vertical = _VERTICAL.split(text, maxsplit=1)
         unit_m = 1.0 if is_geographic else _last_unit(horizontal, 1.0)
         return Crs(text, unit_m, _last_unit(vertical[0], unit_m) if vertical else unit_m, is_geographic)
-    return _of_keys(found[_GEO_KEYS]) if _GEO_KEYS in found else Crs()
-
-
-def _last_unit(text: str, default: float) -> float:
-    """Return the last unit in a part of WKT, which is that of its axes: units of parameters come before."""
-    units = [float(number) for number in _UNIT.findall(text) if re.fullmatch(r"[0-9.]+(?:[eE][+-]?\d+)?", number)]
-    return units[-1] if units and units[-1] > 0 else default
-
-
-def _of_keys(data: bytes) -> Crs:
+    data = found.get(_GEO_KEYS, b"")
     keys = {key: value for key, at, _, value in struct.iter_unpack("<4H", data[8 : len(data) // 8 * 8]) if at == 0}
     unit_m = _UNITS_M.get(keys.get(_LINEAR_UNIT, 0), 1.0)
     code = keys.get(_PROJECTED_CRS, 0)
     definition = f"EPSG:{code}" if 1024 <= code < 32767 else ""
     is_geographic = keys.get(_MODEL_TYPE) == _GEOGRAPHIC
     return Crs(definition, unit_m, _UNITS_M.get(keys.get(_VERTICAL_UNIT, 0), unit_m), is_geographic)
+
+
+def _last_unit(text: str, default: float) -> float:
+    """Return the last unit in a part of WKT, which is that of its axes: units of parameters come before."""
+    units = [float(number) for number in _UNIT.findall(text) if re.fullmatch(r"[0-9.]+(?:[eE][+-]?\d+)?", number)]
+    return units[-1] if units and units[-1] > 0 else default

@@ -60,11 +60,6 @@ def read_bin(path: Path) -> Cloud:
     return from_array(np.frombuffer(content, _KITTI))
 
 
-def _has_times(points: _Points) -> bool:
-    times = points["timestamp"]
-    return bool(((times >= _FIRST_US) & (times < _LAST_US)).all())
-
-
 def _has_ranges(points: _Points) -> bool:
     """Return whether the ranges are those of the coordinates, within 2 % or 0.2 m."""
     with np.errstate(invalid="ignore", over="ignore"):
@@ -76,7 +71,7 @@ def _has_ranges(points: _Points) -> bool:
 
 
 _LAYOUTS: tuple[tuple[np.dtype[np.void], Callable[[_Points], bool]], ...] = (
-    (_CANOE, _has_times),
+    (_CANOE, lambda points: bool(((points["timestamp"] >= _FIRST_US) & (points["timestamp"] < _LAST_US)).all())),
     (_POHANG, _has_ranges),
 )
 

@@ -66,7 +66,12 @@ def open_las(path: Path) -> Iterator[Any]:
     laspy = _laspy()
     with path.open("rb") as file, LazBackend(path) as laz:
         size = file.seek(0, os.SEEK_END)
-        _check_head(file, size)
+        file.seek(0)
+        head = file.read(_HEAD_BYTES)
+        if len(head) < _HEAD_BYTES or not head.startswith(b"LASF"):
+            raise CloudError("no LAS header")
+        check_size(_unpack(file, _VLRS_AT, "<I")[0] * _VLR_BYTES, size)
+        file.seek(0)
         with laspy.open(file, read_evlrs=False, laz_backend=laz, closefd=False) as reader:
             count = reader.header.point_count
             if count and not reader.header.are_points_compressed:
@@ -114,16 +119,6 @@ def _records(file: BinaryIO, at: int, number: int, length: str) -> list[Any]:
     return found
 
 
-def _check_head(file: BinaryIO, size: int) -> None:
-    file.seek(0)
-    head = file.read(_HEAD_BYTES)
-    if len(head) < _HEAD_BYTES or not head.startswith(b"LASF"):
-        raise CloudError("no LAS header")
-    (vlrs,) = struct.unpack_from("<I", head, _VLRS_AT)
-    check_size(vlrs * _VLR_BYTES, size)
-    file.seek(0)
-
-
 def _check_compressed(header: Any, file: BinaryIO, size: int) -> None:
     """Check the size of a point and, unless all points are one chunk, the chunk table and the layers of every chunk."""
     start, point_size = header.offset_to_point_data, header.point_format.size
@@ -144,7 +139,13 @@ def _check_compressed(header: Any, file: BinaryIO, size: int) -> None:
             raise CloudError(f"the chunk table declares {count(chunks, 'chunk')}, more than points or bytes")
         layers = sum(width if kind == _BYTE14 else _LAYERS.get(kind, 0) for kind, width, _ in items)
         if layers:
-            _check_layers(file, start + 8, table, point_size, layers)
+            # One uncompressed point, the sizes of the layers, the layers.
+            at = start + 8
+            while at < table:
+                _, *sizes = _unpack(file, at + point_size, f"<{layers + 1}I")
+                at += point_size + 4 * (layers + 1) + sum(sizes)
+            if at > table:
+                raise CloudError("the sizes of the compressed layers do not fit the chunk table")
     file.seek(start)
 
 
@@ -155,15 +156,6 @@ def _find_chunk_table(file: BinaryIO, start: int, size: int) -> int:
     if not start < table <= size - 8:
         raise CloudError("the chunk table is missing; the file is truncated")
     return int(table)
-
-
-def _check_layers(file: BinaryIO, at: int, end: int, point_size: int, layers: int) -> None:
-    """Check the chunks of point formats 6 to 10: one uncompressed point, the sizes of the layers, the layers."""
-    while at < end:
-        _, *sizes = _unpack(file, at + point_size, f"<{layers + 1}I")
-        at += point_size + 4 * (layers + 1) + sum(sizes)
-    if at > end:
-        raise CloudError("the sizes of the compressed layers do not fit the chunk table")
 
 
 def _unpack(file: BinaryIO, at: int, layout: str) -> tuple[Any, ...]:

@@ -261,19 +261,15 @@ class McapContents:
         count = int.from_bytes(content[2:6], "little") // 16
         if self._follows_chunk and count:
             chunk = self.chunks[-1]
-            suspect = chunk.suspect or not self._is_index(span)
+            # The index must contain valid times of messages in the chunk.
+            size = int.from_bytes(content[2:6], "little")
+            is_valid = not size % 16 and 0 < size <= len(content) - 6
+            if is_valid:
+                times_ns = np.frombuffer(content, "<u8", size // 8, 6)[::2]
+                is_valid = chunk.start_ns <= int(times_ns.min()) and int(times_ns.max()) <= chunk.end_ns
+            suspect = chunk.suspect or not is_valid
             self.chunks[-1] = replace(chunk, messages=chunk.messages + count, suspect=suspect)
             self._count(int.from_bytes(content[:2], "little"), count)
-
-    def _is_index(self, span: Span) -> bool:
-        """Return whether a record contains valid times of messages in the last chunk."""
-        content = self._file[span.start : span.end]
-        size = int.from_bytes(content[2:6], "little")
-        if size % 16 or not 0 < size <= len(content) - 6:
-            return False
-        times_ns = np.frombuffer(content, "<u8", size // 8, 6)[::2]
-        chunk = self.chunks[-1]
-        return chunk.start_ns <= int(times_ns.min()) and int(times_ns.max()) <= chunk.end_ns
 
     def _gap(self, offset: int, problem: str, lost_bytes: int) -> None:
         """Report damaged bytes; the chunk of an index after them is unknown."""

@@ -116,16 +116,6 @@ class _Fragments:
         self.lost += 1
 
 
-@dataclass
-class _Parsed:
-    """Rows of one batch that are UDP over IP, with the offsets of their headers."""
-
-    rows: NDArray[np.int64]
-    udp: NDArray[np.int64]
-    sources: NDArray[np.int64]
-    fragments: NDArray[np.int64]
-
-
 class Udp:
     """Parser of the datagrams in a capture; ``other`` counts records without a datagram, ``unread`` has some."""
 
@@ -162,16 +152,15 @@ class Udp:
     def datagrams(self, records: Records) -> Datagrams:
         """Return the datagrams in records."""
         heads = self._heads(records)
-        parsed = self._parse(records, heads)
-        self.other += len(records.offsets) - len(parsed.rows) - len(parsed.fragments)
-        rows, udp = parsed.rows, parsed.udp
+        (rows, udp, sources), fragments = self._parse(records, heads)
+        self.other += len(records.offsets) - len(rows) - len(fragments)
         ports = _word(heads, rows, udp) << 16 | _word(heads, rows, udp + 2)
         lengths = _word(heads, rows, udp + 4) - 8
-        flows = parsed.sources << 32 | ports
+        flows = sources << 32 | ports
         good = (lengths >= 0) & (udp + 8 <= records.lengths[rows])
         whole = good & (udp + 8 + lengths <= records.lengths[rows])
         payloads = np.stack((udp + 8, lengths))[:, whole]
-        self.unread.add(records, np.concatenate((rows, parsed.fragments)), rows[whole], payloads)
+        self.unread.add(records, np.concatenate((rows, fragments)), rows[whole], payloads)
         found = Datagrams(
             flows[whole],
             records.times_ns[rows[whole]],
@@ -180,7 +169,7 @@ class Udp:
             [],
             flows[good & ~whole],
         )
-        return self._with_joined(found, rows[whole], records, heads, parsed) if len(parsed.fragments) else found
+        return self._with_joined(found, rows[whole], records, heads, fragments) if len(fragments) else found
 
     def _heads(self, records: Records) -> NDArray[np.uint8]:
         """Return the first bytes of each record, shape (R, 128), padded with zeros after its end."""
@@ -197,7 +186,8 @@ class Udp:
             heads[short] *= np.arange(_HEAD) < records.lengths[short, None]
         return heads
 
-    def _parse(self, records: Records, heads: NDArray[np.uint8]) -> _Parsed:
+    def _parse(self, records: Records, heads: NDArray[np.uint8]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return rows, offsets of UDP headers and numbers of senders, shape (3, D), and the rows of fragments."""
         network, version = _network(records.link, heads)
         found: list[NDArray[np.int64]] = []
         fragments = np.empty(0, np.int64)
@@ -214,8 +204,8 @@ class Udp:
                 in_parts = (_word(heads, rows, at + 6) & 0x3FFF) != 0
                 fragments, usable = rows[in_parts & usable], usable & ~in_parts
             found.append(np.stack((rows, at + header, sources))[:, usable])
-        rows, udp, sources = (columns := np.concatenate(found, axis=1))[:, np.argsort(columns[0], kind="stable")]
-        return _Parsed(rows, udp, sources, fragments)
+        columns = np.concatenate(found, axis=1)
+        return columns[:, np.argsort(columns[0], kind="stable")], fragments
 
     def _numbers(self, addresses: NDArray[np.uint8]) -> NDArray[np.int64]:
         """Return numbers, shape (R,), of addresses, shape (R, 4) or (R, 16); -1 for new ones beyond the limit."""
@@ -238,12 +228,12 @@ class Udp:
         rows: NDArray[np.int64],
         records: Records,
         heads: NDArray[np.uint8],
-        parsed: _Parsed,
+        fragments: NDArray[np.int64],
     ) -> Datagrams:
         """Return datagrams together with those that fragments complete, in order."""
-        network, _ = _network(records.link, heads[parsed.fragments])
+        network, _ = _network(records.link, heads[fragments])
         more: list[tuple[int, int, int, bytes]] = []
-        for row, at in zip(parsed.fragments.tolist(), network.tolist(), strict=True):
+        for row, at in zip(fragments.tolist(), network.tolist(), strict=True):
             data = self._join(records, heads[row].tobytes(), row, at)
             length = int.from_bytes(data[4:6], "big") - 8 if data else -1
             if 0 <= length <= len(data) - 8:

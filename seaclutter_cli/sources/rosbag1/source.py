@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from struct import Struct
 
@@ -26,14 +26,8 @@ _ANY_TIME = (0, 2**63)
 Content = tuple[memoryview, int, str | None]
 """Records of a chunk, their expected size, and a description of their damage, if any."""
 
-
-@dataclass(frozen=True, slots=True)
-class ChunkIndex:
-    """Times of the first and last message of a chunk, and the number of messages per connection."""
-
-    start_ns: int
-    end_ns: int
-    counts: Counter[int]
+Index = tuple[int, int, Counter[int]]
+"""Times of the first and last message of a chunk, and the number of messages per connection."""
 
 
 class BagSource(ChunkedSource[Chunk, Content]):
@@ -142,8 +136,8 @@ class BagSource(ChunkedSource[Chunk, Content]):
         else:
             self._add_chunk(chunk, index)
 
-    def _add_chunk(self, chunk: Chunk, index: ChunkIndex) -> None:
-        start_ns, end_ns, counts = index.start_ns, index.end_ns, index.counts
+    def _add_chunk(self, chunk: Chunk, index: Index) -> None:
+        start_ns, end_ns, counts = index
         self._timed[chunk.offset] = replace(chunk, start_ns=start_ns, end_ns=end_ns, messages=counts.total())
         self._counts += counts
         for connection in counts:
@@ -159,14 +153,14 @@ class BagSource(ChunkedSource[Chunk, Content]):
             counts[connection] += messages
         self._infos[offset] = counts.total()
         if offset in self._untimed and counts:
-            self._add_chunk(self._untimed.pop(offset), ChunkIndex(start_ns, end_ns, counts))
+            self._add_chunk(self._untimed.pop(offset), (start_ns, end_ns, counts))
         chunk = self._timed.get(offset)
         if chunk is not None and (chunk.start_ns, chunk.end_ns) != (start_ns, end_ns):
             # Its index and its chunk info contradict each other.
             self._untimed[offset] = Chunk(offset, chunk.size, *_ANY_TIME, unpacked=chunk.unpacked)
             del self._timed[offset]
             if index := read_index(self._file, offset + chunk.size):
-                self._counts -= index.counts
+                self._counts -= index[2]
 
     def _read_metadata(self) -> None:
         """Take the records that this program writes to a bag as a message, whose channels are then hidden."""
@@ -203,7 +197,7 @@ class BagSource(ChunkedSource[Chunk, Content]):
 
     def _indexed(self, chunk: Chunk) -> Counter[int] | None:
         index = read_index(self._file, chunk.offset + chunk.size)
-        return index.counts if index else None
+        return index[2] if index else None
 
     def _unpack_untimed(self) -> None:
         """Unpack the chunks where unknown channels first occur, and those with unknown times."""
@@ -288,7 +282,7 @@ def _describe(start: bytes) -> str:
     return "not a ROS 1 bag"
 
 
-def read_index(view: Bytes[Buffer], at: int) -> ChunkIndex | None:
+def read_index(view: Bytes[Buffer], at: int) -> Index | None:
     """Return the index from the index records at an offset; None if they are missing or damaged."""
     counts: Counter[int] = Counter()
     first, last = (2**32, 0), (0, 0)
@@ -304,7 +298,7 @@ def read_index(view: Bytes[Buffer], at: int) -> ChunkIndex | None:
         at = record.end
     if not counts:
         return None
-    return ChunkIndex(first[0] * NANO + first[1], last[0] * NANO + last[1], counts)
+    return first[0] * NANO + first[1], last[0] * NANO + last[1], counts
 
 
 def _unpacked(packed: memoryview, chunk: BagRecord, *, ends_bag: bool, bag_bytes: int) -> tuple[memoryview, str | None]:

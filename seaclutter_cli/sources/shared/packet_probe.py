@@ -124,7 +124,11 @@ class Candidate:
             if longest.payloads.shape[1] in _IMU_BYTES:
                 self.is_done = True
             else:
-                self._fail(_unknown(longest, self.families))
+                titles = ", ".join(family.title for family in self.families)
+                problem = f"packets of {longest.payloads.shape[1]:,} bytes are not from a supported sensor ({titles})"
+                if name := name_unsupported(longest.payloads[0]):
+                    problem = f"packets of a {name} are not supported; {ADVICE}"
+                self._fail(problem)
         elif self._gathers:
             self._gather(packets)
         else:
@@ -206,13 +210,6 @@ class Candidate:
 
     def _note(self, problem: str) -> None:
         self.problems.append(f"{self.channel.topic} is not decoded: {problem}")
-
-
-def _unknown(packets: Packets, families: Iterable[PacketFamily]) -> str:
-    if name := name_unsupported(packets.payloads[0]):
-        return f"packets of a {name} are not supported; {ADVICE}"
-    titles = ", ".join(family.title for family in families)
-    return f"packets of {packets.payloads.shape[1]:,} bytes are not from a supported sensor ({titles})"
 
 
 def probe(records: Callable[[], Iterable[Record]], candidates: Iterable[Candidate]) -> None:
