@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
 from seaclutter_cli.sinks.mcap_writer import McapWriter
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 
 SAMPLES = Path(__file__).resolve().parent.parent / "samples"
 SEA, TILE = SAMPLES / "sea.mcap", SAMPLES / "tile.laz"

@@ -15,7 +15,7 @@ from capture import packets as robosense_packets
 
 from seaclutter_cli.records import Message
 from seaclutter_cli.sensors.packets import DecoderOptions
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 from tests.sensors.hesai import test_decoder as hesai
 from tests.sensors.velodyne.test_decoder import make_packets as velodyne_packets
 from tests.sources.shared.driver_topics import DRIVERS, pairs, write_capture, write_topic

@@ -26,7 +26,7 @@ READ_OURS = """
 import sys
 from contextlib import closing
 from pathlib import Path
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 with closing(open_source(Path(sys.argv[1]))) as source:
     for _ in source.records():
         pass

@@ -18,7 +18,7 @@ from seaclutter_cli.config import load_config
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.selection import Selection
-from seaclutter_cli.sources import find_recordings
+from seaclutter_cli.sources.recordings import find_recordings
 
 SEEDS = int(sys.argv[1]) if len(sys.argv) > 1 else 5
 STAGES = {"raw": "none", "after intensity": "ring_intensity", "after outliers": "joint"}

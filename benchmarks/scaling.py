@@ -21,7 +21,7 @@ from seaclutter_cli.runs.batch import Work, run_batch
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.recordings import Outcome
-from seaclutter_cli.sources import Recording
+from seaclutter_cli.sources.recordings import Recording
 
 RECORDINGS, FRAMES, RUNS = 16, 100, 5
 TASKS, REPEATED = 2000, 5

@@ -19,7 +19,8 @@ from seaclutter_cli.pipeline import RecordHolder, run, run_each
 from seaclutter_cli.reading import frames, read
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
 from seaclutter_cli.selection import Selection, cloud_channels
-from seaclutter_cli.sources import find_recordings, open_source
+from seaclutter_cli.sources.formats import open_source
+from seaclutter_cli.sources.recordings import find_recordings
 from tests.filters.seas import Body, sea_log
 from tests.logs import START_NS, Entry, Topic, cloud_message, cloud_topic, write_log
 from tests.paths import ROOT

@@ -9,8 +9,9 @@ from rosbags.rosbag1 import Writer as BagWriter
 from seaclutter_cli.reading import frames, read
 from seaclutter_cli.records import Attachment, Message, Metadata
 from seaclutter_cli.selection import Selection, cloud_channels
-from seaclutter_cli.sources import find_recordings, open_source
+from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.sources.mcap.source import McapSource
+from seaclutter_cli.sources.recordings import find_recordings
 from seaclutter_cli.sources.rosbag1.source import BagSource
 from tests.logs import LAYOUTS, PERIOD_NS, Entry, Layout, cloud_log, cloud_topic, write_log
 from tests.paths import ROOT, shared

@@ -15,7 +15,7 @@ from seaclutter_cli.jobs.engine import Engine, Lost, Report, run_in_turn
 from seaclutter_cli.runs.observer import Observer, Silent, Step
 from seaclutter_cli.runs.options import BatchOptions, ReadOptions
 from seaclutter_cli.runs.recordings import NOT_PROCESSED, LabelFile, Outcome
-from seaclutter_cli.sources import Recording
+from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count
 
 O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome

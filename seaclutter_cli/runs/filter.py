@@ -35,7 +35,7 @@ from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import FrameTable, unpack_rows
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sinks.options import McapOptions
-from seaclutter_cli.sources import Recording
+from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, printable, share
 
 

@@ -27,8 +27,8 @@ from seaclutter_cli.runs.recordings import (
     storing_errors,
 )
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
-from seaclutter_cli.sources import Recording
 from seaclutter_cli.sources.mcap.excerpt import Excerpt, excerpt
+from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import printable, share, table
 
 _NANO = 1_000_000_000

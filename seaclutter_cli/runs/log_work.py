@@ -40,8 +40,9 @@ from seaclutter_cli.runs.resume import (
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options, format_of
 from seaclutter_cli.sinks.options import McapOptions, Split, part_path, parts_after
-from seaclutter_cli.sources import SOURCES, Recording
+from seaclutter_cli.sources.formats import SOURCES
 from seaclutter_cli.sources.frame_files import FRAME_READERS
+from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, data_size, named_folder, printable
 from seaclutter_cli.threads import in_threads
 from seaclutter_cli.urls import PathLike

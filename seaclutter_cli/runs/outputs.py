@@ -21,7 +21,7 @@ from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.formats import is_single_frame
-from seaclutter_cli.sources import Recording, metadata_beside
+from seaclutter_cli.sources.recordings import Recording, metadata_beside
 from seaclutter_cli.text import count, named_folder
 from seaclutter_cli.urls import PathLike
 

@@ -24,7 +24,7 @@ from seaclutter_cli.runs.options.logs import ConvertOptions, FilterOptions
 from seaclutter_cli.runs.outputs import Root, prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expected_frames, open_recording
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
-from seaclutter_cli.sources import Recording
+from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, data_size, printable, table
 
 _STATUSES = ("do", "skip", "refuse")

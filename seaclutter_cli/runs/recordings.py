@@ -20,7 +20,14 @@ from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import Decoding, LabelSources, Logs, ReadOptions
 from seaclutter_cli.selection import Selection, is_part
 from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions
-from seaclutter_cli.sources import Recording, Search, find_recordings, has_metadata_beside, metadata_beside, require_one
+from seaclutter_cli.sources.recordings import (
+    Recording,
+    Search,
+    find_recordings,
+    has_metadata_beside,
+    metadata_beside,
+    require_one,
+)
 from seaclutter_cli.sources.shared.integration import Integrated
 from seaclutter_cli.text import count, duration, printable
 

@@ -32,7 +32,7 @@ from seaclutter_cli.runs.recordings import Outcome, expected_frames, open_record
 from seaclutter_cli.runs.studies import LabelledRecordings, prepared
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.selection import was_filtered
-from seaclutter_cli.sources import Recording
+from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import UNKNOWN, count, printable
 
 _DESCRIBED_FRAMES = 10

@@ -25,7 +25,7 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.recordings import LabelFile, Outcome, open_recording
 from seaclutter_cli.sinks.options import McapOptions
-from seaclutter_cli.sources import Recording
+from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.threads import in_threads
 
 if TYPE_CHECKING:  # imports all filters, which tiles do not need

@@ -22,7 +22,7 @@ from seaclutter_cli.simulation.airborne.scene import TileScene, is_tile_scene, l
 from seaclutter_cli.simulation.marine.render import SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import Scene, save_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
-from seaclutter_cli.sources import Recording
+from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, indented, named_folder, printable, table
 from seaclutter_cli.truth import CLUTTER, IGNORED, OBJECT_CLASSES
 from seaclutter_cli.urls import PathLike

@@ -34,7 +34,7 @@ from seaclutter_cli.runs.recordings import (
     storing_errors,
 )
 from seaclutter_cli.selection import Selection, cloud_channels
-from seaclutter_cli.sources import Recording
+from seaclutter_cli.sources.recordings import Recording
 
 StudyOptions = (
     CalibrateOptions | EvaluateOptions | LabelCheckOptions | MaskOptions | ReportOptions | TuneOptions | ViewOptions

@@ -16,7 +16,7 @@ from seaclutter_cli.messages.metadata import TOPICS_RECORD, RecordedTopic, recor
 from seaclutter_cli.reading import frames
 from seaclutter_cli.records import Message, Metadata
 from seaclutter_cli.selection import Selection, parse_moment
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 from tests.logs import PERIOD_NS, START_NS, Entry, Topic, cloud_messages, cloud_topic, write_log
 from tests.paths import ROOT
 

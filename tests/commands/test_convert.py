@@ -15,7 +15,7 @@ from seaclutter_cli.reading import frames
 from seaclutter_cli.records import Message
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.sources.recordings import find_recordings
 from tests.logs import Entry, Extra, Topic, cloud_messages, cloud_topic, write_log
 

@@ -10,7 +10,7 @@ from seaclutter_cli.commands import cli
 from seaclutter_cli.records import Message
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sinks.options import FORMATS
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 from tests.paths import SAMPLE
 
 

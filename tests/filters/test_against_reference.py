@@ -13,7 +13,7 @@ from seaclutter_cli.filters import FILTERS, neighbors
 from seaclutter_cli.filters.adaptive_radius import Preset
 from seaclutter_cli.reading import frames
 from seaclutter_cli.selection import Selection
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 from tests.filters.frames import frame_of, make_frame, sea_frame, take
 from tests.filters.reference import REFERENCES
 from tests.filters.reference_points import distances_to_others, points_of

@@ -11,7 +11,7 @@ from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.frame import Reason
 from seaclutter_cli.reading import frames
 from seaclutter_cli.selection import Selection
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 from tests.filters.reference_confirmed import ConfirmedObjects
 from tests.filters.seas import Body, random_bodies, sea_log
 from tests.paths import ROOT

@@ -20,7 +20,7 @@ from seaclutter_cli.runs.batch import Work, run_batch
 from seaclutter_cli.runs.observer import Silent
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.recordings import Outcome
-from seaclutter_cli.sources import Recording
+from seaclutter_cli.sources.recordings import Recording
 from tests.logs import cloud_log
 
 

@@ -19,7 +19,7 @@ from seaclutter_cli.pipeline import run
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sinks.log import LogSink
 from seaclutter_cli.sinks.options import McapOptions
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 from tests.logs import CLOUD_KINDS, START_NS, cloud_topic, foxglove_class, write_log
 from tests.logs import Entry as LogEntry
 

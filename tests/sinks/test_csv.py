@@ -15,7 +15,7 @@ from seaclutter_cli.pipeline import run
 from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sinks.csv import FrameTable, unpack_rows
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 from tests.logs import START_NS, cloud_log
 from tests.sinks.runs import FakeSource, filter_log
 

@@ -19,7 +19,7 @@ from seaclutter_cli.messages import find_codec
 from seaclutter_cli.records import Channel, Message, Schema
 from seaclutter_cli.sinks.log import LogSink
 from seaclutter_cli.sinks.options import McapOptions
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 from tests.logs import (
     LAYOUTS,
     POINT,

@@ -9,7 +9,7 @@ import zstandard
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Message
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 from tests.sources.bombs import (
     BAG_MESSAGE,
     FILES,

@@ -12,7 +12,7 @@ from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import InputError, LabelError
 from seaclutter_cli.labels import open_labels
 from seaclutter_cli.records import Message
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 from tests.sources import scenarios
 
 LIDAR, RADAR = "/lidar/detections", "/radar/detections"

@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from seaclutter_cli.records import Message
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 from tests.logs import LAYOUTS, START_NS, Entry, Layout, Topic, cloud_log, write_log
 from tests.paths import ROOT
 from tests.sources.rosbag1.bags import BZ2, write_bag

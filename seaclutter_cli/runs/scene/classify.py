@@ -24,7 +24,7 @@ from seaclutter_cli.scenes.model import SceneDecision, SceneModel, SceneTracker
 from seaclutter_cli.scenes.training import SceneScores
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import csv_line
-from seaclutter_cli.sources import Recording
+from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, share, table
 
 _MISCLASSIFIED = ("recording", "scene", "wrong", "frames")

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.sources import Recording, find_recordings
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
+from seaclutter_cli.sources.recordings import Recording, find_recordings
 from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.records import Message
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 from tests.paths import shared
 
 pytest.importorskip("velodyne_decoder")

@@ -14,7 +14,7 @@ from seaclutter_cli.reading import frames
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.simulation.marine.recording import FORMATS, START_NS, record, simulate_frames
 from seaclutter_cli.simulation.marine.scene import load_scene
-from seaclutter_cli.sources import find_recordings
+from seaclutter_cli.sources.recordings import find_recordings
 
 FRAMES = 3
 

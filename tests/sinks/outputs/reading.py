@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from seaclutter_cli.reading import frames
 from seaclutter_cli.selection import Selection
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 
 TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 STORES = {"ros1": get_typestore(Stores.ROS1_NOETIC), "cdr": get_typestore(Stores.LATEST)}

@@ -11,7 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.records import Channel, Metadata, Schema
 from seaclutter_cli.sinks.bag_writer import BagWriter
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
 START_NS = 1_700_000_000 * 10**9 + 5

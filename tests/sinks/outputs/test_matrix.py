@@ -5,7 +5,7 @@ import pytest
 
 from seaclutter_cli.runs.convert import convert_log
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
-from seaclutter_cli.sources import SOURCES
+from seaclutter_cli.sources.formats import SOURCES
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from tests.fuzz.formats import FORMATS
 from tests.sinks.outputs.reading import READERS, Read, by_this_program

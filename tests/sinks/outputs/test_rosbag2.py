@@ -11,7 +11,7 @@ from seaclutter_cli.records import Channel, Schema
 from seaclutter_cli.runs.convert import convert_log
 from seaclutter_cli.sinks.bag_writer import BagWriter
 from seaclutter_cli.sinks.options import McapOptions, Split
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 from tests.logs import Entry, Topic, cloud_messages, cloud_topic, write_log
 
 START_NS = 1_700_000_000 * 10**9

@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 import seaclutter
 from seaclutter_cli.commands import cli
 from seaclutter_cli.records import Message
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.sources.frame_files.arrays import read_bin
 from seaclutter_cli.sources.frame_files.sidecars import poses_beside
 from tests.sources.frame_files import data_sets

@@ -10,7 +10,8 @@ from mcap.reader import make_reader
 
 from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.sources import find_recordings, open_source
+from seaclutter_cli.sources.formats import open_source
+from seaclutter_cli.sources.recordings import find_recordings
 from tests.paths import SHARED_DATA
 from tests.sources.pcap import captures
 from tests.sources.pcap.captures import frames, pcap

@@ -11,7 +11,7 @@ from seaclutter_cli.messages import find_codec
 from seaclutter_cli.records import Message
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.recordings import open_recording
-from seaclutter_cli.sources import find_recordings
+from seaclutter_cli.sources.recordings import find_recordings
 from tests import logs
 from tests.messages import wrapped
 

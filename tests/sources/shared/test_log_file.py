@@ -3,7 +3,7 @@
 import pytest
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.sources import open_source
+from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.sources.shared.log_file import FilePart, LogFile, LostDataError
 from tests.paths import ROOT
 from tests.sources.rosbag1.bags import LZ4, write_bag

@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.sources import Search, find_recordings
+from seaclutter_cli.sources.recordings import Search, find_recordings
 from seaclutter_cli.sources.shared.split import MAX_GAP_S, MAX_OVERLAP_S
 from tests.logs import PERIOD_NS, START_NS, Entry, Topic, cloud_messages, cloud_topic, write_log
 from tests.sources.rosbag1.bags import write_bag
