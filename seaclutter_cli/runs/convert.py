@@ -132,22 +132,10 @@ class ConvertOutcome(LogOutcome):
         """Return messages, frames and points."""
         return f"{count(self.messages, 'message')}, {count(self.frames, 'frame')} of {count(self.points_in, 'point')}"
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self, **_: Any) -> dict[str, Any]:
         """Return the outcome as JSON-compatible data."""
-        return {
-            "recording": self.recording,
-            "status": self.status,
-            "output": None if self.error else str(self.output),
-            "format": self.form,
-            "error": self.error,
-            "damage": [str(item) for item in self.damage],
-            "seconds": round(self.seconds, 3),
-            "messages": self.messages,
-            "topics": {
-                topic: {"frames": tally.frames, "points": tally.points_in} for topic, tally in self.topics.items()
-            },
-            "lost": self.lost,
-        }
+        topics = {topic: {"frames": tally.frames, "points": tally.points_in} for topic, tally in self.topics.items()}
+        return {**super().as_dict(format=self.form), "messages": self.messages, "topics": topics, "lost": self.lost}
 
     def as_text(self) -> str:
         """Return the outcome as human-readable text."""

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from seaclutter_cli.frame import Reason
+from seaclutter_cli.frame import Reason, Rings
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.log_work import LogOutcome, LogSummary
@@ -34,89 +34,70 @@ class FilterOutcome(LogOutcome):
         """Return frames and the share of the points that were kept."""
         return f"{count(self.frames, 'frame')}, {share(self.points_out, self.points_in)} of the points kept"
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self, **_: Any) -> dict[str, Any]:
         """Return the outcome as JSON-compatible data."""
-        return {
-            "recording": self.recording,
-            "status": self.status,
-            "output": None if self.error else str(self.output),
-            "error": self.error,
-            "damage": [str(item) for item in self.damage],
-            "seconds": round(self.seconds, 3),
-            "topics": {
-                topic: _as_dict(tally, self.edges, has_water=self.has_water) for topic, tally in self.topics.items()
-            },
-        }
+        return {**super().as_dict(), "topics": {topic: self._sums(tally) for topic, tally in self.topics.items()}}
 
     def as_text(self) -> str:
         """Return the outcome as human-readable text."""
         pace = f" ({self.frames / self.seconds:.0f} frames/s)" if self.frames and not self.skipped else ""
         last = self.figures() if self.skipped else f"{count(self.frames, 'frame')} in {self.seconds:.1f} s{pace}"
-        topics = [_as_text(topic, tally, self.edges, has_water=self.has_water) for topic, tally in self.topics.items()]
+        topics = [self._topic_text(topic, tally) for topic, tally in self.topics.items()]
         return "\n".join((printable(f"{self.recording} -> {self.output}"), *topics, last))
 
+    def _sums(self, tally: TopicTally) -> dict[str, Any]:
+        """Return the sums of a topic as JSON-compatible data; thresholds of range rings are means over the frames."""
+        water, rings = tally.mean_water, tally.rings
+        reasons = [reason for reason in Reason if reason and (reason != Reason.UNCONFIRMED or self.has_water)]
+        points, kept = rings.beyond.tolist() if rings else (0, 0)
+        return {
+            "frames": tally.frames,
+            "points_in": tally.points_in,
+            "points_out": int(tally.counts[Reason.KEPT]),
+            **{reason.name.lower(): int(tally.counts[reason]) for reason in reasons},
+            **({"water_frames": tally.water_frames} if self.has_water else {}),
+            **({"water": {name: round(value, 4) for name, value in asdict(water).items()}} if water else {}),
+            "rings": self._rings(rings, tally.frames) if rings else [],
+            **({"beyond": {"start_m": self.edges[-1], "points": points, "kept": kept}} if rings else {}),
+            **({"scenes": dict(sorted(tally.scenes.items()))} if tally.scenes else {}),
+            "filter_ms": round(1000 * tally.filter_s / max(tally.frames, 1), 3),
+        }
 
-def _as_dict(tally: TopicTally, edges: Sequence[float], *, has_water: bool) -> dict[str, Any]:
-    water = tally.mean_water
-    reasons = [reason for reason in Reason if reason != Reason.UNCONFIRMED or has_water]
-    return {
-        "frames": tally.frames,
-        "points_in": tally.points_in,
-        "points_out": int(tally.counts[Reason.KEPT]),
-        **{reason.name.lower(): int(tally.counts[reason]) for reason in reasons if reason},
-        **({"water_frames": tally.water_frames} if has_water else {}),
-        **({"water": {name: round(value, 4) for name, value in asdict(water).items()}} if water else {}),
-        "rings": _rings(tally, edges),
-        **({"beyond": _beyond(tally, edges)} if tally.rings else {}),
-        **({"scenes": dict(sorted(tally.scenes.items()))} if tally.scenes else {}),
-        "filter_ms": round(1000 * tally.filter_s / max(tally.frames, 1), 3),
-    }
+    def _rings(self, rings: Rings, frames: int) -> list[dict[str, float]]:
+        counts = {name: getattr(rings, name).tolist() for name in ("points", "low_intensity", "outliers")}
+        thresholds = (rings.thresholds / frames).round(6).tolist()
+        columns = {"start_m": self.edges[:-1], "end_m": self.edges[1:], **counts, "mean_threshold": thresholds}
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+    def _topic_text(self, topic: str, tally: TopicTally) -> str:
+        sums, names, size = self._sums(tally), reason_names(self.edges), tally.points_in
+        kept = f"{sums['points_out']:,} out ({share(sums['points_out'], size)})"
+        blocks = [f"{printable(topic)}: {count(tally.frames, 'frame')}, {count(size, 'point')} in, {kept}"]
+        removed = {reason: int(tally.counts[reason]) for reason in Reason if reason and tally.counts[reason]}
+        if removed:
+            rows = [(names[reason], f"{points:,}", share(points, size)) for reason, points in removed.items()]
+            blocks.append(table(("reason", "removed", "share"), rows))
+        if tally.counts[Reason.NEAR] > _MOST * size:
+            blocks.append("Most points are nearer; if own ship ends sooner, lower filter.start_m.")
+        if sums["rings"]:
+            blocks.append(_ring_table(sums["rings"], sums["beyond"]))
+        if self.has_water:
+            blocks.append(_water_text(tally))
+        if tally.scenes:
+            scenes = (f"{printable(name)} {number:,}" for name, number in tally.scenes.items())
+            blocks.append(f"frames by scene: {', '.join(scenes)}")
+        return indented("\n".join(blocks))
 
 
-def _rings(tally: TopicTally, edges: Sequence[float]) -> list[dict[str, float]]:
-    """Return a row for each range ring; thresholds are means over the frames."""
-    if tally.rings is None:
-        return []
-    columns = zip(
-        edges[:-1],
-        edges[1:],
-        tally.rings.points.tolist(),
-        tally.rings.low_intensity.tolist(),
-        tally.rings.outliers.tolist(),
-        (tally.rings.thresholds / tally.frames).round(6).tolist(),
-        strict=True,
-    )
-    names = ("start_m", "end_m", "points", "low_intensity", "outliers", "mean_threshold")
-    return [dict(zip(names, row, strict=True)) for row in columns]
-
-
-def _beyond(tally: TopicTally, edges: Sequence[float]) -> dict[str, float]:
-    """Return counts of the points beyond the range rings."""
-    points, kept = tally.rings.beyond.tolist() if tally.rings else (0, 0)
-    return {"start_m": edges[-1], "points": points, "kept": kept}
-
-
-def _as_text(topic: str, tally: TopicTally, edges: Sequence[float], *, has_water: bool) -> str:
-    kept = int(tally.counts[Reason.KEPT])
-    size = tally.points_in
-    frames = count(tally.frames, "frame")
-    blocks = [f"{printable(topic)}: {frames}, {count(size, 'point')} in, {kept:,} out ({share(kept, size)})"]
-    names = reason_names(edges)
-    removed = [(names[r], int(tally.counts[r])) for r in Reason if r and tally.counts[r]]
-    if removed:
-        rows = [(name, f"{points:,}", share(points, size)) for name, points in removed]
-        blocks.append(table(("reason", "removed", "share"), rows))
-    if tally.counts[Reason.NEAR] > _MOST * size:
-        blocks.append("Most points are nearer; if own ship ends sooner, lower filter.start_m.")
-    if tally.rings is not None:
-        head = ("range ring", "points", "low intensity", "outliers", "kept", "mean threshold")
-        blocks.append(table(head, [*map(_ring_row, _rings(tally, edges)), _beyond_row(_beyond(tally, edges))]))
-    if has_water:
-        blocks.append(_water_text(tally))
-    if tally.scenes:
-        scenes = (f"{printable(name)} {number:,}" for name, number in tally.scenes.items())
-        blocks.append(f"frames by scene: {', '.join(scenes)}")
-    return indented("\n".join(blocks))
+def _ring_table(rings: Sequence[Mapping[str, float]], beyond: Mapping[str, float]) -> str:
+    rows = []
+    for ring in rings:
+        points, low, outliers = (ring[name] for name in ("points", "low_intensity", "outliers"))
+        span, kept = f"{ring['start_m']:g} to {ring['end_m']:g} m", share(points - low - outliers, points)
+        rows.append((span, f"{points:,}", f"{low:,}", f"{outliers:,}", kept, f"{ring['mean_threshold']:.2f}"))
+    start, points = f"{beyond['start_m']:g} m on", beyond["points"]
+    rows.append((start, f"{points:,}", "-", "-", share(beyond["kept"], points), "-"))
+    return table(("range ring", "points", "low intensity", "outliers", "kept", "mean threshold"), rows)
 
 
 def _water_text(tally: TopicTally) -> str:
@@ -126,24 +107,6 @@ def _water_text(tally: TopicTally) -> str:
     height = f"significant wave height {water.significant_wave_height_m:.2f} m"
     missing = f"; none in {count(without, 'frame')}" if without else ""
     return f"water {-water.level_m:.2f} m below the lidar, {height} (means){missing}"
-
-
-def _beyond_row(beyond: Mapping[str, float]) -> tuple[str, ...]:
-    return (
-        f"{beyond['start_m']:g} m on",
-        f"{beyond['points']:,}",
-        "-",
-        "-",
-        share(beyond["kept"], beyond["points"]),
-        "-",
-    )
-
-
-def _ring_row(ring: Mapping[str, float]) -> tuple[str, ...]:
-    kept = ring["points"] - ring["low_intensity"] - ring["outliers"]
-    counts = (f"{ring[name]:,}" for name in ("points", "low_intensity", "outliers"))
-    span = f"{ring['start_m']:g} to {ring['end_m']:g} m"
-    return (span, *counts, share(kept, ring["points"]), f"{ring['mean_threshold']:.2f}")
 
 
 class FilterSummary(LogSummary[FilterOutcome]):

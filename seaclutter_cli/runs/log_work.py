@@ -330,13 +330,19 @@ class LogOutcome(Outcome):
 
     def counts(self) -> dict[str, Any]:
         """Return further columns of the manifest of a run."""
+        names = ("frames", "points_in", "points_out", "bytes_in", "bytes_out")
+        return {"output": None if self.error else str(self.output), **{name: getattr(self, name) for name in names}}
+
+    def as_dict(self, **after_output: Any) -> dict[str, Any]:
+        """Return the outcome as JSON-compatible data."""
         return {
+            "recording": self.recording,
+            "status": self.status,
             "output": None if self.error else str(self.output),
-            "frames": self.frames,
-            "points_in": self.points_in,
-            "points_out": self.points_out,
-            "bytes_in": self.bytes_in,
-            "bytes_out": self.bytes_out,
+            **after_output,
+            "error": self.error,
+            "damage": [str(item) for item in self.damage],
+            "seconds": round(self.seconds, 3),
         }
 
 
