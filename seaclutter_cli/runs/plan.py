@@ -76,18 +76,12 @@ def _plan(run: LogRun[W], observer: Observer) -> "RunPlan":
     prepare_outputs(run.others, {}, force=run.works[0].replaces, dry=True)
     works = [_PlanWork(work, exists=os.path.lexists(work.output)) for work in run.works]
     planned = [works[0].run(observer)] if len(works) == 1 else run_batch(works, run.options.batch.here(), observer)
-    result = RunPlan(planned, _free_bytes(run.works[0].target))
+    target = run.works[0].target
+    folder = next(above for above in target.absolute().parents if above.exists())
+    result = RunPlan(planned, None if mirror_of(target) else shutil.disk_usage(folder).free)
     if result.is_too_large:
         observer.warn(f"{run.root.place}: the outputs may not fit")
     return result
-
-
-def _free_bytes(target: Path) -> int | None:
-    """Return the free space for outputs on this machine."""
-    if mirror_of(target):
-        return None
-    folder = next(above for above in target.absolute().parents if above.exists())
-    return shutil.disk_usage(folder).free
 
 
 @dataclass(frozen=True)
@@ -123,7 +117,7 @@ class _PlanWork(Work["Planned"]):
         if self.exists and options.batch.resume:
             outcome, planned.reason = self.work.earlier()
             if outcome is not None:
-                planned.skipped, planned.frames = True, outcome.frames
+                planned.skipped, planned.frames, planned.reason = True, outcome.frames, "the output is complete"
                 return
         elif self.exists:
             root = Root(self.work.output, OUTPUT_FORMATS[self.work.form].marker)
@@ -152,17 +146,15 @@ def _opened(recording: Recording, reading: ReadOptions) -> Iterator[Source | Non
 
 @dataclass(kw_only=True)
 class Planned(Outcome):
-    """What a run would do with one recording.
+    """What a run would do with one recording, and why it would be skipped or done again.
 
-    The size is 0 and the number of frames None if they are not known before reading; ``reason`` says why the recording
-    would be done again.
+    The size is 0 and the number of frames None if they are not known before reading.
     """
 
     input: Path
     output: Path
     bytes_in: int
     frames: int | None = None
-    reason: str = ""
 
     @property
     def status(self) -> str:
@@ -172,12 +164,9 @@ class Planned(Outcome):
     @property
     def explanation(self) -> str:
         """Why the recording would be refused, skipped or done again, and its output otherwise."""
-        if self.error:
-            return self.error
-        if self.skipped:
-            return "the output is complete"
         damaged = f"; {count(len(self.damage), 'damaged part')}" if self.damage else ""
-        return f"{self.reason + '; ' if self.reason else ''}-> {self.output}{damaged}"
+        again = f"{self.reason + '; ' if self.reason else ''}-> {self.output}{damaged}"
+        return self.error or (self.reason if self.skipped else again)
 
     def line(self) -> str:
         """Return nothing: the result lists all recordings."""
@@ -190,7 +179,7 @@ class Planned(Outcome):
             "input": str(self.input),
             "output": str(self.output),
             "status": self.status,
-            "reason": self.error or ("the output is complete" if self.skipped else self.reason or None),
+            "reason": self.error or self.reason or None,
             "frames": self.frames,
             "bytes_in": self.bytes_in,
             "damage": [str(item) for item in self.damage],
