@@ -27,7 +27,6 @@ from seaclutter_cli.validation import (
     descriptions,
     find_file,
     merged,
-    parse_value,
     parse_yaml,
     plain,
     raise_problems,
@@ -203,7 +202,7 @@ def _read(source: ConfigSource | None) -> tuple[str, Mapping[str, Any]]:
     return "configuration", source.as_dict() if isinstance(source, Config) else source
 
 
-def parse_sections(text: str, where: str) -> dict[str, Any]:
+def parse_sections(text: str, where: str) -> Any:
     """Return the settings in the text of a configuration file, not yet validated; ``where`` names it in messages."""
     return parse_yaml(text, where, _SECTIONS)
 
@@ -268,7 +267,7 @@ def _parse_override(text: str) -> dict[str, Any]:
     section, *keys = name.strip().split(".")
     if not (equals and all(keys) and 0 < len(keys) <= MAX_DEPTH and section in _SECTIONS):
         raise ConfigError(f"--set {text}: write it as filter.KEY=VALUE or evaluation.KEY=VALUE")
-    settings = parse_value(value, f"--set {text}")
+    settings = parse_yaml(value, f"--set {text}")
     for key in reversed((section, *keys)):
         settings = {key: settings}
     return dict(settings)

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
-_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows has no SIGHUP
+_SIGNALS = [
+    signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in signal.Signals.__members__
+]  # Windows has no SIGHUP
 _REPEAT_S = 0.05
 _WAIT_FOR = ("importlib", "pydantic", "seaclutter_cli.sinks.atomic")
 """Packages and modules that drop or replace an interrupt that comes within them, or that complete and remove files; all
@@ -37,7 +39,7 @@ def handle_interrupts() -> None:
     imports, and the program imports most of its modules when a command runs; an interrupt therefore waits until an
     import is done. While the first one unwinds the run and removes incomplete files, all others are ignored.
     """
-    for number in _known():
+    for number in _SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:  # as nohup sets it
             signal.signal(number, _interrupt)
     sys.unraisablehook = _show_unraisable
@@ -45,14 +47,9 @@ def handle_interrupts() -> None:
 
 def ignore_interrupts() -> None:
     """Ignore interrupts from now on: the run has ended, only the process has not."""
-    for number in _known():
+    for number in _SIGNALS:
         if signal.getsignal(number) is _interrupt:
             signal.signal(number, signal.SIG_IGN)
-
-
-def _known() -> list[signal.Signals]:
-    """Return the signals that end a run, as far as this system has them."""
-    return [signal.Signals[name] for name in _SIGNALS if name in signal.Signals.__members__]
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

@@ -53,7 +53,7 @@ def find_file(name: str, folder: str, kind: str) -> Path:
     raise ConfigError(f"{name}: no such {kind}; {suggestion(name, builtin)}built-in ones: {', '.join(builtin)}")
 
 
-def read_yaml(path: Path, sections: Sequence[str]) -> dict[str, Any]:
+def read_yaml(path: Path, sections: Sequence[str]) -> Any:
     """Return the content of a file; raise `ConfigError` if it is not a YAML mapping."""
     try:
         with path.open(encoding="utf-8") as file:
@@ -63,25 +63,15 @@ def read_yaml(path: Path, sections: Sequence[str]) -> dict[str, Any]:
     return parse_yaml(text, str(path), sections)
 
 
-def parse_yaml(text: str, where: str, sections: Sequence[str]) -> dict[str, Any]:
-    """Return the content of a text; raise `ConfigError` that names ``where`` if it is not a YAML mapping."""
+def parse_yaml(text: str, where: str, sections: Sequence[str] = ()) -> Any:
+    """Return the content of a text, a mapping if it has ``sections``; raise `ConfigError` that names ``where``."""
     try:
         raw = load_yaml(text)
     except DocumentError as error:
         raise ConfigError(f"{where}: {error}") from error
-    if raw is None:
-        return {}
-    if not isinstance(raw, dict):
+    if sections and raw is not None and not isinstance(raw, dict):
         raise ConfigError(f"{where}: must contain sections ({', '.join(sections)}), got {kind_of(raw)}")
-    return raw
-
-
-def parse_value(text: str, option: str) -> Any:
-    """Return the YAML value on the command line; raise `ConfigError` that names ``option`` if it is not valid."""
-    try:
-        return load_yaml(text)
-    except DocumentError as error:
-        raise ConfigError(f"{option}: {error}") from error
+    return {} if sections and raw is None else raw
 
 
 def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, problems: list[str]) -> Any:
@@ -140,17 +130,12 @@ def build_sections(kinds: Mapping[str, type[Any]], raw: Mapping[str, Any], probl
     return {section: build(kind, found[section], section, section, problems) for section, kind in kinds.items()}
 
 
-def build_list(kind: type[Any], raw: Any, section: str, owner: str, problems: list[str]) -> list[Any]:
+def build_list(kind: type[Any], raw: Any, section: str, problems: list[str]) -> list[Any]:
     """Return a parameter object for each valid entry of a list; see `build`."""
     if not isinstance(raw, list):
         problems.append(f"{section}: must be a list, got {kind_of(raw)}")
         return []
-    found = []
-    for index, values in enumerate(raw):
-        if isinstance(values, dict):
-            found.append(build(kind, values, f"{section}.{index}", owner, problems))
-        else:
-            problems.append(_not_a_section(f"{section}.{index}", values))
+    found = [_read(kind, values, f"{section}.{index}", problems) for index, values in enumerate(raw)]
     return [entry for entry in found if entry is not None]
 
 

@@ -10,7 +10,7 @@ from seaclutter_cli.airborne.forest import ForestParams
 from seaclutter_cli.airborne.objects import ObjectFindingParams
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.validation import build_sections, parse_value, plain, raise_problems, read_yaml
+from seaclutter_cli.validation import build_sections, parse_yaml, plain, raise_problems, read_yaml
 
 
 @dataclass(frozen=True)
@@ -85,4 +85,4 @@ def _parse_override(text: str) -> tuple[str, str, Any]:
     section, dot, key = name.strip().partition(".")
     if not (equals and dot and section in _kinds()):
         raise ConfigError(f"--set {text}: write it as SECTION.KEY=VALUE; sections are {', '.join(_kinds())}")
-    return section, key, parse_value(value, f"--set {text}")
+    return section, key, parse_yaml(value, f"--set {text}")

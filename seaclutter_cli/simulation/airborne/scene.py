@@ -276,9 +276,9 @@ def parse_tile_scene(raw: Mapping[str, Any], where: str) -> TileScene:
     """Return the scene that a mapping describes; error messages start with ``where``."""
     problems = [f"{key}: unknown section; allowed: {', '.join(_SECTIONS)}" for key in raw if key not in _SECTIONS]
     parts = build_sections(_KINDS, raw, problems)
-    listed = build_list(TileObjectParams, raw.get("objects") or [], "objects", "an object", problems)
+    listed = build_list(TileObjectParams, raw.get("objects") or [], "objects", problems)
     objects = [*listed, *_random(raw.get("random") or {}, problems)]
-    land = build_list(LandParams, raw.get("land") or [], "land", "land", problems)
+    land = build_list(LandParams, raw.get("land") or [], "land", problems)
     raise_problems(where, problems, KEYS)
     return TileScene(**parts, objects=tuple(objects), land=tuple(land))
 

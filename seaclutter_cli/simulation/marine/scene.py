@@ -218,7 +218,7 @@ def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
     if "physics" in raw and TERRAINS[chosen[0]][0] is not SeaParams:
         problems.append("physics: only a sea can have this section")
     parts = build_sections(kinds, raw, problems)
-    objects = build_list(SceneObjectParams, raw.get("objects") or [], "objects", "an object", problems)
+    objects = build_list(SceneObjectParams, raw.get("objects") or [], "objects", problems)
     uses = Counter(item.track_id for item in objects)
     problems += [f"objects: track_id {number} is used more than once" for number in sorted(uses) if uses[number] > 1]
     raise_problems(where, problems, KEYS)
