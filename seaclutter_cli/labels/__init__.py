@@ -54,7 +54,10 @@ def open_labels(path: Path, options: LabelOptions = LabelOptions()) -> Labels:  
     try:
         if not path.exists():
             raise LabelError(f"{path}: no such file or folder")
-        found = _formats_of(path)
+        matching = {name: known for name, known in LABELS.items() if known.matches(path)}
+        if len(matching) > 1:  # labels in the folder of a log take precedence over those in its clouds
+            matching.pop("cloud", None)
+        found = list(matching.values())
         if len(found) == 1:
             return found[0].open(path, options)
     except OSError as error:
@@ -62,14 +65,6 @@ def open_labels(path: Path, options: LabelOptions = LabelOptions()) -> Labels:  
     if found:
         raise LabelError(f"{path}: labels in several formats ({_listed(found)}); give the folder or file of one format")
     raise LabelError(f"{path}: no labels in a known format; known formats: {_listed(LABELS.values())}")
-
-
-def _formats_of(path: Path) -> list[LabelFormat]:
-    """Return the formats that match a path; labels in the folder of a log take precedence over those in its clouds."""
-    found = {name: known for name, known in LABELS.items() if known.matches(path)}
-    if len(found) > 1:
-        found.pop("cloud", None)
-    return list(found.values())
 
 
 def _listed(formats: Iterable[LabelFormat]) -> str:

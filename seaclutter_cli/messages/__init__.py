@@ -47,7 +47,10 @@ def main_clouds(channels: Iterable[Channel]) -> Sequence[Channel]:
     Recorders also store copies of clouds for viewers, compressed ones, and the scans of other sensors: the first of
     these kinds that a recording has counts.
     """
-    ranks = {channel: rank for channel in channels if (rank := _rank(channel)) is not None}
+    ranks: dict[Channel, int] = {}
+    for channel in channels:
+        if codec := find_codec(channel):
+            ranks[channel] = next((rank for rank, kind in enumerate(_SECONDARY, 1) if isinstance(codec, kind)), 0)
     return [channel for channel, rank in ranks.items() if rank == min(ranks.values())]
 
 
@@ -60,10 +63,3 @@ def declares_latched(channel: Channel) -> bool:
     """Return whether a channel has the ROS 1 header ``latching`` or the ROS 2 durability ``transient_local``."""
     metadata = dict(channel.metadata)
     return metadata.get("latching") == "1" or bool(_TRANSIENT_LOCAL.search(metadata.get("offered_qos_profiles", "")))
-
-
-def _rank(channel: Channel) -> int | None:
-    codec = find_codec(channel)
-    if codec is None:
-        return None
-    return next((rank for rank, kind in enumerate(_SECONDARY, 1) if isinstance(codec, kind)), 0)

@@ -63,15 +63,11 @@ SENSORS: Mapping[str, SensorModel] = {
     "HDL-32E": SensorModel("Velodyne", 32, 2170, _BYTE, _VELODYNE),
     "Alpha Prime": SensorModel("Velodyne", 128, 1800, _BYTE, _VELODYNE),
     "HDL-64E": SensorModel("Velodyne", 64, 2083, _BYTE, _VELODYNE),
-    "OS0-32": SensorModel("Ouster", 32, 1024, _PHOTONS, _OUSTER),
-    "OS0-64": SensorModel("Ouster", 64, 1024, _PHOTONS, _OUSTER),
-    "OS0-128": SensorModel("Ouster", 128, 1024, _PHOTONS, _OUSTER),
-    "OS1-32": SensorModel("Ouster", 32, 1024, _PHOTONS, _OUSTER),
-    "OS1-64": SensorModel("Ouster", 64, 1024, _PHOTONS, _OUSTER),
-    "OS1-128": SensorModel("Ouster", 128, 1024, _PHOTONS, _OUSTER),
-    "OS2-32": SensorModel("Ouster", 32, 1024, _PHOTONS, _OUSTER),
-    "OS2-64": SensorModel("Ouster", 64, 1024, _PHOTONS, _OUSTER),
-    "OS2-128": SensorModel("Ouster", 128, 1024, _PHOTONS, _OUSTER),
+    **{
+        f"OS{series}-{rows}": SensorModel("Ouster", rows, 1024, _PHOTONS, _OUSTER)
+        for series in range(3)
+        for rows in (32, 64, 128)
+    },
     "Pandar40P": SensorModel("Hesai", 40, 1800, _BYTE, _HESAI),
     "Pandar64": SensorModel("Hesai", 64, 1800, _BYTE, _HESAI),
     "PandarQT": SensorModel("Hesai", 64, 600, _BYTE, _HESAI),

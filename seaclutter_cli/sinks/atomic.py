@@ -222,19 +222,15 @@ class OutputGroup(AbstractContextManager["OutputGroup"]):
             if self._outer is not None:
                 self._outer.replaces(path)
             elif self._replace:
-                _delete(path)
+                if mirror := mirror_of(path):
+                    mirror.delete(path)
+                path.unlink(missing_ok=True)
         while self._files:
             if self._outer is None:
                 self._files[0].publish(replace=self._replace)
             else:
                 self._outer.add(self._files[0])
             del self._files[0]
-
-
-def _delete(path: Path) -> None:
-    if mirror := mirror_of(path):
-        mirror.delete(path)
-    path.unlink(missing_ok=True)
 
 
 def _remove(part: Path, opened: list[BinaryIO]) -> None:

@@ -69,16 +69,11 @@ def _add(laspy: Any, header: Any, added: ExtraDims) -> None:
     header.vlrs[:] = [described if one is old else one for one in records] + ([described] if old is None else [])
 
 
-def _without_index(header: Any) -> Any:
-    """Remove the index of a COPC file, whose chunks an output does not have."""
-    for records in (header.vlrs, getattr(header, "evlrs", None)):
-        if records:
-            records[:] = [one for one in records if one.user_id != _INDEX_USER]
-    return header
-
-
 def _checked(laspy: Any, path: Path, header: Any, *, packed: bool) -> Any:
     """Return a header that can be written; LAS 1.0 becomes LAS 1.2, which gives four reserved bytes a meaning."""
+    for records in (header.vlrs, getattr(header, "evlrs", None)):
+        if records:  # the index of a COPC file is of chunks that an output does not have
+            records[:] = [one for one in records if one.user_id != _INDEX_USER]
     if str(header.version) == _FIRST:
         header.version = laspy.header.Version(1, 2)
         header.file_source_id = 0
@@ -111,7 +106,7 @@ def las_writer(
     except ImportError as error:
         raise MissingExtraError("LAS/LAZ", "las") from error
     packed = path.suffix.lower() == ".laz"
-    own = _checked(laspy, path, _without_index(deepcopy(header)), packed=packed)
+    own = _checked(laspy, path, deepcopy(header), packed=packed)
     known = set(header.point_format.dimension_names)
     added = {name: spec for name, spec in (extra or {}).items() if name not in known}
     if added:

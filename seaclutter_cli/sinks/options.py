@@ -54,7 +54,7 @@ class Split:
 
 
 def parse_split(text: str) -> Split:
-    """Return the limit in a text: a size with a unit of bytes, or a duration with a unit of time, or `ValueError`.
+    """Return the limit in a text: a size with a unit of bytes, or a duration with a unit of time; or `ValueError`.
 
     Examples
     --------
@@ -62,14 +62,12 @@ def parse_split(text: str) -> Split:
     (Split(size=2000000000, duration_ns=None), Split(size=None, duration_ns=90000000000))
     """
     match = _PATTERN.fullmatch(text.strip().lower())
-    if match is None or not float(match[1]):
-        raise ValueError(text)
-    number, unit = float(match[1]), match[2]
-    if unit in _DURATIONS:
+    number, unit = (float(match[1]), match[2]) if match else (0.0, "")
+    if number and unit in _DURATIONS:
         return Split(duration_ns=round(number * _DURATIONS[unit] * 10**9))
-    if not unit.endswith("b") or unit[:-1] not in _UNITS:
-        raise ValueError(text)
-    return Split(size=round(number * _UNITS[unit[:-1]]))
+    if number and unit.endswith("b") and unit[:-1] in _UNITS:
+        return Split(size=round(number * _UNITS[unit[:-1]]))
+    raise ValueError(f"{text}: expected a size such as 2GB, or a duration such as 10min")
 
 
 class Parts:
@@ -109,13 +107,6 @@ def parts_after(path: Path, number: int) -> list[Path]:
     found = ((pattern.fullmatch(one.name), one) for one in path.parent.glob("*"))
     numbers = {int(match[1]): one for match, one in found if match}
     return [numbers[one] for one in sorted(numbers) if one > number]
-
-
-def _split(text: str) -> Split:
-    try:
-        return parse_split(text)
-    except ValueError:
-        raise ValueError(f"{text}: expected a size such as 2GB, or a duration such as 10min") from None
 
 
 def _pattern(text: str) -> str:
@@ -160,7 +151,7 @@ class McapOptions(Options):
     split: Converted[Split | str | None, Split | None] = option(
         "--split LIMIT",
         default=None,
-        kind=Parsed(_split),
+        kind=Parsed(parse_split),
         help="Write parts of at most this size before compression (500MB, 2GiB) or duration (30s, 10min, 1h).",
     )
     include: Converted[str | Sequence[str], tuple[str, ...]] = option(

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from importlib.resources import files
 from itertools import chain, product
 from typing import Any
@@ -112,18 +112,22 @@ signature.
 class HesaiModel:
     """A Hesai sensor with C channels. Each block in a packet contains one firing or one return.
 
-    Its name is that of the file with its nominal angles and firing times. ``matches`` says which packets, shape (P,),
-    come from this sensor. ``block_ns`` is the time between two firings of all channels, or ``pace`` times as much, by
-    packet; the packet's time is ``last_block_ns`` before its last firing or, if there is one, ``first_block_ns`` before
-    its first. Channels that do not always fire at the same times have ``states``, by block, shape (P, B). Distances
-    below the least one are codes. If mirrors rotate instead of the lasers, directions are those of the unit, which has
-    no nominal ones. Experimental decoders are not checked with real packets.
+    Its name is that of the file with its nominal angles and firing times. Headers have its numbers of lasers and
+    blocks, the first numbers of a version, and a status version within bounds. ``block_ns`` is the time between two
+    firings of all channels, or ``pace`` times as much, by packet; the packet's time is ``last_block_ns`` before its
+    last firing or, if there is one, ``first_block_ns`` before its first. Channels that do not always fire at the
+    same times have ``states``, by block, shape (P, B). Distances below the least one are codes. If mirrors rotate
+    instead of the lasers, directions are those of the unit, which has no nominal ones. Experimental decoders are
+    not checked with real packets.
     """
 
     name: str
     layouts: Layouts
-    matches: Callable[[NDArray[np.void]], NDArray[np.bool_]]
+    lasers: int
+    blocks: int
     block_ns: int
+    version: tuple[int, ...] = ()
+    status: tuple[int, int] = (0, 255)
     last_block_ns: int = 0
     first_block_ns: int | None = None
     states: Callable[[NDArray[np.void]], NDArray[np.int64]] | None = None
@@ -141,6 +145,17 @@ class HesaiModel:
     def channels(self) -> int:
         """Number of channels."""
         return len(_read_table(self.name))
+
+    def matches(self, packets: NDArray[np.void]) -> NDArray[np.bool_]:
+        """Return which packets, shape (P,), come from this sensor."""
+        if "start" not in (packets.dtype.names or ()):
+            return np.asarray((packets["blocks"]["start"] == (0xFF, 0xEE)).all(axis=(1, 2)))
+        found = (packets["start"] == (0xEE, 0xFF)).all(axis=1) & (packets["unit_mm"] > 0)
+        found &= (packets["lasers"] == self.lasers) & (packets["blocks_number"] == self.blocks)
+        if self.version:
+            found &= (packets["version"][:, : len(self.version)] == self.version).all(axis=1)
+            found &= (packets["status_version"] >= self.status[0]) & (packets["status_version"] <= self.status[1])
+        return np.asarray(found)
 
     def unit_m(self, packets: NDArray[np.void]) -> NDArray[np.float64]:
         """Return the distance unit of each packet, shape (P,), in metres."""
@@ -178,26 +193,6 @@ def _read_table(name: str) -> NDArray[np.float64]:
     return np.array([line.split(",") for line in lines[1:]], np.float64)
 
 
-def _has(
-    packets: NDArray[np.void],
-    lasers: int,
-    blocks: int,
-    version: tuple[int, ...] = (),
-    status: tuple[int, int] = (0, 255),
-) -> NDArray[np.bool_]:
-    """Return which packets have these numbers in their headers, and a status version within bounds."""
-    found = (packets["start"] == (0xEE, 0xFF)).all(axis=1) & (packets["unit_mm"] > 0)
-    found &= (packets["lasers"] == lasers) & (packets["blocks_number"] == blocks)
-    if version:
-        found &= (packets["version"][:, : len(version)] == version).all(axis=1)
-        found &= (packets["status_version"] >= status[0]) & (packets["status_version"] <= status[1])
-    return np.asarray(found)
-
-
-def _is_p40(packets: NDArray[np.void]) -> NDArray[np.bool_]:
-    return np.asarray((packets["blocks"]["start"] == (0xFF, 0xEE)).all(axis=(1, 2)))
-
-
 def _states_of_qt128(packets: NDArray[np.void]) -> NDArray[np.int64]:
     """Return which of two halves of the channels fires in each block: it alternates."""
     dual = np.isin(packets["mode"], DUAL_MODES)
@@ -219,48 +214,24 @@ def _pace_of_128(packets: NDArray[np.void]) -> NDArray[np.int64]:
 
 def _xt(name: str, blocks: int, lasers: int) -> HesaiModel:
     layouts = _layouts(_HEADER, _blocks(blocks, lasers, 4), [("status", "u1", 10)], _LATE_TAIL, _SEQUENCE)
-    matches = partial(_has, lasers=lasers, blocks=blocks, version=(6,))
-    return HesaiModel(name, layouts, matches, block_ns=50_000, last_block_ns=5_632)
+    return HesaiModel(name, layouts, lasers, blocks, 50_000, version=(6,), last_block_ns=5_632)
 
 
-def _p128(name: str, status: tuple[int, int], **settings: Any) -> HesaiModel:
-    """Return a Pandar128 or OT128, which the versions in their status tell apart."""
-    matches = partial(_has, lasers=128, blocks=2, version=(1, 4), status=status)
-    settings |= {"states": _states_of_128, "pace": _pace_of_128, "is_experimental": True}
-    return HesaiModel(name, _FLAGGED, matches, block_ns=27_778, **settings)
-
+_P128: dict[str, Any] = {"version": (1, 4), "states": _states_of_128, "pace": _pace_of_128, "is_experimental": True}
+"""What a Pandar128 and an OT128 share, which the versions in their status tell apart."""
 
 MODELS = (
     _xt("PandarXT-32", 8, 32),
     _xt("PandarXT-16", 8, 16),
     _xt("PandarXT-32M2X", 6, 32),
-    HesaiModel("Pandar40P", _PANDAR40, _is_p40, block_ns=55_560, last_block_ns=-28_580),
-    HesaiModel("Pandar64", _PANDAR64, partial(_has, lasers=64, blocks=6), block_ns=55_560, last_block_ns=-42_580),
+    HesaiModel("Pandar40P", _PANDAR40, 40, 10, 55_560, last_block_ns=-28_580),
+    HesaiModel("Pandar64", _PANDAR64, 64, 6, 55_560, last_block_ns=-42_580),
+    HesaiModel("PandarQT", _PANDARQT, 64, 4, 166_667, version=(3, 1), first_block_ns=25_710),
+    HesaiModel("PandarQT128", _FLAGGED, 128, 2, 111_110, version=(3, 2), first_block_ns=9_000, states=_states_of_qt128),
+    HesaiModel("Pandar128", _FLAGGED, 128, 2, 27_778, status=(0, 127), last_block_ns=3_148, **_P128),
+    HesaiModel("OT128", _FLAGGED, 128, 2, 27_778, status=(128, 136), least_distance=4, **_P128),
     HesaiModel(
-        "PandarQT",
-        _PANDARQT,
-        partial(_has, lasers=64, blocks=4, version=(3, 1)),
-        block_ns=166_667,
-        first_block_ns=25_710,
-    ),
-    HesaiModel(
-        "PandarQT128",
-        _FLAGGED,
-        partial(_has, lasers=128, blocks=2, version=(3, 2)),
-        block_ns=111_110,
-        first_block_ns=9_000,
-        states=_states_of_qt128,
-    ),
-    _p128("Pandar128", status=(0, 127), last_block_ns=3_148),
-    _p128("OT128", status=(128, 136), least_distance=4),
-    HesaiModel(
-        "AT128",
-        _MIRRORS,
-        partial(_has, lasers=128, blocks=2, version=(4, 3)),
-        block_ns=41_666,
-        last_block_ns=-50_915,
-        has_mirrors=True,
-        is_experimental=True,
+        "AT128", _MIRRORS, 128, 2, 41_666, version=(4, 3), last_block_ns=-50_915, has_mirrors=True, is_experimental=True
     ),
 )
 """Supported sensors. Times and angles are from their manuals or from the files that Hesai's SDK contains."""

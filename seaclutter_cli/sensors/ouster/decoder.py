@@ -67,7 +67,10 @@ class OusterDecoder:
         useful = np.flatnonzero(valid & valid_columns(data).any(axis=1))
         if len(useful):
             if self._frame_id is None and self._waiting is None:
-                self._check_serial(data[useful[0]])
+                serial, known = serial_number(data[useful[0]]), self._metadata.serial
+                if serial and known and serial != known:
+                    problem = f"the metadata is from sensor {known}, the packets are from {serial}"
+                    self.facts.warnings.append(f"{problem}: the angles do not match")
             yield from self._add_valid(Packets(packets.times_ns[useful], packets.payloads[useful]))
 
     def _add_valid(self, packets: Packets) -> Iterator[PacketFrame]:
@@ -175,13 +178,6 @@ class OusterDecoder:
         if returns == 2:
             points["return_number"] = (hit & 1) + 1
         return points
-
-    def _check_serial(self, packet: NDArray[np.void]) -> None:
-        """Warn if the metadata belongs to another sensor."""
-        serial, known = serial_number(packet), self._metadata.serial
-        if serial and known and serial != known:
-            text = f"the metadata is from sensor {known}, the packets are from {serial}: the angles do not match"
-            self.facts.warnings.append(text)
 
 
 def _joined(parts: Sequence[Packets]) -> Packets:

@@ -75,7 +75,8 @@ def _possible(data: NDArray[np.uint8]) -> Sequence[str]:
         return _SHARED
     if len(data) != INFO_BYTES:
         return _RUBIES[-1]
-    if _is_airy(data):
+    # Eight blocks of 48 channels, of which each begins with FF EE.
+    if (data[AIRY.begin : AIRY.begin + 1184].reshape(8, 148)[:, :2] == (0xFF, 0xEE)).all():
         return ("RS-Airy-48" if data[32] == _AIRY_48 else "RS-Airy",)
     for names in _RUBIES:
         model = MODELS[names[0]]
@@ -90,13 +91,10 @@ def _guess(allowed: Sequence[str], info: NDArray[np.uint8]) -> str | None:
     if allowed == _SHARED:
         return next((name for packet in info if (name := _guess_classic(packet))), None)
     if allowed == _HELIOS:
-        return _guess_helios(info[0]) if len(info) else "RS-Helios"
+        # A sensor with 16 lasers lacks the angles of others.
+        is_16p = len(info) and _is_used(info[0, 468:516]) and not _is_used(info[0, 516:564])
+        return "RS-Helios-16P" if is_16p else "RS-Helios"
     return allowed[0] if len(allowed) == 1 else None
-
-
-def _is_airy(data: NDArray[np.uint8]) -> bool:
-    """Return whether a packet has eight blocks of 48 channels, of which each begins with FF EE."""
-    return bool((data[AIRY.begin : AIRY.begin + 1184].reshape(8, 148)[:, :2] == (0xFF, 0xEE)).all())
 
 
 def _version(model: RobosenseModel, data: NDArray[np.uint8], info: NDArray[np.uint8]) -> RobosenseModel:
@@ -120,11 +118,6 @@ def _guess_classic(packet: NDArray[np.uint8]) -> str | None:
         return "RS-LiDAR-16"
     # All lasers of an RS-Bpearl look up, half of those of an RS-LiDAR-32 look down.
     return "RS-LiDAR-32" if packet[468:564:3].any() else "RS-Bpearl"
-
-
-def _guess_helios(packet: NDArray[np.uint8]) -> str:
-    """Return the RS-Helios that sent a device information packet: one with 16 lasers lacks the angles of others."""
-    return "RS-Helios-16P" if _is_used(packet[468:516]) and not _is_used(packet[516:564]) else "RS-Helios"
 
 
 def _is_used(table: NDArray[np.uint8]) -> bool:

@@ -102,7 +102,8 @@ class Geometry:
         points["ring"] = self._rings
         points["timestamp"] = (blocks["times_ns"] / 1e9)[:, None] + self._channel_s
         if self._device.dual:
-            points["return_number"] = self._return_numbers(blocks)
+            lasers = np.arange(self._device.model.channels) // self._device.model.lasers
+            points["return_number"] = 1 + (blocks["second"][:, None] if self._device.paired else lasers)
         least, most = self._limits
         return _select(points.reshape(-1).view(self._dtype), (distance >= least) & (distance <= most))
 
@@ -118,11 +119,6 @@ class Geometry:
             for values in (distance, intensity):
                 values[swapped] = np.roll(values[swapped], values.shape[1] // 2, axis=1)
         return distance, intensity
-
-    def _return_numbers(self, blocks: NDArray[np.void]) -> NDArray[np.int64]:
-        if self._device.paired:
-            return 1 + blocks["second"][:, None].astype(np.int64)
-        return 1 + np.arange(self._device.model.channels) // self._device.model.lasers
 
 
 @cache
