@@ -70,7 +70,9 @@ class FrameTable:
         """Write the row of a frame, given its topic, index, stamp in nanoseconds and number of points as ``place``."""
         states = [""] * 2 * self._rings if rings is None else [*rings.thresholds.tolist(), *rings.corrections.tolist()]
         scenes = [scene or ""] if self._scenes else []
-        waters = [counts[Reason.UNCONFIRMED], *_numbers(water)] if self._water else []
+        # To a tenth of a millimetre or of a thousandth of a degree.
+        values = [round(value, 4) for value in astuple(water)] if water else [""] * len(WATER_COLUMNS)
+        waters = [counts[Reason.UNCONFIRMED], *values] if self._water else []
         by_reason = (counts[reason] for reason in _REASONS)
         row = (recording, *place, *by_reason, counts[Reason.KEPT], *states, *scenes, *waters)
         self._packed += self._pack.compress(csv_line(row))
@@ -89,11 +91,6 @@ def unpack_rows(packed: bytes) -> Iterator[bytes]:
     while packed:
         yield unpack.decompress(packed, _PIECE)
         packed = unpack.unconsumed_tail
-
-
-def _numbers(water: WaterState | None) -> list[float | str]:
-    """Return the values of the columns of the water, to a tenth of a millimetre or of a thousandth of a degree."""
-    return [""] * len(WATER_COLUMNS) if water is None else [round(value, 4) for value in astuple(water)]
 
 
 def csv_line(values: Iterable[object]) -> bytes:

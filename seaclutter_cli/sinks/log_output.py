@@ -201,21 +201,21 @@ class LogFiles(LogOutput):
     """A file, or one for each part: ``NAME_0.SUFFIX`` and so on. The first one appears last."""
 
     def __init__(self, path: Path, group: OutputGroup | None = None, *, split: bool = False) -> None:
-        self._path, self._split = path, split
-        self._group = OutputGroup(group) if split else group
-        self._number = 0
-        self._first = self._last = self._open(0)
+        self._path, self._split, self._number = path, split, 0
+        self._group = OutputGroup(group)
+        self._files = [self._open()]  # the first and the current one
 
     def part(self, number: int, source: Source, compression: str | None) -> LogWriter:
         """Return the writer of a part, which begins; parts before, but the first, must be finished."""
         if number:
-            if self._last is not self._first:
-                self._last.__exit__(None, None, None)
-            self._last, self._number = self._open(number), number
-        return self.start(self._last.stream, source, compression)
+            for file in self._files[1:]:
+                file.__exit__(None, None, None)
+            self._number = number
+            self._files[1:] = [self._open()]
+        return self.start(self._files[-1].stream, source, compression)
 
-    def _open(self, number: int) -> AtomicFile:
-        return AtomicFile(part_path(self._path, number) if self._split else self._path, self._group)
+    def _open(self) -> AtomicFile:
+        return AtomicFile(part_path(self._path, self._number) if self._split else self._path, self._group)
 
     @staticmethod
     @abstractmethod
@@ -227,11 +227,8 @@ class LogFiles(LogOutput):
     ) -> None:
         """Complete the files under their names, and delete further parts of an earlier run; remove all on an error."""
         with ExitStack() as stack:
-            if self._split and self._group is not None:
-                for leftover in parts_after(self._path, self._number) if kind is None else ():
-                    self._group.replaces(leftover)
-                stack.push(self._group.__exit__)
-            stack.push(self._first.__exit__)
-            if self._last is not self._first:
-                stack.push(self._last.__exit__)
+            for leftover in parts_after(self._path, self._number) if self._split and kind is None else ():
+                self._group.replaces(leftover)
+            for output in (self._group, *self._files):
+                stack.push(output.__exit__)
             stack.__exit__(kind, error, trace)
