@@ -1,7 +1,7 @@
 """Layouts of ROS messages: how definitions describe the values of a message in both serialisations.
 
-A message is read into values and written from them. A value is a piece of the message where possible: numbers that
-follow each other without padding are one block. Definitions are parsed, and hashed, by rosbags. Its converters are not
+A message is read into values and written from them. A value is a piece of the message where possible: an array of
+numbers is one block. Definitions are parsed, and hashed, by rosbags. Its converters are not
 used: they are Python code made from definitions, and nothing in a log should become code.
 """
 
@@ -56,11 +56,11 @@ class ItemReader(Reader):
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Numbers of one size, without padding between them; ``kind`` is their type, empty if they are of several."""
+    """A number, or an array of several, of some type and size."""
 
+    kind: str
     size: int
     count: int = 1
-    kind: str = ""
 
     @property
     def default(self) -> bytes:
@@ -264,10 +264,10 @@ def definition_of(types: Types, name: str, ros: Ros) -> tuple[Schema, str]:
 
 
 class Layouts:
-    """Layouts of types that contain each other; if ``merged``, neighbouring numbers become one block."""
+    """Layouts of types that contain each other, which could be more than any memory holds."""
 
-    def __init__(self, types: Types, *, merged: bool = True) -> None:
-        self._types, self._merged = types, merged
+    def __init__(self, types: Types) -> None:
+        self._types = types
         self._left = _MAX_FIELDS
 
     def struct(self, name: str, depth: int = 0) -> Struct:
@@ -286,7 +286,7 @@ class Layouts:
             fields.insert(0, ("seq", _Absent(4, ros=1)))
         if not fields:
             fields.append(("", _Absent(1, ros=2)))
-        return Struct(*zip(*(_joined(fields) if self._merged else fields), strict=True))
+        return Struct(*zip(*fields, strict=True))
 
     def _node(self, kind: Any, depth: int) -> _Node:
         base, detail = kind
@@ -295,23 +295,11 @@ class Layouts:
                 return _Text()
             if detail[0] not in _SIZES:
                 raise TranslationError(f"values of the type {detail[0]} are not supported")
-            return _Block(_SIZES[detail[0]], kind="uint8" if detail[0] in ("byte", "char", "bool") else detail[0])
+            return _Block("uint8" if detail[0] in ("byte", "char", "bool") else detail[0], _SIZES[detail[0]])
         if base == Nodetype.NAME:
-            inner = self.struct(detail, depth + 1)
-            return inner.nodes[0] if self._merged and len(inner.nodes) == 1 else inner
+            return self.struct(detail, depth + 1)
         item, length = detail
         node = self._node(item, depth)
         if base == Nodetype.SEQUENCE:
             return _Items(node)
-        return _Block(node.size, node.count * length, node.kind) if isinstance(node, _Block) else _Items(node, length)
-
-
-def _joined(fields: list[tuple[str, _Node]]) -> list[tuple[str, _Node]]:
-    joined: list[tuple[str, _Node]] = []
-    for name, node in fields:
-        last = joined[-1][1] if joined else None
-        if isinstance(node, _Block) and isinstance(last, _Block) and last.size == node.size:
-            joined[-1] = joined[-1][0], _Block(node.size, last.count + node.count)
-        else:
-            joined.append((name, node))
-    return joined
+        return _Block(node.kind, node.size, node.count * length) if isinstance(node, _Block) else _Items(node, length)

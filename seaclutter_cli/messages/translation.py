@@ -111,13 +111,10 @@ def translator(channel: Channel, encoding: str) -> Translator:
     known = known_types(ros)
     schema, checksum = definition_of(known if name in known else types, name, ros)
     out = _channel(channel, encoding, schema, checksum)
-    if name in known:
-        source, target = (Layouts(some, merged=False).struct(name) for some in (types, known))
-        if source != target:
-            change, lost = change_between(source, target)
-            return Translator(out, partial(_convert, ros, source, target, change), tuple(lost))
-    layout = Layouts(types).struct(name)
-    return Translator(out, partial(_convert, ros, layout, layout, as_is))
+    source = Layouts(types).struct(name)
+    target = Layouts(known).struct(name) if name in known else source
+    change, lost = (as_is, []) if source == target else change_between(source, target)
+    return Translator(out, partial(_convert, ros, source, target, change), tuple(lost))
 
 
 def _version(encoding: str) -> Ros:
