@@ -1,6 +1,7 @@
-"""Real paths of many files, and recognition of one file under several paths."""
+"""Order and real paths of files, and recognition of one file under several paths."""
 
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,6 +10,12 @@ Identity = tuple[int | str, ...]
 
 _DEPTH = 3
 """Levels of subfolders in which recordings and labels have files."""
+
+
+def natural_order(file: Path) -> tuple[list[str | int], str]:
+    """Return a sort key that orders numbers in names by value: frame2 before frame10."""
+    parts = re.split(r"([0-9]+)", file.name)
+    return [int(part) if index % 2 else part for index, part in enumerate(parts)], file.name
 
 
 class RealPaths:

@@ -8,6 +8,7 @@ from pathlib import Path
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels.boxes import LabelOptions
+from seaclutter_cli.paths import natural_order
 from seaclutter_cli.text import count
 from seaclutter_cli.truth import Truth
 
@@ -30,13 +31,7 @@ def files_in(folder: Path, suffixes: Collection[str]) -> list[Path]:
     if all(seconds):
         # Fractions printed by Python vary in length, and 0.25 s comes before 0.3 s.
         return sorted(files, key=lambda file: Decimal(_SECONDS.findall(file.stem)[0]))
-    return sorted(files, key=_natural)
-
-
-def _natural(file: Path) -> tuple[list[str | int], str]:
-    """Return a sort key that orders numbers in names by value: frame2 before frame10."""
-    parts = re.split(r"([0-9]+)", file.name)
-    return [int(part) if index % 2 else part for index, part in enumerate(parts)], file.name
+    return sorted(files, key=natural_order)
 
 
 def _assigned(folder: Path, suffix: str, clouds: str, *, complete: bool) -> tuple[dict[int, Path], bool]:

@@ -1,7 +1,6 @@
 """Folders of frames, and single frame files."""
 
 import os
-import re
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -13,6 +12,7 @@ from seaclutter_cli.errors import CloudError, InputError, UsageError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.messages.metadata import SIDECAR, from_text
+from seaclutter_cli.paths import natural_order
 from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.sidecars import (
@@ -140,7 +140,7 @@ def _find_frames(path: Path) -> list[Path]:
     path.stat()
     for layout in _LAYOUTS:
         if files := list(_frames_in(path / layout)):
-            return sorted(_of_one_format(path, files), key=_natural)
+            return sorted(_of_one_format(path, files), key=natural_order)
     raise InputError(f"{path}: no frames in this folder; supported suffixes: {', '.join(FRAME_READERS)}")
 
 
@@ -166,9 +166,3 @@ def _of_one_format(path: Path, files: list[Path]) -> list[Path]:
         found = ", ".join(f"{len(files)} {suffix}" for suffix, files in sorted(by_suffix.items()))
         raise InputError(f"{path}: frames of several formats ({found}); move each format to its own folder")
     return by_suffix[most]
-
-
-def _natural(file: Path) -> tuple[list[str | int], str]:
-    """Return a sort key that orders numbers in names by value: frame2 before frame10."""
-    parts = re.split(r"([0-9]+)", file.name)
-    return [int(part) if index % 2 else part for index, part in enumerate(parts)], file.name
