@@ -68,8 +68,10 @@ def ros2_types() -> Any:
 
 
 @cache
-def ros1_cloud_schema() -> Schema:
-    """Return the schema of ``sensor_msgs/PointCloud2`` in ROS 1."""
+def cloud_schema(encoding: str) -> Schema:
+    """Return the schema of ``sensor_msgs/PointCloud2`` in the version of ROS of a message encoding."""
+    if encoding != "ros1":
+        return ros2_schema("sensor_msgs/msg/PointCloud2")
     from rosbags.typesys import Stores, get_typestore
 
     definition, _ = get_typestore(Stores.ROS1_NOETIC).generate_msgdef("sensor_msgs/msg/PointCloud2", ros_version=1)
@@ -78,8 +80,7 @@ def ros1_cloud_schema() -> Schema:
 
 def points_channel(channel: Channel) -> Channel:
     """Return a channel of ``sensor_msgs/PointCloud2`` in place of one of other ROS messages."""
-    is_ros1 = channel.message_encoding == "ros1"
-    return replace(channel, schema=ros1_cloud_schema() if is_ros1 else ros2_schema("sensor_msgs/msg/PointCloud2"))
+    return replace(channel, schema=cloud_schema(channel.message_encoding))
 
 
 @cache

@@ -89,7 +89,7 @@ def _checked(laspy: Any, path: Path, header: Any, *, packed: bool) -> Any:
 
 @contextmanager
 def las_writer(
-    path: Path, header: Any, extra: ExtraDims | None = None, *, whole: bool = True, group: OutputGroup | None = None
+    path: Path, header: Any, extra: ExtraDims, *, whole: bool, group: OutputGroup | None
 ) -> Iterator[Callable[[Any, Mapping[str, Column]], None]]:
     """Yield a function that writes points of a LAS or LAZ file with some dimensions changed or added.
 
@@ -108,7 +108,7 @@ def las_writer(
     packed = path.suffix.lower() == ".laz"
     own = _checked(laspy, path, deepcopy(header), packed=packed)
     known = set(header.point_format.dimension_names)
-    added = {name: spec for name, spec in (extra or {}).items() if name not in known}
+    added = {name: spec for name, spec in extra.items() if name not in known}
     if added:
         _add(laspy, own, added)
     with AtomicFile(path, group) as file:

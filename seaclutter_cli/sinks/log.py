@@ -181,8 +181,6 @@ class LogSink(AbstractContextManager["LogSink"]):
 
     @property
     def _writer(self) -> LogWriter:
-        if not self._writers:
-            raise RuntimeError("begin() has not been called")
         return self._writers[-1]
 
     def _count(self, frame: Frame) -> None:
