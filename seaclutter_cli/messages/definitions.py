@@ -68,7 +68,7 @@ def ros2_types() -> Any:
 
 
 @cache
-def cloud_schema(encoding: str) -> Schema:
+def _cloud_schema(encoding: str) -> Schema:
     """Return the schema of ``sensor_msgs/PointCloud2`` in the version of ROS of a message encoding."""
     if encoding != "ros1":
         return ros2_schema("sensor_msgs/msg/PointCloud2")
@@ -80,7 +80,7 @@ def cloud_schema(encoding: str) -> Schema:
 
 def points_channel(channel: Channel) -> Channel:
     """Return a channel of ``sensor_msgs/PointCloud2`` in place of one of other ROS messages."""
-    return replace(channel, schema=cloud_schema(channel.message_encoding))
+    return replace(channel, schema=_cloud_schema(channel.message_encoding))
 
 
 @cache
