@@ -22,12 +22,6 @@ class RealPaths:
     """Real paths of files, with one look at each folder: on a network, each look at a name takes a while.
 
     **State**: the real path of each folder of a file so far; valid as long as no folder becomes a link.
-
-    Examples
-    --------
-    >>> real = RealPaths()
-    >>> real(Path("samples/../samples/sea.mcap")) == Path("samples/sea.mcap").resolve()
-    True
     """
 
     def __init__(self) -> None:

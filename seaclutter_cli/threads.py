@@ -91,13 +91,7 @@ def in_order(work: Callable[[int], T], count: int, *, workers: int, ahead: int) 
 
 
 def in_threads(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
-    """Return the results of short requests to a disk or network for each item, in their order; an error ends all.
-
-    Examples
-    --------
-    >>> in_threads(len, ["sea", "clutter"])
-    [3, 7]
-    """
+    """Return the results of short requests to a disk or network for each item, in their order; an error ends all."""
     pool = ThreadPoolExecutor(_REQUESTS)
     try:
         return list(pool.map(function, items))

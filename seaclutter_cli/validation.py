@@ -140,13 +140,7 @@ def build_list(kind: type[Any], raw: Any, section: str, problems: list[str]) -> 
 
 
 def merged(values: Any, over: Any) -> Any:
-    """Return settings overridden by others, key by key where both are mappings.
-
-    Examples
-    --------
-    >>> merged({"a": {"b": 1, "c": 2}, "d": 3}, {"a": {"b": 4}})
-    {'a': {'b': 4, 'c': 2}, 'd': 3}
-    """
+    """Return settings overridden by others, key by key where both are mappings."""
     if not (isinstance(values, Mapping) and isinstance(over, Mapping)):
         return over
     return {**values, **{key: merged(values.get(key), value) for key, value in over.items()}}
@@ -228,14 +222,7 @@ def _fits(kind: Any, items: Sequence[Any], bounds: Mapping[str, Any], value: Any
 
 
 def _in_words(hint: Any) -> str:
-    """Return the values that a type allows, in words.
-
-    Examples
-    --------
-    >>> from annotated_types import Ge, Interval
-    >>> _in_words(Annotated[float, Interval(gt=0, le=1)]), _in_words(Annotated[int, Ge(1)] | None)
-    ('a number greater than 0 and less than or equal to 1', 'a whole number greater than or equal to 1 or null')
-    """
+    """Return the values that a type allows, as in ``a number greater than 0 and less than or equal to 1``."""
     if hint is NoneType:
         return "null"
     if len(kinds := _alternatives(hint)) > 1:
@@ -330,12 +317,6 @@ def _documented(docstring: str) -> Iterable[tuple[str, str]]:
 
 
 def yaml_value(value: Any) -> str:
-    """Return a value as YAML on one line.
-
-    Examples
-    --------
-    >>> yaml_value([1, None, "a: b"])
-    "[1, null, 'a: b']"
-    """
+    """Return a value as YAML on one line, such as ``[1, null, 'a: b']``."""
     text = yaml.safe_dump(value, default_flow_style=True, width=10**6, sort_keys=False, allow_unicode=True)
     return str(text).splitlines()[0]

@@ -90,14 +90,6 @@ def close_output() -> None:
 
 
 def _presentable(line: str) -> str:
-    r"""Return a line as it may be sent to a terminal.
-
-    Examples
-    --------
-    >>> print(_presentable("a\x1b[31mb"))
-    a\x1b[31mb
-    >>> len(_presentable("x" * 1_000_000))
-    200
-    """
+    r"""Return a line as it may be sent to a terminal."""
     words = _LONG_WORD.sub(lambda word: shortened(word[0], _WORD_CHARACTERS), printable(line))
     return shortened(words, _LINE_CHARACTERS)

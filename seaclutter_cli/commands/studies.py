@@ -28,13 +28,7 @@ def _command_line() -> str:
 
 
 def _effective(arguments: Sequence[str]) -> list[str]:
-    """Return the arguments on which results depend.
-
-    Examples
-    --------
-    >>> _effective(["report", "a.mcap", "-o", "a.html", "--force"]), _effective(["--output=a.html", "-oa.html"])
-    (['report', 'a.mcap', '-o', 'OUT'], ['--output=OUT', '-oOUT'])
-    """
+    """Return the arguments on which results depend, such as ``report a.mcap -o OUT``."""
     shown: list[str] = []
     for argument in arguments:
         name, equals, _ = argument.partition("=")

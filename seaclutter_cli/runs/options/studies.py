@@ -206,13 +206,7 @@ class ReportOptions(Replacing, OfLogs, LabelSources, MethodOptions):
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:
-    """Return the seeds that numbers and ranges describe, each once; raise `UsageError` if the text is something else.
-
-    Examples
-    --------
-    >>> parse_seeds("1..4,9"), parse_seeds("7-8")
-    ((1, 2, 3, 4, 9), (7, 8))
-    """
+    """Return the seeds of numbers and ranges, such as ``1..4,9``, each once; raise `UsageError` for other text."""
     seeds: dict[int, None] = {}
     for part in text.split(","):
         found = _RANGE.fullmatch(part)
