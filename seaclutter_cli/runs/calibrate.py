@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -41,10 +42,14 @@ from seaclutter_cli.runs.recordings import Outcome, opened
 from seaclutter_cli.runs.studies import StudyWork, frame_progress, prepared, study_all
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.text import count
-from seaclutter_cli.water import Mounting
 
 _SEARCHED_S, _EVERY_S = 2.0, 20.0
 _MIN_TARGET_POINTS = 5
+_OF_TARGETS = (
+    *("start_m", "ring_width_m", "exclude_boxes", "exclude_polygons", "mask"),
+    *("mounting_roll_deg", "mounting_pitch_deg"),
+)
+"""Parameters of any method that the search for targets uses."""
 
 
 @function_of(CalibrateOptions)
@@ -131,7 +136,8 @@ def _trade_off(works: Sequence["_CalibrateWork"], found: ClutterSums, observer: 
     for half in (0, 1):
         training = ClutterSums(config.filter, options)
         for work, number in zip(works, frames, strict=True):
-            training += replace(work, labelled_frames=training_frames(number)[half]).read(OnlyProgress(observer))
+            part = replace(work, labelled_frames=training_frames(number)[half]).run(OnlyProgress(observer))
+            training += part.sums or ClutterSums(config.filter, options)
         for one in compared:
             training.calibration.filter_rate, training.calibration.max_left = one
             params = training.calibration.thresholds().applied_to(config.filter)
@@ -177,19 +183,10 @@ class _CalibrateWork(StudyWork[_Calibrated]):
         outcome.seconds = perf_counter() - started
         return outcome
 
-    def read(self, observer: Observer) -> ClutterSums:
-        """Return the sums only."""
-        sums = self.run(observer).sums
-        assert sums is not None  # noqa: S101 - see study
-        return sums
-
     def study(self, source: Source, labels: Labels | None, outcome: _Calibrated, observer: Observer) -> None:
         """Read the recording."""
-        selection, params, sums = (
-            self.reading.selection,
-            self.config.filter,
-            ClutterSums(self.config.filter, self.options),
-        )
+        selection, params = self.reading.selection, self.config.filter
+        sums = ClutterSums(params, self.options)
         topics = sorted({channel.topic for channel in cloud_channels(source, selection.topics)})
         if labels and len(topics) > 1:
             raise UsageError(f"{source.name}: labels apply to one topic; choose from: -t {' -t '.join(topics)}")
@@ -218,19 +215,9 @@ class _TargetSearch:
     """
 
     def __init__(self, params: RingIntensityParams, sums: ClutterSums) -> None:
-        mounting = params.mounting if isinstance(params, ConfirmedParams) else Mounting()
-        self._params = ConfirmedParams(
-            start_m=params.start_m,
-            end_m=params.start_m + params.ring_width_m,  # without thresholds, one range ring is enough
-            ring_width_m=params.ring_width_m,
-            initial_thresholds=(0,),
-            exclude_boxes=params.exclude_boxes,
-            exclude_polygons=params.exclude_polygons,
-            mask=params.mask,
-            use_intensity=False,
-            mounting_roll_deg=mounting.roll_deg,
-            mounting_pitch_deg=mounting.pitch_deg,
-        )
+        end_m = params.start_m + params.ring_width_m  # without thresholds, one range ring is enough
+        given: dict[str, Any] = {name: getattr(params, name) for name in _OF_TARGETS if hasattr(params, name)}
+        self._params = ConfirmedParams(**given, end_m=end_m, initial_thresholds=(0,), use_intensity=False)
         self._sums = sums
         self._topics: dict[str, tuple[float, Confirmed]] = {}
 

@@ -2,9 +2,8 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,8 +87,11 @@ class SceneModel:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        runtime = _runtime()
-        data = _read(_find(name))
+        try:
+            import onnxruntime as runtime
+        except ImportError as error:
+            raise MissingExtraError("the scene classifier", "scene") from error
+        data = _read(name)
         options = runtime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 4  # errors are raised instead
@@ -155,14 +157,8 @@ def builtin_models() -> dict[str, Path]:
     return {path.stem: path for path in sorted(Path(__file__).parent.glob("*.onnx"))}
 
 
-def _find(name: str) -> Path:
-    builtin = builtin_models()
-    if not Path(name).is_file() and name in builtin:
-        return builtin[name]
-    return Path(name)
-
-
-def _read(path: Path) -> bytes:
+def _read(name: str) -> bytes:
+    path = Path(name) if Path(name).is_file() else builtin_models().get(name, Path(name))
     try:
         with path.open("rb") as file:
             data = file.read(_MAX_BYTES + 1)
@@ -174,29 +170,20 @@ def _read(path: Path) -> bytes:
     return data
 
 
-def _runtime() -> Any:
-    try:
-        import onnxruntime
-    except ImportError as error:
-        raise MissingExtraError("the scene classifier", "scene") from error
-    return onnxruntime
-
-
 def _first_line(error: Exception) -> str:
     return printable((str(error).strip() or type(error).__name__).splitlines()[0])
 
 
 @dataclass(frozen=True)
 class SceneDecision:
-    """The scene of a frame: class, its probability and those of all classes in the latest classification.
+    """The scene of a frame, and the probabilities of all classes in the latest classification.
 
     Unless this frame was classified itself, the decision is carried over from an earlier one.
     """
 
     name: str
-    probability: float
     decided: bool
-    probabilities: Mapping[str, float] = field(default_factory=dict)
+    probabilities: Mapping[str, float]
 
 
 class SceneTracker:
@@ -223,7 +210,7 @@ class SceneTracker:
     def reset(self) -> None:
         """Forget all state at the start of a recording."""
         even = dict.fromkeys(self.classes, 1 / len(self.classes))
-        self._decision = SceneDecision(self.classes[0], 1 / len(self.classes), False, even)
+        self._decision = SceneDecision(self.classes[0], False, even)
         self._wait = 0
         self._has_decided = False
         self._rival, self._rival_count = self.classes[0], 0
@@ -247,5 +234,5 @@ class SceneTracker:
         if not self._has_decided or self._rival_count >= self._hold:
             name = most_probable
         self._has_decided = True
-        self._decision = SceneDecision(name, probabilities[name], True, probabilities)
+        self._decision = SceneDecision(name, True, probabilities)
         return self._decision

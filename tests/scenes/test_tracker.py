@@ -49,7 +49,7 @@ def test_the_rule(script, hold, every):
     assert [decision.name for decision in decisions] == [scene for scene in scenes for _ in range(every)]
     assert [decision.decided for decision in decisions] == ([True] + [False] * (every - 1)) * len(script)
     for decision, predicted in zip(decisions[::every], script, strict=True):
-        assert decision.probability == pytest.approx(0.8 if decision.name == predicted else 0.1)
+        assert decision.probabilities[decision.name] == pytest.approx(0.8 if decision.name == predicted else 0.1)
         assert decision.probabilities[predicted] == pytest.approx(0.8)
 
 
@@ -57,7 +57,7 @@ def test_empty_frames_are_not_classified():
     tracker = SceneTracker(ScriptedModel(["confined", "open"]), every=3, hold=1)
     even = pytest.approx(1 / 3)
     for frame in EMPTY:
-        assert tracker.scene(frame) == SceneDecision("open", even, False, dict.fromkeys(CLASSES, even))
+        assert tracker.scene(frame) == SceneDecision("open", False, dict.fromkeys(CLASSES, even))
     assert tracker.scene(VISIBLE).decided
     decisions = [tracker.scene(frame) for frame in (*EMPTY, VISIBLE)]
     assert [one.name for one in decisions] == ["confined"] * 4 + ["open"]
