@@ -12,10 +12,12 @@ class DeclaredOptions(griffe.Extension):
 
     def on_function(self, *, func: griffe.Function, **_: Any) -> None:
         """Give a function of options its signature and docstring."""
-        if any("function_of" in str(one.value) for one in func.decorators):
+        decorators = " ".join(str(one.value) for one in func.decorators)
+        if "function_of" in decorators or "of_options" in decorators:
             made = getattr(import_module(func.module.path), func.name)
             func.docstring = griffe.Docstring(inspect.getdoc(made) or "", parent=func)
-            func.parameters = _parameters(made)
+            if "function_of" in decorators:
+                func.parameters = _parameters(made)
 
     def on_class(self, *, cls: griffe.Class, **_: Any) -> None:
         """Give a class of options its signature and docstring."""

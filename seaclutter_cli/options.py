@@ -19,7 +19,7 @@ from copy import copy
 from dataclasses import MISSING, dataclass, field, fields
 from functools import wraps
 from pathlib import Path
-from typing import Any, ClassVar, Generic, ParamSpec, Self, TypeVar, dataclass_transform, overload
+from typing import Any, ClassVar, Generic, ParamSpec, Self, TypeVar, dataclass_transform, get_args, overload
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.text import named_folder
@@ -361,10 +361,35 @@ def documented(text: str | None, kind: Any, raises: str = "") -> str:
     for name, one in declared(kind).items():
         lines += [f"{name} : {_in_words(hints[name], one)}{'' if one.default is MISSING else ', optional'}"]
         lines += [f"    {_in_python(one.help, kind)}"]
+    return _with_sections(text, lines, raises)
+
+
+def _with_sections(text: str | None, lines: Sequence[str], raises: str) -> str:
     summary, *sections = re.split(r"\n\n(?=\w+\n-----)", inspect.cleandoc(text or ""))
     if raises and not any(section.startswith("Raises") for section in sections):
         sections.insert(len(sections) - 1, raises.rstrip())
     return "\n\n".join([summary, "\n".join(lines), *sections])
+
+
+_GIVEN_BESIDE = {
+    "logs": "path, or sequence of paths\n    Files, folders or globs.",
+    "tiles": "path, or sequence of paths\n    Files, folders or globs.",
+    "output": "path\n    File for one tile, folder for several or if it is a `str` that ends in a slash.",
+    "observer": "Observer, optional\n    Receives progress, notes and warnings.",
+}
+"""Type and meaning of what functions take beside objects of options."""
+
+
+def of_options(run: Callable[P, R]) -> Callable[P, R]:
+    """Document what a function takes, objects of options among others, and the errors that it raises."""
+    lines = ["Parameters", "----------"]
+    for name, one in inspect.signature(run).parameters.items():
+        kinds = [kind for kind in (one.annotation, *get_args(one.annotation)) if hasattr(kind, "with_places")]
+        optional = "" if one.default is one.empty else ", optional"
+        known = [f"{kind.__name__}{optional}\n    {(kind.__doc__ or '').partition(chr(10))[0]}" for kind in kinds]
+        lines.append(f"{name} : {known[0] if known else _GIVEN_BESIDE[name]}")
+    run.__doc__ = _with_sections(run.__doc__, lines, _RAISES)
+    return run
 
 
 def _shown(annotation: str) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.options import of_options
 from seaclutter_cli.runs.evaluate import Comparison
 from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
@@ -22,24 +23,9 @@ from seaclutter_cli.viewing import FrameStream, check_target, require_rerun, vie
 
 
 @on_paths
+@of_options
 def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> "ViewResult":
     """Show recordings in the Rerun viewer, or write a file for it.
-
-    Parameters
-    ----------
-    logs : path, or sequence of paths
-        Raw logs, which are filtered; or logs filtered with all points kept, which are read back.
-    options : ViewOptions
-        Target, method, labels.
-    observer : Observer, optional
-        Receives progress and warnings.
-
-    Raises
-    ------
-    MissingExtraError
-        If Rerun is not installed.
-    SeaclutterError
-        If no recording can be shown; an error in a single recording is stored in its outcome.
 
     Examples
     --------

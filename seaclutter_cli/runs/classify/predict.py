@@ -19,6 +19,7 @@ from seaclutter_cli.airborne.objects import FoundObject, as_csv
 from seaclutter_cli.airborne.plausibility import doubts_about_objects
 from seaclutter_cli.airborne.separation import WATER
 from seaclutter_cli.errors import OutputError, UsageError
+from seaclutter_cli.options import of_options
 from seaclutter_cli.parts import part_path, release
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
@@ -53,26 +54,11 @@ _DIMENSIONS = {
 }
 
 
+@of_options
 def classify_tiles(
     tiles: Logs, output: PathLike, options: ClassifyTilesOptions, observer: Observer = SILENT
 ) -> "PredictResult":
     """Classify the points of tiles, find their objects, and write both.
-
-    Parameters
-    ----------
-    tiles : path, or sequence of paths
-        Files, folders or globs.
-    output : path
-        File for one tile, folder for several or if it is a `str` that ends in a slash.
-    options : ClassifyTilesOptions
-        Model, settings and additional outputs.
-    observer : Observer, optional
-        Receives warnings.
-
-    Raises
-    ------
-    SeaclutterError
-        If the model or a tile cannot be used.
 
     Examples
     --------

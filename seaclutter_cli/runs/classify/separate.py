@@ -14,6 +14,7 @@ from seaclutter_cli.airborne.settings import TileSettings, parse_settings
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError, SelectionError, UsageError
 from seaclutter_cli.grids.land_cells import LandCells
+from seaclutter_cli.options import of_options
 from seaclutter_cli.runs.batch import run_batch
 from seaclutter_cli.runs.classify.maps import MappedTile, check_maps, map_files, mapped, pixel_of
 from seaclutter_cli.runs.classify.tiles import (
@@ -56,27 +57,11 @@ _LAND = TextRecord(3, "land of the separation")
 _MAX_RECORD_BYTES = 2**16 - 1
 
 
+@of_options
 def separate_tiles(
     tiles: Logs, output: PathLike, options: SeparateTilesOptions | None = None, observer: Observer = SILENT
 ) -> "SeparateResult":
     """Separate tiles into sea and non-sea points, and write them with ASPRS classes.
-
-    Parameters
-    ----------
-    tiles : path, or sequence of paths
-        Files, folders or globs.
-    output : path
-        File for one tile, folder for several or if it is a `str` that ends in a slash.
-    options : SeparateTilesOptions, optional
-        Settings and outputs.
-    observer : Observer, optional
-        Receives notes.
-
-    Raises
-    ------
-    SeaclutterError
-        If the run cannot start, or its only tile cannot be separated; an error of one of several tiles is stored in its
-        outcome.
 
     Notes
     -----

@@ -15,6 +15,7 @@ from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.clustering.clusters import euclidean_clusters
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation.confusion import Confusion
+from seaclutter_cli.options import of_options
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import draw_confusion
 from seaclutter_cli.runs.classify.tiles import errors_of, warn_of_missing
@@ -28,22 +29,9 @@ from seaclutter_cli.text import UNKNOWN, count, table
 from seaclutter_cli.truth import OBJECT_CLASSES
 
 
+@of_options
 def train_forest(tiles: Logs, options: TrainForestOptions, observer: Observer = SILENT) -> "TrainingReport":
     """Train a random forest on labelled tiles, test it on held-out data, and write it.
-
-    Parameters
-    ----------
-    tiles : path, or sequence of paths
-        Files, folders or globs.
-    options : TrainForestOptions
-        Settings, fields and outputs.
-    observer : Observer, optional
-        Receives warnings.
-
-    Raises
-    ------
-    SeaclutterError
-        If a tile cannot be used, or there are too few labels.
 
     Examples
     --------

@@ -14,6 +14,7 @@ import numpy as np
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.frame import Frame
+from seaclutter_cli.options import of_options
 from seaclutter_cli.reading import frames
 from seaclutter_cli.runs.observer import SILENT, Observer, Step
 from seaclutter_cli.runs.options import Logs, ReadOptions
@@ -31,6 +32,7 @@ _MISCLASSIFIED = ("recording", "scene", "wrong", "frames")
 
 
 @on_paths
+@of_options
 def predict_scenes(
     logs: Logs,
     options: ClassifierOptions | None = None,
@@ -38,24 +40,6 @@ def predict_scenes(
     observer: Observer = SILENT,
 ) -> "ScenePrediction":
     """Return the scene of each topic of recordings, with the number of frames of each class.
-
-    Parameters
-    ----------
-    logs : path, or sequence of paths
-        Files, folders or globs.
-    options : ClassifierOptions, optional
-        Classifier, and additional output.
-    reading : ReadOptions, optional
-        Part of each recording to read.
-    observer : Observer, optional
-        Receives progress and warnings.
-
-    Raises
-    ------
-    MissingExtraError
-        If onnxruntime is not installed.
-    SeaclutterError
-        If the whole run fails; an error in one recording is kept in its outcome.
 
     Examples
     --------
@@ -68,6 +52,7 @@ def predict_scenes(
     return ScenePrediction(*_classify([(one, "") for one in recordings], options, reading, observer))
 
 
+@of_options
 def evaluate_scenes(
     logs: LabelledLogs,
     options: ClassifierOptions | None = None,
@@ -75,24 +60,6 @@ def evaluate_scenes(
     observer: Observer = SILENT,
 ) -> "SceneEvaluation":
     """Evaluate a scene classifier on recordings with known scenes.
-
-    Parameters
-    ----------
-    logs : LabelledLogs
-        Recordings by the class of their scene.
-    options : ClassifierOptions, optional
-        Classifier, and additional output.
-    reading : ReadOptions, optional
-        Part of each recording to read.
-    observer : Observer, optional
-        Receives progress and warnings.
-
-    Raises
-    ------
-    UsageError
-        If the classifier does not know a class.
-    SeaclutterError
-        If the whole run fails; an error in one recording is kept in its outcome.
 
     Examples
     --------

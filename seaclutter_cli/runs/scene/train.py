@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli.errors import UsageError
+from seaclutter_cli.options import of_options
 from seaclutter_cli.plots.curves import draw_training
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.records import Damage
@@ -25,24 +26,9 @@ from seaclutter_cli.scenes.training import Epoch, Examples, Trained, check_torch
 from seaclutter_cli.text import count, printable
 
 
+@of_options
 def train_scenes(logs: LabelledLogs, options: TrainSceneOptions, observer: Observer = SILENT) -> "SceneTraining":
     """Train a scene classifier on recordings with known scenes, and write it as an ONNX file.
-
-    Parameters
-    ----------
-    logs : LabelledLogs
-        Recordings by the class of their scene; a frame with nothing in view gets the first class.
-    options : TrainSceneOptions
-        Parameters and outputs.
-    observer : Observer, optional
-        Receives progress and warnings.
-
-    Raises
-    ------
-    MissingExtraError
-        If PyTorch or onnx is not installed.
-    SeaclutterError
-        If any recording cannot be used.
 
     Examples
     --------
