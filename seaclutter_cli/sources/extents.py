@@ -141,7 +141,7 @@ class TilePart(LasTile):
 
     def _within(self, window: Extent, without: Extent | None) -> Iterator[Any]:
         near = self.read()
-        if _is_indexed(self):
+        if self.path.suffix.lower() == ".laz" and is_copc(self.header):
             low, high = (np.array(corner) / self.crs.unit_m for corner in (window.low, window.high))
             near = read_chunks(self.path, read_index(self.path, self.header).within(low, high))
         for part in near:
@@ -165,11 +165,7 @@ def open_tile_or_window(path: Path, window: Extent | None) -> LasTile | CloudTil
 
 def is_indexed(path: Path) -> bool:
     """Return whether a tile is a COPC file; raise `CloudError` if it cannot be read."""
-    return path.suffix.lower() == ".laz" and _is_indexed(LasTile(path))
-
-
-def _is_indexed(tile: LasTile) -> bool:
-    return tile.path.suffix.lower() == ".laz" and is_copc(tile.header)
+    return path.suffix.lower() == ".laz" and is_copc(LasTile(path).header)
 
 
 def windows_of(path: Path, side_m: float) -> list[TileHead]:

@@ -55,10 +55,6 @@ class Tile(ABC):
             xyz *= np.array([[self.crs.unit_m], [self.crs.unit_m], [self.crs.height_unit_m]])
         return xyz
 
-    def column(self, part: Any, name: str) -> NDArray[Any]:
-        """Return a field of a part's points, shape (n,)."""
-        return np.asarray(part[name])
-
 
 class LasTile(Tile):
     """A LAS or LAZ file; `CloudError` if it cannot be read.
@@ -151,7 +147,7 @@ def open_tile(path: Path) -> LasTile | CloudTile:
 def read_columns(tile: Tile, names: Iterable[str]) -> Columns:
     """Return whole fields of a tile, shape (N,) each; missing names are left out."""
     wanted = [name for name in names if name in tile.names]
-    parts = [[tile.column(part, name) for name in wanted] for part in tile.parts()]
+    parts = [[np.asarray(part[name]) for name in wanted] for part in tile.parts()]
     return {name: np.concatenate([part[index] for part in parts]) for index, name in enumerate(wanted) if parts}
 
 

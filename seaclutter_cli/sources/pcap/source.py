@@ -1,6 +1,6 @@
 """Captures of lidar packets: PCAP and PCAPNG."""
 
-from collections import defaultdict, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -64,14 +64,6 @@ class CaptureSource(Source):
             return PcapReader(self._file, self._path)
         raise InputError(f"{self._path}: not a packet capture: it does not begin with PCAP or PCAPNG magic bytes")
 
-    def _packets(self, udp: Udp, kinds: Mapping[Kind, int]) -> Iterator[tuple[Datagrams, list[tuple[int, Packets]]]]:
-        """Yield datagrams and the packets of each sensor among them, up to data that can no longer be read."""
-        try:
-            for datagrams in map(udp.datagrams, self._reader().batches()):
-                yield datagrams, list(_packets(datagrams, udp, kinds))
-        except LostDataError as error:
-            self.add_damage(Damage(self._path, None, f"{error.problem}; the frames after this are missing"))
-
     def _search(self) -> SensorSearch:
         """Search the whole capture: a sensor's calibration may be anywhere in it."""
         reader, udp = self._reader(), Udp(self._file)
@@ -127,23 +119,25 @@ class CaptureSource(Source):
         kinds = {kind: number for number, sensor in enumerate(self._sensors) for kind in sensor.kinds}
         flows = {flow: number for (flow, _), number in kinds.items()}
         merge = _Merge(streams)
-        udp, cut = Udp(self._file), np.zeros(len(streams), np.int64)
-        for datagrams, found in self._packets(udp, kinds):
-            for number, packets in found:
-                for frame in streams[number].decoder.add(packets):
-                    yield from merge.add(number, frame)
-            if end_ns is not None and merge.latest_ns >= end_ns:
-                yield from merge.finish()
-                return
-            for flow in datagrams.cut.tolist():
-                if flow in flows:
-                    cut[flows[flow]] += 1
+        udp, cut = Udp(self._file), Counter[int]()
+        try:
+            for datagrams in map(udp.datagrams, self._reader().batches()):
+                for number, packets in _packets(datagrams, udp, kinds):
+                    for frame in streams[number].decoder.add(packets):
+                        yield from merge.add(number, frame)
+                if end_ns is not None and merge.latest_ns >= end_ns:
+                    yield from merge.finish()
+                    return
+                cut.update(datagrams.cut.tolist())
+        except LostDataError as error:
+            self.add_damage(Damage(self._path, None, f"{error.problem}; the frames after this are missing"))
         for number, stream in enumerate(streams):
             for frame in stream.decoder.finish():
                 yield from merge.add(number, frame)
         yield from merge.finish()
-        for stream, number in zip(streams, cut.tolist(), strict=True):
-            stream.conclude(self._path, "where the capture begins or ends", number)
+        for number, stream in enumerate(streams):
+            own = sum(cut[flow] for flow, sensor in flows.items() if sensor == number)
+            stream.conclude(self._path, "where the capture begins or ends", own)
 
     def _start(self, decoders: Sequence[PacketDecoder]) -> list[CloudStream]:
         """Return the streams of the sensors, given new decoders."""

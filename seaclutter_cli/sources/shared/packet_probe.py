@@ -7,7 +7,8 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, NamedTuple
+from os.path import commonprefix
+from typing import Any
 
 import numpy as np
 
@@ -34,36 +35,21 @@ _IMU_BYTES = (48,)
 """Lengths of Ouster's IMU packets, which the driver publishes in messages of the same type."""
 
 
-class _Companion(NamedTuple):
-    """A kind of companion: its ROS 2 message type, a word in its topic, and the message types of its packet topics."""
-
-    typename: str
-    word: str
-    serves: Collection[str]
-
-    def is_of(self, channel: Channel) -> bool:
-        return ros2_type(channel) == self.typename and self.word in channel.topic.lower()
-
-
-_COMPANIONS = (
-    _Companion("rslidar_msgs/msg/rslidarPacket", "", ("rslidar_msgs/msg/rslidarScan",)),
-    _Companion("rslidar_msg/msg/RslidarPacket", "difop", ("rslidar_msg/msg/RslidarScan",)),
-    _Companion("std_msgs/msg/String", "metadata", ("ouster_ros/msg/PacketMsg", "ouster_sensor_msgs/msg/PacketMsg")),
-    _Companion("std_msgs/msg/UInt8MultiArray", "correction", ("hesai_ros_driver/msg/UdpFrame",)),
-)
+_COMPANIONS = {
+    "rslidar_msgs/msg/rslidarScan": ("rslidar_msgs/msg/rslidarPacket", ""),
+    "rslidar_msg/msg/RslidarScan": ("rslidar_msg/msg/RslidarPacket", "difop"),
+    "ouster_ros/msg/PacketMsg": ("std_msgs/msg/String", "metadata"),
+    "ouster_sensor_msgs/msg/PacketMsg": ("std_msgs/msg/String", "metadata"),
+    "hesai_ros_driver/msg/UdpFrame": ("std_msgs/msg/UInt8MultiArray", "correction"),
+}
+"""ROS 2 message type of companions and a word in their topics, by the message type of packets."""
 
 
 def _find_companion(packets: Channel, channels: Iterable[Channel]) -> Channel | None:
     """Return the topic with the calibration of a packet topic: of several, the one whose name begins most alike."""
-    kinds = [kind for kind in _COMPANIONS if ros2_type(packets) in kind.serves]
-    found = [channel for channel in channels if any(kind.is_of(channel) for kind in kinds)]
-    return max(found, key=lambda channel: _alike(channel.topic, packets.topic), default=None)
-
-
-def _alike(one: str, other: str) -> int:
-    """Return how many first characters two names share."""
-    equal = [a == b for a, b in zip(one, other, strict=False)]
-    return [*equal, False].index(False)
+    typename, word = _COMPANIONS.get(ros2_type(packets) or "", ("", ""))
+    found = [channel for channel in channels if ros2_type(channel) == typename and word in channel.topic.lower()]
+    return max(found, key=lambda one: len(commonprefix((one.topic, packets.topic))), default=None)  # noqa: RUF071
 
 
 def _read_recorded(message: Message) -> bytes:
