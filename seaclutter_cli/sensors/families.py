@@ -7,12 +7,12 @@ from seaclutter_cli.sensors.ouster.decoder import Ouster
 from seaclutter_cli.sensors.packets import PacketFamily
 from seaclutter_cli.sensors.robosense.decoder import RoboSense
 from seaclutter_cli.sensors.robosense.solid import RoboSenseSolid
-from seaclutter_cli.sensors.velodyne.decoder import VELODYNE
+from seaclutter_cli.sensors.velodyne.decoder import Velodyne
 
 PACKET_FAMILIES: Mapping[str, PacketFamily] = {
     "robosense": RoboSense(),
     "robosense_solid": RoboSenseSolid(),
-    "velodyne": VELODYNE,
+    "velodyne": Velodyne(),
     "hesai": Hesai(),
     "ouster": Ouster(),
 }

@@ -39,7 +39,7 @@ _LAST = 2
 _UNIT = re.compile(r"^distance_resolution:.*$", re.MULTILINE)
 
 
-class _Velodyne:
+class Velodyne:
     """Velodyne's rotating sensors except the HDL-64E, whose packets do not name the model."""
 
     title = "Velodyne"
@@ -58,9 +58,6 @@ class _Velodyne:
         if not len(known):
             raise InputError("the packets are not from a supported Velodyne sensor")
         return VelodyneDecoder(int(np.bincount(known).argmax()), options)
-
-
-VELODYNE = _Velodyne()
 
 
 def _known_models(payloads: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -107,7 +104,6 @@ class VelodyneDecoder:
         self._cut: Cut | None = None
         self._packets = np.empty(0, PACKET)
         self._times_ns = np.empty(0, np.int64)
-        self._searched = 0
         self._starts_at_cut = False
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
@@ -159,17 +155,14 @@ class VelodyneDecoder:
             return None
         elapsed = self._times_ns - self._times_ns[0]
         late = np.flatnonzero((elapsed > MAX_REVOLUTION_NS) | (elapsed < -CLOCK_NS))
-        for index in cut.revolution_starts(self._azimuths(), after=self._searched):
+        for index in cut.revolution_starts(self._azimuths()):
             packet, block = divmod(int(index), 12)
             if len(late) and late[0] <= packet:
                 break
             if not self._starts_at_cut or elapsed[packet] > _MIN_REVOLUTION_NS:
                 whole = self._model.banks > 1 and block > 0  # the library needs the step between packets
                 return (packet + 1, 0, True) if whole else (packet, block, True)
-        if len(late):
-            return int(late[0]), 0, False
-        self._searched = max(12 * len(self._packets) - 1, 0)
-        return None
+        return (int(late[0]), 0, False) if len(late) else None
 
     def _frame(self, packet: int, block: int, cut: Cut, *, ended: bool) -> PacketFrame:
         """Return the revolution before a block of a packet, and keep the packets from there on."""
@@ -181,7 +174,7 @@ class VelodyneDecoder:
         begun = self._starts_at_cut or cut.is_start(int(azimuths[0, 0]))
         partial = not (begun and (ended or cut.is_end(int(azimuths[-1, -1]))))
         self._packets, self._times_ns = self._packets[packet:], self._times_ns[packet:]
-        self._starts_at_cut, self._searched = ended, 0
+        self._starts_at_cut = ended
         return PacketFrame(points, stamp_ns, partial=partial)
 
     def _split_packet(self, packet: int, block: int) -> None:

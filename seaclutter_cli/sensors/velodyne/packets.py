@@ -133,11 +133,10 @@ class Cut:
         azimuth = (begin + size // 2) % 360
         return cls(azimuth * 100, np.roll(covered, -azimuth), (begin * 100, (begin + size) % 360 * 100))
 
-    def revolution_starts(self, azimuths: NDArray[np.int64], *, after: int) -> NDArray[np.int64]:
-        """Return the flat indices of blocks, shape (P, 12), that start a revolution, after an index."""
-        flat = ((azimuths - self.azimuth) % FULL_CIRCLE).ravel()[after:]
-        drop = int(self.covered.sum()) * 100 // 2
-        return np.flatnonzero(np.diff(flat) < -drop) + 1 + after
+    def revolution_starts(self, azimuths: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the flat indices of blocks, shape (P, 12), that start a revolution."""
+        flat = ((azimuths - self.azimuth) % FULL_CIRCLE).ravel()
+        return np.flatnonzero(np.diff(flat) < -int(self.covered.sum()) * 100 // 2) + 1
 
     def is_start(self, azimuth: int) -> bool:
         """Return whether the sensor measures nothing between the cut and an azimuth relative to it."""

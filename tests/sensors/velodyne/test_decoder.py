@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.errors import InputError, MissingExtraError
 from seaclutter_cli.sensors.packets import DecoderOptions, Packets, point_dtype
-from seaclutter_cli.sensors.velodyne.decoder import VELODYNE
+from seaclutter_cli.sensors.velodyne.decoder import Velodyne
 from seaclutter_cli.sensors.velodyne.packets import MODELS, PACKET
 from tests.paths import shared
 
@@ -47,7 +47,7 @@ def make_packets(count, *, model=VLP16, mode=SINGLE, first=0, step=STEP, period_
 
 def decode(packets, *, size=None, options=None):
     """Return frames and facts of packets that are added in batches."""
-    decoder = VELODYNE.decoder(packets, options or DecoderOptions())
+    decoder = Velodyne().decoder(packets, options or DecoderOptions())
     size = size or len(packets)
     batches = [take(packets, slice(start, start + size)) for start in range(0, len(packets), size)]
     frames = [frame for batch in batches for frame in decoder.add(batch)] + list(decoder.finish())
@@ -206,7 +206,7 @@ def test_invalid_packets_are_counted_and_position_packets_are_not():
     packets.payloads[6, 2:4] = 255
     packets.payloads[7, 1204] = 0
     packets.payloads[8, 1205] = VLP32C
-    decoder = VELODYNE.decoder(packets, DecoderOptions())
+    decoder = Velodyne().decoder(packets, DecoderOptions())
     frames = [*decoder.add(packets), *decoder.add(Packets(packets.times_ns[:3], np.zeros((3, 512), np.uint8)))]
     frames += [*decoder.add(Packets(packets.times_ns[:2], np.zeros((2, 99), np.uint8))), *decoder.finish()]
     assert decoder.facts.bad_packets == 6
@@ -215,21 +215,21 @@ def test_invalid_packets_are_counted_and_position_packets_are_not():
 
 def test_packets_are_recognised():
     good = make_packets(1).payloads[0]
-    assert VELODYNE.recognises(good)
+    assert Velodyne().recognises(good)
     for index, value in ((0, 0), (1204, 0x40), (1205, 0x99)):
         bad = good.copy()
         bad[index] = value
-        assert not VELODYNE.recognises(bad)
-    assert not VELODYNE.recognises(good[:1200])
-    assert not VELODYNE.recognises(np.zeros(512, np.uint8))
+        assert not Velodyne().recognises(bad)
+    assert not Velodyne().recognises(good[:1200])
+    assert not Velodyne().recognises(np.zeros(512, np.uint8))
     with pytest.raises(InputError, match="not from a supported Velodyne sensor"):
-        VELODYNE.decoder(Packets(np.zeros(1, int), np.zeros((1, 512), np.uint8)), DecoderOptions())
+        Velodyne().decoder(Packets(np.zeros(1, int), np.zeros((1, 512), np.uint8)), DecoderOptions())
 
 
 def test_an_ambiguous_model_is_an_error():
     packets = make_packets(10, model=VLP32AB)
     with pytest.raises(InputError, match="--sensor"):
-        VELODYNE.decoder(packets, DecoderOptions())
+        Velodyne().decoder(packets, DecoderOptions())
     for name in ("VLP-32A", "VLP-32B"):
         assert decode(packets, options=DecoderOptions(model=name))[1].model == name
 
@@ -277,7 +277,7 @@ def test_broken_packets_are_counted_and_raise_no_error(data):
         flat[start : start + noise.integers(1, 200)] = noise.integers(256)
     packets.times_ns[noise.integers(90)] += noise.integers(-(10**12), 10**12)
     try:
-        decoder = VELODYNE.decoder(packets, DecoderOptions())
+        decoder = Velodyne().decoder(packets, DecoderOptions())
     except InputError:
         return
     frames = [*decoder.add(packets), *decoder.finish()]
@@ -289,8 +289,8 @@ def test_broken_packets_are_counted_and_raise_no_error(data):
 @given(st.integers(0, 2**32), st.integers(0, 1500))
 def test_random_bytes_are_not_packets(seed, size):
     payloads = np.random.default_rng(seed).integers(0, 256, (3, size), np.uint8)
-    assert not VELODYNE.recognises(payloads[0])
-    decoder = VELODYNE.decoder(make_packets(3), DecoderOptions())
+    assert not Velodyne().recognises(payloads[0])
+    decoder = Velodyne().decoder(make_packets(3), DecoderOptions())
     assert [*decoder.add(Packets(np.zeros(3, np.int64), payloads)), *decoder.finish()] == []
     assert decoder.facts.bad_packets == (0 if size == 512 else 3)
 
