@@ -11,12 +11,13 @@ from seaclutter_cli.simulation.layouts.open_water import anchorage, fairway, ope
 from seaclutter_cli.simulation.layouts.plan import Plan, Position
 from seaclutter_cli.simulation.lidar.models import LIDARS, NoiseParams
 from seaclutter_cli.simulation.marine.physics import PhysicsParams
-from seaclutter_cli.simulation.marine.scene import Scene, VesselParams
+from seaclutter_cli.simulation.marine.scene import Scene, SceneObjectParams, VesselParams
 from seaclutter_cli.simulation.marine.sea import SeaParams
 
 SECONDS = 5.0
 _OTHERS = 0.06
 _TRIES = 20
+_CLEARANCE_M = 0.5
 _LEG_RAD = float(np.radians(8))
 
 Range = Callable[[np.random.Generator], Any]
@@ -265,13 +266,27 @@ def draw_world(seed: int, family: str | None = None) -> Scene:
     for thing in (*TARGETS, *(thing for name in chosen for thing in FAMILIES[name].things)):
         thing.add(plan)
     scene = replace(base, objects=tuple(plan.objects))
-    return _with(scene, drawn, tuple(chosen), f"A world of wide physics: {', '.join(chosen)}.", rng)
+    world = _with(scene, drawn, tuple(chosen), f"A world of wide physics: {', '.join(chosen)}.", rng)
+    return replace(world, objects=tuple(item for item in world.objects if clearance_m(world, item) > _CLEARANCE_M))
 
 
 def with_wide_physics(scene: Scene, seed: int) -> Scene:
     """Return a scene with its objects in water, weather and by a lidar that are drawn from all ranges."""
     rng = np.random.default_rng([seed, 8])
     return _with(scene, _drawn([], rng), (), scene.recording.description, rng)
+
+
+def clearance_m(scene: Scene, item: SceneObjectParams) -> float:
+    """Return how near own ship's side comes to an object on the water; negative if it runs into it."""
+    if item.shape in ("bridge", "bird"):
+        return np.inf
+    times_s = np.arange(0.0, SECONDS, 0.2)
+    x, y, heading = scene.vessel.smooth_track.at(times_s)
+    keel = x + 1j * y + np.exp(1j * heading) * scene.vessel.length_m * np.linspace(-0.5, 0.5, 5)[:, None]
+    x, y, heading = item.track.at(times_s)
+    offset = (keel - x - 1j * y) * np.exp(-1j * heading)
+    outside = np.abs(offset.real) - float(item.size_m[0]) / 2, np.abs(offset.imag) - float(item.size_m[1]) / 2
+    return float(np.hypot(*np.maximum(outside, 0.0)).min() - scene.vessel.width_m / 2)
 
 
 def _drawn(families: Sequence[str], rng: np.random.Generator) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Receiver, Shots
 from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody, add_body_echoes, box_of
 from seaclutter_cli.simulation.marine.effects import Effects
-from seaclutter_cli.simulation.marine.motion import Pose, Ride, SmoothTrack
+from seaclutter_cli.simulation.marine.motion import Pose, Ride
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 from seaclutter_cli.simulation.marine.terrain import TERRAINS, Terrain, terrain_name
@@ -58,8 +58,9 @@ class Renderer:
         self._ride = Ride(vessel.track, self._terrain.motion, vessel.wave_response, mast)
         noise, extinction, near_m, response = scene.noise or self.lidar.noise, params.extinction, 0.0, (0.0, 1.0)
         if self._effects and scene.physics:
-            track = SmoothTrack(vessel.path, vessel.speed_ms, vessel.heading_deg, vessel.start_s)
-            self._ride = Ride(track, self._terrain.motion, vessel.wave_response, mast, self._effects.rocking)
+            self._ride = Ride(
+                vessel.smooth_track, self._terrain.motion, vessel.wave_response, mast, self._effects.rocking
+            )
             extinction, near_m = self._effects.extinction, self._effects.near_m
             response = scene.physics.intensity_offset, scene.physics.intensity_exponent
         self._receiver = Receiver(self.lidar, noise, extinction, recording.dropout, near_m, response)

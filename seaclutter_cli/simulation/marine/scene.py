@@ -10,7 +10,7 @@ from annotated_types import Ge, Gt, Interval, Len
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.lidar.models import LIDARS, Lidar, NoiseParams
-from seaclutter_cli.simulation.marine.motion import Track
+from seaclutter_cli.simulation.marine.motion import SmoothTrack, Track
 from seaclutter_cli.simulation.marine.physics import PhysicsParams
 from seaclutter_cli.simulation.marine.sea import SeaParams
 from seaclutter_cli.simulation.marine.shapes import SHAPES
@@ -108,6 +108,11 @@ class VesselParams(MovingParams):
     lidar_height_m: Annotated[float, Gt(0)] = 2.5
     lidar_forward_m: float = 2.5
     wave_response: Annotated[float, Interval(ge=0, le=1)] = renamed(0.6, formerly="sway")
+
+    @property
+    def smooth_track(self) -> SmoothTrack:
+        """Position and heading over time, without corners."""
+        return SmoothTrack(self.path, self.speed_ms, self.heading_deg, self.start_s)
 
 
 @dataclass(frozen=True, kw_only=True)

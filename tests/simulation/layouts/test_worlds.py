@@ -3,7 +3,7 @@ import yaml
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.layouts import find_scene
-from seaclutter_cli.simulation.layouts.worlds import FAMILIES, RANGES, draw_world
+from seaclutter_cli.simulation.layouts.worlds import FAMILIES, RANGES, clearance_m, draw_world
 from seaclutter_cli.simulation.lidar.models import LIDARS
 from seaclutter_cli.simulation.marine.render import Renderer
 from seaclutter_cli.simulation.marine.scene import load_scene, parse_scene
@@ -29,6 +29,13 @@ def test_worlds_span_all_lidars_rates_and_heights():
     assert 1 <= min(heights) < 1.3
     assert 6.5 < max(heights) <= 8
     assert {world.physics.families[0] for world in worlds} == set(FAMILIES)
+
+
+def test_own_ship_meets_nothing():
+    for seed in range(60):
+        world = draw_world(seed)
+        assert world.objects
+        assert all(clearance_m(world, item) > 0 for item in world.objects)
 
 
 def test_families_change_parameters_that_have_ranges():
