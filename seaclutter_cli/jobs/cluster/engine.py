@@ -123,10 +123,10 @@ class _Pool:
 
     def _ask(self, address: str) -> None:
         """Ask a worker for its versions, then for other obstacles, as tasks: a worker that hangs delays nothing."""
-        if self._workers.known[address].has_same_versions:
+        if self._workers.known[address].answers:
             self._submit(address, run_remotely, *_sent(self._check), receive=self._receive_check)
         else:
-            self._submit(address, *versions_question(), receive=self._workers.set_versions)
+            self._submit(address, *versions_question(), receive=self._workers.note_versions)
 
     def _submit(self, address: str, function: Callable[..., Any], *arguments: Any, **kind: Any) -> None:
         key = next(self._keys)
@@ -151,7 +151,7 @@ class _Pool:
         kind, content = pickle.loads(found)  # noqa: S301 - of our worker
         if kind != DONE:
             raise content
-        self._workers.set_checked(address, content)
+        self._workers.note(address, content)
 
     def answers(self, *, waiting: bool) -> Iterator[tuple[int, str, Any]]:  # noqa: ARG002 - the cluster starts workers
         """Yield answers, as `Pool.answers` says."""

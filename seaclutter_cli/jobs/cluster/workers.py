@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from distributed import Client
 
 _WARN_S = 10.0
+_QUESTIONS = 2
+"""About versions, and files."""
 _NOT_COMPUTING = {"click", "lazy-loader", "tqdm", "annotated-types"}
 _REMOTE = ("seaclutter", "python", "dask", "distributed", "cloudpickle")
 _OPTIONAL = ("laspy", "lazrs", "obstore", "onnxruntime", "scikit-learn", "skops", "velodyne-decoder")
@@ -23,14 +25,13 @@ _OPTIONAL = ("laspy", "lazrs", "obstore", "onnxruntime", "scikit-learn", "skops"
 
 @dataclass
 class _Worker:
-    """A worker; ``home`` is the process that starts it again after its death."""
+    """A worker; ``home`` starts it again after its death, ``answers`` counts its answers to questions about its use."""
 
     home: str
     process: str
     is_first: bool
     is_running: bool = True
-    has_same_versions: bool = False
-    is_checked: bool = False
+    answers: int = 0
     refusal: str | None = None
 
 
@@ -86,20 +87,19 @@ class Workers:
         if difference := skew(self._versions, there, of_scheduler=True):
             raise ClusterError(f"{self._connection.name}: the scheduler {difference}")
 
-    def set_versions(self, address: str, found: Any) -> None:
-        """Note the versions of a worker."""
-        difference = skew(self._versions, found)
-        if address in self.known:
-            self.known[address].has_same_versions = difference is None
-            if difference is not None:
-                self._refuse(address, difference)
+    def note_versions(self, address: str, found: Any) -> None:
+        """Note the first answer of a worker, its versions."""
+        self.note(address, skew(self._versions, found))
 
-    def _refuse(self, address: str, reason: str) -> None:
-        worker = self.known[address]
-        if worker.is_first:
+    def note(self, address: str, reason: str | None) -> None:
+        """Note an answer of a worker: why it cannot be used, or None."""
+        if (worker := self.known.get(address)) is None:
+            return
+        worker.answers, worker.refusal = worker.answers + 1, reason
+        if reason is not None and worker.is_first:
             raise ClusterError(f"{self._connection.name}: worker {address} {reason}")
-        worker.refusal = reason
-        self._warn(f"{self._connection.name}: worker {address} is left out: it {reason}")
+        if reason is not None:
+            self._warn(f"{self._connection.name}: worker {address} is left out: it {reason}")
 
     def _require_any(self, *, is_busy: bool) -> None:
         if is_busy or any(worker.refusal is None for worker in self.known.values()):
@@ -112,20 +112,13 @@ class Workers:
         if patience_s is not None and waited_s > patience_s:
             raise ClusterError(f"{self._connection.name}: there has been no worker for {patience_s / 60:.0f} minutes")
 
-    def set_checked(self, address: str, reason: str | None) -> None:
-        """Note the result of the check of a worker: why it cannot be used, or None."""
-        if address in self.known:
-            self.known[address].is_checked = True
-            if reason is not None:
-                self._refuse(address, reason)
-
     def usable(self) -> list[str]:
         """Return the workers that may have a task."""
-        return [a for a, worker in self.known.items() if worker.is_checked and worker.is_running and not worker.refusal]
+        return [a for a, one in self.known.items() if one.answers == _QUESTIONS and one.is_running and not one.refusal]
 
     def new(self) -> list[str]:
         """Return the workers whose use is not decided."""
-        return [a for a, worker in self.known.items() if not (worker.is_checked or worker.refusal)]
+        return [a for a, one in self.known.items() if one.answers < _QUESTIONS and not one.refusal]
 
     def is_avoided(self, address: str, number: int) -> bool:
         """Return whether a task should rather run elsewhere: it died there, and there is another place."""
