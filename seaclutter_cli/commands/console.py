@@ -44,6 +44,9 @@ _LOG_HEAD = b"# seaclutter log\n"
 class Console(Options):
     """Observer that prints to the terminal, and prints results at the end."""
 
+    dry_run: bool = option(
+        "--dry-run", default=False, help="Show what would be done with each recording, and do nothing."
+    )
     as_json: bool = option("--json", default=False, help="Print results as JSON.")
     quiet: bool = option(
         "-q --quiet", default=False, help="Show no progress, no warnings, and no summary of what was written."

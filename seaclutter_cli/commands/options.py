@@ -16,7 +16,7 @@ import click
 
 from seaclutter_cli.commands.console import DEBUG, NOTES, Console
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.options import Choice, Flag, Group, Kind, Number, Option, Options, Whole, declared, option
+from seaclutter_cli.options import Choice, Flag, Group, Kind, Number, Option, Options, Whole, declared
 from seaclutter_cli.parts import SCRATCH
 from seaclutter_cli.runs.options import WORKING_CONFIG, ConfigFile
 
@@ -224,14 +224,6 @@ def _taken(takes: Takes, values: Mapping[str, Any], left_out: Sequence[str] = ()
     return taken
 
 
-class _Planning(Options):
-    """Option of commands that can also say what they would do."""
-
-    dry_run: bool = option(
-        "--dry-run", default=False, help="Show what would be done with each recording, and do nothing."
-    )
-
-
 def command(  # noqa: PLR0913 - what makes a command
     name: str,
     function: str | Callable[..., Any],
@@ -249,9 +241,9 @@ def command(  # noqa: PLR0913 - what makes a command
     the console, which prints. It takes options, and ``others``, by functions that return them; ``plan`` is the one for
     ``--dry-run``. ``messages`` are options of the console that the command has.
     """
-    silenced = [key for key in declared(Console) if key not in messages]
+    silenced = [key for key in declared(Console) if key not in (*messages, "dry_run" if plan else "")]
 
-    def run(*, dry_run: bool = False, **values: Any) -> None:
+    def run(**values: Any) -> None:
         console = Console(**_taken(Console, values, silenced))
         taken = _taken(takes, values)
         if callable(function):
@@ -260,12 +252,10 @@ def command(  # noqa: PLR0913 - what makes a command
         taken |= {key: make() for key, make in others.items()}
         if "keep_going" in _declared(takes):
             taken["keep_going"] = True
-        module, _, called = (plan if dry_run and plan else function).partition(":")
+        module, _, called = (plan if plan and console.dry_run else function).partition(":")
         console.finish(getattr(import_module(f"seaclutter_cli.{module}"), called)(**taken, observer=console))
 
-    parameters = list(_parameters(takes))
-    parameters += _parameters(_Planning) if plan else ()
-    parameters += _parameters(Console, silenced)
+    parameters = [*_parameters(takes), *_parameters(Console, silenced)]
     for parameter in parameters:
         if isinstance(parameter, click.Option) and parameter.expose_value:
             longest = max(parameter.opts, key=len).strip("-")
