@@ -171,7 +171,6 @@ class _CalibrateWork(StudyWork[_Calibrated]):
     labelled_frames: range | None = None
 
     def without_result(self, reason: str | None) -> _Calibrated:
-        """Return an outcome without sums."""
         return _Calibrated(recording=self.recording.name, error=reason)
 
     def run(self, observer: Observer) -> _Calibrated:

@@ -143,7 +143,6 @@ class _LabelCheckWork(StudyWork[CheckedLabels]):
     """Check of the labels of one recording."""
 
     def without_result(self, reason: str | None) -> CheckedLabels:
-        """Return an outcome without frames."""
         path = str(self.labels.path) if self.labels else ""
         return CheckedLabels(recording=self.recording.name, labels=path, error=reason)
 

@@ -67,7 +67,6 @@ class _MaskWork(StudyWork[Outcome]):
     search: StructureSearch
 
     def without_result(self, reason: str | None) -> Outcome:
-        """Return an outcome without frames."""
         return Outcome(recording=self.recording.name, error=reason)
 
     def study(self, source: Source, labels: Labels | None, outcome: Outcome, observer: Observer) -> None:  # noqa: ARG002

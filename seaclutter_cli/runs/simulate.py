@@ -311,17 +311,14 @@ class _SimulateWork(Work[_Simulated]):
 
     @property
     def recording(self) -> Recording:  # type: ignore[override]
-        """The recording that is made."""
         return Recording((self.output,))
 
     @property
     def reads(self) -> Sequence[Path]:
-        """The scene, if it is a file."""
         return (Path(self.scene),) if Path(self.scene).is_file() else ()
 
     @property
     def writes(self) -> Sequence[Path]:
-        """The recording or tile."""
         return (self.output,)
 
     def run(self, observer: Observer) -> _Simulated:
@@ -332,7 +329,6 @@ class _SimulateWork(Work[_Simulated]):
         return outcome
 
     def without_result(self, reason: str | None) -> _Simulated:
-        """Return an outcome without a result."""
         return _Simulated(recording=self.output.stem, seed=self.options.seed or 0, error=reason)
 
 

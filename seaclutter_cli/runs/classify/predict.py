@@ -23,7 +23,6 @@ from seaclutter_cli.options import of_options
 from seaclutter_cli.parts import part_path, release
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
-from seaclutter_cli.runs.batch import run_batch
 from seaclutter_cli.runs.classify.maps import MappedTile, check_maps, geojson_of, geopackage_of, shoreline_in
 from seaclutter_cli.runs.classify.tiles import (
     TileOutcome,
@@ -41,6 +40,7 @@ from seaclutter_cli.runs.options import Logs
 from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions
 from seaclutter_cli.runs.outputs import write_files
 from seaclutter_cli.runs.recordings import Result
+from seaclutter_cli.runs.studies import study_all
 from seaclutter_cli.sinks.atomic import CompleteFile, OutputGroup
 from seaclutter_cli.sources.crs import Crs
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, find_tiles, open_tile
@@ -87,12 +87,9 @@ def classify_tiles(
     with _staging(targets[0].parent) as folder, OutputGroup(replace=options.force) as files:
         staged = [folder / target.name for target in targets]
         pairs = zip(heads, targets, staged, strict=True)
-        works = [
-            _PredictWork(*each, model, plot_file.suffix if plot_file else "", with_shoreline=package) for each in pairs
-        ]
-        batch = jobs_for(options.batch, len(works))
-        alone = len(works) == 1
-        found = [works[0].run(observer)] if alone else run_batch(works, batch, observer, together=True)
+        suffix = plot_file.suffix if plot_file else ""
+        works = [_PredictWork(*each, model, suffix, with_shoreline=package) for each in pairs]
+        found = study_all(works, jobs_for(options.batch, len(works)), observer, together=True)
         with OutputGroup(files) as written:
             for part, target in zip(staged, targets, strict=True):
                 written.add(CompleteFile(part, target))
@@ -112,7 +109,6 @@ class _PredictWork(TileWork["ClassifiedTile"]):
     with_shoreline: bool
 
     def without_result(self, reason: str | None) -> "ClassifiedTile":
-        """Return an outcome without a result."""
         return ClassifiedTile(recording=self.recording.name, error=reason)
 
     def run(self, observer: Observer) -> "ClassifiedTile":

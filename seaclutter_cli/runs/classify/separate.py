@@ -137,16 +137,13 @@ class _SeparateWork(TileWork["SeparatedTile"]):
 
     @property
     def reads(self) -> Sequence[Path]:
-        """The tile and its neighbours."""
         return self.path, *(self.margin.neighbors if self.margin else ())
 
     @property
     def writes(self) -> Sequence[Path]:
-        """The separated tile."""
         return (self.target,)
 
     def without_result(self, reason: str | None) -> "SeparatedTile":
-        """Return an outcome without a result."""
         return SeparatedTile(recording=self.recording.name, output=self.target, error=reason)
 
     def run(self, observer: Observer) -> "SeparatedTile":
