@@ -100,10 +100,6 @@ class Change:
 DEGREES = Change("yaws are in degrees", "convert them to radians", lambda one: replace(one, yaws=np.radians(one.yaws)))
 
 
-def _sizes(order: Sequence[int]) -> Callable[[Boxes], Boxes]:
-    return lambda one: replace(one, sizes=one.sizes[:, order])
-
-
 def _scaled(factor: float, *, centers: bool = True) -> Callable[[Boxes], Boxes]:
     return lambda one: replace(one, sizes=one.sizes * factor, centers=one.centers * (factor if centers else 1.0))
 
@@ -112,20 +108,25 @@ def _turned(sign: float, from_rad: float) -> Callable[[Boxes], Boxes]:
     return lambda one: replace(one, yaws=from_rad + sign * one.yaws)
 
 
-def _swapped_axes(*, yaws: bool) -> Callable[[Boxes], Boxes]:
-    def apply(one: Boxes) -> Boxes:
-        return replace(one, centers=one.centers[:, [1, 0, 2]], yaws=np.pi / 2 - one.yaws if yaws else one.yaws)
-
-    return apply
+def _swapped_axes(one: Boxes) -> Boxes:
+    return replace(one, centers=one.centers[:, [1, 0, 2]])
 
 
 CHANGES = (
-    Change("lengths and widths are swapped", "swap them; the length is along the direction of yaw", _sizes([1, 0, 2])),
+    Change(
+        "lengths and widths are swapped",
+        "swap them; the length is along the direction of yaw",
+        lambda one: replace(one, sizes=one.sizes[:, [1, 0, 2]]),
+    ),
     DEGREES,
     Change("yaws count clockwise", "change their signs; yaw counts from x to y", _turned(-1, 0)),
     Change("yaws count clockwise from y", "subtract them from pi/2; yaw counts from x to y", _turned(-1, np.pi / 2)),
-    Change("x and y are swapped", "swap them", _swapped_axes(yaws=False)),
-    Change("x and y are swapped", "swap them, and subtract yaws from pi/2", _swapped_axes(yaws=True)),
+    Change("x and y are swapped", "swap them", _swapped_axes),
+    Change(
+        "x and y are swapped",
+        "swap them, and subtract yaws from pi/2",
+        lambda one: _turned(-1, np.pi / 2)(_swapped_axes(one)),
+    ),
     Change(
         "y has the opposite sign",
         "change the signs of y and yaw",

@@ -239,24 +239,18 @@ def _has_rings(collected: Collector) -> bool:
     return bool(collected.methods[0].edges) and bool(np.isfinite(collected.histories[0]["thresholds"]).any())
 
 
-def _has_water(collected: Collector) -> bool:
-    return bool(np.isfinite(collected.histories[0]["water"]).any())
-
-
-def _has_intensity(collected: Collector) -> bool:
-    return any(np.isfinite(sample.intensity).any() for sample in collected.spread)
-
-
-def _has_excluded(collected: Collector) -> bool:
-    return any((sample.reasons[0] == Reason.EXCLUDED).any() for sample in collected.spread)
-
-
 FIGURES: Mapping[str, ReportFigure] = {
-    "intensity": ReportFigure(_draw_intensity, _has_intensity),
+    "intensity": ReportFigure(
+        _draw_intensity, lambda it: any(np.isfinite(sample.intensity).any() for sample in it.spread)
+    ),
     "thresholds": ReportFigure(partial(_draw_rings, name="thresholds"), _has_rings),
     "corrections": ReportFigure(partial(_draw_rings, name="corrections"), _has_rings),
-    "water": ReportFigure(_draw_water, _has_water, 0.75),
-    "own_structure": ReportFigure(_draw_own_structure, _has_excluded, aspect=0.95),
+    "water": ReportFigure(_draw_water, lambda it: bool(np.isfinite(it.histories[0]["water"]).any()), 0.75),
+    "own_structure": ReportFigure(
+        _draw_own_structure,
+        lambda it: any((sample.reasons[0] == Reason.EXCLUDED).any() for sample in it.spread),
+        aspect=0.95,
+    ),
     "reasons": ReportFigure(_draw_reasons, lambda collected: bool(collected.chosen)),
     "alarms": ReportFigure(_draw_alarms, lambda collected: collected.labelled and bool(collected.chosen), 0.27, 0.08),
     "scenes": ReportFigure(_draw_scenes, lambda collected: bool(collected.histories[0].scenes), aspect=0.4),

@@ -108,7 +108,8 @@ class Choice(Generic[T]):
         for one in self._best:
             found.setdefault(one.item.row, Chosen(one.item.row, "best", one.item.get()))
         others = [Chosen(row, "even", item) for row, item in self.spread() if row not in found]
-        return [*found.values(), *_thinned(others, self._bad + self._good + self._even - len(found))]
+        room = min(self._bad + self._good + self._even - len(found), len(others))
+        return [*found.values(), *(others[number * len(others) // room] for number in range(room))]
 
     def spread(self) -> list[tuple[int, T]]:
         """Return all evenly spaced frames that are stored, with their rows."""
@@ -132,12 +133,6 @@ def _insert(ranked: list[_Ranked[T]], key: float, size: int, item: _Item[T]) -> 
     if rival is not None:
         del ranked[rival]
     insort(ranked, entry, key=lambda one: one.rank)
-
-
-def _thinned(items: list[Chosen[T]], count: int) -> list[Chosen[T]]:
-    if len(items) <= count:
-        return items
-    return [items[number * len(items) // count] for number in range(count)]
 
 
 @dataclass(frozen=True)

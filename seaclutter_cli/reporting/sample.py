@@ -205,6 +205,10 @@ def take_sample(
     for row, result in zip(reasons, results, strict=True):
         if result is not None:
             row[:] = result.reason[shown]
+    shown_truth = np.full(len(shown), UNKNOWN, np.uint8)
+    if truth is not None:
+        kinds = [points[shown] == CLUTTER, points[shown] == IGNORED]
+        shown_truth = np.select(kinds, [IS_CLUTTER, IS_IGNORED], IS_TARGET).astype(np.uint8)
     intensity = np.full(frame.size, np.nan) if frame.intensity_name is None else frame.intensity
     return Sample(
         frame.index,
@@ -213,7 +217,7 @@ def take_sample(
         frame.coordinates[:, shown].T.astype(np.float32),
         intensity[shown].astype(np.float32),
         reasons,
-        _truth(points[shown], known=truth is not None),
+        shown_truth,
         weight,
         *find_boxes(frame, results, truth, params),
         next((result.water for result in results if result is not None and result.water is not None), None),
@@ -240,9 +244,3 @@ def _subsample(members: NDArray[np.int64], count: int) -> NDArray[np.int64]:
         return members
     keys = np.arange(len(members), dtype=np.uint64) * np.uint64(2654435761) % np.uint64(2**32)
     return members[np.sort(np.argpartition(keys, count)[:count])]
-
-
-def _truth(points: NDArray[np.int64], *, known: bool) -> NDArray[np.uint8]:
-    if not known:
-        return np.full(len(points), UNKNOWN, np.uint8)
-    return np.select([points == CLUTTER, points == IGNORED], [IS_CLUTTER, IS_IGNORED], IS_TARGET).astype(np.uint8)

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -112,12 +112,8 @@ def _simulate_tile(name: str, output: Path, options: SimulateOptions, observer: 
     from seaclutter_cli.simulation.airborne.coast import LAND_CODES
     from seaclutter_cli.simulation.airborne.recording import record_tile
 
-    for option, value in (
-        ("frames", options.frames),
-        ("lidar", options.lidar),
-        ("format", options.form),
-        ("physics", options.physics),
-    ):
+    named = {"frames": options.frames, "lidar": options.lidar, "format": options.form, "physics": options.physics}
+    for option, value in named.items():
         if value is not None:
             raise UsageError(
                 f"--{option}: not available for tiles; set height, density and returns in the scene's section lidar"
@@ -141,12 +137,12 @@ def _simulate_tile(name: str, output: Path, options: SimulateOptions, observer: 
     return TileSimulationResult(scene, points, land, output, perf_counter() - started)
 
 
+@dataclass
 class PointTally:
     """Numbers of frames of a recording, and of points by label."""
 
-    def __init__(self) -> None:
-        self.frames = 0
-        self.points: Counter[int] = Counter()
+    frames: int = 0
+    points: Counter[int] = field(default_factory=Counter)
 
     def add(self, frame: SimulatedFrame) -> None:
         """Add a frame."""

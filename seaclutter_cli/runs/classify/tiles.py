@@ -76,14 +76,11 @@ def margins_of(heads: Sequence[TileHead], margin_m: float, observer: Observer) -
     found = neighbors_of(heads, margin_m)
     pairs = sum(map(len, found)) // 2
     observer.note(f"{count(len(heads), 'tile')}, {count(pairs, 'pair')} of neighbours", detail=True)
-    return [_margin(*pair, margin_m) for pair in zip(heads, found, strict=True)]
-
-
-def _margin(head: TileHead, neighbors: Sequence[TileHead], margin_m: float) -> Margin | None:
-    region = region_of(head, margin_m)
-    if region is None or not neighbors:
-        return None
-    return Margin(region, tuple(dict.fromkeys(one.path for one in neighbors)), head.window)
+    margins: list[Margin | None] = []
+    for head, neighbors in zip(heads, found, strict=True):
+        region, paths = region_of(head, margin_m), tuple(dict.fromkeys(one.path for one in neighbors))
+        margins.append(Margin(region, paths, head.window) if region and paths else None)
+    return margins
 
 
 def points_of(tile: LasTile | CloudTile, margin: Margin | None, observer: Observer) -> TilePointReader:
@@ -164,16 +161,12 @@ def plan_tiles(
         observer=observer,
     )
     for tile, target in zip(tiles, targets, strict=True):
-        _check_format(tile.path, target)
+        suffix = target.suffix.lower()
+        if suffix not in (*LAS, *POINT_WRITERS):
+            raise UsageError(f"{target}: unknown format; tiles can be written as {', '.join((*LAS, *POINT_WRITERS))}")
+        if suffix in LAS and tile.path.suffix.lower() not in LAS:
+            raise UsageError(f"{target}: only LAS and LAZ tiles can become LAS or LAZ; use {', '.join(POINT_WRITERS)}")
     return targets
-
-
-def _check_format(tile: Path, target: Path) -> None:
-    suffix = target.suffix.lower()
-    if suffix not in (*LAS, *POINT_WRITERS):
-        raise UsageError(f"{target}: unknown format; tiles can be written as {', '.join((*LAS, *POINT_WRITERS))}")
-    if suffix in LAS and tile.suffix.lower() not in LAS:
-        raise UsageError(f"{target}: only LAS and LAZ tiles can become LAS or LAZ; use {', '.join(POINT_WRITERS)}")
 
 
 def write_tile(
