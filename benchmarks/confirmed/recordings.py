@@ -13,7 +13,6 @@ from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.simulation.layouts import LAYOUTS, find_scene
-from seaclutter_cli.simulation.lidar.models import LIDARS
 from seaclutter_cli.simulation.marine.recording import simulate_frames
 from seaclutter_cli.simulation.marine.render import SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import Scene, builtin_scenes, load_scene
@@ -67,7 +66,7 @@ class LabelledFrame:
 
 def simulate(scene: Scene) -> list[LabelledFrame]:
     """Return the frames of a scene."""
-    rate_hz = LIDARS[scene.recording.lidar].rate_hz
+    rate_hz = scene.lidar.rate_hz
     return [_labelled(one, rate_hz) for one in simulate_frames(scene)]
 
 
