@@ -46,7 +46,7 @@ class Renderer:
         self._bodies = Bodies(scene.objects)
         self._own = SHAPES["own_vessel"]().scaled(vessel.length_m, vessel.width_m, vessel.lidar_height_m * 0.7)
         hulls = [(vessel.track, vessel.length_m, vessel.width_m)] if vessel.speed_ms else []
-        moving = [item for item in scene.objects if item.speed_ms]
+        moving = [item for item in scene.objects if item.speed_ms and item.shape != "bird"]
         hulls += [(item.track, float(item.size_m[0]), float(item.size_m[1])) for item in moving]
         self._effects = Effects(scene, hulls) if scene.physics else None
         self._terrain: Terrain = (

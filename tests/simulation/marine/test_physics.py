@@ -116,6 +116,12 @@ def test_whitecaps_cover_the_published_share():
     assert cover == pytest.approx(whitecap_share(15), rel=0.05)
 
 
+def test_a_bird_leaves_no_wake():
+    bird = {"track_id": 1, "shape": "bird", "size_m": [0.5, 1, 4], "path": [[10, 0], [900, 0]], "speed_ms": 9}
+    physics = {"wake_m": 100, "wake_cover": 1.0, "wake_reflectivity": 0.5, "backscatter": 1e-6}
+    assert len(clutter(frame(bird | {"ignore": True}, physics=physics, index=20))) < 10
+
+
 def test_a_turbulent_wake_has_echoes_at_heights_with_an_exponential_distribution():
     boat = {"track_id": 1, "shape": "cruise_ship", "size_m": [20, 5, 5], "path": [[-30, 25], [900, 25]], "speed_ms": 6}
     physics = {"wake_m": 100, "wake_cover": 0.5, "wake_reflectivity": 0.5, "backscatter": 1e-6}
