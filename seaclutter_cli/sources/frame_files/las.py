@@ -92,7 +92,7 @@ def _laspy() -> Any:
 
 
 def with_records(header: Any, path: Path) -> Any:
-    """Return the header of a file opened by `open_las`, with the records that laspy would rewrite, not always well."""
+    """Return a header of `open_las` with unchanged records: laspy rewrites some of them, at times wrongly."""
     laspy = _laspy()
     with path.open("rb") as file:
         (at,), (number,) = _unpack(file, _HEADER_BYTES_AT, "<H"), _unpack(file, _VLRS_AT, "<I")

@@ -2,10 +2,10 @@
 
 import struct
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from mcap import records as mcap_records
@@ -43,12 +43,8 @@ _END_OPS = (
 )
 
 
-class ReportDamage(Protocol):
-    """Callback for damage."""
-
-    def __call__(self, offset: int, problem: str, lost_bytes: int, lost_messages: int | None = None, /) -> object:
-        """Record the offset, kind and amount of damage."""
-        ...
+ReportDamage = Callable[..., object]
+"""Receives offset and kind of damage, the number of lost bytes and, if known, of messages."""
 
 
 def index_counts(view: Bytes[Buffer], at: int) -> Counter[int]:
@@ -79,10 +75,8 @@ class Trust(IntEnum):
     BROKEN = 0
     """The declaration is among records that include damaged ones."""
     UNCHECKED = 1
-    CHUNK = 2
-    """The declaration is in a chunk with a correct checksum."""
-    SUMMARY = 3
-    """The declaration is in the summary, which has a correct checksum."""
+    CHECKED = 2
+    """The declaration is in a chunk, or in the summary, with a correct checksum."""
 
 
 class Declarations:

@@ -83,7 +83,7 @@ def _first_chunks(summary: bytes, spans: Sequence[Span]) -> list[mcap_records.Ch
     """Return the index of the first chunks with each topic that has clouds, in the order of the file."""
     declarations = Declarations(_broken)
     for span in spans:
-        declarations.add(span.op, summary[span.start : span.end], span.offset, Trust.SUMMARY)
+        declarations.add(span.op, summary[span.start : span.end], span.offset, Trust.CHECKED)
     indexed = _parsed(summary, spans, Opcode.CHUNK_INDEX, mcap_records.ChunkIndex.read)
     indexed.sort(key=lambda one: one.message_start_time)
     chosen: dict[int, mcap_records.ChunkIndex] = {}

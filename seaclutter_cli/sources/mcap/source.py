@@ -63,7 +63,7 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
         self.compression = next((name for name in used if name in COMPRESSIONS), None)
         trust, has_valid_offset = self._trust_in_tail(found.end)
         found.declare(self._tail, trust)
-        self._declares_channels = trust == Trust.SUMMARY and any(span.op == Opcode.CHANNEL for span in self._tail)
+        self._declares_channels = trust == Trust.CHECKED and any(span.op == Opcode.CHANNEL for span in self._tail)
         self._statistics: mcap_records.Statistics | None = None
         if has_valid_offset:
             self._check_chunk_index()
@@ -117,7 +117,7 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
         has_valid_offset = footer.summary_start == (0 if len(self._tail) == 1 else first.offset)
         # The checksum covers the summary and the footer up to the checksum itself.
         if footer.summary_crc == FilePart(self._file, first.offset, last.end - 4).crc32():
-            trust = Trust.SUMMARY
+            trust = Trust.CHECKED
         else:
             trust = Trust.UNCHECKED if has_valid_offset and not footer.summary_crc else Trust.BROKEN
         if not has_valid_offset or trust == Trust.BROKEN:
@@ -258,7 +258,7 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
         """Yield the messages among unpacked records, and add the channels."""
         view = memoryview(unpacked)
         verified = self._is_verified(chunk)
-        trust = Trust.CHUNK if verified else Trust.UNCHECKED
+        trust = Trust.CHECKED if verified else Trust.UNCHECKED
         records = split(view, lambda _, __, size: gaps.append(size), trusted=verified or chunk.header is None)
         for op, start, end in records:
             if op == Opcode.MESSAGE and end - start >= MESSAGE.size:

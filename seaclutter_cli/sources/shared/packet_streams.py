@@ -74,7 +74,7 @@ class CloudStream:
         return Message(channel, *(times_ns or (frame.stamp_ns, frame.stamp_ns)), number, data)
 
     def conclude(self, path: Path, where: str, cut: int = 0) -> None:
-        """Report what was counted, when all packets are decoded: ``where`` are revolutions partial; ``cut`` packets."""
+        """Report, at the end, what was counted, also ``cut`` packets; ``where`` says where revolutions are partial."""
         topic, facts = self.channel.topic, self.decoder.facts
         if self.partial:
             facts.details["partial revolutions"] = f"{self.partial}, {where}"

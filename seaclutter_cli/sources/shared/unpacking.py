@@ -47,7 +47,7 @@ def unpacked_frame(compression: str, packed: Buffer, size: int) -> tuple[bytes, 
 
 
 def readable(compression: str, packed: Buffer, most: int) -> tuple[Buffer, bool]:
-    """Return at most ``most`` bytes before the first error, and whether these are known to be all, not for zstd."""
+    """Return at most ``most`` bytes before the first error, and whether these are all; unknown, so False, for zstd."""
     if compression == "":
         return packed[:most], len(packed) <= most
     content = bytearray()
@@ -98,7 +98,7 @@ def is_large(data: object, most: int) -> bool:
 
 
 def unpack_file(path: Path, folder: Path) -> tuple[Path, Damage | None]:
-    """Return the readable part of a ``.zstd`` file, unpacked into a folder, and its damage; `InputError` if not."""
+    """Return the readable part of a ``.zstd`` file, unpacked into a folder, and its damage; `InputError` if none."""
     target = folder / path.stem
     try:
         with path.open("rb") as packed, target.open("wb") as unpacked:
