@@ -126,16 +126,22 @@ class _Task(Generic[O]):
     """Work with an observer whose messages travel with the outcome, or appear at once in this process."""
 
     work: Work[O]
+    name: str
     observer: Observer | None
 
     def __call__(self, report: Report) -> tuple[O, list[_Message], SeaclutterError | None]:
-        messages = _Messages(report, self.work.recording.name, self.observer)
+        messages = _Messages(report, self.name, self.observer)
         outcome = _outcome(self.work, messages)
         return outcome, messages.messages, messages.error
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Let another process have copies of its own."""
-        return _Task, (shown(self.work), None)
+        return _Task, (shown(self.work), self.name, None)
+
+
+def _tasks(works: Sequence[Work[O]], observer: Observer | None) -> list[_Task[O]]:
+    """Return tasks with the names of their recordings: in another process, paths in buckets are URLs at first."""
+    return [_Task(work, work.recording.name, observer) for work in works]
 
 
 @on_paths
@@ -173,7 +179,7 @@ def run_batch(
     with (
         _progress(works, observer) as on_share,
         _engine(options, works, observer) as engine,
-        closing(engine([_Task(work, observer if engine is run_in_turn else None) for work in works], on_share)) as done,
+        closing(engine(_tasks(works, observer if engine is run_in_turn else None), on_share)) as done,
     ):
         for number, result in done:
             work, error = works[number], None
