@@ -242,16 +242,16 @@ class Udp:
                 more.append((row, flow, int(records.times_ns[row]), data[8 : 8 + length]))
         if not more:
             return found
-        numbers = -1 - np.arange(len(more))
+        at, flows, times_ns, payloads = zip(*more, strict=True)
         columns: list[tuple[NDArray[Any], Any]] = [
-            (found.flows, [flow for _, flow, _, _ in more]),
-            (found.times_ns, [time_ns for _, _, time_ns, _ in more]),
-            (found.offsets, numbers),
-            (found.lengths, [len(data) for _, _, _, data in more]),
+            (found.flows, flows),
+            (found.times_ns, times_ns),
+            (found.offsets, -1 - np.arange(len(more))),
+            (found.lengths, [len(payload) for payload in payloads]),
         ]
-        order = np.argsort(np.concatenate([rows, [row for row, _, _, _ in more]]), kind="stable")
-        flows, times_ns, offsets, lengths = (np.concatenate(pair).astype(np.int64)[order] for pair in columns)
-        return Datagrams(flows, times_ns, offsets, lengths, [data for _, _, _, data in more], found.cut)
+        order = np.argsort(np.concatenate([rows, at]), kind="stable")
+        flows_, times_, offsets, lengths = (np.concatenate(pair).astype(np.int64)[order] for pair in columns)
+        return Datagrams(flows_, times_, offsets, lengths, list(payloads), found.cut)
 
     def _join(self, records: Records, head: bytes, row: int, at: int) -> bytes:
         """Return the datagram that a fragment completes; empty if it is still incomplete."""

@@ -151,7 +151,7 @@ class PacketMessage:
 
     def __init__(self, message: Message, layout: Layout) -> None:
         data = message.data
-        self._data, self._size, self._log_ns = data, len(data), min(message.log_time_ns, _LATEST_NS)
+        self._data, self._size, self._log_ns = memoryview(data), len(data), min(message.log_time_ns, _LATEST_NS)
         self._ros1 = message.channel.message_encoding == "ros1"
         if not self._ros1 and (len(data) < 4 or data[0] != 0 or data[1] > 1):
             raise CloudError("the message does not start with a plain CDR header")
@@ -164,10 +164,10 @@ class PacketMessage:
         number = self._number() if layout.many else 1
         self.times_ns: list[int] = []
         self.payloads: list[Buffer] = []
-        if layout.length is not None:
-            self._read_reserved(layout, layout.length, number)
-        else:
-            self._read_counted(layout, number, stamp_ns)
+        for _ in range(number):
+            self._read_packet(layout, stamp_ns)
+        if self._size - self._at > _MAX_SLACK:
+            raise CloudError(f"{count(self._size - self._at, 'byte')} follow the packets in the message")
 
     @property
     def packets(self) -> list[Packets]:
@@ -199,44 +199,18 @@ class PacketMessage:
         self.frame_id = name if self._ros1 else name.removesuffix("\0")
         return sec * _NANO + nanosec
 
-    def _read_reserved(self, layout: Layout, length: int, number: int) -> None:
-        at = self._at + -(self._at - self._start) % self._align
-        number_type = self._order + "u4"
-        fields = [("sec", number_type), ("nanosec", number_type), ("data", "u1", (length,))]
-        packet = np.dtype([*fields, ("size", number_type)] if layout.sized else fields)
-        step = packet.itemsize + -packet.itemsize % self._align
-        needed, found = (number - 1) * step + packet.itemsize if number else 0, self._size - at
-        if not 0 <= found - needed <= _MAX_SLACK:
-            declared = f"{count(number, 'packet')} of {count(needed, 'byte')} in all"
-            raise CloudError(f"the message declares {declared}, but contains {found:,}")
-        packets = np.ndarray((number,), packet, self._data, at, (step,))
-        sizes = np.minimum(packets["size"], length).tolist() if layout.sized else [length] * number
-        view, begin = memoryview(self._data), at + 8
-        spans = zip(range(begin, begin + number * step, step), sizes, strict=True)
-        times_ns = packets["sec"].astype(np.int64) * _NANO + packets["nanosec"]
-        times_ns[times_ns == 0] = self._log_ns
-        self.times_ns += times_ns.tolist()
-        self.payloads += [view[start : start + size] for start, size in spans]
-
-    def _read_counted(self, layout: Layout, number: int, stamp_ns: int) -> None:
-        view = memoryview(self._data)
-        for _ in range(number):
-            if layout.stamp:
-                sec, nanosec, size = self._numbers(3)
-                stamp_ns = sec * _NANO + nanosec
-            else:
-                size = self._number()
-            begin, self._at = self._at, self._at + size
-            if self._at > self._size:
-                left = self._size - begin
-                raise CloudError(
-                    f"the message declares a packet of {count(size, 'byte')}, but contains only {left:,} more"
-                )
-            if layout.sized:
-                size = min(self._number(), size)
-            if layout.spare and size % 4 == 1:
-                size -= 1
-            self.times_ns.append(stamp_ns or self._log_ns)
-            self.payloads.append(view[begin : begin + size])
-        if self._size - self._at > _MAX_SLACK:
-            raise CloudError(f"{count(self._size - self._at, 'byte')} follow the packets in the message")
+    def _read_packet(self, layout: Layout, stamp_ns: int) -> None:
+        if layout.stamp:
+            sec, nanosec = self._numbers(2)
+            stamp_ns = sec * _NANO + nanosec
+        size = self._number() if layout.length is None else layout.length
+        begin, self._at = self._at, self._at + size
+        if self._at > self._size:
+            left = self._size - begin
+            raise CloudError(f"the message declares a packet of {count(size, 'byte')}, but contains only {left:,} more")
+        if layout.sized:
+            size = min(self._number(), size)
+        if layout.spare and size % 4 == 1:
+            size -= 1
+        self.times_ns.append(stamp_ns or self._log_ns)
+        self.payloads.append(self._data[begin : begin + size])
