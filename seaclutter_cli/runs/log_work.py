@@ -39,7 +39,7 @@ from seaclutter_cli.runs.resume import (
 )
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options, format_of
-from seaclutter_cli.sinks.options import McapOptions, Split, part_path, parts_after
+from seaclutter_cli.sinks.options import McapOptions, part_path, parts_after
 from seaclutter_cli.sources.formats import SOURCES
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.recordings import Recording
@@ -63,11 +63,11 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | No
     ``to`` names the format; by default it is that of the name of ``output``, or MCAP. Raise `UsageError` if several
     recordings need a folder but ``output`` is a file, or two recordings would get the same file.
     """
-    path, several = Path(output), len(recordings) > 1 or named_folder(output)
-    form = to or "mcap" if several else format_of(path, to)
-    kind = OUTPUT_FORMATS[form]
-    if not is_folder(output, len(recordings), kind.marker):
-        return form, [path]
+    path = Path(output)
+    if len(recordings) == 1 and not named_folder(output):
+        form = format_of(path, to)
+        if not is_folder(output, 1, OUTPUT_FORMATS[form].marker):
+            return form, [path]
     form = to or "mcap"
     kind = OUTPUT_FORMATS[form]
     if is_file(path):
@@ -96,7 +96,12 @@ class LogWork(Work[L], Generic[L, O]):
     @property
     def output(self) -> Path:
         """The output, or the first of its parts."""
-        return _first_part(self.target, self.form, self.options.written.split)
+        return part_path(self.target, 0) if self.has_parts else self.target
+
+    @property
+    def has_parts(self) -> bool:
+        """Whether the output is written in parts, each a file."""
+        return self.options.written.split is not None and not OUTPUT_FORMATS[self.form].is_folder
 
     @property
     def reads(self) -> Sequence[Path]:
@@ -196,7 +201,8 @@ class LogRun(Generic[W]):
     def prepare(self, observer: Observer, *, dry: bool = False) -> None:
         """Check the names of the outputs, and prepare their folders, unless ``dry``; see `prepare_outputs`."""
         targets, force = [work.target for work in self.works], dry or self.works[0].replaces
-        outputs = {"-o": _places_of(targets, self.works[0].form, self.options.written.split), **self.others}
+        earlier = [part for work in self.works if work.has_parts for part in parts_after(work.target, 0)]
+        outputs = {"-o": [*(work.output for work in self.works), *earlier], **self.others}
         labels = getattr(self.options, "labels", ())
         prepare_outputs(outputs, self.inputs, labels, force=force, observer=observer, root=self.root, dry=dry)
         check_names(targets, self.options.to)
@@ -232,13 +238,7 @@ class LogRun(Generic[W]):
         write_manifest(self.options.batch.manifest, recordings, outcomes, replace=self.works[0].replaces)
 
 
-def log_run(
-    options: O,
-    observer: Observer,
-    make: Callable[[O, Recording, Path, str, LabelFile | None], W],
-    *,
-    ahead: bool = True,
-) -> LogRun[W]:
+def log_run(options: WritingLogs, observer: Observer, make: Callable[..., W], *, ahead: bool = True) -> LogRun[W]:
     """Return the work on each recording, as a function makes it, without checks of the output files.
 
     Recordings in object storage are fetched ahead, if ``ahead``. Raise `SeaclutterError` if there are no recordings, or
@@ -266,21 +266,6 @@ def check_names(outputs: Iterable[Path], to: str | None) -> None:
                 f"{output}: no format has the suffix {output.suffix}; use {', '.join(known[:-1])} or {known[-1]}, "
                 "or name the format with --to"
             )
-
-
-def _first_part(target: Path, form: str, split: Split | None) -> Path:
-    """Return the file or folder of an output, or of its first part."""
-    return target if split is None or OUTPUT_FORMATS[form].is_folder else part_path(target, 0)
-
-
-def _places_of(targets: Iterable[Path], form: str, split: Split | None) -> list[Path]:
-    """Return the files and folders that outputs occupy, with the parts of earlier runs."""
-    if split is None or OUTPUT_FORMATS[form].is_folder:
-        return list(targets)
-    places: list[Path] = []
-    for target in targets:
-        places += [part_path(target, 0), *parts_after(target, 0)]
-    return places
 
 
 def _output_size(outcome: "LogOutcome") -> int:
