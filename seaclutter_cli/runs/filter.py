@@ -1,7 +1,7 @@
 """Filtering of recordings into drop-in logs."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,7 +19,7 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import TopicTally, run
 from seaclutter_cli.records import Channel, Message, Metadata
 from seaclutter_cli.reporting.palette import reason_names
-from seaclutter_cli.runs.batch import Work, input_bytes
+from seaclutter_cli.runs.batch import input_bytes
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
 from seaclutter_cli.runs.log_work import LogRun, LogWork, log_run, warn_of_losses, warn_of_patterns
@@ -69,7 +69,7 @@ def filter_log(options: FilterOptions) -> FilterSummary:
             if table:
                 table.stream.write(_frame_table(run.works[0].config).header)
                 pairs = zip(run.works, begun, strict=True)
-                begun = [_ReadBackWork(work, one) if isinstance(one, FilterOutcome) else work for work, one in pairs]
+                begun = [replace(work, complete=one) if isinstance(one, FilterOutcome) else work for work, one in pairs]
             outcomes = run.do(begun, observer, logs, partial(_append, table))
             require_selected(outcomes)
         if not may_appear([csv_file], outcomes, observer):
@@ -103,9 +103,20 @@ def _frame_table(config: Config) -> FrameTable:
 
 @dataclass(frozen=True)
 class FilterWork(LogWork[FilterOutcome, FilterOptions]):
-    """Filtering of one recording with a configuration."""
+    """Filtering of one recording with a configuration; of a ``complete`` output, only rows of the table are read."""
 
     config: Config
+    complete: FilterOutcome | None = None
+
+    def run(self, observer: Observer, group: OutputGroup | None = None) -> FilterOutcome:
+        """Filter the recording, unless its output is complete and has the diagnostics that the table needs."""
+        if self.complete:
+            rows = _rows_in(self.complete.output, self.recording.name, self.complete.topics, _frame_table(self.config))
+            if rows is not None:
+                self.complete.rows = rows
+                return self.complete
+            observer.note("filtered again; the output lacks the diagnostics that the table needs")
+        return super().run(observer, group)
 
     def clouds(self, source: Source) -> list[Channel]:
         """Return the channels of the clouds to filter."""
@@ -178,38 +189,6 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         return replace(written, scene=scene_updates(self.config.evaluation, labels))
 
 
-@dataclass(frozen=True)
-class _ReadBackWork(Work[FilterOutcome]):
-    """Reading of the rows of the table from a complete output; without them, the recording is filtered again."""
-
-    work: FilterWork
-    outcome: FilterOutcome
-
-    @property
-    def recording(self) -> Recording:  # type: ignore[override]
-        """The recording."""
-        return self.work.recording
-
-    @property
-    def writes(self) -> Sequence[Path]:
-        """The output, which may have to be written again."""
-        return self.work.writes
-
-    def run(self, observer: Observer) -> FilterOutcome:
-        """Return the outcome of the earlier run with its rows."""
-        table = _frame_table(self.work.config)
-        rows = _rows_in(self.outcome.output, self.recording.name, self.outcome.topics, table)
-        if rows is None:
-            observer.note("filtered again; the output lacks the diagnostics that the table needs")
-            return self.work.run(observer)
-        self.outcome.rows = rows
-        return self.outcome
-
-    def without_result(self, reason: str) -> FilterOutcome:
-        """Return an outcome without frames."""
-        return self.work.without_result(reason)
-
-
 def _rows_in(output: Path, recording: str, topics: Mapping[str, TopicTally], table: FrameTable) -> bytes | None:
     """Return the rows of a recording from the diagnostics in its output; None if these are not of all frames.
 
@@ -253,26 +232,18 @@ class _FitWarnings:
     def finish(self, tallies: Mapping[str, TopicTally]) -> None:
         """Check the sums over all frames."""
         for topic, tally in tallies.items():
-            unfit: Sequence[str | None] = self._checks[topic].finish()
-            for warning in unfit or [_nothing_left(tally, self._config.ring_edges) or self._no_water(tally)]:
+            for warning in self._checks[topic].finish() or (self._of_sums(tally) if tally.points_in else ()):
                 self._warn(topic, warning)
 
-    def _no_water(self, tally: TopicTally) -> str | None:
-        """Return a warning if nearly all frames of a topic are without the water that the method needs."""
-        if not (self._config.has_water and tally.points_in) or tally.water_frames > _FEW_WATER * tally.frames:
-            return None
-        without = f"{tally.frames - tally.water_frames:,} of {count(tally.frames, 'frame')}"
-        return f"no water seen in {without}; heights are then unknown, and every object that stays is kept"
+    def _of_sums(self, tally: TopicTally) -> Iterator[str]:
+        """Yield a warning if no point was kept, or nearly all frames are without the water that the method needs."""
+        most, without = Reason(int(tally.counts.argmax())), tally.frames - tally.water_frames
+        if not tally.counts[Reason.KEPT]:
+            removed = f"{share(int(tally.counts[most]), tally.points_in)} were removed"
+            yield f"no points are left; {removed}: {reason_names(self._config.ring_edges)[most]}"
+        elif self._config.has_water and tally.water_frames <= _FEW_WATER * tally.frames:
+            frames = f"{without:,} of {count(tally.frames, 'frame')}"
+            yield f"no water seen in {frames}; heights are then unknown, and every object that stays is kept"
 
-    def _warn(self, topic: str, text: str | None) -> None:
-        if text:
-            self._observer.warn(f"{topic}: {text}")
-
-
-def _nothing_left(tally: TopicTally, edges: Sequence[float]) -> str | None:
-    """Return a warning if no point of a topic was kept."""
-    most = Reason(int(tally.counts.argmax()))
-    if not tally.points_in or tally.counts[Reason.KEPT]:
-        return None
-    reason = reason_names(edges)[most]
-    return f"no points are left; {share(int(tally.counts[most]), tally.points_in)} were removed: {reason}"
+    def _warn(self, topic: str, text: str) -> None:
+        self._observer.warn(f"{topic}: {text}")
