@@ -1,6 +1,8 @@
 """Calibration: thresholds and the far limit of clutter, from recordings that contain clutter."""
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from time import perf_counter
@@ -11,7 +13,9 @@ import numpy as np
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.calibration import ClutterSelector
 from seaclutter_cli.config import Config
-from seaclutter_cli.errors import LabelError, UsageError
+from seaclutter_cli.errors import InputError, LabelError, UsageError
+from seaclutter_cli.evaluation.scores import Summary
+from seaclutter_cli.evaluation.tuning import Parts
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmed import Confirmed
@@ -22,19 +26,10 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.clutter import draw_clutter
 from seaclutter_cli.plots.figure import check_target, render
-from seaclutter_cli.runs.calibrate_result import CalibrationResult, ClutterSums
-from seaclutter_cli.runs.calibrate_trade_off import (
-    MIN_FRAMES,
-    Candidate,
-    OnlyProgress,
-    TradeOff,
-    candidates,
-    held_out_scores,
-    training_frames,
-)
+from seaclutter_cli.runs.calibrate_result import CalibrationResult, Candidate, ClutterSums, TradeOff
 from seaclutter_cli.runs.evaluate import EvaluateWork
 from seaclutter_cli.runs.methods import Variant, configured
-from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.observer import Observer, Silent, Step
 from seaclutter_cli.runs.options import ConfigOptions
 from seaclutter_cli.runs.options.studies import CalibrateOptions
 from seaclutter_cli.runs.outputs import write_files
@@ -43,6 +38,10 @@ from seaclutter_cli.runs.studies import StudyWork, frame_progress, prepared, stu
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.text import count
 
+_RATES = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
+_MAX_LEFT = (20.0, 10.0, 5.0, 2.0)
+_TRAINED, _HELD_OUT = 0.4, 0.5
+_MIN_FRAMES = 20
 _SEARCHED_S, _EVERY_S = 2.0, 20.0
 _MIN_TARGET_POINTS = 5
 _OF_TARGETS = (
@@ -126,9 +125,15 @@ def _result(
 
 
 def _trade_off(works: Sequence["_CalibrateWork"], found: ClutterSums, observer: Observer) -> TradeOff:
-    """Return the scores of several filter rates and limits on held-out frames; with ``choose``, use the best one."""
+    """Return the scores of several filter rates and limits on held-out frames; with ``choose``, use the best one.
+
+    One filter rate for all range rings leaves many points where clutter is dense, which cluster to false alarms, and
+    removes faint targets where there is hardly any clutter. Rates that leave the same number of points per frame do
+    neither. Each half of the labelled frames is judged with thresholds from the other half. A fifth of the frames, in
+    the middle, gives no thresholds: neighbouring frames are alike.
+    """
     config, options, frames = works[0].config, works[0].options, found.frames_each
-    if sum(frames) < MIN_FRAMES:
+    if sum(frames) < _MIN_FRAMES:
         raise LabelError(f"{count(sum(frames), 'labelled frame')}: too few to compare filter rates")
     used = Candidate(options.filter_rate, options.max_left)
     compared = candidates(used)
@@ -136,18 +141,69 @@ def _trade_off(works: Sequence["_CalibrateWork"], found: ClutterSums, observer: 
     for half in (0, 1):
         training = ClutterSums(config.filter, options)
         for work, number in zip(works, frames, strict=True):
-            part = replace(work, labelled_frames=training_frames(number)[half]).run(OnlyProgress(observer))
+            part = replace(work, labelled_frames=training_frames(number)[half]).run(_OnlyProgress(observer))
             training += part.sums or ClutterSums(config.filter, options)
         for one in compared:
             training.calibration.filter_rate, training.calibration.max_left = one
             params = training.calibration.thresholds().applied_to(config.filter)
             variants.append(Variant(f"{one} ({half})", replace(config, filter=params)))
     judged = [EvaluateWork(work.reading, work.recording, work.labels, variants, in_parts=True) for work in works]
-    trade_off = TradeOff(dict(zip(compared, held_out_scores(judged, observer), strict=True)), used)
+    trade_off = TradeOff(dict(zip(compared, _held_out_scores(judged, observer), strict=True)), used)
     if not options.choose:
         return trade_off
     found.calibration.filter_rate, found.calibration.max_left = trade_off.best
     return replace(trade_off, used=trade_off.best)
+
+
+def candidates(given: Candidate) -> list[Candidate]:
+    """Return the candidates that are compared, the least strict first: single rates, then limits of what is left."""
+    rates = [Candidate(rate) for rate in sorted({*_RATES, given.filter_rate})]
+    limits = [Candidate(given.filter_rate, left) for left in sorted({*_MAX_LEFT, given.max_left or 2.0}, reverse=True)]
+    return [*rates, *limits]
+
+
+def training_frames(frames: int) -> tuple[range, range]:
+    """Return the labelled frames of a recording that give thresholds for its last half, and for its first half.
+
+    Examples
+    --------
+    >>> training_frames(60)
+    (range(0, 24), range(36, 60))
+    """
+    part = math.floor(_TRAINED * frames)
+    return range(part), range(frames - part, frames)
+
+
+def _held_out_scores(works: Sequence[EvaluateWork], observer: Observer) -> list[Summary]:
+    """Return the scores of candidates on the frames that gave no thresholds.
+
+    The first half of the variants of each work are the candidates with thresholds from the first frames, the second
+    half those with thresholds from the last frames.
+    """
+    number = len(works[0].variants)
+    scores = [Summary() for _ in range(number // 2)]
+    for work in works:
+        outcome = work.run(_OnlyProgress(observer))
+        if outcome.error:
+            raise InputError(outcome.error)
+        first, last = (outcome.parts or Parts(number)).split(_HELD_OUT)
+        for total, *halves in zip(scores, last[: number // 2], first[number // 2 :], strict=True):
+            for summary in halves:
+                total.update(summary)
+    return scores
+
+
+class _OnlyProgress(Silent):
+    """Observer that shows progress only: warnings and damage were reported when the log was read before."""
+
+    def __init__(self, observer: Observer) -> None:
+        self._observer = observer
+
+    @contextmanager
+    def progress(self, title: str, total: int | None, unit: str = "frame") -> Iterator[Step]:
+        """Show the progress."""
+        with self._observer.progress(title, total, unit) as step:
+            yield step
 
 
 @dataclass(kw_only=True)

@@ -1,9 +1,10 @@
 """Sums of a calibration over recordings, and its result: as a configuration, as text and as data."""
 
 import textwrap
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 from seaclutter_cli.calibration import Calibration, ClutterSelector, RingCalibration, Thresholds, few_points
 from seaclutter_cli.config import Config, SensorParams
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.evaluation.scores import Summary
+from seaclutter_cli.evaluation.tuning import best
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import MAX_RINGS
@@ -18,7 +21,7 @@ from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.plots.clutter import ClutterDensity
 from seaclutter_cli.records import Damage
-from seaclutter_cli.runs.calibrate_trade_off import TradeOff
+from seaclutter_cli.runs.evaluate import F1, FALSE_ALARMS, N_FN, N_FP, POINTS, score_cells, score_legend
 from seaclutter_cli.runs.options.studies import CalibrateOptions
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
@@ -26,6 +29,8 @@ from seaclutter_cli.sensors.catalog import RecognisedSensor
 from seaclutter_cli.text import count, printable, share, table
 from seaclutter_cli.water import Mounting, MountingSearch
 
+_COLUMNS = (N_FP, N_FN, F1, FALSE_ALARMS, POINTS[1])
+_BEST, _USED = "<", "used"
 _COMMENT_WIDTH = 100
 _ADDED = ("frames_each", "recordings", "damage", "unlabelled", "marked", "examined", "with_targets")
 _TEXT_WIDTH = 79
@@ -131,6 +136,53 @@ class ClutterSums:
         models = (name for _, sensor in self.seen for name in sensor.models if sensor.is_stated)
         modes = (sensor.intensity for _, sensor in self.seen if sensor.intensity)
         return SensorParams(model=next(models, None), intensity=next(modes, None))
+
+
+class Candidate(NamedTuple):
+    """A way to set the thresholds: the share of clutter points to remove in each range ring, and most that are left."""
+
+    filter_rate: float
+    max_left: float | None = None
+
+
+@dataclass(frozen=True)
+class TradeOff:
+    """Scores of candidates on frames that gave no thresholds, and the candidate that is used."""
+
+    scores: Mapping[Candidate, Summary]
+    used: Candidate
+
+    @property
+    def best(self) -> Candidate:
+        """Candidate with the fewest frames with an error, then the fewest errors; in a tie, the first."""
+        return best(self.scores) or self.used
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the scores as JSON-compatible data."""
+        rows = [
+            {**one._asdict(), **summary.as_dict(), "best": one == self.best, "used": one == self.used}
+            for one, summary in self.scores.items()
+        ]
+        for row in rows:
+            del row["filter_ms"]  # differs from run to run
+        return {"candidates": rows}
+
+    def as_text(self) -> str:
+        """Return the scores as a table."""
+        cells = score_cells(self.scores, _COLUMNS)
+        rows = []
+        for one in self.scores:
+            notes = [_BEST] * (one == self.best) + [_USED] * (one == self.used)
+            left = "" if one.max_left is None else f"{one.max_left:g}"
+            rows.append((f"{one.filter_rate:g}", left, *cells[one], " ".join(notes)))
+        frames = max(summary.frames for summary in self.scores.values())
+        title = f"On {count(frames, 'labelled frame')}, each half with thresholds from the other:"
+        lines = table(("filter rate", "max left", *(column.head for column in _COLUMNS), ""), rows)
+        others = {
+            "max left": "clutter points per frame that a range ring may keep",
+            _BEST: "fewest frames with an error, then fewest errors; in a tie, the first",
+        }
+        return f"{title}\n\n{lines}\n\n{score_legend(lines, _COLUMNS, others)}"
 
 
 @dataclass(frozen=True)

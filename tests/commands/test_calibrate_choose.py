@@ -10,7 +10,8 @@ import seaclutter
 from seaclutter_cli.commands import cli
 from seaclutter_cli.config import load_config
 from seaclutter_cli.evaluation.scores import Summary
-from seaclutter_cli.runs.calibrate_trade_off import Candidate, TradeOff, candidates, training_frames
+from seaclutter_cli.runs.calibrate import candidates, training_frames
+from seaclutter_cli.runs.calibrate_result import Candidate, TradeOff
 from tests.commands.test_filter import POINT, write_log
 from tests.paths import ROOT
 
