@@ -31,9 +31,8 @@ class World:
     @classmethod
     def of(cls, ground: Map, level: float | Map) -> "World":
         none = np.full(ground.shape, -np.inf)
-        return cls(
-            ground, np.broadcast_to(level, ground.shape).copy(), none.copy(), none, np.zeros(ground.shape, np.uint8)
-        )
+        levels, code = np.broadcast_to(level, ground.shape).copy(), np.zeros(ground.shape, np.uint8)
+        return cls(ground, levels, none.copy(), none, code)
 
     @property
     def dry(self) -> NDArray[np.bool_]:
@@ -140,9 +139,8 @@ def _open_sea(rng: np.random.Generator, shape: tuple[int, int]) -> World:
 
 def _beach(rng: np.random.Generator, shape: tuple[int, int]) -> World:
     distance = _distance(rng, shape, rng.uniform(0, 10))
-    ground = np.minimum(distance * rng.uniform(0.01, 0.12), rng.uniform(1, 8)) + noise(rng, shape, 30, 0.15) * (
-        distance > 5
-    )
+    ground = np.minimum(distance * rng.uniform(0.01, 0.12), rng.uniform(1, 8))
+    ground += noise(rng, shape, 30, 0.15) * (distance > 5)
     world = World.of(ground, 0.0)
     _plant(world, rng, rng.choice([0, 0.1, 0.4]))
     _town(world, rng, rng.choice([0, 0.05, 0.3]))
@@ -389,11 +387,8 @@ def _strip(
     each = {"x": x, "y": y, "tangent": tangent}
     main = {**each, "z": np.where(first, leaf, z), "classification": np.where(first, VEGETATION, code)}
     main |= {"return_number": np.ones(len(x), np.uint8), "number_of_returns": 1 + through.astype(np.uint8)}
-    later = {
-        **{name: values[through] for name, values in each.items()},
-        "z": z[through],
-        "classification": code[through],
-    }
+    every = {**each, "z": z, "classification": code}
+    later = {name: values[through] for name, values in every.items()}
     later |= {name: np.full(through.sum(), 2, np.uint8) for name in ("return_number", "number_of_returns")}
     out = {name: np.concatenate((main[name][back], later[name])) for name in main}
     out["z"] = out["z"] + rng.normal(0, rng.uniform(0.01, 0.04), len(out["z"]))

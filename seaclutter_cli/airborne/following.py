@@ -19,7 +19,6 @@ _LENGTHS, _WIDEST_M = 6, (3.0, 12.0)
 _PASSES = 2
 _LOCAL_M, _AROUND_M = 10.0, 12.0
 _OUTLIERS = 3.5
-_BRIGHT = 2.5
 _FEW, _HALF = 0.1, 0.5
 _UNEVEN = 1.5
 _CREST = 1.5
@@ -193,7 +192,8 @@ def height_limits(
     Waves break at their crests, where foam is higher than the surface, too: a bright group, half of which is on crests
     and a tenth of which at most is that high, is no object.
 
-    What touches an object belongs to it from 3 deviations on, and its bright echoes from the surface on.
+    What touches an object belongs to it from 3 deviations on, and its bright echoes from the surface on. The deviation
+    is large where an object hides the water: in its bright cells, no more counts than what a single cell needs.
 
     The surface is that of the lowest echoes; the other echoes from the water of a cell are higher. The more there are,
     the higher is the highest: the median range of cells with as many echoes is subtracted from it. The median of all
@@ -214,12 +214,12 @@ def height_limits(
     inside = member & _are_objects(found, member, certain, sea, low, grid.cell_m)[found]
     alone = np.maximum(_SURE * sea.deviation, _SURE_M)
     limit = np.where(touching(grid, inside), np.maximum(_GROWN * sea.deviation, _GROWN_M), alone)
-    echoes = inside & ~land & bright & (sea.brightness > _BRIGHT_ECHO)
+    common, range_m = (float(np.median(values[used])) if used.any() else 0.0 for values in (alone, ranges))
+    covered = inside & ~land & bright
+    limit[covered] = np.minimum(limit[covered], common)
+    echoes = covered & (sea.brightness > _BRIGHT_ECHO)
     limit[echoes] = (np.where(sea.contrast > _BRIGHTEST, _OF_BRIGHTEST, _OF_BRIGHT) * sea.deviation)[echoes]
-    if not used.any():
-        return limit, 0.0
-    range_m = float(np.median(ranges[used]))
-    return limit + range_m, float(np.median(alone[used])) + range_m
+    return limit + range_m, common + range_m
 
 
 def _ranges(details: CellDetails, lowest: Cells, water: Mask) -> Cells:

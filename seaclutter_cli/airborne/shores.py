@@ -17,7 +17,7 @@ Mask = NDArray[np.bool_]
 _LEAST_SQUARES = 6  # the opening takes what is smaller for an object
 _STEP_M, _STEP_DEVIATIONS = 0.25, 2.5
 _WALL = 4.0
-_SMOOTH_CELLS, _LEAST_ODDS, _MOST_ODDS = 4.0, 0.5, 3.0
+_SMOOTH_CELLS, _LEAST_ODDS, _SURE_ODDS, _MOST_ODDS = 4.0, 0.5, 1.0, 3.0
 _OPEN_SHARE = 0.5
 _SLOPE_CELLS, _STEEP, _EXPLAINED = 120, 0.002, 0.8
 _BANK_M, _BANK_DEVIATIONS, _CREST_DEVIATIONS = 0.2, 4.0, 3.0
@@ -49,7 +49,7 @@ def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, odds: Values
     """
     deviation = np.nan_to_num(np.where(waves.depth > 0, waves.deviation_m, 0.0))
     water = _without_small(squares, odds)
-    level = _bodies(squares, water, deviation)
+    level = _bodies(squares, water, odds, deviation)
     water &= ~np.isposinf(level)
     odds = np.where(np.isposinf(level), -_MOST_ODDS, odds)
     known = np.flatnonzero(np.isfinite(level))
@@ -83,10 +83,11 @@ def _without_small(squares: Squares, odds: Values) -> Mask:
     return water
 
 
-def _bodies(squares: Squares, water: Mask, deviation: Values) -> Values:
+def _bodies(squares: Squares, water: Mask, odds: Values, deviation: Values) -> Values:
     """Return the level of the body of water of each square, shape (N,): infinite for rivers that slope.
 
-    Steps that waves do not explain divide bodies. The level is NaN on land, and in bodies of fewer than six squares.
+    Steps that waves do not explain divide bodies. The level is NaN on land, in bodies of fewer than six squares, and
+    in those of which the model is not sure, such as the heights of an island, unless one is the largest.
     """
     side = squares.neighbor[:2]
     level = np.append(squares.level_m, np.inf)
@@ -97,6 +98,8 @@ def _bodies(squares: Squares, water: Mask, deviation: Values) -> Values:
     found = np.full(len(water), np.nan)
     for number in np.flatnonzero(size >= max(least, 1)).tolist():
         own = np.flatnonzero(body == number)
+        if size[number] < size.max() and np.clip(odds[own], -_MOST_ODDS, _MOST_ODDS).mean() < _SURE_ODDS:
+            continue
         is_none = _slopes(squares, own) or _drains(squares, own, body, float(np.median(step[own])))
         found[own] = np.inf if is_none else np.median(squares.level_m[own])
     return found
