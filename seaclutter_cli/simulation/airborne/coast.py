@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, ndimage
 
-from seaclutter_cli.simulation.airborne.land import Land, LandParams, Map
+from seaclutter_cli.simulation.airborne.land import LANDS, LandParams, Map
 from seaclutter_cli.simulation.airborne.scene import WaterParams
 from seaclutter_cli.simulation.marine.sea import GRAVITY, jonswap
 
@@ -34,19 +34,29 @@ _ENHANCEMENT = {"wave": 3.3, "swell": 6.0}
 class TileWater:
     """The surface at one moment, and that of the swell alone, which moves ships: elevations by x and y, shape (M, M).
 
-    Cells are a metre wide.
+    Cells are a metre wide. Along a coast, the water is at the levels of the coast, and waves are lower where it is
+    shallow, and in basins.
     """
 
     heights: NDArray[np.float64]
     swell: NDArray[np.float64]
+    coast: "Coast | None" = None
 
     def height(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return elevations at given positions by linear interpolation, shape (N,)."""
-        return np.asarray(ndimage.map_coordinates(self.heights, (x, y), order=1, mode="grid-wrap"))
+        return self._on_coast(x, y, ndimage.map_coordinates(self.heights, (x, y), order=1, mode="grid-wrap"))
 
     def heave(self, x: float, y: float) -> float:
         """Return the elevation of the swell at a position."""
-        return float(ndimage.map_coordinates(self.swell, ([x], [y]), order=1, mode="grid-wrap")[0])
+        at = np.array([x]), np.array([y])
+        swell = float(ndimage.map_coordinates(self.swell, at, order=1, mode="grid-wrap")[0])
+        return float(self._on_coast(*at, swell).item())
+
+    def _on_coast(self, x: Floats, y: Floats, waves: Floats | float) -> Floats:
+        if self.coast is None:
+            return np.asarray(waves)
+        cell = self.coast.cells(x, y)
+        return np.asarray(self.coast.level[cell] + self.coast.damping[cell] * waves)
 
     def slope(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return slopes along x and y at given positions, as differences over a metre to both sides."""
@@ -54,8 +64,8 @@ class TileWater:
         return along / 2, (self.height(x, y + 1) - self.height(x, y - 1)) / 2
 
 
-def water(params: WaterParams, size_m: float, rng: np.random.Generator) -> TileWater:
-    """Return a random surface, at least ``size_m`` wide.
+def water(params: WaterParams, size_m: float, rng: np.random.Generator, coast: "Coast | None" = None) -> TileWater:
+    """Return a random surface, at least ``size_m`` wide, along a coast if there is one.
 
     Notes
     -----
@@ -65,7 +75,7 @@ def water(params: WaterParams, size_m: float, rng: np.random.Generator) -> TileW
     cells = int(fft.next_fast_len(int(size_m) + 64))
     wind = _field(cells, params.wave_m, params.wave_period_s, params.direction_deg, "wave", rng)
     swell = _field(cells, params.swell_m, params.swell_period_s, params.direction_deg, "swell", rng)
-    return TileWater(wind + swell, swell)
+    return TileWater(wind + swell, swell, coast)
 
 
 def _field(
@@ -136,23 +146,6 @@ class Coast:
         return z, cells
 
 
-@dataclass(frozen=True)
-class CoastalWater(TileWater):
-    """Water at the levels of a coast; waves are lower where it is shallow, and in basins."""
-
-    coast: Coast
-
-    def height(self, x: Floats, y: Floats) -> Floats:
-        """Return elevations at given positions, shape (N,)."""
-        cell = self.coast.cells(x, y)
-        return np.asarray(self.coast.level[cell] + self.coast.damping[cell] * super().height(x, y))
-
-    def heave(self, x: float, y: float) -> float:
-        """Return the elevation of the level and the swell at a position."""
-        cell = self.coast.cells(np.array([x]), np.array([y]))
-        return float(self.coast.level[cell][0] + self.coast.damping[cell][0] * super().heave(x, y))
-
-
 def make_coast(lands: Sequence[LandParams], size_m: tuple[float, ...], wave_m: float, seed: int) -> Coast:
     """Return the coast of a tile; each piece of land covers those before it.
 
@@ -162,7 +155,7 @@ def make_coast(lands: Sequence[LandParams], size_m: tuple[float, ...], wave_m: f
     step = max(_STEP_M, float(np.sqrt(np.prod(size_m) / _MOST_CELLS)))
     maps = _Maps(step, tuple(int(np.ceil(side / step)) for side in size_m))
     for index, params in enumerate(lands):
-        maps.add(params.complete(), np.random.default_rng([seed, 5, index]))
+        maps.add(params, np.random.default_rng([seed, 5, index]))
     return maps.coast(wave_m, np.random.default_rng([seed, 6]))
 
 
@@ -176,11 +169,11 @@ class _Maps:
         self._damping, self._reflectivity = np.ones(shape), np.full(shape, _WET_SAND)
         self._canopy, self._code = np.zeros(shape), np.full(shape, GROUND, np.uint8)
 
-    def add(self, land: Land, rng: np.random.Generator) -> None:
+    def add(self, land: LandParams, rng: np.random.Generator) -> None:
         """Cover the maps with a piece of land; outside, its slope is the bottom of the water if nothing is higher."""
         values = land.relief
         distance = land.distance(self._x[:, None], self._y[None, :]) + values.ragged_m * self._noise(rng, 25.0)
-        own, level = land.kind.profile(distance, values)
+        own, level = LANDS[land.kind].profile(distance, values)
         own = own + values.relief_m * (0.9 * self._noise(rng, 12.0) + 0.4 * self._noise(rng, 2.5))
         inside = distance > 0
         reach = inside | (own > self._ground)

@@ -66,11 +66,23 @@ class LandParams:
     houses: Share | None = None
     reflectivity: Share | None = None
 
-    def complete(self) -> "Land":
-        """Return the land with the values of its kind for those that are null."""
-        kind = LANDS[self.kind]
-        given = {key: getattr(self, key) for key in vars(kind.typical) if getattr(self, key, None) is not None}
-        return Land(self, kind, replace(kind.typical, **given))
+    @property
+    def relief(self) -> "Relief":
+        """Values of the land, those of its kind where they are null."""
+        typical = LANDS[self.kind].typical
+        return replace(typical, **{key: value for key in vars(typical) if (value := getattr(self, key)) is not None})
+
+    def distance(self, x: Map, y: Map) -> Map:
+        """Return how far positions are inside the outline, in metres; negative outside."""
+        heading = np.radians(self.heading_deg)
+        c, s = np.cos(heading), np.sin(heading)
+        dx, dy = x - self.position_m[0], y - self.position_m[1]
+        along, across = np.abs(c * dx + s * dy), np.abs(c * dy - s * dx)
+        half = [side / 2 for side in self.size_m]
+        if LANDS[self.kind].is_round:
+            return np.asarray((1 - np.hypot(along / half[0], across / half[1])) * min(half))
+        beyond = np.maximum(along - half[0], 0), np.maximum(across - half[1], 0)
+        return np.asarray(np.minimum(half[0] - along, half[1] - across).clip(min=0) - np.hypot(*beyond))
 
 
 @dataclass(frozen=True)
@@ -99,27 +111,6 @@ class LandKind:
     profile: Profile
     typical: Relief
     is_round: bool = False
-
-
-@dataclass(frozen=True)
-class Land:
-    """Land of a scene with all its values."""
-
-    params: LandParams
-    kind: LandKind
-    relief: Relief
-
-    def distance(self, x: Map, y: Map) -> Map:
-        """Return how far positions are inside the outline, in metres; negative outside."""
-        heading = np.radians(self.params.heading_deg)
-        c, s = np.cos(heading), np.sin(heading)
-        dx, dy = x - self.params.position_m[0], y - self.params.position_m[1]
-        along, across = np.abs(c * dx + s * dy), np.abs(c * dy - s * dx)
-        half = [side / 2 for side in self.params.size_m]
-        if self.kind.is_round:
-            return np.asarray((1 - np.hypot(along / half[0], across / half[1])) * min(half))
-        beyond = np.maximum(along - half[0], 0), np.maximum(across - half[1], 0)
-        return np.asarray(np.minimum(half[0] - along, half[1] - across).clip(min=0) - np.hypot(*beyond))
 
 
 def _beach(distance: Map, relief: Relief) -> tuple[Map, None]:

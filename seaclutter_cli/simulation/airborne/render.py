@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from seaclutter_cli.simulation.airborne.coast import (
     VEGETATION,
     Coast,
-    CoastalWater,
     TileWater,
     leaves,
     make_coast,
@@ -61,45 +60,18 @@ class Pulses:
 
 
 _RAY = np.dtype([("z", "f8"), ("reflectivity", "f8"), ("number", "u2"), ("code", "u1")])
+"""End of a ray: its height and reflectivity, the number of the object (0: none), and its class."""
 
 Groups = tuple[NDArray[np.intp], Floats, Floats, NDArray[np.uint16], NDArray[np.uint8]]
 """Pulses with a possible echo of one number; its mean height and power, object and class of the ray in its middle."""
 
 
-class Hits:
-    """Ends of the rays of P pulses. Nearly all rays of a pulse end on the water at one height, which is stored once.
-
-    Height, reflectivity and class of the water or ground at each pulse have the shape (P,).
-    """
-
-    def __init__(self, z: Floats, reflectivity: Floats, code: NDArray[np.uint8]) -> None:
-        self.z, self.reflectivity, self.code = z, reflectivity, code
-        self._row = np.full(len(z), -1, np.int32)
-        self._rows = 0
-        self._rays = np.zeros((0, _BEAMS), _RAY)
-
-    def __len__(self) -> int:
-        """Return the number of pulses."""
-        return len(self._row)
-
-    def rays(self, pulses: NDArray[np.intp]) -> NDArray[np.void]:
-        """Return height, reflectivity, number of the object (0: none) and class of each ray, shape (N, 7)."""
-        rays = np.zeros((len(pulses), _BEAMS), _RAY)
-        for name in ("z", "reflectivity", "code"):
-            rays[name] = getattr(self, name)[pulses][:, None]
-        row = self._row[pulses]
-        rays[row >= 0] = self._rays[row[row >= 0]]
-        return rays
-
-    def put(self, pulses: NDArray[np.intp], rays: NDArray[np.void]) -> None:
-        """Replace the rays of some pulses."""
-        new = pulses[self._row[pulses] < 0]
-        self._row[new] = np.arange(self._rows, self._rows + len(new))
-        self._rows += len(new)
-        if self._rows > len(self._rays):
-            room = np.zeros((2 * self._rows - len(self._rays), _BEAMS), _RAY)
-            self._rays = np.concatenate((self._rays, room))
-        self._rays[self._row[pulses]] = rays
+def _rays(z: Floats, reflectivity: Floats, code: NDArray[np.uint8] | int) -> NDArray[np.void]:
+    """Return the rays of P pulses, shape (P, 7), all of which end on the water or ground at one height."""
+    rays = np.zeros((len(z), _BEAMS), _RAY)
+    for name, values in (("z", z), ("reflectivity", reflectivity), ("code", np.broadcast_to(code, z.shape))):
+        rays[name] = values[:, None]
+    return rays
 
 
 def strips(lidar: AirborneParams, size_m: tuple[float, ...]) -> list[float]:
@@ -162,9 +134,7 @@ class TileRenderer:
         """Return the echoes of a strip, as `POINT`."""
         scene, seed = self.scene, self.scene.tile.seed
         rng = np.random.default_rng([seed, 3, index])
-        sea = water(scene.water, max(scene.tile.size_m), np.random.default_rng([seed, 4, index]))
-        if self.coast is not None:
-            sea = CoastalWater(sea.heights, sea.swell, self.coast)
+        sea = water(scene.water, max(scene.tile.size_m), np.random.default_rng([seed, 4, index]), self.coast)
         pulses = fly(scene.lidar, scene.tile.size_m, self.lines[index], rng)
         hits = self._sea_hits(pulses, sea, rng)
         if self.coast is not None:
@@ -181,17 +151,23 @@ class TileRenderer:
             points[axis] += origin
         return points
 
-    def _sea_hits(self, pulses: Pulses, sea: TileWater, rng: np.random.Generator) -> Hits:
+    def _sea_hits(self, pulses: Pulses, sea: TileWater, rng: np.random.Generator) -> NDArray[np.void]:
         params = self.scene.water
         along, across = sea.slope(pulses.x, pulses.y)
         tilt = along**2 + (across + pulses.slope) ** 2
         mirror = np.exp(-tilt / (2 * _MEAN_SQUARE_SLOPE))
         reflectivity = params.reflectivity * (_DIFFUSE + (1 - _DIFFUSE) * mirror) * rng.gamma(2.0, 0.5, len(tilt))
         z = sea.height(pulses.x, pulses.y) + rng.normal(0, 0.02, len(tilt))
-        return Hits(z, reflectivity, np.full(len(z), _WATER, np.uint8))
+        return _rays(z, reflectivity, _WATER)
 
     def _hit_object(
-        self, item: TileObject, patch: Patch, pulses: Pulses, sea: TileWater, hits: Hits, rng: np.random.Generator
+        self,
+        item: TileObject,
+        patch: Patch,
+        pulses: Pulses,
+        sea: TileWater,
+        hits: NDArray[np.void],
+        rng: np.random.Generator,
     ) -> None:
         """End the rays that hit an object on its surface."""
         highest = float(patch.top.max()) + 1.0 + abs(sea.heave(*item.position_m))
@@ -208,12 +184,11 @@ class TileRenderer:
         z, reflectivity = _trace(item, patch, (x, y, slope), waterline, highest, rng)
         tilt = np.cos(np.arctan(slope)) ** (0.5 if patch.motion == "fixed" else 1)
         z, reflectivity = z.reshape(-1, _BEAMS), (reflectivity * tilt).reshape(-1, _BEAMS)
-        rays = hits.rays(near)
+        rays = hits[near]
         hit = z > rays["z"]
         rays["z"][hit], rays["reflectivity"][hit], rays["number"][hit] = z[hit], reflectivity[hit], item.number
         rays["code"][hit] = _OTHER
-        some = hit.any(axis=1)
-        hits.put(near[some], rays[some])
+        hits[near] = rays
 
     def _waterline(self, item: TileObject, patch: Patch, sea: TileWater, x: Floats, y: Floats) -> Floats:
         """Return the height of an object's waterline at given positions, shape (R,)."""
@@ -224,22 +199,20 @@ class TileRenderer:
         return sea.height(x, y)
 
 
-def _land_hits(coast: Coast, pulses: Pulses, water: Hits, rng: np.random.Generator) -> Hits:
-    """Return where pulses end on water, ground, buildings and trees."""
+def _land_hits(coast: Coast, pulses: Pulses, water: NDArray[np.void], rng: np.random.Generator) -> NDArray[np.void]:
+    """Return the rays of pulses on water, ground, buildings and trees from those on water."""
     z, cells = coast.descend(pulses.x, pulses.y, pulses.slope)
     z += rng.normal(0, _GROUND_NOISE_M, len(z))
     reflectivity = coast.reflectivity[cells] * np.cos(np.arctan(pulses.slope)) ** 0.5
-    dry = (coast.ground[cells] >= coast.level[cells]) & (z > water.z)
-    code = np.where(dry, coast.code[cells], water.code)
-    hits = Hits(np.where(dry, z, water.z), np.where(dry, reflectivity, water.reflectivity), code)
+    dry = (coast.ground[cells] >= coast.level[cells]) & (z > water["z"][:, 0])
+    rays = np.where(dry[:, None], _rays(z, reflectivity, coast.code[cells]), water)
     trees = np.flatnonzero(dry & (coast.canopy[cells] > 0))
     if len(trees):
-        rays = hits.rays(trees)
-        canopy = coast.canopy[cells][trees].astype(np.float64)
-        rays["z"], stopped = leaves(canopy, z[trees], _BEAMS, rng)
-        rays["code"][stopped], rays["reflectivity"][stopped] = VEGETATION, _LEAF_REFLECTIVITY
-        hits.put(trees, rays)
-    return hits
+        own, canopy = rays[trees], coast.canopy[cells][trees].astype(np.float64)
+        own["z"], stopped = leaves(canopy, z[trees], _BEAMS, rng)
+        own["code"][stopped], own["reflectivity"][stopped] = VEGETATION, _LEAF_REFLECTIVITY
+        rays[trees] = own
+    return rays
 
 
 def _beams(x: Floats, y: Floats, lidar: AirborneParams) -> tuple[Floats, Floats]:
@@ -294,7 +267,9 @@ def _cells_below(
     return above, (cells[0][above], cells[1][above])
 
 
-def _echoes(pulses: Pulses, hits: Hits, lidar: AirborneParams, rng: np.random.Generator) -> NDArray[np.void]:
+def _echoes(
+    pulses: Pulses, hits: NDArray[np.void], lidar: AirborneParams, rng: np.random.Generator
+) -> NDArray[np.void]:
     """Combine rays into echoes and discard weak ones."""
     starts = range(0, len(hits), _BLOCK)
     blocks = [_groups(hits, np.arange(start, min(start + _BLOCK, len(hits))), lidar) for start in starts]
@@ -310,9 +285,9 @@ def _echoes(pulses: Pulses, hits: Hits, lidar: AirborneParams, rng: np.random.Ge
     return _points(pulses, echoes, lidar, rng)
 
 
-def _groups(hits: Hits, block: NDArray[np.intp], lidar: AirborneParams) -> list[Groups]:
+def _groups(hits: NDArray[np.void], block: NDArray[np.intp], lidar: AirborneParams) -> list[Groups]:
     """Return the possible echoes of a block of pulses, from the highest down."""
-    rays = hits.rays(block)
+    rays = hits[block]
     order = np.argsort(-rays["z"], axis=1, kind="stable")
     z, reflectivity, number, code = (np.take_along_axis(rays[name], order, 1) for name in _RAY.names or ())
     group = np.concatenate((np.zeros((len(z), 1), np.int64), np.cumsum(-np.diff(z, axis=1) > _RESOLUTION_M, axis=1)), 1)

@@ -216,8 +216,7 @@ class TileScene:
         half = np.asarray(_bounds(item.size_m, item.heading)) / 2
         offset = np.linspace(-1, 1, _ACROSS)
         x, y = (at + side * offset for at, side in zip(item.position_m, half, strict=True))
-        lands = (one.complete() for one in self.land)
-        return all(float(one.distance(x[:, None], y).max()) < -self.tile.gap_m for one in lands)
+        return all(float(one.distance(x[:, None], y).max()) < -self.tile.gap_m for one in self.land)
 
     @property
     def sections(self) -> Mapping[str, Any]:

@@ -155,7 +155,7 @@ def test_random_objects_are_in_the_water():
         one = scene(*lands, objects=objects).with_tile(seed=seed)
         for item in one.placed_objects():
             for params in one.land:
-                assert params.complete().distance(*map(np.array, item.position_m)) < -10
+                assert params.distance(*map(np.array, item.position_m)) < -10
 
 
 def test_no_water_for_an_object_is_an_error():
@@ -174,7 +174,7 @@ def test_threads_and_order_do_not_change_a_strip_with_land(tmp_path):
 @pytest.mark.parametrize("kind", LANDS)
 def test_values_of_the_kind_fill_those_that_are_null(kind):
     params = LandParams(kind=kind, position_m=(1, 2), size_m=(3, 4), relief_m=0.7)
-    values = params.complete().relief
+    values = params.relief
     assert values.relief_m == 0.7
     assert values.height_m == LANDS[kind].typical.height_m
 
