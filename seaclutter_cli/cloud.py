@@ -38,19 +38,9 @@ class PointField:
 
 @lru_cache(maxsize=256)
 def point_dtype(fields: tuple[PointField, ...], point_step: int, big_endian: bool) -> np.dtype[np.void]:
-    """Return the structured dtype of one point.
+    """Return the structured dtype of one point; a repeated name gets an underscore, since names must be distinct.
 
-    A repeated name gets an underscore, since a dtype needs distinct names.
-
-    Raises
-    ------
-    CloudError
-        If a field does not fit into the point, or the size of a point is negative or greater than 10 MB.
-
-    Examples
-    --------
-    >>> point_dtype((PointField("x", 0, "f4"), PointField("ring", 5, "u2")), 8, False).itemsize
-    8
+    `CloudError` if a field does not fit into the point, or the size of a point is negative or greater than 10 MB.
     """
     order = ">" if big_endian else "<"
     if not 0 <= point_step <= _MAX_POINT_BYTES:
@@ -187,11 +177,6 @@ def from_array(points: NDArray[Any], *, stamp_ns: int = 0, frame_id: str = "lida
     """Return a cloud made from a structured array, shape (N,), with a number of rows that divides N.
 
     Types that point fields lack are converted: 64-bit integers to float64, booleans to uint8, float16 to float32.
-
-    Examples
-    --------
-    >>> from_array(np.zeros(3, [("x", "f4"), ("y", "f4"), ("t", "u8")])).fields[2]
-    PointField(name='t', offset=8, type='f8', count=1)
     """
     dtype = points.dtype
     layout: list[tuple[str, str, tuple[int, ...]]] = []

@@ -122,13 +122,7 @@ def blocks(sizes: Indices, limit: int) -> Iterator[slice]:
 
 
 def spans(start: Indices, count: Indices) -> Indices:
-    """Return the indices of all spans, one span after the other.
-
-    Examples
-    --------
-    >>> spans(np.array([5, 0]), np.array([2, 3]))
-    array([5, 6, 0, 1, 2])
-    """
+    """Return the indices of all spans, one span after the other."""
     ends = np.cumsum(count)
     total = int(ends[-1]) if len(ends) else 0
     return np.arange(total) + np.repeat(start - ends + count, count)

@@ -96,11 +96,6 @@ def point_truth(labels: NDArray[np.uint32], options: LabelOptions) -> NDArray[np
     """Return the truth of each point: `CLUTTER`, `IGNORED`, or a number above 65535 that is unique to the target.
 
     Labels, shape (N,), uint32, have the class in the lower 16 bits and the instance in the upper.
-
-    Examples
-    --------
-    >>> point_truth(np.array([110, 0, 10, 10 + (7 << 16)], np.uint32), LabelOptions())
-    array([     0,  65535,  65546, 524298])
     """
     classes = labels & _CLASS_BITS
     truth = labels.astype(np.int64) + _FIRST_TRACK

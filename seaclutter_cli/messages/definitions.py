@@ -46,13 +46,7 @@ _LIVOX_MESSAGES = {
 
 @lru_cache(maxsize=64)
 def ros2_schema(typename: str) -> Schema:
-    r"""Return the schema of a known ROS 2 message with the definitions of nested messages; `KeyError` if it is unknown.
-
-    Examples
-    --------
-    >>> ros2_schema("std_msgs/msg/Bool").data
-    b'bool data\n'
-    """
+    """Return the schema of a known ROS 2 message with those of nested messages; `KeyError` if it is unknown."""
     from rosbags.typesys import TypesysError
 
     try:

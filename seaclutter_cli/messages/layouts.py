@@ -210,13 +210,7 @@ def _changed(parts: Sequence[tuple[int | None, Any, Change]], values: Sequence[A
 
 
 def full_name(name: str) -> str:
-    """Return the name of a type with its namespace, as in ROS 2.
-
-    Examples
-    --------
-    >>> full_name("tf2_msgs/TFMessage"), full_name("std_msgs/msg/Bool")
-    ('tf2_msgs/msg/TFMessage', 'std_msgs/msg/Bool')
-    """
+    """Return the name of a type with its namespace, as in ROS 2."""
     package, _, rest = name.partition("/")
     full = name if "/" in rest or not rest else f"{package}/msg/{rest}"
     return _RENAMED.get(full, full)

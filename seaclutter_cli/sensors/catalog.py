@@ -128,13 +128,6 @@ def recognise(
     """Return the sensor of a topic, from the facts about it or, without any, from fields and points of its clouds.
 
     ``rings`` counts those up to the last one seen; None without such a field.
-
-    Examples
-    --------
-    >>> print(recognise(["x", "y", "z", "intensity", "ring", "time"], 16, 28000))
-    resembles Puck Hi-Res or VLP-16
-    >>> print(recognise([], None, 28000, SensorFacts("OS1-32")))
-    OS1-32
     """
     if facts:
         return RecognisedSensor((facts.model,), frozenset({facts.model}), facts.details.get("intensity"), True)
@@ -196,13 +189,7 @@ _KINDS = (
 
 
 def name_unsupported(payload: NDArray[np.uint8]) -> str | None:
-    """Return the name of a known sensor without a decoder that sent a UDP payload, shape (L,); None if it is unknown.
-
-    Examples
-    --------
-    >>> name_unsupported(np.frombuffer(bytes((0xEE, 0xFF, 4, 7)) + bytes(1000), np.uint8))
-    'Hesai ATX (protocol 4.7)'
-    """
+    """Return the name of a known sensor without a decoder that sent a UDP payload, shape (L,); None if unknown."""
     for kind in _KINDS:
         fits = not kind.lengths or len(payload) in kind.lengths
         if fits and payload[: len(kind.begins)].tobytes() == kind.begins:

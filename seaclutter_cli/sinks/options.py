@@ -54,13 +54,7 @@ class Split:
 
 
 def parse_split(text: str) -> Split:
-    """Return the limit in a text: a size with a unit of bytes, or a duration with a unit of time; or `ValueError`.
-
-    Examples
-    --------
-    >>> parse_split("2GB"), parse_split("1.5 min")
-    (Split(size=2000000000, duration_ns=None), Split(size=None, duration_ns=90000000000))
-    """
+    """Return the limit in a text: a size with a unit of bytes, or a duration with a unit of time; or `ValueError`."""
     match = _PATTERN.fullmatch(text.strip().lower())
     number, unit = (float(match[1]), match[2]) if match else (0.0, "")
     if number and unit in _DURATIONS:
