@@ -240,8 +240,6 @@ MODELS = (
 def utc_ns(packets: NDArray[np.void]) -> NDArray[np.int64]:
     """Return the time of each packet, shape (P,), in nanoseconds of Unix time.
 
-    Notes
-    -----
     The six bytes are year, month, day, hour, minute and second; years below 70 count from 2000, others from 1900. A
     first byte of 0 means that the last four are seconds of Unix time, big-endian.
     """

@@ -30,8 +30,6 @@ class OusterDecoder:
     Points are in the sensor frame, x away from the connector and z up, column by column. The intensity is the signal in
     photons, or the reflectivity for profiles without a signal.
 
-    Notes
-    -----
     State: packets of the incomplete revolution, a packet that may begin the next one until its successor is known, and
     the clock correction.
     """

@@ -49,8 +49,6 @@ class OusterMetadata:
     def directions(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return direction and origin of each beam in the sensor frame, each of shape (3, W, H).
 
-        Notes
-        -----
         In Ouster's manuals, the position of a point is range times direction plus origin. Ranges are measured from the
         axis, so the distance between axis and beam is subtracted.
         """

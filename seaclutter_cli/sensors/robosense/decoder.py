@@ -78,8 +78,6 @@ def _are(payloads: NDArray[np.uint8], begin: bytes, lengths: Collection[int]) ->
 class RoboSenseDecoder:
     """Decoder for the packets of one sensor, with known angles; some of them show whether its clock is right.
 
-    Notes
-    -----
     State: the blocks of the current revolution (about 200 kB), packets that wait for its end (at most 640 kB), the
     azimuth of the last block, and the clock. Packets that surely end no revolution wait, because a call for each few
     of them costs as much as their points.

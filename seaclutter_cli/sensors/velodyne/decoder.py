@@ -80,8 +80,6 @@ class VelodyneDecoder:
     Revolutions are split at azimuth 0, or in the middle of a blind sector. A file of angles in the format of
     velodyne-decoder and ROS (YAML) replaces the model's usual ones.
 
-    Notes
-    -----
     State: packets of the incomplete revolution, at most half a second; packets of the first revolution until the blind
     sector is known. A packet in which a revolution ends is duplicated; each copy keeps the channels of one revolution.
     """
