@@ -37,6 +37,15 @@ class Packets:
     def __len__(self) -> int:
         return len(self.times_ns)
 
+    def __getitem__(self, rows: Any) -> "Packets":
+        """Return some of the packets."""
+        return Packets(self.times_ns[rows], self.payloads[rows])
+
+    @classmethod
+    def joined(cls, parts: Sequence["Packets"]) -> "Packets":
+        """Return the packets of all parts."""
+        return cls(np.concatenate([part.times_ns for part in parts]), np.concatenate([part.payloads for part in parts]))
+
 
 @dataclass(frozen=True)
 class PacketFrame:

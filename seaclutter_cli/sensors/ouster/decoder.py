@@ -1,6 +1,6 @@
 """Decoder for Ouster sensors, based on their metadata."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,17 +69,17 @@ class OusterDecoder:
                 if serial and known and serial != known:
                     problem = f"the metadata is from sensor {known}, the packets are from {serial}"
                     self.facts.warnings.append(f"{problem}: the angles do not match")
-            yield from self._add_valid(Packets(packets.times_ns[useful], packets.payloads[useful]))
+            yield from self._add_valid(packets[useful])
 
     def _add_valid(self, packets: Packets) -> Iterator[PacketFrame]:
         """Add packets with measurements; a last one with another frame id waits for its successor."""
         if self._waiting is not None:
-            packets, self._waiting = _joined([self._waiting, packets]), None
+            packets, self._waiting = Packets.joined([self._waiting, packets]), None
         places = self._places(packets)
         ids = places // len(self._expected)
         starts = np.append(0, np.flatnonzero(np.diff(ids)) + 1).tolist()
         for start, end in zip(starts, [*starts[1:], len(ids)], strict=True):
-            run = Packets(packets.times_ns[start:end], packets.payloads[start:end])
+            run = packets[start:end]
             if len(run) == 1 and self._frame_id not in (None, ids[start]):
                 if end == len(ids):
                     self._waiting = run
@@ -121,13 +121,12 @@ class OusterDecoder:
             if count >= most:
                 yield self._complete()
                 count = 0
-            part = slice(begin, begin + most - count)
-            self._pending.append(Packets(packets.times_ns[part], packets.payloads[part]))
-            begin = part.stop
+            self._pending.append(packets[begin : begin + most - count])
+            begin += most - count
 
     def _complete(self, *, is_last: bool = False) -> PacketFrame:
         """Return the frame of the pending packets."""
-        packets, self._pending = _joined(self._pending), []
+        packets, self._pending = Packets.joined(self._pending), []
         data, times_ns = view_packets(packets.payloads, self._layout), packets.times_ns
         partial = self._count_lost(data, is_last=is_last)
         valid = valid_columns(data)
@@ -176,11 +175,6 @@ class OusterDecoder:
         if returns == 2:
             points["return_number"] = (hit & 1) + 1
         return points
-
-
-def _joined(parts: Sequence[Packets]) -> Packets:
-    times_ns, payloads = ([getattr(part, name) for part in parts] for name in ("times_ns", "payloads"))
-    return Packets(np.concatenate(times_ns), np.concatenate(payloads))
 
 
 def _is_damaged(place: int, after: int, *, before: int, per_revolution: int) -> bool:

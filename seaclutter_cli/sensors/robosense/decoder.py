@@ -1,6 +1,7 @@
 """Decoder for RoboSense's rotating lidars."""
 
 from collections.abc import Collection, Iterator, Mapping
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,7 @@ class RoboSense:
         warnings: list[str] = []
         model = find_model(data[0], info, options, warnings)
         device, angles = find_device(model, data, info, options, warnings)
-        return RoboSenseDecoder(device, angles, warnings, Packets(packets.times_ns[is_data], data))
+        return RoboSenseDecoder(device, angles, warnings, packets[is_data])
 
 
 def _are(payloads: NDArray[np.uint8], begin: bytes, lengths: Collection[int]) -> NDArray[np.bool_]:
@@ -89,7 +90,7 @@ class RoboSenseDecoder:
         self._is_utc = device.model.format.is_utc
         self._clock, self._losses = SensorClock(), LossCounter()
         self._parts: list[NDArray[np.void]] = []
-        self._waiting: list[tuple[NDArray[np.uint8], NDArray[np.int64]]] = []
+        self._waiting: list[Packets] = []
         self._azimuth = self._last_azimuth = -1
         self._gaps_ns = 0
         self._is_first = True
@@ -103,19 +104,17 @@ class RoboSenseDecoder:
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
         """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
-        payloads, times_ns = packets.payloads, packets.times_ns
         model = self._device.model
-        is_data = _are(payloads, model.format.id, {model.packet_bytes})
+        is_data = _are(packets.payloads, model.format.id, {model.packet_bytes})
         if not is_data.all():
-            is_info = _are(payloads, INFO_ID[:4], {INFO_BYTES})
+            is_info = _are(packets.payloads, INFO_ID[:4], {INFO_BYTES})
             self.facts.bad_packets += int((~is_data & ~is_info).sum())
-            payloads, times_ns = payloads[is_data], times_ns[is_data]
-        if len(payloads):
-            if self._may_end(payloads):
-                self._waiting.append((payloads, times_ns))
+            packets = packets[is_data]
+        if len(packets):
+            may_end = self._may_end(packets.payloads)
+            self._waiting.append(packets if may_end else deepcopy(packets))
+            if may_end:
                 yield from self._decode()
-            else:
-                self._waiting.append((payloads.copy(), times_ns.copy()))
 
     def finish(self) -> Iterator[PacketFrame]:
         """Yield the last revolution."""
@@ -129,14 +128,13 @@ class RoboSenseDecoder:
         before, self._last_azimuth = self._last_azimuth, int(azimuth[-1])
         if azimuth[0] < before or (azimuth[1:] < azimuth[:-1]).any():
             return True
-        return sum(len(waiting) for waiting, _ in self._waiting) + len(payloads) > _MAX_WAITING
+        return sum(map(len, self._waiting)) + len(payloads) > _MAX_WAITING
 
     def _decode(self) -> Iterator[PacketFrame]:
         """Yield the frames that the waiting packets complete."""
         if self._waiting:
-            payloads, times_ns = (np.concatenate(column) for column in zip(*self._waiting, strict=True))
-            self._waiting = []
-            yield from self._frames_of(data_packets(self._device.model, payloads), times_ns)
+            packets, self._waiting = Packets.joined(self._waiting), []
+            yield from self._frames_of(data_packets(self._device.model, packets.payloads), packets.times_ns)
             self._last_azimuth = self._azimuth
 
     def _frames_of(self, packets: NDArray[Any], record_ns: NDArray[np.int64]) -> Iterator[PacketFrame]:
