@@ -1,6 +1,6 @@
 """Known lidars: models, recognition of the one that made a cloud, and those whose packets are not decoded."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -160,38 +160,28 @@ ADVICE = "record the sensor_msgs/PointCloud2 of the maker's driver"
 """What to do with a sensor whose packets are not decoded."""
 
 
-@dataclass(frozen=True)
-class _Kind:
-    """Packets of a sensor: their first bytes and their lengths (any if empty)."""
-
-    name: str
-    begins: bytes
-    lengths: tuple[int, ...] = ()
-
-
 _MEMS_ID = bytes.fromhex("55aa5aa5")
 _HESAI_MARK = b"\xee\xff"
 
-_KINDS = (
-    _Kind("RoboSense RS-M2", _MEMS_ID, (1342,)),
-    _Kind("RoboSense RS-M3", _MEMS_ID, (1448,)),
-    _Kind("RoboSense RS-MX", _MEMS_ID, (1404,)),
-    _Kind("RoboSense RS-EMX", _MEMS_ID, (812,)),
-    _Kind("RoboSense RS-M1 Jumbo", _MEMS_ID, (62152,)),
-    _Kind("Hesai JT128, or another with protocol 1.4 that is not a Pandar128 or OT128", _HESAI_MARK + bytes((1, 4))),
-    _Kind("Hesai JT16 (protocol 1.8)", _HESAI_MARK + bytes((1, 8))),
-    _Kind("Hesai PandarQT with 32 lasers (protocol 3.1)", _HESAI_MARK + bytes((3, 1, 0, 0, 32))),
-    _Kind("Hesai AT128 (protocol 4.1)", _HESAI_MARK + bytes((4, 1))),
-    _Kind("Hesai ATX (protocol 4.7)", _HESAI_MARK + bytes((4, 7))),
-    _Kind("Hesai FT120 (protocol 7.2)", _HESAI_MARK + bytes((7, 2))),
+_KINDS: Sequence[tuple[str, bytes, int | None]] = (
+    ("RoboSense RS-M2", _MEMS_ID, 1342),
+    ("RoboSense RS-M3", _MEMS_ID, 1448),
+    ("RoboSense RS-MX", _MEMS_ID, 1404),
+    ("RoboSense RS-EMX", _MEMS_ID, 812),
+    ("RoboSense RS-M1 Jumbo", _MEMS_ID, 62152),
+    ("Hesai JT128, or another with protocol 1.4 that is not a Pandar128 or OT128", _HESAI_MARK + bytes((1, 4)), None),
+    ("Hesai JT16 (protocol 1.8)", _HESAI_MARK + bytes((1, 8)), None),
+    ("Hesai PandarQT with 32 lasers (protocol 3.1)", _HESAI_MARK + bytes((3, 1, 0, 0, 32)), None),
+    ("Hesai AT128 (protocol 4.1)", _HESAI_MARK + bytes((4, 1)), None),
+    ("Hesai ATX (protocol 4.7)", _HESAI_MARK + bytes((4, 7)), None),
+    ("Hesai FT120 (protocol 7.2)", _HESAI_MARK + bytes((7, 2)), None),
 )
-"""Kinds of packets, the most particular first. Remove those that get a decoder."""
+"""Sensors, first bytes of their packets, and lengths (None for any), the most particular first."""
 
 
 def name_unsupported(payload: NDArray[np.uint8]) -> str | None:
     """Return the name of a known sensor without a decoder that sent a UDP payload, shape (L,); None if unknown."""
-    for kind in _KINDS:
-        fits = not kind.lengths or len(payload) in kind.lengths
-        if fits and payload[: len(kind.begins)].tobytes() == kind.begins:
-            return kind.name
+    for name, begins, length in _KINDS:
+        if length in (None, len(payload)) and payload[: len(begins)].tobytes() == begins:
+            return name
     return None

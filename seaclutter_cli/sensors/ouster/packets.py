@@ -30,11 +30,10 @@ def _pixel(size: int, **fields: tuple[str, int]) -> np.dtype[Any]:
     return np.dtype({"names": list(fields), "formats": formats, "offsets": offsets, "itemsize": size})
 
 
+_SINGLE = _pixel(12, range=("<u4", 0), signal=("<u2", 6))
 PROFILES = {
-    "LEGACY": Profile(_pixel(12, range=("<u4", 0), signal=("<u2", 6)), ("range",), ("signal",), 0xFFFFF),
-    "RNG19_RFL8_SIG16_NIR16": Profile(
-        _pixel(12, range=("<u4", 0), signal=("<u2", 6)), ("range",), ("signal",), 0x7FFFF
-    ),
+    "LEGACY": Profile(_SINGLE, ("range",), ("signal",), 0xFFFFF),
+    "RNG19_RFL8_SIG16_NIR16": Profile(_SINGLE, ("range",), ("signal",), 0x7FFFF),
     "RNG19_RFL8_SIG16_NIR16_DUAL": Profile(
         _pixel(16, range=("<u4", 0), range2=("<u4", 4), signal=("<u2", 8), signal2=("<u2", 10)),
         ("range", "range2"),
