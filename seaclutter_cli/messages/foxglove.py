@@ -16,12 +16,11 @@ from typing import Any
 from seaclutter_cli.cloud import Cloud, PointField
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError
-from seaclutter_cli.messages.serialisation import Reader, RosCodec, Writer
+from seaclutter_cli.messages.serialisation import NANO, Reader, RosCodec, Writer, field_type
 from seaclutter_cli.records import Buffer
 
 _TYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8")
 """Types of fields in the order of their numbers, from 1."""
-_NANO = 1_000_000_000
 _MASK = 2**64 - 1
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 _TIMESTAMP, _FRAME_ID, _STRIDE, _FIELDS, _DATA = 1, 2, 4, 5, 6
@@ -37,13 +36,6 @@ def _unorganised(
         raise CloudError(f"the point stride must be positive, got {stride} bytes")
     size = len(data) // stride if stride > 0 else 0
     return Cloud(stamp_ns, frame_id, 1, size, fields, stride, size * stride, False, False, data, extra)
-
-
-def _field_type(number: int, name: str) -> str:
-    """Return the type of a field with a number of ``foxglove.PackedElementField``."""
-    if not 1 <= number <= len(_TYPES):
-        raise CloudError(f"field {name!r} has unknown type {number}")
-    return _TYPES[number - 1]
 
 
 def _varint(data: memoryview, at: int) -> tuple[int, int]:
@@ -121,7 +113,7 @@ class ProtobufPointCloud:
                 others.append(bytes(whole))
                 if number == _TIMESTAMP and isinstance(value, memoryview):
                     parts = {key: _signed(part) for key, _, part, _ in _walk(value) if isinstance(part, int)}
-                    stamp_ns = parts.get(1, 0) * _NANO + parts.get(2, 0)
+                    stamp_ns = parts.get(1, 0) * NANO + parts.get(2, 0)
                 elif number == _FRAME_ID and isinstance(value, memoryview):
                     frame_id = bytes(value).decode("utf-8", "replace")
         return _unorganised(stamp_ns, frame_id, stride, tuple(fields), points, b"".join(others))
@@ -133,7 +125,7 @@ class ProtobufPointCloud:
         offset, kind = parts.get(2, 0), parts.get(3, 0)
         if not (isinstance(offset, int) and isinstance(kind, int)):
             raise CloudError(f"field {name!r} has an invalid offset or type")
-        return PointField(name, offset, _field_type(kind, name))
+        return PointField(name, offset, field_type(kind, name, _TYPES))
 
     def encode(self, cloud: Cloud) -> bytes:
         """Return a cloud as the bytes of a message."""
@@ -161,7 +153,9 @@ class JsonPointCloud:
             message = load_json(bytes(data), max_bytes=len(data))  # a message is bounded by its log
             points = base64.b64decode(message.pop("data"), validate=True)
             fields = tuple(
-                PointField(str(field["name"]), int(field["offset"]), _field_type(int(field["type"]), field["name"]))
+                PointField(
+                    str(field["name"]), int(field["offset"]), field_type(int(field["type"]), field["name"], _TYPES)
+                )
                 for field in message["fields"]
             )
             stride, stamp_ns = int(message["point_stride"]), _stamp_ns(message.get("timestamp"))
@@ -179,12 +173,12 @@ class JsonPointCloud:
 def _stamp_ns(timestamp: Any) -> int:
     """Return a JSON time in nanoseconds: an object with seconds and nanoseconds, or text in RFC 3339 format."""
     if isinstance(timestamp, dict):
-        return int(timestamp.get("sec") or 0) * _NANO + int(timestamp.get("nsec") or timestamp.get("nanos") or 0)
+        return int(timestamp.get("sec") or 0) * NANO + int(timestamp.get("nsec") or timestamp.get("nanos") or 0)
     if not timestamp:
         return 0
     whole, fraction, zone = re.findall(r"^(.*?)(?:\.(\d+))?(Z|[+-]\d\d:\d\d)?$", str(timestamp))[0]
     seconds = (datetime.fromisoformat(whole + (zone or "Z")) - _EPOCH) // timedelta(seconds=1)
-    return seconds * _NANO + int(fraction[:9].ljust(9, "0"))
+    return seconds * NANO + int(fraction[:9].ljust(9, "0"))
 
 
 class RosFoxglovePointCloud(RosCodec):

@@ -31,6 +31,13 @@ class Header:
     sequence: int | None = None
 
 
+def field_type(number: int, name: str, types: Sequence[str]) -> str:
+    """Return the type of a field with a number from 1."""
+    if not 1 <= number <= len(types):
+        raise CloudError(f"field {name!r} has unknown type {number}")
+    return types[number - 1]
+
+
 class Reader:
     """Reader for the values of a message of a version of ROS; `CloudError` if it is truncated or not in plain CDR."""
 
@@ -89,7 +96,12 @@ class Reader:
 
     def fields(self, types: Sequence[str] = FIELD_TYPES, *, counted: bool = True) -> tuple[PointField, ...]:
         """Return a sequence of fields, whose types have numbers from 1; without counts, each has one value."""
-        return tuple(self._field(types, counted=counted) for _ in range(self.length(_MAX_FIELDS, "field")))
+        found = []
+        for _ in range(self.length(_MAX_FIELDS, "field")):
+            name, offset, kind = self.text(), self.number("I"), self.number("B")
+            number = self.number("I") if counted else 1
+            found.append(PointField(name, offset, field_type(kind, name, types), number))
+        return tuple(found)
 
     def structures(self, number: int, size: int, step: int) -> Buffer:
         """Return structures of ``step`` bytes: a view, or a copy if the padding of the last one is missing."""
@@ -120,13 +132,6 @@ class Reader:
     def left(self) -> int:
         """Number of bytes that are not read yet."""
         return len(self._data) - self._at
-
-    def _field(self, types: Sequence[str], *, counted: bool) -> PointField:
-        name, offset, datatype = self.text(), self.number("I"), self.number("B")
-        number = self.number("I") if counted else 1
-        if not 1 <= datatype <= len(types):
-            raise CloudError(f"field {name!r} has unknown type {datatype}")
-        return PointField(name, offset, types[datatype - 1], number)
 
 
 class Writer:

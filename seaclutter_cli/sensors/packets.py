@@ -161,8 +161,9 @@ def point_dtype(*, returns: bool = False) -> np.dtype[Any]:
 class SensorClock:
     """Correction of a sensor clock that is not set, which is noted among facts about the sensor.
 
-    A clock within a day of the recording time is used as it is. Otherwise, only time differences are used, relative to
-    the recording time of a reference packet. A new reference is chosen if the clocks diverge by more than a second.
+    A clock within a day of the recording time, or without a known one, is used as it is. Otherwise, only time
+    differences are used, relative to the recording time of a reference packet. A new reference is chosen if the clocks
+    diverge by more than a second.
     """
 
     def __init__(self, facts: SensorFacts | None = None) -> None:
@@ -172,7 +173,7 @@ class SensorClock:
     def shifts(self, sensor_ns: NDArray[np.int64], recorded_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the corrections to add to the sensor's times of packets, given the recorder's, all in nanoseconds."""
         behind = recorded_ns - sensor_ns
-        right = (behind > -DAY_NS) & (behind < DAY_NS)
+        right = ((behind > -DAY_NS) & (behind < DAY_NS)) | (recorded_ns <= 0)
         found = np.zeros(len(behind), np.int64)
         start = 0
         while start < len(behind):

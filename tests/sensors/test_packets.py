@@ -34,3 +34,8 @@ def test_a_clock_within_a_day_is_used_as_it_is():
     times_ns = np.arange(6) * SECOND_NS
     assert not SensorClock(facts).shifts(times_ns, times_ns + DAY_NS - 1).any()
     assert "clock" not in facts.details
+
+
+def test_a_clock_is_not_corrected_to_an_unknown_recording_time():
+    sensor_ns = 1_760_000_000 * 10**9 + np.arange(3)
+    assert SensorClock().shifts(sensor_ns, np.zeros(3, np.int64)).tolist() == [0, 0, 0]

@@ -96,7 +96,7 @@ class RoboSenseDecoder:
         self._is_first = True
         self.facts = SensorFacts(device.model.name, dict(device.details), warnings=warnings)
         header_ns = header_times(data_packets(device.model, sample.payloads), is_utc=self._is_utc)
-        wrong = bool((abs(header_ns - sample.times_ns) > DAY_NS).mean() > 0.5)
+        wrong = bool(((abs(header_ns - sample.times_ns) > DAY_NS) & (sample.times_ns > 0)).mean() > 0.5)
         self.facts.details["clock"] = "sensor time, shifted to the recording time" if wrong else "sensor time (UTC)"
         self.facts.details |= EXPERIMENTAL if device.model.name not in CHECKED else {}
         if wrong:
