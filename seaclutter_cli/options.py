@@ -19,7 +19,7 @@ from copy import copy
 from dataclasses import MISSING, dataclass, field, fields
 from functools import wraps
 from pathlib import Path
-from typing import Any, ClassVar, Generic, ParamSpec, Self, TypeVar, dataclass_transform, get_args, overload
+from typing import Any, ClassVar, Generic, ParamSpec, Self, TypeVar, dataclass_transform, overload
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.text import named_folder
@@ -333,7 +333,7 @@ def function_of(kind: Callable[P, T]) -> Callable[[Callable[[T], R]], Callable[P
         returned = inspect.signature(run).return_annotation
         function.options = kind  # type: ignore[attr-defined]
         function.__signature__ = inspect.Signature(shown, return_annotation=returned)  # type: ignore[attr-defined]
-        function.__doc__ = documented(run.__doc__, kind, _RAISES)
+        function.__doc__ = documented(run.__doc__, kind, RAISES)
         return function
 
     return decorate
@@ -344,7 +344,7 @@ def _parameter(parameter: inspect.Parameter, one: Option) -> inspect.Parameter:
     return parameter.replace(annotation=_shown(parameter.annotation), default=default)
 
 
-_RAISES = """\
+RAISES = """\
 Raises
 ------
 SeaclutterError
@@ -361,35 +361,15 @@ def documented(text: str | None, kind: Any, raises: str = "") -> str:
     for name, one in declared(kind).items():
         lines += [f"{name} : {_in_words(hints[name], one)}{'' if one.default is MISSING else ', optional'}"]
         lines += [f"    {_in_python(one.help, kind)}"]
-    return _with_sections(text, lines, raises)
+    return with_sections(text, lines, raises)
 
 
-def _with_sections(text: str | None, lines: Sequence[str], raises: str) -> str:
+def with_sections(text: str | None, lines: Sequence[str], raises: str) -> str:
+    """Return a docstring with a section of parameters, and one of errors, unless it has one."""
     summary, *sections = re.split(r"\n\n(?=\w+\n-----)", inspect.cleandoc(text or ""))
     if raises and not any(section.startswith("Raises") for section in sections):
         sections.insert(len(sections) - 1, raises.rstrip())
     return "\n\n".join([summary, "\n".join(lines), *sections])
-
-
-_GIVEN_BESIDE = {
-    "logs": "path, or sequence of paths\n    Files, folders or globs.",
-    "tiles": "path, or sequence of paths\n    Files, folders or globs.",
-    "output": "path\n    File for one tile, folder for several or if it is a `str` that ends in a slash.",
-    "observer": "Observer, optional\n    Receives progress, notes and warnings.",
-}
-"""Type and meaning of what functions take beside objects of options."""
-
-
-def of_options(run: Callable[P, R]) -> Callable[P, R]:
-    """Document what a function takes, objects of options among others, and the errors that it raises."""
-    lines = ["Parameters", "----------"]
-    for name, one in inspect.signature(run).parameters.items():
-        kinds = [kind for kind in (one.annotation, *get_args(one.annotation)) if hasattr(kind, "with_places")]
-        optional = "" if one.default is one.empty else ", optional"
-        known = [f"{kind.__name__}{optional}\n    {(kind.__doc__ or '').partition(chr(10))[0]}" for kind in kinds]
-        lines.append(f"{name} : {known[0] if known else _GIVEN_BESIDE[name]}")
-    run.__doc__ = _with_sections(run.__doc__, lines, _RAISES)
-    return run
 
 
 def _shown(annotation: str) -> str:

@@ -8,11 +8,10 @@ from typing import Any
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.options import of_options
 from seaclutter_cli.runs.evaluate import Comparison
 from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import Logs, MethodOptions
+from seaclutter_cli.runs.options import Logs, MethodOptions, of_options
 from seaclutter_cli.runs.options.logs import ViewOptions
 from seaclutter_cli.runs.outputs import may_appear
 from seaclutter_cli.runs.report import filter_or_replay

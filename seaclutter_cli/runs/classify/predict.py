@@ -19,7 +19,6 @@ from seaclutter_cli.airborne.objects import FoundObject, as_csv
 from seaclutter_cli.airborne.plausibility import doubts_about_objects
 from seaclutter_cli.airborne.separation import WATER
 from seaclutter_cli.errors import OutputError, UsageError
-from seaclutter_cli.options import of_options
 from seaclutter_cli.parts import part_path, release
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
@@ -36,7 +35,7 @@ from seaclutter_cli.runs.classify.tiles import (
     write_tile,
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import Logs
+from seaclutter_cli.runs.options import Logs, of_options
 from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions
 from seaclutter_cli.runs.outputs import write_files
 from seaclutter_cli.runs.recordings import Result

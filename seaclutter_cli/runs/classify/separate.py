@@ -14,7 +14,6 @@ from seaclutter_cli.airborne.settings import TileSettings, parse_settings
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError, SelectionError, UsageError
 from seaclutter_cli.grids.land_cells import LandCells
-from seaclutter_cli.options import of_options
 from seaclutter_cli.runs.batch import run_batch
 from seaclutter_cli.runs.classify.maps import MappedTile, check_maps, map_files, mapped, pixel_of
 from seaclutter_cli.runs.classify.tiles import (
@@ -32,7 +31,7 @@ from seaclutter_cli.runs.classify.tiles import (
     write_tile,
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import BatchOptions, Logs
+from seaclutter_cli.runs.options import BatchOptions, Logs, of_options
 from seaclutter_cli.runs.options.classifiers import SeparateTilesOptions
 from seaclutter_cli.runs.outputs import write_files, write_manifest
 from seaclutter_cli.runs.recordings import RecordingsResult, statuses, storing_errors

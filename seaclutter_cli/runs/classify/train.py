@@ -15,12 +15,11 @@ from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.clustering.clusters import euclidean_clusters
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation.confusion import Confusion
-from seaclutter_cli.options import of_options
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import draw_confusion
 from seaclutter_cli.runs.classify.tiles import errors_of, warn_of_missing
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import Logs
+from seaclutter_cli.runs.options import Logs, of_options
 from seaclutter_cli.runs.options.classifiers import TrainForestOptions
 from seaclutter_cli.runs.outputs import prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Result

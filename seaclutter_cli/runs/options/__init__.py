@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar, get_args
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.options import (
+    RAISES,
     Anything,
     Choice,
     Converted,
@@ -22,6 +24,7 @@ from seaclutter_cli.options import (
     Whole,
     grouped,
     option,
+    with_sections,
 )
 from seaclutter_cli.runs.observer import SILENT, Observer, raising
 from seaclutter_cli.text import suggestion
@@ -30,6 +33,9 @@ from seaclutter_cli.urls import PathLike, is_url
 if TYPE_CHECKING:
     from seaclutter_cli.config import Config, ConfigSource
     from seaclutter_cli.selection import Moment, Selection
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 FILE, LOCAL = Place(remote=True, output=True), Place(output=True)
 """Output files: also in object storage, or on this machine only."""
@@ -355,3 +361,24 @@ class OfLabelledLogs(LabelSources, OfLogs):
     labels: Converted[PathLike | Sequence[PathLike], tuple[Path, ...]] = option(
         "--labels LABELS", kind=Place(remote=True), repeatable=True, help=_LABELS_HELP, kw_only=False
     )
+
+
+_GIVEN_BESIDE = {
+    "logs": "path, or sequence of paths\n    Files, folders or globs.",
+    "tiles": "path, or sequence of paths\n    Files, folders or globs.",
+    "output": "path\n    File for one tile, folder for several or if it is a `str` that ends in a slash.",
+    "observer": "Observer, optional\n    Receives progress, notes and warnings.",
+}
+"""Type and meaning of what functions take beside objects of options."""
+
+
+def of_options(run: Callable[P, R]) -> Callable[P, R]:
+    """Document what a function takes, objects of options among others, and the errors that it raises."""
+    lines = ["Parameters", "----------"]
+    for name, one in inspect.signature(run).parameters.items():
+        kinds = [kind for kind in (one.annotation, *get_args(one.annotation)) if hasattr(kind, "with_places")]
+        optional = "" if one.default is one.empty else ", optional"
+        known = [f"{kind.__name__}{optional}\n    {(kind.__doc__ or '').partition(chr(10))[0]}" for kind in kinds]
+        lines.append(f"{name} : {known[0] if known else _GIVEN_BESIDE[name]}")
+    run.__doc__ = with_sections(run.__doc__, lines, RAISES)
+    return run

@@ -12,10 +12,9 @@ import numpy as np
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.options import of_options
 from seaclutter_cli.reading import frames
 from seaclutter_cli.runs.observer import SILENT, Observer, Step
-from seaclutter_cli.runs.options import Logs, ReadOptions
+from seaclutter_cli.runs.options import Logs, ReadOptions, of_options
 from seaclutter_cli.runs.options.classifiers import ClassifierOptions, LabelledLogs
 from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand, opened, storing_errors

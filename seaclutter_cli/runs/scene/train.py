@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.options import of_options
 from seaclutter_cli.plots.curves import draw_training
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.options import of_options
 from seaclutter_cli.runs.options.classifiers import LabelledLogs, TrainSceneOptions
 from seaclutter_cli.runs.outputs import inputs_of, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Outcome, Result
