@@ -92,8 +92,9 @@ class Wake:
 
         The offsets are the distances astern and to the side.
         """
+        nothing = np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0)
         if leg.speed_ms <= 0 or time_s <= leg.start_s - _LONGEST_S:
-            return np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0)
+            return nothing
         cos, sin = np.cos(leg.heading_rad), np.sin(leg.heading_rad)
         bow = leg.speed_ms * (time_s - leg.start_s) + self.length_m / 2
         # Water that the leg has passed recently, between its start and its end; the first leg extends backwards.
@@ -101,6 +102,8 @@ class Wake:
         if leg is not self.track.legs[0]:
             first = max(first, 0.0)
         last = min(bow, leg.speed_ms * (leg.end_s - leg.start_s) + self.length_m / 2)
+        if last <= first:  # not there yet
+            return nothing
         along = cos * x + (sin * y - (leg.x_m * cos + leg.y_m * sin))
         passed = np.flatnonzero((along > first) & (along < last))
         behind = bow - along[passed]
