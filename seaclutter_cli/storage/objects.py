@@ -37,12 +37,10 @@ class StoredObject:
 
 def find_object(url: Url) -> StoredObject | None:
     """Return an object; None if there is none."""
-    store = store_of(url)
     with explained(url):
-        if not url.key:
-            return None
+        store = store_of(url)
         try:
-            return _stored(url, store.head(url.key))
+            return _stored(url, store.head(url.key)) if url.key else None
         except FileNotFoundError:
             next(iter(store.list(url.key)), None)  # says if there is no bucket
             return None

@@ -40,10 +40,9 @@ RETRIES: "RetryConfig" = {}
 
 
 def store_of(url: Url) -> "Store":
-    """Return the client for the bucket of a URL.
+    """Return the client for the bucket of a URL; call it within `explained`.
 
-    Raise `MissingExtraError` if the extra ``cloud`` is not installed; `UsageError` if settings in the environment are
-    not valid, or a profile needs boto3.
+    Raise `UsageError` if settings in the environment are not valid, or a profile needs boto3.
     """
     settings = tuple(sorted(item for item in os.environ.items() if item[0].startswith(_PREFIXES)))
     return open_store(url.scheme, url.bucket, settings)
@@ -52,11 +51,9 @@ def store_of(url: Url) -> "Store":
 @lru_cache
 def open_store(scheme: str, bucket: str, _: object) -> "Store":
     """Return a client for the settings in the environment, the last argument; see `store_of`."""
-    try:
-        from obstore.exceptions import BaseError
-        from obstore.store import AzureStore, GCSStore, S3Store
-    except ImportError as error:
-        raise MissingExtraError(f"{scheme}://", "cloud") from error
+    from obstore.exceptions import BaseError
+    from obstore.store import AzureStore, GCSStore, S3Store
+
     settings: Any = {**_TIMEOUTS, "retry_config": RETRIES}
     try:
         if scheme == "gs":
@@ -94,11 +91,9 @@ def _profile(bucket: str) -> Any:
 
 @contextmanager
 def explained(url: Url, kind: type[SeaclutterError] = InputError) -> Iterator[None]:
-    """Turn errors of object storage into errors of a kind.
+    """Turn errors of object storage into errors of a kind; `MissingExtraError` without the extra ``cloud``.
 
     The original errors are dropped, also from tracebacks: their texts may contain signed URLs.
-
-    Raise `SeaclutterError` of the given kind; `MissingExtraError` if the extra ``cloud`` is not installed.
     """
     try:
         from obstore.exceptions import BaseError
