@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, product
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -176,15 +176,14 @@ def windows_of(path: Path, side_m: float) -> list[TileHead]:
         return []
     first, last = (np.floor(np.array(corner) / side_m).astype(int).tolist() for corner in (extent.low, extent.high))
     found = []
-    for column in range(first[0], last[0] + 1):
-        for row in range(first[1], last[1] + 1):
-            low = np.array((column, row)) * side_m
-            chunks = index.within(low / tile.crs.unit_m, (low + side_m) / tile.crs.unit_m)
-            if chunks:
-                (west, south), (east, north) = low.tolist(), (low + side_m).tolist()
-                window = Extent((west, south), (east, north))
-                size = sum(size for _, size, _ in chunks)
-                found.append(TileHead(path, tile.crs, window.clipped(extent), window, size))
+    for cell in product(range(first[0], last[0] + 1), range(first[1], last[1] + 1)):
+        low = np.array(cell) * side_m
+        chunks = index.within(low / tile.crs.unit_m, (low + side_m) / tile.crs.unit_m)
+        if chunks:
+            (west, south), (east, north) = low.tolist(), (low + side_m).tolist()
+            window = Extent((west, south), (east, north))
+            size = sum(size for _, size, _ in chunks)
+            found.append(TileHead(path, tile.crs, window.clipped(extent), window, size))
     return found
 
 

@@ -15,9 +15,8 @@ from seaclutter_cli.errors import CloudError, InputError, UsageError
 from seaclutter_cli.frame import INTENSITY_NAMES
 from seaclutter_cli.sources.crs import Crs, read_crs
 from seaclutter_cli.sources.frame_files import FRAME_READERS
-from seaclutter_cli.sources.frame_files.las import CHUNK_POINTS, open_las, with_records
+from seaclutter_cli.sources.frame_files.las import CHUNK_POINTS, open_las, parts_of, with_records
 from seaclutter_cli.sources.frame_files.reading import reading
-from seaclutter_cli.text import count
 from seaclutter_cli.urls import is_url
 
 if TYPE_CHECKING:
@@ -84,13 +83,8 @@ class LasTile(Tile):
 
     def read(self) -> Iterator[Any]:
         """Yield the points in parts, without keeping them in memory."""
-        found = 0
         with reading("LAS"), open_las(self.path) as reader:
-            for part in reader.chunk_iterator(CHUNK_POINTS):
-                found += len(part)
-                yield part
-        if found != self.size:
-            raise CloudError(f"{count(found, 'point')} found, but the header declares {self.size:,}")
+            yield from parts_of(reader)
 
 
 class CloudTile(Tile):

@@ -51,13 +51,18 @@ def read_las(path: Path) -> Cloud:
     `MissingExtraError` if laspy, or its LAZ backend, is not installed.
     """
     with reading("LAS"), open_las(path) as reader:
-        declared = reader.header.point_count
-        laspy = _laspy()
-        empty = laspy.ScaleAwarePointRecord.zeros(0, header=reader.header)
-        points = np.concatenate([_structured(part) for part in (empty, *reader.chunk_iterator(CHUNK_POINTS))])
-        if len(points) != declared:
-            raise CloudError(f"{count(len(points), 'point')} found, but the header declares {declared:,}")
-        return from_array(points)
+        empty = _laspy().ScaleAwarePointRecord.zeros(0, header=reader.header)
+        return from_array(np.concatenate([_structured(part) for part in (empty, *parts_of(reader))]))
+
+
+def parts_of(reader: Any) -> Iterator[Any]:
+    """Yield the points of an open file in parts; `CloudError` if they are not as many as its header declares."""
+    found, declared = 0, reader.header.point_count
+    for part in reader.chunk_iterator(CHUNK_POINTS):
+        found += len(part)
+        yield part
+    if found != declared:
+        raise CloudError(f"{count(found, 'point')} found, but the header declares {declared:,}")
 
 
 @contextmanager
