@@ -1,7 +1,6 @@
 """ROS 2 recordings (rosbag2): folders with storage files, in sqlite3 or MCAP, and a ``metadata.yaml``."""
 
 import sqlite3
-from abc import abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -35,29 +34,30 @@ INSERT INTO schema(schema_version, ros_distro) VALUES (4, '');
 """
 
 
-class _Rosbag2Output(LogOutput):
-    """A folder with storage files and a ``metadata.yaml``."""
+class Db3Output(LogOutput):
+    """ROS 2 recordings in sqlite3 files: folders that also have a ``metadata.yaml``."""
 
     encoding = "cdr"
     joins_publishers = True
-    storage: str
-    suffix: str
+    storage, suffix = "sqlite3", ".db3"
 
     def __init__(self, path: Path, group: OutputGroup | None = None, *, split: bool = False) -> None:  # noqa: ARG002
         self._folder = AtomicFolder(path, group, last=ROSBAG2_METADATA)
-        self._files: dict[str, _Db3Writer | _McapFileWriter] = {}
+        self._files: dict[str, _FileWriter] = {}
 
     def part(self, number: int, source: Source, compression: str | None) -> LogWriter:
+        """Return the writer of a storage file."""
         name = f"{self._folder.path.name}_{number}{self.suffix}"
         writer = self._files[name] = self._start(name, source, compression)
         return writer
 
-    @abstractmethod
-    def _start(self, name: str, source: Source, compression: str | None) -> "_Db3Writer | _McapFileWriter": ...
+    def _start(self, name: str, source: Source, compression: str | None) -> "_FileWriter":  # noqa: ARG002
+        return _Db3Writer(self._folder.part / name, self._folder.path)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        """Complete the folder under its name, or remove it after an error."""
         if kind is not None:
             self._folder.__exit__(kind, error, trace)
             return
@@ -65,21 +65,12 @@ class _Rosbag2Output(LogOutput):
             file.write(_description(self.storage, self._files).encode())
 
 
-class Db3Output(_Rosbag2Output):
-    """ROS 2 recordings in sqlite3 files."""
-
-    storage, suffix = "sqlite3", ".db3"
-
-    def _start(self, name: str, source: Source, compression: str | None) -> "_Db3Writer | _McapFileWriter":  # noqa: ARG002
-        return _Db3Writer(self._folder.part / name, self._folder.path)
-
-
-class McapFolderOutput(_Rosbag2Output):
+class McapFolderOutput(Db3Output):
     """ROS 2 recordings in MCAP files."""
 
     storage, suffix = "mcap", ".mcap"
 
-    def _start(self, name: str, source: Source, compression: str | None) -> "_Db3Writer | _McapFileWriter":
+    def _start(self, name: str, source: Source, compression: str | None) -> "_FileWriter":
         return _McapFileWriter(self._folder.open(name), mcap_compression(source, compression))
 
 
@@ -157,7 +148,10 @@ class _Db3Writer(MessagesOnly):
             raise OutputError(f"{self._target}: writing failed ({error}); the incomplete folder was removed") from error
 
 
-def _description(storage: str, files: "Mapping[str, _Db3Writer | _McapFileWriter]") -> str:
+_FileWriter = _Db3Writer | _McapFileWriter
+
+
+def _description(storage: str, files: Mapping[str, _FileWriter]) -> str:
     """Return the content of ``metadata.yaml``, given the writers of the storage files by name."""
     writers = list(files.values())
     counts = sum((writer.counts for writer in writers), Counter[int]())
