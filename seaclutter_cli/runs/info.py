@@ -85,7 +85,6 @@ class _InfoWork(Work["Content"]):
                 if frame is not None:
                     content.clouds[frame.topic].add(frame)
                     step()
-        content.facts = dict(source.facts)
 
     def without_result(self, reason: str | None) -> "Content":
         """Return an outcome without content."""
@@ -140,10 +139,6 @@ class Content(Outcome):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible data."""
-        topics: list[dict[str, Any]] = [
-            {"topic": c.topic, "type": c.schema.name if c.schema else None, "encoding": c.message_encoding}
-            for c in self.channels
-        ]
         return {
             "recording": self.recording,
             "path": self.path,
@@ -152,8 +147,14 @@ class Content(Outcome):
             "duration_s": self.duration_s,
             "start_ns": self.times_ns[0] if self.times_ns else None,
             "topics": [
-                {**topic, "messages": self.messages[topic["topic"]], "decoded": self._is_decoded(topic["topic"])}
-                for topic in topics
+                {
+                    "topic": channel.topic,
+                    "type": channel.schema.name if channel.schema else None,
+                    "encoding": channel.message_encoding,
+                    "messages": self.messages[channel.topic],
+                    "decoded": self._is_decoded(channel.topic),
+                }
+                for channel in self.channels
             ],
             "clouds": {topic: cloud.as_dict() for topic, cloud in self.clouds.items()},
             "sensors": {topic: asdict(facts) for topic, facts in self.facts.items()},
@@ -168,8 +169,9 @@ class Content(Outcome):
         if self.times_ns and self.times_ns[0] > _NANO * 86400 * 365:
             began = f", from {datetime.fromtimestamp(self.times_ns[0] / _NANO, UTC):%Y-%m-%d %H:%M:%S} UTC"
         lines = [printable(f"{self.path}: {self.format}, {self.duration_s:.1f} s{began}")]
-        rows = {c.topic: (c.topic, self.messages[c.topic], self._type_of(c)) for c in self.channels}
-        lines.append(table(("topic", "messages", "type"), list(rows.values())))
+        types = {c.topic: c.schema.name if c.schema else "-" for c in self.channels}
+        types |= {topic: "decoded from packets" for topic in types if self._is_decoded(topic)}
+        lines.append(table(("topic", "messages", "type"), [(name, self.messages[name], types[name]) for name in types]))
         if self.sampled:
             lines.append("Only the first frames were read; -n N copies the log and reads N.")
         read = {topic: cloud for topic, cloud in self.clouds.items() if topic not in self.unreadable}
@@ -181,11 +183,6 @@ class Content(Outcome):
         """Return whether the clouds of a topic are decoded from packets, and not messages of the log."""
         return topic in self.facts and self.facts[topic].from_packets
 
-    def _type_of(self, channel: Channel) -> str:
-        if self._is_decoded(channel.topic):
-            return "decoded from packets"
-        return channel.schema.name if channel.schema else "-"
-
     def line(self) -> str:
         """Return the error, if any; the result has a table of the contents."""
         return super().line() if self.error else ""
@@ -193,11 +190,12 @@ class Content(Outcome):
     def rows(self) -> list[tuple[str, ...]]:
         """Return a row of cells for each cloud topic, or one without a topic."""
         first = (self.recording, self.format, f"{self.duration_s:.1f}")
-        clouds = [
-            (topic, f"{cloud.frames:,}", f"{cloud.sizes()[1]:,.0f}", _sensor(cloud, self.facts.get(topic)))
-            for topic, cloud in self.clouds.items()
-        ]
-        return [(*first, *cells) for cells in clouds or [("-", "-", "-", "-")]]
+        rows: list[tuple[str, ...]] = []
+        for topic, cloud in self.clouds.items():
+            model, *others = cloud.sensor(self.facts.get(topic)).models or ("-",)
+            sensor = f"{model} or others" if others else model
+            rows.append((*first, topic, f"{cloud.frames:,}", f"{cloud.sizes()[1]:,.0f}", sensor))
+        return rows or [(*first, "-", "-", "-", "-")]
 
     def needs(self) -> list[str]:
         """Return descriptions of the settings that a filter run needs, one line each."""
@@ -242,19 +240,8 @@ def _describe(topic: str, cloud: TopicStatistics, facts: SensorFacts | None) -> 
         rows[-1] = ("sensor", "; ".join((facts.model, *details)))
     if facts and facts.from_packets:
         rows.append(("packets", f"{facts.lost_packets:,} missing, {facts.bad_packets:,} not decodable"))
-    return "\n".join((printable(topic), *(_wrap(f"  {name:<10} {text}") for name, text in rows)))
-
-
-def _sensor(cloud: TopicStatistics, facts: SensorFacts | None) -> str:
-    """Return the sensor of a topic in a few words."""
-    first, *others = cloud.sensor(facts).models or ("-",)
-    return f"{first} or others" if others else first
-
-
-def _wrap(line: str) -> str:
-    return textwrap.fill(
-        printable(line), 79, subsequent_indent=" " * 13, break_on_hyphens=False, break_long_words=False
-    )
+    form = textwrap.TextWrapper(79, subsequent_indent=" " * 13, break_on_hyphens=False, break_long_words=False)
+    return "\n".join((printable(topic), *(form.fill(printable(f"  {name:<10} {text}")) for name, text in rows)))
 
 
 def _span(limits: Sequence[float]) -> str:

@@ -74,7 +74,7 @@ def plan_convert(options: ConvertOptions) -> "RunPlan":
 def _plan(run: LogRun[W], observer: Observer) -> "RunPlan":
     run.prepare(observer, dry=True)
     prepare_outputs(run.others, {}, force=run.works[0].replaces, dry=True)
-    works = [_PlanWork(work, exists=os.path.lexists(work.output)) for work in run.works]
+    works = [_PlanWork(work.recording, work, exists=os.path.lexists(work.output)) for work in run.works]
     planned = [works[0].run(observer)] if len(works) == 1 else run_batch(works, run.options.batch.here(), observer)
     target = run.works[0].target
     folder = next(above for above in target.absolute().parents if above.exists())
@@ -88,13 +88,9 @@ def _plan(run: LogRun[W], observer: Observer) -> "RunPlan":
 class _PlanWork(Work["Planned"]):
     """A look at one recording and at its output, which ``exists`` or not."""
 
+    recording: Recording
     work: LogWork[Any, Any]
     exists: bool
-
-    @property
-    def recording(self) -> Recording:  # type: ignore[override]
-        """The recording."""
-        return self.work.recording
 
     def run(self, observer: Observer) -> "Planned":
         """Return what would be done; an error is the reason why it would be refused."""
