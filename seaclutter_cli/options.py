@@ -19,7 +19,7 @@ from copy import copy
 from dataclasses import MISSING, dataclass, field, fields
 from functools import wraps
 from pathlib import Path
-from typing import Any, ClassVar, Generic, ParamSpec, Self, TypeVar, dataclass_transform, overload
+from typing import Any, ClassVar, Generic, ParamSpec, Self, TypeVar, dataclass_transform
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.text import named_folder
@@ -201,11 +201,8 @@ class Group(Kind):
 class Converted(Generic[Given, Stored]):
     """Annotation of an option that is given as one type and stored as another."""
 
-    @overload
-    def __get__(self, instance: None, owner: type) -> Converted[Given, Stored]: ...
-    @overload
-    def __get__(self, instance: object, owner: type) -> Stored: ...
-    def __get__(self, instance: object | None, owner: type) -> Any: ...
+    def __get__(self, instance: object, owner: type) -> Stored:
+        raise NotImplementedError
 
     def __set__(self, instance: object, value: Given) -> None: ...
 
