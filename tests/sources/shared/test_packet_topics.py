@@ -19,7 +19,7 @@ from seaclutter_cli.messages import CODECS, find_codec
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Message, Metadata, Schema, SensorFacts
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, point_dtype
-from seaclutter_cli.sensors.velodyne.decoder import VELODYNE
+from seaclutter_cli.sensors.velodyne.decoder import Velodyne
 from seaclutter_cli.sources.formats import wrap_packets
 from seaclutter_cli.sources.rosbag1.source import BagSource
 from seaclutter_cli.sources.rosbag2.db3 import Db3Source
@@ -282,7 +282,7 @@ def test_a_missing_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "velodyne_decoder", None)
     chan, payload = channel(), (b"\xff\xee" + bytes(98)) * 12 + bytes(4) + b"\x37\x22"
     records = messages(chan, [scan([(START, payload)])])
-    source = wrapped(records, [chan], family=VELODYNE)
+    source = wrapped(records, [chan], family=Velodyne())
     (warning,) = source.warnings
     assert warning.startswith("/velodyne_packets is not decoded: decoding Velodyne packets requires an optional dep")
     assert warning.endswith("pip install 'seaclutter[velodyne]'")
@@ -380,7 +380,7 @@ def real(name, families):
 )
 def test_real_velodyne_scans(name, topic, sizes):
     pytest.importorskip("velodyne_decoder")
-    source = real(name, {"velodyne": VELODYNE})
+    source = real(name, {"velodyne": Velodyne()})
     assert isinstance(source, PacketTopics)
     read = clouds(source)
     assert [m.channel.topic for m, _ in read] == [topic] * len(sizes)
