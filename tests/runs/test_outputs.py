@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import OutputError
-from seaclutter_cli.sinks.atomic import AtomicFile
+from seaclutter_cli.sinks.atomic import CompleteFile
 from tests.paths import ROOT
 from tests.scenes.onnx_files import model_bytes
 
@@ -239,14 +239,16 @@ def together(folder, line, outputs):
 def test_outputs_appear_together_and_the_main_one_last(folder, line, outputs, monkeypatch):
     line, names = together(folder, line, outputs)
     waiting, appeared = [], []
-    publish = AtomicFile.publish
+    publish = CompleteFile.publish
 
-    def record(file, *, replace):
-        waiting.append({re.sub(r"^\.(.*)\.[^.]+\.part$", r"\1", path.name) for path in folder.glob(".*.part")})
-        appeared.append(file.path.name)
+    def record(file, *, replace=True):
+        if file.path.parent.suffix != ".part":  # else it is staged for later
+            parts = [part for path in folder.glob(".*.part") for part in (path.iterdir() if path.is_dir() else [path])]
+            waiting.append({re.sub(r"^\.(.*)\.[^.]+\.part$", r"\1", path.name) for path in parts})
+            appeared.append(file.path.name)
         publish(file, replace=replace)
 
-    monkeypatch.setattr(AtomicFile, "publish", record)
+    monkeypatch.setattr(CompleteFile, "publish", record)
     result = run(line)
     assert result.exit_code == 0, result.output
     assert set(appeared) == waiting[0]
@@ -266,7 +268,7 @@ def test_a_failure_at_the_very_end_changes_nothing(folder, line, outputs, error,
         if file.path.name == names[0]:
             raise error
 
-    monkeypatch.setattr(AtomicFile, "prepare", fail)
+    monkeypatch.setattr(CompleteFile, "prepare", fail)
     assert run(line).exit_code == 1
     assert content(folder) == before
 
