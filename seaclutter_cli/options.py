@@ -326,7 +326,9 @@ def function_of(kind: Callable[P, T]) -> Callable[[Callable[[T], R]], Callable[P
 
         signature = inspect.signature(kind)
         options = declared(kind)  # type: ignore[arg-type]
-        shown = [_parameter(signature.parameters[name], one) for name, one in options.items()]
+        defaults = {name: None for name, one in options.items() if isinstance(one.kind, Group)}
+        given = ((one := signature.parameters[name], defaults.get(name, one.default)) for name in options)
+        shown = [one.replace(annotation=_shown(one.annotation), default=default) for one, default in given]
         returned = inspect.signature(run).return_annotation
         function.options = kind  # type: ignore[attr-defined]
         function.__signature__ = inspect.Signature(shown, return_annotation=returned)  # type: ignore[attr-defined]
@@ -336,17 +338,7 @@ def function_of(kind: Callable[P, T]) -> Callable[[Callable[[T], R]], Callable[P
     return decorate
 
 
-def _parameter(parameter: inspect.Parameter, one: Option) -> inspect.Parameter:
-    default = None if isinstance(one.kind, Group) else parameter.default
-    return parameter.replace(annotation=_shown(parameter.annotation), default=default)
-
-
-RAISES = """\
-Raises
-------
-SeaclutterError
-    If a log or an option cannot be used; see its subclasses.
-"""
+RAISES = "Raises\n------\nSeaclutterError\n    If a log or an option cannot be used; see its subclasses."
 
 
 def documented(text: str | None, kind: Any, raises: str = "") -> str:
@@ -365,7 +357,7 @@ def with_sections(text: str | None, lines: Sequence[str], raises: str) -> str:
     """Return a docstring with a section of parameters, and one of errors, unless it has one."""
     summary, *sections = re.split(r"\n\n(?=\w+\n-----)", inspect.cleandoc(text or ""))
     if raises and not any(section.startswith("Raises") for section in sections):
-        sections.insert(len(sections) - 1, raises.rstrip())
+        sections.insert(len(sections) - 1, raises)
     return "\n\n".join([summary, "\n".join(lines), *sections])
 
 
@@ -378,8 +370,7 @@ def _shown(annotation: str) -> str:
 
 def _in_words(annotation: str, one: Option) -> str:
     """Return the type of what is given for an option, for the documentation."""
-    text = _shown(annotation)
-    text = text if one.of_command is None else text.removesuffix(" | None")
+    text = _shown(annotation).removesuffix("" if one.of_command is None else " | None")
     for pattern, words in _WORDS.items():
         text = re.sub(pattern, words, text)
     return text
