@@ -2,8 +2,8 @@
 
 Run as ``python benchmarks/worlds.py FOLDER --seeds 1..40``. Worlds of the seeds are simulated into the folder, unless
 they are there; ``--families`` draws one of each of these for each seed, and ``--without`` leaves out worlds that are an
-example of a family. Targets count in frames in which they have at least five echoes of their own, so that an ideal
-filter would find them. Rates are means over worlds.
+example of a family. Worlds of one seed share what their families do not change, so several seeds are needed. Targets
+count in frames in which a filter that keeps exactly their echoes would find them. Rates are means over worlds.
 """
 
 import argparse
@@ -19,12 +19,17 @@ from typing import Any
 
 import numpy as np
 
+from seaclutter_cli.cloud import from_array
+from seaclutter_cli.evaluation import EvaluationParams
+from seaclutter_cli.evaluation.matching import finder_of, match_clusters, targets_of
+from seaclutter_cli.frame import Frame
 from seaclutter_cli.runs.options.studies import parse_seeds
 from seaclutter_cli.simulation.layouts.worlds import FAMILIES, draw_world
 from seaclutter_cli.simulation.marine.recording import record
 from seaclutter_cli.simulation.marine.render import SimulatedFrame
+from seaclutter_cli.truth import CLUTTER, Truth
 
-LEAST_ECHOES = 5
+EVALUATION = EvaluationParams()
 COLUMNS = ("R_FP", "R_FN", "target_loss")
 
 World = tuple[int, str | None]
@@ -49,7 +54,7 @@ def name_of(world: World) -> str:
 
 
 def simulate(world: World, folder: Path) -> None:
-    """Write a world to the folder, unless it is there. Targets with few echoes are to be ignored in their frame."""
+    """Write a world to the folder, unless it is there. Targets that no filter could find are ignored in their frame."""
     log = folder / f"{name_of(world)}.mcap"
     labels = log.with_suffix(".labels.csv")
     if log.exists() and labels.exists():
@@ -57,9 +62,7 @@ def simulate(world: World, folder: Path) -> None:
     faint: set[tuple[str, str]] = set()
 
     def on_frame(frame: SimulatedFrame) -> None:
-        tracks, counts = np.unique(frame.points["label"], return_counts=True)
-        seen = {str(track) for track in tracks[counts >= LEAST_ECHOES]}
-        faint.update((str(frame.index), track) for track in frame.boxes.tracks if track not in seen)
+        faint.update((str(frame.index), track) for track in unseen(frame))
 
     raw = log.with_suffix(".csv")
     record(draw_world(*world), log, raw, on_frame)
@@ -70,6 +73,19 @@ def simulate(world: World, folder: Path) -> None:
         for row in rows:
             writer.writerow(row | ({"class": "ignore"} if (row["frame"], row["track_id"]) in faint else {}))
     raw.unlink()
+
+
+def unseen(simulated: SimulatedFrame) -> set[str]:
+    """Return the tracks of the targets that are missed if exactly the echoes of bodies are kept."""
+    points = np.ascontiguousarray(simulated.points[["x", "y", "z", "intensity"]])
+    frame = Frame(from_array(points, stamp_ns=0), stamp_ns=0, index=simulated.index)
+    rows = np.flatnonzero(np.array(simulated.boxes.classes) != "ignore")
+    boxes = simulated.boxes.chosen(rows)
+    keep = simulated.points["label"] != CLUTTER
+    targets = targets_of(frame, Truth(boxes), EVALUATION)
+    clusters = finder_of(frame, [keep], EVALUATION).clusters(keep & frame.valid, EVALUATION.min_cluster_points)
+    detected = match_clusters(clusters, targets, EVALUATION).detected
+    return {track for track, found in zip(boxes.tracks, detected, strict=True) if not found}
 
 
 def evaluate(worlds: Sequence[World], given: argparse.Namespace) -> Mapping[str, Any]:
