@@ -74,7 +74,7 @@ class Neighborhoods:
     def _parts(self, radius_m: float) -> list[NDArray[np.int64]]:
         """Return the points in parts, each with a bounded total number of neighbours."""
         counts = self._tree.query_ball_point(self._points, radius_m, return_length=True, workers=threads())
-        order = self._tree_order()
+        order = np.asarray(self._tree.indices, np.int64)  # keeps neighbours together
         pairs = np.cumsum(counts[order])
         ends = [0]
         while ends[-1] < len(order):
@@ -82,10 +82,6 @@ class Neighborhoods:
             end = int(np.searchsorted(pairs, before + _BLOCK_PAIRS, "right"))
             ends.append(min(max(end, ends[-1] + 1), ends[-1] + _BLOCK_POINTS, len(order)))
         return [order[start:end] for start, end in pairwise(ends)]
-
-    def _tree_order(self) -> NDArray[np.int64]:
-        """Return the points in an order that keeps neighbours together."""
-        return np.asarray(self._tree.indices, np.int64)
 
     def _block(self, points: NDArray[np.int64], radius_m: float) -> PointBlock:
         part = _tree(self._points[points])

@@ -178,7 +178,8 @@ class LeveledTile:
 
     def table(self) -> tuple[tuple[str, ...], NDArray[np.float32]]:
         """Return the features by which the model separates water from land, and their values in each square."""
-        return square_table(self.squares, self._echoes, self._windows, self._changes)
+        change = None if self.change_m is None else self.change_m[self.squares.index]
+        return square_table(self.squares, self._echoes, self._windows, change)
 
     @cached_property
     def squares(self) -> Squares:
@@ -192,10 +193,6 @@ class LeveledTile:
     @cached_property
     def _windows(self) -> WindowWaves:
         return window_waves(self._looks(), self.params.cell_m, self.squares.index)
-
-    @property
-    def _changes(self) -> NDArray[np.float64] | None:
-        return None if self.change_m is None else self.change_m[self.squares.index]
 
     def _shores(self) -> tuple[NDArray[np.float64], Shores]:
         """Return the log odds of water of the squares, and the land and water of the tile."""

@@ -87,7 +87,7 @@ def _bodies(squares: Squares, water: Mask, odds: Values, deviation: Values) -> V
     """Return the level of the body of water of each square, shape (N,): infinite for rivers that slope.
 
     Steps that waves do not explain divide bodies. The level is NaN on land, in bodies of fewer than six squares, and
-    in those of which the model is not sure, such as the heights of an island, unless one is the largest.
+    in those that are no sure water, or have mostly water at no common level around them: the heights of an island.
     """
     side = squares.neighbor[:2]
     level = np.append(squares.level_m, np.inf)
@@ -96,9 +96,14 @@ def _bodies(squares: Squares, water: Mask, odds: Values, deviation: Values) -> V
     size = np.bincount(body, water)
     least = min(_LEAST_SQUARES, size.max(initial=0))
     found = np.full(len(water), np.nan)
+    loose = np.append(water & (size[body] < least), False)
     for number in np.flatnonzero(size >= max(least, 1)).tolist():
         own = np.flatnonzero(body == number)
-        if size[number] < size.max() and np.clip(odds[own], -_MOST_ODDS, _MOST_ODDS).mean() < _SURE_ODDS:
+        beyond = squares.neighbor[:, own]
+        outside = (beyond >= 0) & (np.append(body, -1)[beyond] != number)
+        is_top = np.count_nonzero(loose[beyond] & outside) > _OPEN_SHARE * np.count_nonzero(outside)
+        is_top |= np.clip(odds[own], -_MOST_ODDS, _MOST_ODDS).mean() < _SURE_ODDS
+        if is_top and size[number] < size.max():
             continue
         is_none = _slopes(squares, own) or _drains(squares, own, body, float(np.median(step[own])))
         found[own] = np.inf if is_none else np.median(squares.level_m[own])

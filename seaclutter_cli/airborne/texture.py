@@ -85,18 +85,12 @@ def texture(block: PointBlock, levels: Levels) -> NDArray[np.float64]:
     .. [1] Shi Liang, Xing Junxin, Cai Yanjing (2022). "Classification of ship LIDAR point cloud data based on machine
        learning algorithm". Ship Science and Technology 44(17), 140-143. doi:10.3404/j.issn.1672-7649.2022.17.028
     """
-    out = np.zeros((len(block.points), 3))
+    out, total = np.zeros((len(block.points), 3)), block.count
     for partner in levels.partner:
-        pair = levels.own * levels.count + partner
-        out += _of_matrices(block, pair[block.neighbor], levels)
+        pair = (levels.own * levels.count + partner)[block.neighbor]
+        weighted = [block.total(weights[pair]) / total for weights in levels.weights]
+        out += np.stack((*weighted, _second_moment(block, pair, levels.count**2) / total**2), axis=1)
     return out / len(levels.partner)
-
-
-def _of_matrices(block: PointBlock, pair: NDArray[np.int64], levels: Levels) -> NDArray[np.float64]:
-    """Return the features of one direction from the codes of the pairs."""
-    total = block.count
-    weighted = [block.total(weights[pair]) / total for weights in levels.weights]
-    return np.stack((*weighted, _second_moment(block, pair, levels.count**2) / total**2), axis=1)
 
 
 def _second_moment(block: PointBlock, pair: NDArray[np.int64], size: int) -> NDArray[np.int64]:
