@@ -28,7 +28,6 @@ from seaclutter_cli.grids.points import NOWHERE, GriddedPoints
 VERSION = 1
 OBJECT, DRY = (1,), (2, 3, 4, 5, 6, 11, 14, 17, 26, 31, 65)
 LEAVES, MEASURED = 24, 60
-AMID = 12
 INDEPENDENT = ("other", "small", "more")
 LEFT_OUT = {"seas": ("seas",), "coasts": ("coasts",), "scenes": ("scenes",), "other": INDEPENDENT, "real": ("real",)}
 Table = NDArray[np.float32]
@@ -57,8 +56,8 @@ class Recipe:
 
 
 RECIPES: Mapping[str, Recipe] = {
-    "water": Recipe("tiles with intensities", (100, 50), 200, is_masked=False),
-    "water_by_shape": Recipe("tiles without intensities", (90, 40), 120, is_masked=True),
+    "water": Recipe("tiles with intensities", (100, 50), 300, is_masked=False),
+    "water_by_shape": Recipe("tiles without intensities", (90, 40), 170, is_masked=True),
 }
 
 
@@ -131,18 +130,13 @@ def masked(tiles: list[Rows]) -> list[Rows]:
 
 
 def fitted(tiles: list[Rows], tables: list[Table], trees: int, squares: int, seed: int = 0) -> Any:
-    """Return boosted trees of at most so many random squares of each tile; larger tiles count alike.
-
-    Squares amid squares of the other kind, as in lock chambers and on dams, are chosen more often: few tiles have any.
-    """
+    """Return boosted trees of at most so many random squares of each tile; larger tiles count alike."""
     rng = np.random.default_rng(seed)
     chosen, weights = [], []
     for rows in tiles:
         useful = np.flatnonzero(rows.weight > 0.05)
         number = min(len(useful), squares)
-        amid = np.abs(rows.squares.around(rows.wet.astype(np.float64), 2) - rows.wet)[useful]
-        odds = 1 + AMID * amid
-        own = rng.choice(useful, number, replace=False, p=odds / odds.sum()) if number else useful
+        own = rng.choice(useful, number, replace=False) if number else useful
         total = max(rows.weight[useful].sum(), 150)
         chosen.append(own)
         weights.append(rows.weight[own] * len(useful) / max(number, 1) * 600 / total)
@@ -239,7 +233,7 @@ def measure(tiles: list[Rows]) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--rounds", type=int, default=14)
     parser.add_argument("--public", type=Path, metavar="CLONES")
     parser.add_argument("--only", choices=sorted(RECIPES))
     parser.add_argument("--measure", action="store_true")
