@@ -20,7 +20,7 @@ from seaclutter_cli.sensors.packets import (
 )
 from seaclutter_cli.sensors.robosense.device import Device, find_device, find_model
 from seaclutter_cli.sensors.robosense.models import CHECKED, CLASSIC_ID, DATA_BYTES, HELIOS_ID, INFO_BYTES
-from seaclutter_cli.sensors.robosense.packets import INFO_ID, Angles, data_packets, header_times
+from seaclutter_cli.sensors.robosense.packets import INFO_ID, Angles, data_packets, header_times, temperature_degc
 from seaclutter_cli.sensors.robosense.points import BLIND, Geometry, block_dtype, second_returns, steps, valid_blocks
 
 _TOLERANCE = 100
@@ -95,8 +95,12 @@ class RoboSenseDecoder:
         self._gaps_ns = 0
         self._is_first = True
         self.facts = SensorFacts(device.model.name, dict(device.details), warnings=warnings)
-        header_ns = header_times(data_packets(device.model, sample.payloads), is_utc=self._is_utc)
+        packets = data_packets(device.model, sample.payloads)
+        header_ns = header_times(packets, is_utc=self._is_utc)
         wrong = bool(((abs(header_ns - sample.times_ns) > DAY_NS) & (sample.times_ns > 0)).mean() > 0.5)
+        raw, big_endian = packets["temperature"][0].tolist(), device.model.format.temperature_big_endian
+        temperature = temperature_degc(*raw, big_endian=big_endian)
+        self.facts.details["temperature"] = f"{temperature:.1f} °C at the start"
         self.facts.details["clock"] = "sensor time, shifted to the recording time" if wrong else "sensor time (UTC)"
         self.facts.details |= EXPERIMENTAL if device.model.name not in CHECKED else {}
         if wrong:

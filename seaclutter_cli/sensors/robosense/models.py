@@ -29,6 +29,8 @@ class PacketFormat:
     block_id: tuple[int, int] = (0xFFFF, 0xFFEE)
     time_at: int = 20
     is_utc: bool = False
+    temperature_at: int = 38
+    temperature_big_endian: bool = False
     horizontal_at: int = 564
     dual_modes: tuple[int, ...] = (0,)
     mode_at: int | None = None
@@ -41,7 +43,7 @@ HELIOS_ID = bytes.fromhex("55aa055a")
 
 CLASSIC = PacketFormat(CLASSIC_ID)
 HELIOS = PacketFormat(HELIOS_ID, is_utc=True)
-RUBY = PacketFormat(HELIOS_ID, 80, (0xFF00, 0xFE00), 10, True, 852, (3,))
+RUBY = PacketFormat(HELIOS_ID, 80, (0xFF00, 0xFE00), 10, True, 8, True, 852, (3,))
 AIRY = replace(HELIOS, horizontal_at=756, dual_modes=(3,), mode_at=17, has_halves=True, distance_mask=0x3FFF)
 AIRY_48 = replace(AIRY, has_halves=False)
 RUBY_PLUS = replace(RUBY, dual_modes=(3, 4, 5))

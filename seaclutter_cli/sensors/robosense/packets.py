@@ -48,9 +48,9 @@ def data_layout(model: RobosenseModel) -> np.dtype[Any]:
     time = HELIOS_TIME if layout.is_utc else CLASSIC_TIME
     return np.dtype(
         {
-            "names": ["id", "time", "blocks"],
-            "formats": ["S8", time, (block, (model.blocks,))],
-            "offsets": [0, layout.time_at, layout.begin],
+            "names": ["id", "time", "temperature", "blocks"],
+            "formats": ["S8", time, ("u1", (2,)), (block, (model.blocks,))],
+            "offsets": [0, layout.time_at, layout.temperature_at, layout.begin],
             "itemsize": model.packet_bytes,
         }
     )
@@ -69,6 +69,12 @@ def channels(raw: NDArray[Any]) -> NDArray[Any]:
         joined = np.concatenate([pieces[:, :half], pieces[:, half + _HALF_HEADER :]], axis=1)
         return joined.view(CHANNEL)
     return np.ascontiguousarray(raw).view(CHANNEL).reshape(len(raw), -1)
+
+
+def temperature_degc(first: int, second: int, *, big_endian: bool) -> float:
+    """Return the temperature in two bytes of a data packet, in degrees Celsius: a sign, and sixteenths."""
+    size = (first & 0x7F) << 4 | second >> 4 if big_endian else (second & 0x7F) << 5 | first >> 3
+    return (-size if (first if big_endian else second) & 0x80 else size) / 16
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from seaclutter_cli.sensors.packets import DecoderOptions, Packets
 from seaclutter_cli.sensors.robosense.decoder import RoboSense
 from seaclutter_cli.sensors.robosense.device import find_device, packet_angles
 from seaclutter_cli.sensors.robosense.models import BPEARL_4, MODELS, with_old_firmware
-from seaclutter_cli.sensors.robosense.packets import Columns, make_angles
+from seaclutter_cli.sensors.robosense.packets import Columns, make_angles, temperature_degc
 from seaclutter_cli.sensors.robosense.points import steps
 from tests.sensors.robosense.packets import write_data, write_info
 from tests.sensors.robosense.reference import Reference
@@ -260,17 +260,24 @@ def test_points_within_half_a_unit_and_a_hundredth_of_a_degree(name):
     assert np.abs(points["timestamp"] - times).max() < 1.5e-6, "packets contain whole microseconds"
 
 
+def test_temperatures_have_a_sign_and_sixteenths():
+    assert temperature_degc(0x18, 0x81, big_endian=False) == -2.1875
+    assert temperature_degc(0x18, 0x81, big_endian=True) == 24.5
+
+
 def test_values_of_the_vendors_own_tests():
     model = MODELS["RS-LiDAR-32"]
     info = write_info(model, angles_of(model))
     info[468:474] = 1, 0x28, 0x29, 0, 0x09, 0x1D
     columns = columns_of(model, np.r_[1, 21, 51, np.full(9, 51)])
     payload = write_data(model, columns)[0]
+    payload[38:40] = 0x18, 0x01
     payload[46:49] = 0x03, 0xE8, 7
-    _, (frame,) = decode(payload[None], columns.times_ns, info)
+    decoder, (frame,) = decode(payload[None], columns.times_ns, info)
     first = frame.points[0]
     assert first["z"] == np.float32(5.0) * np.float32(np.sin(np.radians(-10.28)))
     assert first["intensity"] == 7
+    assert decoder.facts.details["temperature"] == "2.2 °C at the start"
     assert list(packet_angles(model, info).vertical[:2]) == [-1028, 233]
     device, _ = find_device(model, payload[None], info[None], DecoderOptions(), [])
     step, _ = steps(np.array([[1, 21, 51, *[76] * 9]]), np.zeros((1, 12), bool), replace(device, rotation_hz=12))
