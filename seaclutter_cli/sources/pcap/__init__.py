@@ -14,12 +14,12 @@ CAPTURE_MAGICS = (*PCAP_MAGICS, PCAPNG_MAGIC)
 
 
 def metadata_of(capture: Path, suffix: str) -> list[Path]:
-    """Return the file beside a capture with the same name, or those where one name starts with the other."""
+    """Return the files beside a capture where one name starts with the other: the one with the same name first."""
     same = capture.with_suffix(suffix)
-    if same.is_file():
-        return [same]
+    found = [same] if same.is_file() else []
     try:
         others = [file for file in capture.parent.iterdir() if file.suffix.lower() == suffix and file.is_file()]
     except OSError:
-        return []
-    return [file for file in others if capture.stem.startswith(file.stem) or file.stem.startswith(capture.stem)]
+        return found
+    alike = [file for file in others if capture.stem.startswith(file.stem) or file.stem.startswith(capture.stem)]
+    return found + [file for file in alike if file != same]

@@ -110,7 +110,8 @@ class CaptureSource(Source):
         options = replace(self._options, info=sensor.info)
         if options.calibration is None and (suffix := CALIBRATION_SUFFIXES.get(sensor.family)):
             beside = metadata_of(self._path, suffix)
-            options = replace(options, calibration=beside[0] if len(beside) == 1 else None)
+            is_clear = len(beside) == 1 or self._path.with_suffix(suffix) in beside
+            options = replace(options, calibration=beside[0] if is_clear else None)
         return PACKET_FAMILIES[sensor.family].decoder(sensor.sample, options)
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:  # noqa: ARG002
