@@ -75,8 +75,8 @@ class FarLimit:
 class RingCalibration:
     """The initial threshold, :math:`I_0`, of one range ring from ``start_m`` to before ``end_m``.
 
-    ``below`` is the number of its clutter points whose intensity is below the threshold. If these are ``few_points``
-    for a threshold of its own, ``source_rings`` are the numbers, from 1, of the first and last range ring whose points
+    ``below`` is the number of its clutter points whose intensity is below the threshold. If these are too ``few``
+    for a threshold of its own, ``source`` has the numbers, from 1, of the first and last range ring whose points
     determine it. If more points than may be left have the highest intensity, it is ``saturated`` there.
     """
 
@@ -85,8 +85,8 @@ class RingCalibration:
     points: int
     threshold: float
     below: int
-    few_points: bool = False
-    source_rings: tuple[int, int] = (1, 1)
+    few: bool = False
+    source: tuple[int, int] = (1, 1)
     saturated: bool = False
 
     @property

@@ -286,15 +286,15 @@ class TestCalibration:
         for number, ring in enumerate(found.rings):
             inside = np.sort(intensity[(ranges >= 10 + 15 * number) & (ranges < 25 + 15 * number)])
             assert ring.points == len(inside)
-            assert ring.few_points == (len(inside) < few_points(rate))
+            assert ring.few == (len(inside) < few_points(rate))
             assert ring.below == np.count_nonzero(inside < ring.threshold)
-            first, last_ring = ring.source_rings
-            assert ring.few_points or first == last_ring == number + 1
+            first, last_ring = ring.source
+            assert ring.few or first == last_ring == number + 1
             used = np.sort(intensity[(ranges >= 15 * first - 5) & (ranges < 15 * last_ring + 10)])
             last = last_below(used, rate)
             above = used[used > last].min(initial=math.inf)
             assert last < ring.threshold <= (last + 1 if whole else above)
-            assert ring.few_points or ring.filter_rate >= rate
+            assert ring.few or ring.filter_rate >= rate
 
     def test_thresholds_of_fractions_are_short(self):
         ranges = np.full(1000, 20.0)
@@ -307,7 +307,7 @@ class TestCalibration:
         intensity = np.repeat([9, 9, 9, 4, 4, 2], 100)
         found = calibrate(ranges, intensity, keep_end=True, end_m=90)
         assert found.initial_thresholds == (10, 10, 10, 5, 3, 3)
-        assert [ring.source_rings for ring in found.rings] == [(2, 2), (2, 2), (2, 2), (4, 4), (5, 5), (5, 5)]
+        assert [ring.source for ring in found.rings] == [(2, 2), (2, 2), (2, 2), (4, 4), (5, 5), (5, 5)]
         assert [ring.points for ring in found.rings] == [0, 300, 0, 200, 100, 0]
         assert found.rings[0].filter_rate is None
 
@@ -317,10 +317,10 @@ class TestCalibration:
         rng = np.random.default_rng(1)
         intensity = np.floor(rng.exponential(300 / ranges))
         found = calibrate(ranges, intensity)
-        assert [ring.source_rings for ring in found.rings] == [(1, 1), (2, 3), (2, 3), (2, 3), (5, 5), (5, 5)]
+        assert [ring.source for ring in found.rings] == [(1, 1), (2, 3), (2, 3), (2, 3), (5, 5), (5, 5)]
         together = np.sort(intensity[300:420])
         assert found.rings[1].threshold == found.rings[3].threshold == together[95] + 1  # 80 % of 120 are 96
-        assert [ring.few_points for ring in found.rings] == [False, True, True, True, False, True]
+        assert [ring.few for ring in found.rings] == [False, True, True, True, False, True]
 
     @pytest.mark.parametrize(
         ("rate", "threshold", "saturated"), [(0.8, 255, True), (0.7, 10, False), (1.0, 256, False)]

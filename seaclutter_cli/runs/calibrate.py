@@ -26,7 +26,7 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.clutter import draw_clutter
 from seaclutter_cli.plots.figure import check_target, render
-from seaclutter_cli.runs.calibrate_result import CalibrationResult, Candidate, ClutterSums, TradeOff
+from seaclutter_cli.runs.calibrate_result import CalibrationResult, Candidate, ClutterTally, TradeOff
 from seaclutter_cli.runs.evaluate import EvaluateWork
 from seaclutter_cli.runs.methods import Variant, configured
 from seaclutter_cli.runs.observer import Observer, Silent, Step
@@ -77,22 +77,22 @@ def calibrate(options: CalibrateOptions) -> CalibrationResult:
     outputs = {"-o": options.output, "--plot": options.plot_file}
     pairs = prepared(options.logs, options, outputs, observer, [config])
     works = [_CalibrateWork(options.reading, *each, config, options) for each in pairs]
-    sums = ClutterSums(config.filter, options)
+    tally = ClutterTally(config.filter, options)
 
     def add(outcome: _Calibrated) -> None:
-        nonlocal sums
-        if outcome.sums:
-            sums += outcome.sums
-        outcome.sums = None
+        nonlocal tally
+        if outcome.tally:
+            tally += outcome.tally
+        outcome.tally = None
 
     outcomes = study_all(works, options.batch, observer, add, together=True)
     works = [work for work, outcome in zip(works, outcomes, strict=True) if not outcome.has_nothing]
-    trade_off = _trade_off(works, sums, observer) if options.choose or options.trade_off else None
-    result = _result(sums, config, options, trade_off)
+    trade_off = _trade_off(works, tally, observer) if options.choose or options.trade_off else None
+    result = _result(tally, config, options, trade_off)
     for text in result.warnings:
         observer.warn(text)
     files = {options.output: result.config_text().encode()} if options.output else {}
-    if options.plot_file and (density := sums.density):
+    if options.plot_file and (density := tally.density):
         draw = partial(draw_clutter, density=density, found=result.found)
         files[options.plot_file] = render(draw, options.plot_file.suffix)
     write_files(files, replace=options.force)
@@ -114,17 +114,19 @@ def _starting_config(options: ConfigOptions) -> Config:
 
 
 def _result(
-    sums: ClutterSums, config: Config, options: CalibrateOptions, trade_off: TradeOff | None
+    tally: ClutterTally, config: Config, options: CalibrateOptions, trade_off: TradeOff | None
 ) -> CalibrationResult:
-    if sums.unlabelled and not sums.frames:
-        frames = count(sums.unlabelled, "frame")
+    if tally.unlabelled and not tally.frames:
+        frames = count(tally.unlabelled, "frame")
         raise LabelError(f"{frames} read, none of them labelled; choose frames with labels, or leave out --labels")
-    mounting = sums.search.found() if sums.search is not None else None
+    mounting = tally.search.found() if tally.search is not None else None
     labelled = bool(options.labels)
-    return CalibrationResult(config, sums.calibration.thresholds(), sums, labelled, options.output, mounting, trade_off)
+    return CalibrationResult(
+        config, tally.calibration.thresholds(), tally, labelled, options.output, mounting, trade_off
+    )
 
 
-def _trade_off(works: Sequence["_CalibrateWork"], found: ClutterSums, observer: Observer) -> TradeOff:
+def _trade_off(works: Sequence["_CalibrateWork"], found: ClutterTally, observer: Observer) -> TradeOff:
     """Return the scores of several filter rates and limits on held-out frames; with ``choose``, use the best one.
 
     One filter rate for all range rings leaves many points where clutter is dense, which cluster to false alarms, and
@@ -139,10 +141,10 @@ def _trade_off(works: Sequence["_CalibrateWork"], found: ClutterSums, observer: 
     compared = candidates(used)
     variants = []
     for half in (0, 1):
-        training = ClutterSums(config.filter, options)
+        training = ClutterTally(config.filter, options)
         for work, number in zip(works, frames, strict=True):
             part = replace(work, labelled_frames=training_frames(number)[half]).run(_OnlyProgress(observer))
-            training += part.sums or ClutterSums(config.filter, options)
+            training += part.tally or ClutterTally(config.filter, options)
         for one in compared:
             training.calibration.filter_rate, training.calibration.max_left = one
             params = training.calibration.thresholds().applied_to(config.filter)
@@ -208,13 +210,13 @@ class _OnlyProgress(Silent):
 
 @dataclass(kw_only=True)
 class _Calibrated(Outcome):
-    """Outcome of one of several recordings, with its sums until they are added to the others."""
+    """Outcome of one of several recordings, with its tally until they are added to the others."""
 
-    sums: ClutterSums | None = field(default=None, repr=False)
+    tally: ClutterTally | None = field(default=None, repr=False)
 
     def figures(self) -> str:
         """Return the main figures, for a line about the outcome."""
-        frames, points = (self.sums.frames, self.sums.calibration.points) if self.sums else (0, 0)
+        frames, points = (self.tally.frames, self.tally.calibration.points) if self.tally else (0, 0)
         return f"{count(frames, 'frame')}, {count(points, 'clutter point')}, {self.seconds:.1f} s"
 
 
@@ -230,7 +232,7 @@ class _CalibrateWork(StudyWork[_Calibrated]):
         return _Calibrated(recording=self.recording.name, error=reason)
 
     def run(self, observer: Observer) -> _Calibrated:
-        """Return the sums; an error ends the whole run."""
+        """Return the tally; an error ends the whole run."""
         started, outcome = perf_counter(), self.without_result(None)
         labels = self.labels.open() if self.labels else None
         with opened(self.recording, self.reading, observer, outcome) as source:
@@ -241,25 +243,25 @@ class _CalibrateWork(StudyWork[_Calibrated]):
     def study(self, source: Source, labels: Labels | None, outcome: _Calibrated, observer: Observer) -> None:
         """Read the recording."""
         selection, params = self.reading.selection, self.config.filter
-        sums = ClutterSums(params, self.options)
+        tally = ClutterTally(params, self.options)
         topics = sorted({channel.topic for channel in cloud_channels(source, selection.topics)})
         if labels and len(topics) > 1:
             raise UsageError(f"{source.name}: labels apply to one topic; choose from: -t {' -t '.join(topics)}")
         selector = ClutterSelector(params, labels, self.config.evaluation.box_margin_m)
-        search = None if labels else _TargetSearch(params, sums)
+        search = None if labels else _TargetSearch(params, tally)
         with frame_progress(source, selection, observer) as step:
             for frame, clutter in map_frames(source, selection, selector.clutter):
                 if self.labelled_frames is not None and selector.frames - 1 not in self.labelled_frames:
                     continue
-                sums.add(frame, clutter)
+                tally.add(frame, clutter)
                 if search:
                     search.add(frame)
                 step()
         if search:
             search.finish()
         self.finish(source, labels, selector.frames + selector.unlabelled)
-        sums.finish(source, selector)
-        outcome.sums = sums
+        tally.finish(source, selector)
+        outcome.tally = tally
 
 
 class _TargetSearch:
@@ -269,11 +271,11 @@ class _TargetSearch:
     are not counted, since objects cannot be distinguished from land there.
     """
 
-    def __init__(self, params: RingIntensityParams, sums: ClutterSums) -> None:
+    def __init__(self, params: RingIntensityParams, tally: ClutterTally) -> None:
         end_m = params.start_m + params.ring_width_m  # without thresholds, one range ring is enough
         given: dict[str, Any] = {name: getattr(params, name) for name in _OF_TARGETS if hasattr(params, name)}
         self._params = ConfirmedParams(**given, end_m=end_m, initial_thresholds=(0,), use_intensity=False)
-        self._sums = sums
+        self._tally = tally
         self._topics: dict[str, tuple[float, Confirmed]] = {}
 
     def add(self, frame: Frame) -> None:
@@ -296,5 +298,5 @@ class _TargetSearch:
             if result.water is None:
                 continue
             kept = np.count_nonzero(result.keep & (result.frame.range_m >= self._params.start_m))
-            self._sums.examined += 1
-            self._sums.with_targets += bool(kept >= _MIN_TARGET_POINTS)
+            self._tally.examined += 1
+            self._tally.with_targets += bool(kept >= _MIN_TARGET_POINTS)

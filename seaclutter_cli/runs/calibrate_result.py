@@ -36,14 +36,10 @@ _ADDED = ("frames_each", "recordings", "damage", "unlabelled", "marked", "examin
 _TEXT_WIDTH = 79
 _NOTED_FRAMES = 20
 _MIN_SHARE = 0.2
-_RING_KEYS = (
-    *("start_m", "end_m", "points", "threshold", "below", "filter_rate"),
-    *("few_points", "source_rings", "saturated"),
-)
 
 
 @dataclass
-class ClutterSums:
+class ClutterTally:
     """Sums over recordings, from a single pass over each, and facts about their sensors.
 
     Frames and points that labels leave out are ``unlabelled`` and ``marked``. Without labels, ``examined`` frames with
@@ -97,7 +93,7 @@ class ClutterSums:
         self.unlabelled, self.marked = selector.unlabelled, selector.marked
 
     def __iadd__(self, other: Self) -> Self:
-        """Add the sums over later recordings, which must not be used afterwards.
+        """Add the tally over later recordings, which must not be used afterwards.
 
         Raise `InputError` if a topic is known to be of another sensor than one before, or another intensity mode.
         """
@@ -129,6 +125,12 @@ class ClutterSums:
         """Sensors that the recordings state or, without one, resemble."""
         stated = [name for _, sensor in self.seen for name in sensor.models if sensor.is_stated]
         return list(dict.fromkeys(stated or [name for _, sensor in self.seen for name in sensor.models]))
+
+    @property
+    def described_sensor(self) -> str:
+        """The sensor in a few words."""
+        likely = f"resembles {' or '.join(self.sensors)}" if self.sensors else "not recognised"
+        return self.sensor.model or likely
 
     @property
     def sensor(self) -> SensorParams:
@@ -195,7 +197,7 @@ class CalibrationResult(Result):
         Configuration that the calibration started from.
     found : Thresholds
         Thresholds and far limit.
-    sums : ClutterSums
+    tally : ClutterTally
         Sums over the recordings.
     labelled : bool
         Whether labels separated clutter from targets.
@@ -211,16 +213,21 @@ class CalibrationResult(Result):
 
     start: Config
     found: Thresholds
-    sums: ClutterSums
+    tally: ClutterTally
     labelled: bool
     output: Path | None = None
     mounting: Mounting | None = None
     trade_off: TradeOff | None = None
 
     @property
+    def calibration(self) -> Calibration:
+        """Statistics of the clutter in all recordings."""
+        return self.tally.calibration
+
+    @property
     def damaged(self) -> bool:
         """Whether parts of the input were damaged and left out."""
-        return bool(self.sums.damage)
+        return bool(self.tally.damage)
 
     @property
     def config(self) -> Config:
@@ -229,26 +236,26 @@ class CalibrationResult(Result):
         if self.mounting:
             roll, pitch = self.mounting.roll_deg, self.mounting.pitch_deg
             params = replace(params, mounting_roll_deg=roll, mounting_pitch_deg=pitch)
-        return replace(self.start, filter=params, sensor=self.sums.sensor)
+        return replace(self.start, filter=params, sensor=self.tally.sensor)
 
     @property
     def warnings(self) -> list[str]:
         """Reasons to doubt the thresholds, one sentence each."""
-        rings, sums = self.found.rings, self.sums
+        rings, tally = self.found.rings, self.tally
         used = sum(ring.points for ring in rings)
         found = []
-        if sums.with_targets > _MIN_SHARE * sums.examined:
+        if tally.with_targets > _MIN_SHARE * tally.examined:
             found.append(
-                f"objects rise out of the water in {sums.with_targets:,} of {count(sums.examined, 'examined frame')},"
+                f"objects rise out of the water in {tally.with_targets:,} of {count(tally.examined, 'examined frame')},"
                 " and raise the thresholds; label them (--labels), or choose a log without targets"
             )
-        if used < few_points(self.sums.calibration.filter_rate):
+        if used < few_points(self.calibration.filter_rate):
             found.append(f"the thresholds are from {count(used, 'clutter point')} only; use longer logs")
         saturated = [ring for ring in rings if ring.saturated]
         if saturated:
             spans = ", ".join(f"{ring.start_m:g} to {ring.end_m:g} m" for ring in saturated)
             found.append(
-                f"{spans}: too many points have the highest intensity, {self.sums.calibration.highest:g}: the lidar is "
+                f"{spans}: too many points have the highest intensity, {self.calibration.highest:g}: the lidar is "
                 "saturated, or these are targets; thresholds end there and remove less than the filter rate"
             )
         return found
@@ -257,7 +264,7 @@ class CalibrationResult(Result):
         """Return the configuration as YAML, with comments that describe its origin."""
         head = [
             f"Thresholds found by seaclutter calibrate with a filter rate of {self._rate}",
-            f"in {', '.join(map(printable, self.sums.recordings))}.",
+            f"in {', '.join(map(printable, self.tally.recordings))}.",
         ]
         lines = [*_wrapped(" ".join(head)), *(line for text in self._sentences() for line in _wrapped(text))]
         comments = [*lines, *self._table().splitlines()]
@@ -268,7 +275,7 @@ class CalibrationResult(Result):
         """Return the result as human-readable text."""
         sentences = [line for text in self._sentences() for line in textwrap.wrap(text, _TEXT_WIDTH - 2)]
         body = [*sentences, *self._table().splitlines()]
-        title = printable(", ".join(self.sums.recordings))
+        title = printable(", ".join(self.tally.recordings))
         if self.output:
             title += f" -> {printable(str(self.output))}"
         text = "\n".join((title, *(f"  {line}" for line in body)))
@@ -276,55 +283,50 @@ class CalibrationResult(Result):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as JSON-compatible data."""
-        found, sums = self.found, self.sums
+        found, tally = self.found, self.tally
         return {
             "output": str(self.output) if self.output else None,
-            "recordings": sums.recordings,
-            "frames": sums.frames,
-            "unlabelled_frames": sums.unlabelled,
+            "recordings": tally.recordings,
+            "frames": tally.frames,
+            "unlabelled_frames": tally.unlabelled,
             "labelled": self.labelled,
-            "labelled_points": sums.marked,
-            "filter_rate": self.sums.calibration.filter_rate,
-            "max_left": self.sums.calibration.max_left,
-            "sensors": sums.sensors,
-            "intensity_fields": sums.intensity_fields,
-            "intensity": self.sums.calibration.intensity,
-            "clutter_points": self.sums.calibration.points,
+            "labelled_points": tally.marked,
+            "filter_rate": self.calibration.filter_rate,
+            "max_left": self.calibration.max_left,
+            "sensors": tally.sensors,
+            "intensity_fields": tally.intensity_fields,
+            "intensity": self.calibration.intensity,
+            "clutter_points": self.calibration.points,
             "points_beyond": found.beyond,
             "last_m": found.last_m,
             "start_m": found.rings[0].start_m,
             "end_m": found.end_m,
-            "end_kept": self.sums.calibration.keep_end,
-            "rings": [
-                {**{name: getattr(ring, name) for name in _RING_KEYS}, "threshold": threshold}
-                for ring, threshold in zip(found.rings, found.initial_thresholds, strict=True)
-            ],
+            "end_kept": self.calibration.keep_end,
+            "rings": [_ring_dict(*pair) for pair in zip(found.rings, found.initial_thresholds, strict=True)],
             **({"mounting": asdict(self.mounting)} if self.mounting else {}),
             **({"trade_off": self.trade_off.as_dict()} if self.trade_off else {}),
             "warnings": self.warnings,
-            "damage": [str(item) for item in sums.damage],
+            "damage": [str(item) for item in tally.damage],
         }
 
     @property
     def _rate(self) -> str:
-        left = self.sums.calibration.max_left
+        left = self.calibration.max_left
         limit = "" if left is None else f" and at most {left:g} clutter points per frame left in a range ring"
-        return f"{self.sums.calibration.filter_rate:g}{limit}"
+        return f"{self.calibration.filter_rate:g}{limit}"
 
     def _sentences(self) -> list[str]:
         """Return sentences about the input and the far limit of clutter."""
-        found, sums = self.found, self.sums
-        least, most = self.sums.calibration.intensity
-        without = f" ({count(sums.unlabelled, 'unlabelled frame')} left out)" if sums.unlabelled else ""
-        left_out = f"{count(sums.marked, 'labelled point')} left out"
+        found, tally = self.found, self.tally
+        least, most = self.calibration.intensity
+        without = f" ({count(tally.unlabelled, 'unlabelled frame')} left out)" if tally.unlabelled else ""
+        left_out = f"{count(tally.marked, 'labelled point')} left out"
         labels = left_out if self.labelled else "no labels: all treated as clutter"
-        name = printable(" or ".join(sums.intensity_fields)) or "none"
-        points = f"{count(self.sums.calibration.points, 'clutter point')} from {found.rings[0].start_m:g} m outwards"
-        frames = f"{count(sums.frames, 'frame')}{without}"
-        likely = f"resembles {' or '.join(sums.sensors)}" if sums.sensors else "not recognised"
-        sensor = sums.sensor.model or likely
+        name = printable(" or ".join(tally.intensity_fields)) or "none"
+        points = f"{count(self.calibration.points, 'clutter point')} from {found.rings[0].start_m:g} m outwards"
+        frames = f"{count(tally.frames, 'frame')}{without}"
         limit = f"in whole range rings, clutter ends at {found.end_m:g} m."
-        if sums.calibration.keep_end:
+        if self.calibration.keep_end:
             limit = f"the given far limit of {found.end_m:g} m is kept."
         mounted = []
         if (mounting := self.mounting) and (given := self.start.filter.mounting):
@@ -334,7 +336,7 @@ class CalibrationResult(Result):
             )
         return [
             f"{frames}; {points} ({labels}), {found.beyond:,} of them beyond {found.end_m:g} m.",
-            f"Sensor {sensor}; intensity field {name}, {least:g} to {most:g} in clutter.",
+            f"Sensor {tally.described_sensor}; intensity field {name}, {least:g} to {most:g} in clutter.",
             f"Beyond {found.last_m:.2f} m, consecutive clutter points are more than 1 m apart in range; {limit}",
             *mounted,
         ]
@@ -342,7 +344,7 @@ class CalibrationResult(Result):
     def _table(self) -> str:
         rows = [_ring_row(ring) for ring in self.found.rings]
         lines = table(("range ring", "clutter points", "threshold", "below"), rows).splitlines()
-        rate = self.sums.calibration.filter_rate
+        rate = self.calibration.filter_rate
         notes = ["", *(_note(ring, rate) for ring in self.found.rings)]
         return "\n".join(f"{line}  {note}".rstrip() for line, note in zip(lines, notes, strict=True))
 
@@ -358,8 +360,22 @@ def _ring_row(ring: RingCalibration) -> tuple[str, ...]:
 
 def _note(ring: RingCalibration, filter_rate: float) -> str:
     note = "saturated" if ring.saturated else ""
-    if ring.few_points:
-        first, last = ring.source_rings
+    if ring.few:
+        first, last = ring.source
         rings = f"rings {first} to {last}" if first < last else f"ring {last}"
         note = f"{note or ('few points' if ring.points else 'no points')}: {rings}"
     return note or "no point passes" * (filter_rate == 1)
+
+
+def _ring_dict(ring: RingCalibration, threshold: float) -> dict[str, Any]:
+    return {
+        "start_m": ring.start_m,
+        "end_m": ring.end_m,
+        "points": ring.points,
+        "threshold": threshold,
+        "below": ring.below,
+        "filter_rate": ring.filter_rate,
+        "few_points": ring.few,
+        "source_rings": list(ring.source),
+        "saturated": ring.saturated,
+    }

@@ -28,7 +28,7 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import MethodOptions, ReadOptions
 from seaclutter_cli.runs.options.studies import ReportOptions
 from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
-from seaclutter_cli.runs.recordings import Outcome, expected_frames, open_recording, require_frames
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expected_frames, open_recording, require_frames
 from seaclutter_cli.runs.studies import LabelledRecordings, prepared
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.selection import was_filtered
@@ -74,7 +74,7 @@ def report(options: ReportOptions) -> "ReportResult":
             files |= {folder / name: content for name, content in drawn.items()}
     write_files(files, replace=options.force)
     sizes = {path: len(content) for path, content in files.items()}
-    return ReportResult(comparison.variants, comparison.outcomes, collected, sizes)
+    return ReportResult(comparison, collected, sizes)
 
 
 def _collector(variants: Sequence[Variant], options: ReportOptions) -> "_OriginCollector":
@@ -95,10 +95,32 @@ def _page(comparison: Comparison, collected: Collector, origin: Mapping[str, Any
 
 
 @dataclass(frozen=True)
-class ReportResult(Comparison):
-    """Scores of each method and recording, what a report shows of all frames, and the size in bytes of its files."""
+class ComparisonResult(RecordingsResult):
+    """Files or a view of recordings, besides their scores."""
 
     is_summary = True
+
+    comparison: Comparison
+
+    @property
+    def outcomes(self) -> Sequence[Evaluated]:  # type: ignore[override]
+        """Outcome of each recording."""
+        return self.comparison.outcomes
+
+
+@dataclass(frozen=True)
+class ReportResult(ComparisonResult):
+    """Content of a report, and its files.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Scores of each method and recording.
+    collected : Collector
+        Statistics of all frames, and points of the frames shown.
+    sizes : mapping of Path to int
+        Written files, and their sizes in bytes.
+    """
 
     collected: Collector
     sizes: Mapping[Path, int]
@@ -116,7 +138,7 @@ class ReportResult(Comparison):
             for one in self.collected.chosen
         ]
         files = [{"path": str(path), "bytes": size} for path, size in self.sizes.items()]
-        return {"files": files, "frames": self.frames, "shown": shown, **super().as_dict()}
+        return {"files": files, "frames": self.frames, "shown": shown, **self.comparison.as_dict()}
 
     def as_text(self) -> str:
         """Return the result as human-readable text."""

@@ -1,7 +1,7 @@
 """Tuning: every combination of methods and parameter values over labelled recordings, in one pass."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -29,13 +29,10 @@ from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.text import count, printable, table
 
 _RATES = ("frames", "N_FP", "N_FN", "R_FP", "R_FN", "precision", "recall", "f1", "false_alarms", "omitted_alarms")
-_BEST, _TUNED = "<", "tuned"
+_BEST = "<"
 _JUDGED = (FRAMES, *FRAME_ERRORS)
 _MIN_RECORDINGS = 4
 """Minimum number of recordings of which whole ones are held out."""
-
-Scores = Mapping[str, Mapping[str, Summary]]
-"""Sums of each combination by its name, over the parts of the recordings, tuned and held out."""
 
 
 @function_of(TuneOptions)
@@ -61,8 +58,8 @@ def tune(options: TuneOptions) -> "TuningResult":
     works = [EvaluateWork(options.reading, *each, variants, listeners, in_parts=True) for each in pairs]
     batch = BatchOptions() if history else options.batch  # frames reach listeners in this process only
     outcomes = study_all(works, batch, observer)
-    scores = _split_scores(outcomes, [one.name for one in variants], options.hold_out)
-    result = TuningResult(options.sweeps, combinations, outcomes, *scores)
+    split = _split_scores(outcomes, [one.name for one in variants], options.hold_out)
+    result = TuningResult(options.sweeps, combinations, outcomes, split)
     if may_appear(options.targets.values(), result.outcomes, observer):
         write_files(_files(result, history, options), replace=options.force)
         if options.output and not result.best:
@@ -87,7 +84,7 @@ def _files(result: "TuningResult", history: "_ThresholdHistory | None", options:
     if options.output and result.best:
         files[options.output] = result.best_config().encode()
     if options.csv_file:
-        files[options.csv_file] = result.as_csv()
+        files[options.csv_file] = result.as_csv().encode()
     if options.curve_file:
         files[options.curve_file] = result.curve(options.curve_file.suffix)
     if options.thresholds_file and history:
@@ -132,8 +129,21 @@ class _ThresholdHistory(FrameListener):
         return render(lambda figure: draw_thresholds(figure, ring, named, ideal, title=title), suffix)
 
 
-def _split_scores(outcomes: Sequence[Evaluated], names: Sequence[str], share: float) -> tuple[Scores, str]:
-    """Return the scores of recordings without an error, for tuning and, if there are any, held out, with their title.
+@dataclass(frozen=True)
+class Split:
+    """Sums for each combination over the frames used for tuning, and over those held out, if any, with their title."""
+
+    tuned: Mapping[str, Summary]
+    held_out: Mapping[str, Summary] = field(default_factory=dict)
+    title: str = ""
+
+    def parts(self) -> dict[str, Mapping[str, Summary]]:
+        """Return the sums by the names of the parts, without those held out if there are none."""
+        return {"tuned": self.tuned, **({"held out": self.held_out} if self.held_out else {})}
+
+
+def _split_scores(outcomes: Sequence[Evaluated], names: Sequence[str], share: float) -> Split:
+    """Return the scores of recordings without an error, divided into those for tuning and those held out.
 
     Of four or more recordings, a share of whole ones is held out, evenly spaced; of fewer, the last frames of each.
     Neighbouring frames are alike, so single frames would tell nothing new.
@@ -152,39 +162,47 @@ def _split_scores(outcomes: Sequence[Evaluated], names: Sequence[str], share: fl
             held_out[name].update(last)
     frames = max((summary.frames for summary in held_out.values()), default=0)
     if not frames:
-        return {_TUNED: tuned}, ""
+        return Split(tuned)
     title = count(frames, "frame")
     if held:
         title += f" ({count(len(held), 'recording')}: {', '.join(outcome.recording for outcome in held)})"
     else:
         title += " at the end of the recording" if len(used) == 1 else " at the ends of the recordings"
-    return {_TUNED: tuned, "held out": held_out}, title
+    return Split(tuned, held_out, title)
 
 
 @dataclass(frozen=True)
 class TuningResult(RecordingsResult):
-    """Result of a sweep over methods and parameter values: all combinations, and their scores by their names.
+    """Result of a sweep over methods and parameter values.
 
-    These are of the frames used for tuning, and of those that are ``held_out``, if any.
+    Parameters
+    ----------
+    sweeps : sequence of Sweep
+        Parameters and values that were tried.
+    combinations : sequence of Combination
+        All combinations.
+    outcomes : sequence of Evaluated
+        Outcome of each recording.
+    split : Split
+        Scores of the frames used for tuning, and of those held out.
     """
 
     sweeps: Sequence[Sweep]
     combinations: Sequence[Combination]
     outcomes: Sequence[Evaluated]
-    scores: Scores
-    held_out: str
+    split: Split
 
     @cached_property
     def best(self) -> str | None:
         """Name of the best combination; None if no frame is labelled."""
-        return best(self.scores[_TUNED])
+        return best(self.split.tuned)
 
     @cached_property
     def best_of_methods(self) -> list[str]:
         """Name of the best combination of each method, in the order of the methods."""
         methods = dict.fromkeys(one.method for one in self.combinations)
         own = [[one.variant.name for one in self.combinations if one.method == method] for method in methods]
-        found = [best({name: self.scores[_TUNED][name] for name in names}) for names in own]
+        found = [best({name: self.split.tuned[name] for name in names}) for names in own]
         return [name for name in found if name]
 
     def best_config(self) -> str:
@@ -192,7 +210,7 @@ class TuningResult(RecordingsResult):
         chosen = next(one.variant for one in self.combinations if one.variant.name == self.best)
         recordings = ", ".join(printable(outcome.recording) for outcome in self.outcomes if not outcome.error)
         lines = [f"# Best of {count(len(self.combinations), 'combination')} on {recordings}: {chosen.name}"]
-        for part, summaries in self.scores.items() if self.held_out else ():
+        for part, summaries in self.split.parts().items() if self.split.held_out else ():
             found = summaries[chosen.name]
             figures = ", ".join(column.figure(found) for column in FRAME_ERRORS)
             lines.append(f"# {part}: {count(found.frames, 'frame')}, {figures}")
@@ -201,8 +219,8 @@ class TuningResult(RecordingsResult):
     def curve(self, suffix: str) -> bytes:
         """Return the content of a plot of the rates over a single parameter."""
         (sweep,) = self.sweeps
-        chosen = list(self.scores[_TUNED]).index(self.best) if self.best else None
-        parts = self.scores[_TUNED], self.scores.get("held out", {})
+        chosen = list(self.split.tuned).index(self.best) if self.best else None
+        parts = self.split.tuned, self.split.held_out
         both = ([(one.r_fp, one.r_fn) for one in part.values()] for part in parts)
         tuned, held_out = (np.array(rates, np.float64).reshape(-1, 2).T for rates in both)  # NaN where unknown
         values = list(map(shown, sweep.values))
@@ -218,8 +236,8 @@ class TuningResult(RecordingsResult):
             name = one.variant.name
             row: dict[str, Any] = {"method": one.method} if self._several else {}
             row |= {sweep.key: one.values.get(sweep.key) for sweep in self.sweeps}
-            for part, summaries in self.scores.items():
-                found, prefix = summaries[name].as_dict(), "" if part == _TUNED else "held_out_"
+            for summaries in self.split.parts().values():
+                found, prefix = summaries[name].as_dict(), "held_out_" if summaries is self.split.held_out else ""
                 row |= {prefix + key: found[key] for key in _RATES}
             rows.append({**row, "best": name == self.best})
         return rows
@@ -229,25 +247,25 @@ class TuningResult(RecordingsResult):
         return {
             "combinations": self._rows(),
             "best": self.best,
-            "held_out": self.held_out or None,
+            "held_out": self.split.title or None,
             "recordings": [Outcome.as_dict(outcome) for outcome in self.outcomes],
         }
 
-    def as_csv(self) -> bytes:
+    def as_csv(self) -> str:
         """Return the result as CSV, with a row for each combination."""
         rows = self._rows()
-        return b"".join(map(csv_line, (rows[0], *(row.values() for row in rows))))
+        return b"".join(map(csv_line, (rows[0], *(row.values() for row in rows)))).decode()
 
     def as_text(self) -> str:
         """Return the result as human-readable text: all combinations, then tuned and held-out figures of the best."""
         if not self.best:
             return f"{self._table()}\n\nno best combination: no frame is labelled"
-        frames = max(summary.frames for summary in self.scores[_TUNED].values())
+        frames = max(summary.frames for summary in self.split.tuned.values())
         title = f"best on {count(frames, 'frame')}: {self.best}"
-        if self.held_out:
-            title += f"\nheld out: {printable(self.held_out)}"
+        if self.split.held_out:
+            title += f"\nheld out: {printable(self.split.title)}"
         judged = []
-        for part, summaries in self.scores.items():
+        for part, summaries in self.split.parts().items():
             cells = score_cells({name: summaries[name] for name in self.best_of_methods}, _JUDGED)
             judged += [(name, part, *cells[name]) for name in self.best_of_methods]
         judgement = table(("best combination", "", *(one.head for one in _JUDGED)), judged)
@@ -257,7 +275,7 @@ class TuningResult(RecordingsResult):
 
     def _table(self) -> str:
         """Return a table of all combinations on the frames used for tuning."""
-        cells = score_cells(self.scores[_TUNED], FRAME_ERRORS)
+        cells = score_cells(self.split.tuned, FRAME_ERRORS)
         first = ["method"] if self._several else []
         keys = [sweep.key for sweep in self.sweeps]
         rows = []
