@@ -1,10 +1,12 @@
 """Evaluation of several methods against labels, in one pass over the recordings, and tables of their scores."""
 
+import gzip
+import io
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from operator import attrgetter, methodcaller
-from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from seaclutter_cli.buckets import on_paths, shown
@@ -21,10 +23,11 @@ from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.methods import Variant, variants
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.studies import EvaluateOptions
-from seaclutter_cli.runs.outputs import may_appear, write_files, write_manifest
+from seaclutter_cli.runs.outputs import may_appear, write_manifest
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.runs.studies import StudyWork, frame_progress, prepared, study_all
 from seaclutter_cli.selection import cloud_channels, filtered_by, first_frame, was_filtered
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.text import UNKNOWN, count, legend, printable, table
 
@@ -53,18 +56,18 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     manifest = options.batch.manifest
     outputs, configs = {**targets, "--manifest": manifest}, [one.config for one in chosen]
     pairs = prepared(options.logs, options, outputs, observer, configs)
-    tabulated = options.frames_file is not None
-    works = [EvaluateWork(options.reading, *each, chosen, tabulated=tabulated) for each in pairs]
-    outcomes = study_all(works, options.batch, observer)
-    comparison = Comparison(chosen, outcomes)
-    files = dict[Path, bytes]()
-    if may_appear(targets.values(), outcomes, observer):
-        if options.frames_file:
-            used = [one.rows for one in outcomes if one.rows and not one.error]
-            files[options.frames_file] = b"".join(frame_table(used))
-        if options.summary_file:
-            files[options.summary_file] = json.dumps(shown(comparison.as_dict()), indent=2).encode() + b"\n"
-    write_files(files, replace=options.force)
+    works = [EvaluateWork(options.reading, *each, chosen, tabulated=bool(options.frames_file)) for each in pairs]
+    with OutputGroup(replace=options.force) as files:
+        with ExitStack() as stack:
+            table, summary = (stack.enter_context(AtomicFile(it, files)) if it else None for it in targets.values())
+            outcomes = study_all(works, options.batch, observer)
+            comparison = Comparison(chosen, outcomes)
+            if table:
+                table.stream.writelines(frame_table([one.rows for one in outcomes if one.rows and not one.error]))
+            if summary:
+                summary.stream.write(json.dumps(shown(comparison.as_dict()), indent=2).encode() + b"\n")
+        if not may_appear(targets.values(), outcomes, observer):
+            files.discard()
     write_manifest(manifest, [recording for recording, _ in pairs], outcomes, replace=options.force)
     return comparison
 
@@ -175,28 +178,33 @@ def score_legend(text: str, columns: Iterable[Column], others: Mapping[str, str]
     return legend(lines)
 
 
-@dataclass
 class FrameRows:
-    """Rows of the frames of one recording, one for each method, and whether the labels of points are known for any."""
+    """Rows of the frames of one recording, compressed, and whether the labels of points are known for any."""
 
-    recording: str
-    lines: bytearray = field(default_factory=bytearray)
-    points_known: bool = False
+    def __init__(self, recording: str) -> None:
+        self._recording, self.points_known, self.packed = recording, False, io.BytesIO()
+        self._lines = gzip.GzipFile(fileobj=self.packed, mode="wb")
 
     def write(self, method: str, frame: Frame, score: FrameScore) -> None:
-        """Write a row; cells are empty for what the labels of the frame do not tell."""
+        """Write the row of a method; cells are empty for what the labels of the frame do not tell."""
         self.points_known |= score.points is not None
-        self.lines += csv_line((self.recording, method, frame.index, frame.stamp_ns, *score.cells()))
+        self._lines.write(csv_line((self._recording, method, frame.index, frame.stamp_ns, *score.cells())))
+
+    def end(self) -> None:
+        """Complete the rows, which may then be passed to another process."""
+        self._lines.close()
+        del self._lines
 
 
 def frame_table(recordings: Sequence[FrameRows]) -> Iterator[bytes]:
-    """Yield the parts of a table (CSV); it has columns for points if their labels are known for any frame."""
+    """Yield the lines of a table (CSV); it has columns for points if their labels are known for any frame."""
     points_known = any(rows.points_known for rows in recordings)
-    yield csv_line(
-        ("recording", "method", "frame", "stamp_ns", *ALARM_COLUMNS, *(POINT_COLUMNS if points_known else ()))
-    )
+    columns = (*ALARM_COLUMNS, *(POINT_COLUMNS if points_known else ()))
+    yield csv_line(("recording", "method", "frame", "stamp_ns", *columns))
     for rows in recordings:
-        yield bytes(rows.lines if points_known else rows.lines.replace(_UNKNOWN_POINTS, b"\n"))
+        rows.packed.seek(0)
+        for line in gzip.GzipFile(fileobj=rows.packed):
+            yield line if points_known else line.replace(_UNKNOWN_POINTS, b"\n")
 
 
 @dataclass(kw_only=True)
@@ -221,11 +229,7 @@ class Evaluated(Outcome):
     def counts(self) -> dict[str, Any]:
         """Return further columns of the manifest of a run, with the alarms of the first method."""
         first = next(iter(self.methods.values()))
-        return {
-            "frames": first.frames,
-            "false_alarms": first.false_alarms,
-            "missed_targets": first.visible - first.detected,
-        }
+        return {"frames": first.frames, "false_alarms": first.false_alarms, "missed_targets": first.missed}
 
     def as_dict(self) -> dict[str, Any]:
         """Return the outcome as JSON-compatible data."""
@@ -259,7 +263,10 @@ class EvaluateWork(StudyWork[Evaluated]):
         """Evaluate the recording, also for the listeners; store an error in the outcome."""
         for listener in self.listeners:
             listener.begin(self.recording.name)
-        return super().run(observer)
+        outcome = super().run(observer)
+        if outcome.rows:
+            outcome.rows.end()
+        return outcome
 
     def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
         """Filter the recording with every method, and score each frame."""
@@ -274,8 +281,7 @@ class EvaluateWork(StudyWork[Evaluated]):
         observer.note(f"{source.name}: {source.format}, {methods} on {topic}", detail=True)
         filters = [variant.config.make_filter() for variant in self.variants]
         # The threshold of a method that derives it from the log itself always fits.
-        pairs = zip(self.variants, filters, strict=True)
-        given = [variant for variant, method in pairs if not method.needs_first_pass]
+        given = [variant for variant, method in zip(self.variants, filters, strict=True) if not method.needs_first_pass]
         checks = {variant.name: Checks(variant.config, source.facts, filtered=filtered) for variant in given}
         scorer = FrameScorer(self, labels, outcome, checks, observer)
         with frame_progress(source, selection, observer) as step:

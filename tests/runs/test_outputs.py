@@ -11,6 +11,7 @@ from click.testing import CliRunner
 from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.sinks.atomic import CompleteFile
+from seaclutter_cli.sources.recordings import Recording
 from tests.paths import ROOT
 from tests.scenes.onnx_files import model_bytes
 
@@ -207,6 +208,25 @@ def test_metadata_beside_a_capture_is_an_input(folder):
         assert result.exit_code == 2
         assert f"Error: {name}: is part of the input, LOGS" in result.stderr
     assert run("filter trial.pcap -n 1 -o x.mcap --csv other.json").exit_code == 0
+
+
+@pytest.mark.skipif(os.name != "posix", reason="special files")
+@pytest.mark.parametrize(
+    "line",
+    [
+        f"{EVALUATE} -o x",
+        f"{EVALUATE} --summary x",
+        "scene predict sea.mcap --model model.onnx --csv x",
+        "scene evaluate --scene open=sea.mcap --model model.onnx --csv x",
+    ],
+)
+def test_an_output_that_cannot_be_written_shows_before_the_work(folder, line, monkeypatch):
+    needs(line)
+    os.mkfifo(folder / "x")
+    monkeypatch.setattr(Recording, "open", lambda *_, **__: pytest.fail("opened"))
+    result = run(f"{line} --force")
+    assert result.exit_code == 1, result.output
+    assert "x: not a regular file, cannot be replaced" in result.stderr
 
 
 TOGETHER = [

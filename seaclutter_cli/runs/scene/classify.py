@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -16,10 +17,11 @@ from seaclutter_cli.reading import frames
 from seaclutter_cli.runs.observer import SILENT, Observer, Step
 from seaclutter_cli.runs.options import Logs, ReadOptions, of_options
 from seaclutter_cli.runs.options.classifiers import ClassifierOptions, LabelledLogs
-from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs, write_files
+from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expand, opened, storing_errors
 from seaclutter_cli.scenes.model import SceneDecision, SceneModel, SceneTracker
 from seaclutter_cli.scenes.training import SceneScores
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, share, table
@@ -89,14 +91,20 @@ def _classify(
     columns = ("recording", "topic", "frame", "stamp_ns", *(["truth"] if known else []), "scene", "decided")
     new_tracker = partial(SceneTracker, model, every=options.every, hold=options.hold)
     outcomes = [ClassifiedLog(recording=one.name, truth=scene, new_tracker=new_tracker) for one, scene in logs]
-    lines = [csv_line((*columns, *(f"p_{name}" for name in model.classes)))]
-    with observer.progress("frames", None) as step:
-        for (recording, _), found in zip(logs, outcomes, strict=True):
-            with storing_errors(found, observer):
-                read = read_frames(recording, reading, observer, step, found)
-                lines.extend(csv_line(found.add(frame)) for frame in read)
-    if options.csv_file and may_appear([options.csv_file], outcomes, observer):
-        write_files({options.csv_file: b"".join(lines)}, replace=options.force)
+    with OutputGroup(replace=options.force) as files:
+        with ExitStack() as stack:
+            table = stack.enter_context(AtomicFile(options.csv_file, files)).stream if options.csv_file else None
+            if table:
+                table.write(csv_line((*columns, *(f"p_{name}" for name in model.classes))))
+            step = stack.enter_context(observer.progress("frames", None))
+            for (recording, _), found in zip(logs, outcomes, strict=True):
+                with storing_errors(found, observer):
+                    for frame in read_frames(recording, reading, observer, step, found):
+                        row = found.add(frame)
+                        if table:
+                            table.write(csv_line(row))
+        if not may_appear([options.csv_file], outcomes, observer):
+            files.discard()
     return outcomes, model.classes
 
 
