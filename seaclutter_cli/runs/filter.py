@@ -2,10 +2,12 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
+from gzip import GzipFile
+from io import BytesIO
+from shutil import copyfileobj
 from time import perf_counter
 
 from seaclutter_cli.buckets import on_paths
@@ -32,7 +34,7 @@ from seaclutter_cli.runs.recordings import expected_frames, open_recording, requ
 from seaclutter_cli.runs.resume import RunIdentity, identity_of
 from seaclutter_cli.selection import cloud_channels, filtered_by, was_filtered
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.sinks.csv import FrameTable, unpack_rows
+from seaclutter_cli.sinks.csv import FrameTable
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources.recordings import Recording
@@ -67,9 +69,11 @@ def filter_log(options: FilterOptions) -> FilterSummary:
             logs = stack.enter_context(OutputGroup(files))
             table = stack.enter_context(AtomicFile(csv_file, files)) if csv_file else None
             if table:
-                table.stream.write(_frame_table(run.works[0].config).header)
-                pairs = zip(run.works, begun, strict=True)
-                begun = [replace(work, complete=one) if isinstance(one, FilterOutcome) else work for work, one in pairs]
+                write = table.stream.write
+                _frame_table(run.works[0].config, write).write_header()
+                earlier = [one if isinstance(one, FilterOutcome) else None for one in begun]
+                pairs = zip(run.works, earlier, strict=True)
+                begun = [replace(work, complete=one, write=write if run.is_alone else None) for work, one in pairs]
             outcomes = run.do(begun, observer, logs, partial(_append, table))
             require_selected(outcomes)
         if not may_appear([csv_file], outcomes, observer):
@@ -90,30 +94,44 @@ def filter_run(options: FilterOptions, observer: Observer, *, ahead: bool = True
 
 
 def _append(table: AtomicFile | None, outcome: FilterOutcome) -> None:
-    """Append the rows of a recording to the table."""
-    if table:
-        table.stream.writelines(unpack_rows(outcome.rows))
+    """Append the rows of a recording to the table, unless they are there already."""
+    if table and outcome.rows:
+        with GzipFile(fileobj=BytesIO(outcome.rows)) as rows:
+            copyfileobj(rows, table.stream)
     outcome.rows = b""
 
 
-def _frame_table(config: Config) -> FrameTable:
-    """Return the table for the frames of a recording."""
-    return FrameTable(len(config.ring_edges[1:]), scenes=config.has_scenes, water=config.has_water)
+def _frame_table(config: Config, write: Callable[[bytes], object]) -> FrameTable:
+    """Return the table for the frames of a recording, whose lines a function receives."""
+    return FrameTable(write, len(config.ring_edges[1:]), scenes=config.has_scenes, water=config.has_water)
+
+
+@contextmanager
+def _packed_rows(outcome: FilterOutcome) -> Iterator[Callable[[bytes], object]]:
+    """Yield a function that receives lines of the table, which are then in an outcome, compressed."""
+    packed = BytesIO()
+    with GzipFile(fileobj=packed, mode="wb") as rows:
+        yield rows.write
+    outcome.rows = packed.getvalue()
 
 
 @dataclass(frozen=True)
 class FilterWork(LogWork[FilterOutcome, FilterOptions]):
-    """Filtering of one recording with a configuration; of a ``complete`` output, only rows of the table are read."""
+    """Filtering of one recording with a configuration; of a ``complete`` output, only rows of the table are read.
+
+    ``write`` receives the rows of the table as they come; by default they are in the outcome.
+    """
 
     config: Config
     complete: FilterOutcome | None = None
+    write: Callable[[bytes], object] | None = None
 
     def run(self, observer: Observer, group: OutputGroup | None = None) -> FilterOutcome:
         """Filter the recording, unless its output is complete and has the diagnostics that the table needs."""
         if self.complete:
-            rows = _rows_in(self.complete.output, self.recording.name, self.complete.topics, _frame_table(self.config))
-            if rows is not None:
-                self.complete.rows = rows
+            with _packed_rows(self.complete) as write:
+                has_all = _read_rows(self.complete, _frame_table(self.config, write))
+            if has_all:
                 return self.complete
             observer.note("filtered again; the output lacks the diagnostics that the table needs")
         return super().run(observer, group)
@@ -148,8 +166,8 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         named = printable(", ".join(channel.topic for channel in clouds))
         observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
         fit = _FitWarnings(self.config, source, topics, observer)
-        table = _frame_table(self.config) if self.options.csv_file else None
         with (
+            self._table(outcome) as tables,
             observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
             OUTPUT_FORMATS[self.form].make_sink(
                 self.target, self._written(labels, partial(self.record, source, outcome)), group
@@ -160,12 +178,21 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
                 step()
                 fit.add(result)
 
-            sinks: list[Sink] = [sink, table] if table else [sink]
-            run(source, self.config.make_filter, sinks, selection, on_result, outcome.topics)
+            run(source, self.config.make_filter, [sink, *tables], selection, on_result, outcome.topics)
             require_frames(source, outcome.frames, selection)
-        outcome.rows = table.packed() if table else b""
         warn_of_losses(self.output, self.form, sink.lost, observer)
         fit.finish(outcome.topics)
+
+    @contextmanager
+    def _table(self, outcome: FilterOutcome) -> Iterator[Sequence[Sink]]:
+        """Yield the table, if there is one."""
+        if self.write:
+            yield [_frame_table(self.config, self.write)]
+        elif self.options.csv_file:
+            with _packed_rows(outcome) as write:
+                yield [_frame_table(self.config, write)]
+        else:
+            yield []
 
     def identity(self) -> RunIdentity:
         """Return what the filtered file depends on."""
@@ -189,25 +216,22 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         return replace(written, scene=scene_updates(self.config.evaluation, labels))
 
 
-def _rows_in(output: Path, recording: str, topics: Mapping[str, TopicTally], table: FrameTable) -> bytes | None:
-    """Return the rows of a recording from the diagnostics in its output; None if these are not of all frames.
-
-    ``recording`` is its name, ``topics`` are the sums over its frames; the empty ``table`` is filled.
-    """
+def _read_rows(complete: FilterOutcome, table: FrameTable) -> bool:
+    """Write rows from the diagnostics in a complete output; return whether these are of all frames."""
     found = Counter[str]()
     try:
-        with closing(open_recording(Recording((output,)), ReadOptions())) as source:
+        with closing(open_recording(Recording((complete.output,)), ReadOptions())) as source:
             for record in source.records():
                 if not isinstance(record, Message) or record.channel.topic != TOPIC:
                     continue
                 name = record.channel.schema.name if record.channel.schema else ""
                 one = read_diagnostics(record.data, record.channel.message_encoding, name)
                 place = one.topic, one.numbers["frame"], one.stamp_ns, one.numbers["points_in"]
-                table.write_row(recording, place, one.counts, one.rings, one.scene, one.water)
+                table.write_row(complete.recording, place, one.counts, one.rings, one.scene, one.water)
                 found[one.topic] += 1
     except InputError:
-        return None
-    return table.packed() if found == Counter({topic: tally.frames for topic, tally in topics.items()}) else None
+        return False
+    return found == Counter({topic: tally.frames for topic, tally in complete.topics.items()})
 
 
 _FEW_WATER = 0.05

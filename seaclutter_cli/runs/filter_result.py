@@ -18,7 +18,7 @@ class FilterOutcome(LogOutcome):
     """Outcome of filtering one recording.
 
     ``edges`` are those of the range rings of the method in metres, if it has any; ``has_water`` is whether it estimates
-    the water; ``rows`` are those of the table of frames, compressed, on their way from another process.
+    the water; ``rows`` are those of the table of frames, compressed, unless they are written as they come.
     """
 
     edges: Sequence[float]

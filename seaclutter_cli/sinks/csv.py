@@ -2,8 +2,7 @@
 
 import csv
 import io
-import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple
 
 import numpy as np
@@ -13,7 +12,6 @@ from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, Rings, Wat
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
 
-_PIECE = 2**20
 _REASONS = (Reason.INVALID, Reason.NEAR, Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.FAR, Reason.EXCLUDED)
 _COLUMNS = (
     "recording",
@@ -27,23 +25,23 @@ _COLUMNS = (
 
 
 class FrameTable:
-    """Sink that makes one row for each frame of a recording, compressed.
+    """Sink that passes one line for each frame of a recording to a function.
 
     There are columns for the ``rings`` of the method and, if it distinguishes scenes, the class of scene; if it
     estimates the water, unconfirmed points and those of `WaterState`.
     """
 
-    def __init__(self, rings: int, *, scenes: bool = False, water: bool = False) -> None:
-        self._rings, self._scenes, self._water = rings, scenes, water
+    def __init__(
+        self, write: Callable[[bytes], object], rings: int, *, scenes: bool = False, water: bool = False
+    ) -> None:
+        self._write, self._rings, self._scenes, self._water = write, rings, scenes, water
         self._recording = ""
-        self._pack, self._packed = zlib.compressobj(), bytearray()
 
-    @property
-    def header(self) -> bytes:
-        """The line with the names of the columns."""
+    def write_header(self) -> None:
+        """Write the names of the columns."""
         states = [f"{name}_{k}" for name in ("threshold", "correction") for k in range(1, self._rings + 1)]
         waters = ["unconfirmed", *WATER_COLUMNS] if self._water else []
-        return csv_line((*_COLUMNS, *states, *(["scene"] if self._scenes else []), *waters))
+        self._write(csv_line((*_COLUMNS, *states, *(["scene"] if self._scenes else []), *waters)))
 
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:  # noqa: ARG002
         """Start a recording."""
@@ -75,22 +73,10 @@ class FrameTable:
         waters = [counts[Reason.UNCONFIRMED], *values] if self._water else []
         by_reason = (counts[reason] for reason in _REASONS)
         row = (recording, *place, *by_reason, counts[Reason.KEPT], *states, *scenes, *waters)
-        self._packed += self._pack.compress(csv_line(row))
+        self._write(csv_line(row))
 
     def end(self) -> None:
         """End the recording."""
-
-    def packed(self) -> bytes:
-        """Return all rows, for `unpack_rows`; there can be no more rows."""
-        return bytes(self._packed + self._pack.flush())
-
-
-def unpack_rows(packed: bytes) -> Iterator[bytes]:
-    """Yield the rows of a table piece by piece."""
-    unpack = zlib.decompressobj()
-    while packed:
-        yield unpack.decompress(packed, _PIECE)
-        packed = unpack.unconsumed_tail
 
 
 def csv_line(values: Iterable[object]) -> bytes:

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from collections import Counter
+from io import DEFAULT_BUFFER_SIZE
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from mcap.writer import Writer
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.commands import cli
+from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from tests.paths import SAMPLE
@@ -165,6 +167,35 @@ def test_one_bad_recording_does_not_stop_the_others(tmp_path):
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.mcap", "c.mcap"]
     with (tmp_path / "all.csv").open() as stream:
         assert {row["recording"] for row in csv.DictReader(stream)} == {"a", "c"}
+
+
+def test_rows_of_a_recording_that_fails_midway_are_removed(tmp_path, monkeypatch):
+    def require_frames(source, frames, selection):
+        if source.name == "b":
+            raise InputError(f"b: broken after {frames} frames")
+
+    monkeypatch.setattr("seaclutter_cli.runs.filter.require_frames", require_frames)
+    logs = [write_log(tmp_path / f"{name}.mcap") for name in "abc"]
+    table = tmp_path / "all.csv"
+    assert invoke(*logs, "-j", 1, "-o", tmp_path / "out", "--csv", table).exit_code == 1
+    with table.open() as stream:
+        assert [row["recording"] for row in csv.DictReader(stream)] == ["a"] * 5 + ["c"] * 5
+    result = invoke(logs[1], "-o", tmp_path / "b.out.mcap", "--csv", tmp_path / "b.csv")
+    assert result.stderr == "Error: b: broken after 5 frames\n"
+    assert not list(tmp_path.glob("b.*csv*"))
+
+
+def test_rows_of_a_single_recording_are_written_as_they_come(out, tmp_path, monkeypatch):
+    sizes = []
+
+    def require_frames(*_):
+        sizes.extend(part.stat().st_size for part in tmp_path.glob(".frames.csv.*"))
+
+    monkeypatch.setattr("seaclutter_cli.runs.filter.require_frames", require_frames)
+    log = write_log(tmp_path / "long.mcap", frames=200)
+    assert invoke(log, "-o", out, "--csv", tmp_path / "frames.csv").exit_code == 0
+    whole = (tmp_path / "frames.csv").stat().st_size
+    assert whole - DEFAULT_BUFFER_SIZE <= sizes[0] < whole
 
 
 def test_globs_are_expanded_unless_a_file_has_that_name(tmp_path):

@@ -14,7 +14,7 @@ from seaclutter_cli.frame import FilterResult, Frame, Rings, WaterState
 from seaclutter_cli.pipeline import run
 from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.selection import Selection
-from seaclutter_cli.sinks.csv import FrameTable, unpack_rows
+from seaclutter_cli.sinks.csv import FrameTable
 from seaclutter_cli.sources.formats import open_source
 from tests.logs import START_NS, cloud_log
 from tests.sinks.runs import FakeSource, filter_log
@@ -34,9 +34,10 @@ def rows_of(path):
 @contextmanager
 def table(path, *columns, **options):
     """Yield a table that is written to a file."""
-    made = FrameTable(*columns, **options)
-    yield made
-    path.write_bytes(made.header + b"".join(unpack_rows(made.packed())))
+    with path.open("wb") as file:
+        made = FrameTable(file.write, *columns, **options)
+        made.write_header()
+        yield made
 
 
 def result_of(index, *, stamp_ns=0, log_time_ns=5, topic="/points", **values):
