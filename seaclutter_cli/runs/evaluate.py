@@ -5,9 +5,10 @@ import io
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from operator import attrgetter, methodcaller
-from typing import Any, Literal, TypeVar
+from tempfile import TemporaryFile
+from typing import IO, Any, Literal, TypeVar
 
 from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.errors import LabelError
@@ -21,7 +22,7 @@ from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.methods import Variant, variants
-from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.observer import Observer, Step
 from seaclutter_cli.runs.options.studies import EvaluateOptions
 from seaclutter_cli.runs.outputs import may_appear, write_manifest
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
@@ -50,16 +51,16 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     {'joint': (14, 8), 'none': (60, 0)}
     """
     observer = options.watching
-    overrides = [f"evaluation.clustering={options.clustering}"] if options.clustering else []
-    chosen = variants(options, *overrides)
+    chosen = variants(options, *([f"evaluation.clustering={options.clustering}"] if options.clustering else []))
     targets = {"-o": options.frames_file, "--summary": options.summary_file}
-    manifest = options.batch.manifest
-    outputs, configs = {**targets, "--manifest": manifest}, [one.config for one in chosen]
+    outputs, configs = {**targets, "--manifest": options.batch.manifest}, [one.config for one in chosen]
     pairs = prepared(options.logs, options, outputs, observer, configs)
     works = [EvaluateWork(options.reading, *each, chosen, tabulated=bool(options.frames_file)) for each in pairs]
     with OutputGroup(replace=options.force) as files:
         with ExitStack() as stack:
             table, summary = (stack.enter_context(AtomicFile(it, files)) if it else None for it in targets.values())
+            if table and options.batch.runs_here(len(works)):
+                works = [replace(works[0], spool=stack.enter_context(TemporaryFile(dir=table.part.parent)))]
             outcomes = study_all(works, options.batch, observer)
             comparison = Comparison(chosen, outcomes)
             if table:
@@ -68,7 +69,7 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
                 summary.stream.write(json.dumps(shown(comparison.as_dict()), indent=2).encode() + b"\n")
         if not may_appear(targets.values(), outcomes, observer):
             files.discard()
-    write_manifest(manifest, [recording for recording, _ in pairs], outcomes, replace=options.force)
+    write_manifest(options.batch.manifest, [recording for recording, _ in pairs], outcomes, replace=options.force)
     return comparison
 
 
@@ -179,10 +180,10 @@ def score_legend(text: str, columns: Iterable[Column], others: Mapping[str, str]
 
 
 class FrameRows:
-    """Rows of the frames of one recording, compressed, and whether the labels of points are known for any."""
+    """Rows of the frames of one recording, compressed in a file, and whether the labels of points are known for any."""
 
-    def __init__(self, recording: str) -> None:
-        self._recording, self.points_known, self.packed = recording, False, io.BytesIO()
+    def __init__(self, recording: str, packed: IO[bytes] | None = None) -> None:
+        self._recording, self.points_known, self.packed = recording, False, packed or io.BytesIO()
         self._lines = gzip.GzipFile(fileobj=self.packed, mode="wb")
 
     def write(self, method: str, frame: Frame, score: FrameScore) -> None:
@@ -244,19 +245,21 @@ class Evaluated(Outcome):
 class EvaluateWork(StudyWork[Evaluated]):
     """Evaluation of one recording; without labels, clusters are only counted.
 
-    Listeners receive every frame in this process. ``tabulated`` and ``in_parts`` are what the outcome has besides sums.
+    Listeners receive every frame in this process. ``tabulated`` and ``in_parts`` are what the outcome has besides sums;
+    the rows of its table are in memory unless there is a file for them, ``spool``.
     """
 
     variants: Sequence[Variant]
     listeners: Sequence[FrameListener] = ()
     tabulated: bool = False
     in_parts: bool = False
+    spool: IO[bytes] | None = None
 
     def without_result(self, reason: str | None) -> Evaluated:
         """Return an outcome without frames."""
         methods = {variant.name: Summary() for variant in self.variants}
         parts = Parts(len(methods)) if self.in_parts else None
-        rows = FrameRows(self.recording.name) if self.tabulated else None
+        rows = FrameRows(self.recording.name, self.spool) if self.tabulated else None
         return Evaluated(recording=self.recording.name, methods=methods, rows=rows, parts=parts, error=reason)
 
     def run(self, observer: Observer) -> Evaluated:
@@ -283,14 +286,9 @@ class EvaluateWork(StudyWork[Evaluated]):
         # The threshold of a method that derives it from the log itself always fits.
         given = [variant for variant, method in zip(self.variants, filters, strict=True) if not method.needs_first_pass]
         checks = {variant.name: Checks(variant.config, source.facts, filtered=filtered) for variant in given}
-        scorer = FrameScorer(self, labels, outcome, checks, observer)
         with frame_progress(source, selection, observer) as step:
-
-            def on_frame(frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float]) -> None:
-                scorer.add(frame, results, seconds)
-                step()
-
-            run_each(source, filters, selection, on_frame)
+            scorer = FrameScorer(self, labels, outcome, checks, observer, step)
+            run_each(source, filters, selection, scorer.add)
         self.finish(source, labels, outcome.frames)
         if labels and outcome.frames and not any(summary.frames for summary in outcome.methods.values()):
             if first := first_frame(source, self.reading.topics):
@@ -309,6 +307,7 @@ class FrameScorer:
     outcome: Evaluated
     checks: Mapping[str, Checks]
     observer: Observer
+    step: Step
 
     def __post_init__(self) -> None:
         self._evaluation = self.work.variants[0].config.evaluation
@@ -333,6 +332,7 @@ class FrameScorer:
                 self.outcome.rows.write(variant.name, frame, found)
             if variant.name in self.checks:
                 self._warn(self.checks[variant.name].add(result))
+        self.step()
 
     def finish(self) -> None:
         """Warn about settings and labels that do not fit, even after only a few frames."""

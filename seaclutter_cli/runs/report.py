@@ -294,12 +294,12 @@ class _ReplayWork(EvaluateWork):
 
     def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
         """Read all frames."""
-        selection, scorer = self.reading.selection, FrameScorer(self, labels, outcome, {}, observer)
+        selection = self.reading.selection
         clouds = [channel for channel in source.channels if channel.topic == self.topic]
         with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
+            scorer = FrameScorer(self, labels, outcome, {}, observer, step)
             for result in replay(source, self.topic, selection):
                 scorer.add(result.frame, [result], [None])
-                step()
         if not outcome.frames:
             require_frames(source, 0, selection)
             missing = f"no frame of {self.topic} has removed points and diagnostics"

@@ -4,6 +4,7 @@ import csv
 import json
 import re
 from dataclasses import replace
+from io import BytesIO
 
 import numpy as np
 import pytest
@@ -392,6 +393,15 @@ def test_columns_for_points_only_if_any_frame_has_labels_of_points():
         assert [row["recording"] for row in table] == ["a, b", "c"][: len(chosen)]
         assert tuple(table[0])[4:] == columns
         assert table[0]["points_out"] == "5"
+
+
+def test_rows_of_a_single_recording_are_not_in_memory(tmp_path):
+    log, labels = make_log(tmp_path / "log.mcap"), tmp_path / "boxes.csv"
+    labels.write_text(f"{HEAD}\n0,{BOX}\n")
+    (found,) = evaluate(log, labels, frames_file=tmp_path / "frames.csv").outcomes
+    assert not isinstance(found.rows.packed, BytesIO)
+    assert len((tmp_path / "frames.csv").read_text().splitlines()) == 1 + FRAMES
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["boxes.csv", "frames.csv", "log.mcap"]
 
 
 @pytest.mark.parametrize(
