@@ -259,8 +259,7 @@ class EvaluateWork(StudyWork[Evaluated]):
         """Return an outcome without frames."""
         methods = {variant.name: Summary() for variant in self.variants}
         parts = Parts(len(methods)) if self.in_parts else None
-        rows = FrameRows(self.recording.name, self.spool) if self.tabulated else None
-        return Evaluated(recording=self.recording.name, methods=methods, rows=rows, parts=parts, error=reason)
+        return Evaluated(recording=self.recording.name, methods=methods, parts=parts, error=reason)
 
     def run(self, observer: Observer) -> Evaluated:
         """Evaluate the recording, also for the listeners; store an error in the outcome."""
@@ -273,6 +272,7 @@ class EvaluateWork(StudyWork[Evaluated]):
 
     def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
         """Filter the recording with every method, and score each frame."""
+        outcome.rows = FrameRows(self.recording.name, self.spool) if self.tabulated else None
         selection = self.reading.selection
         filtered = was_filtered(source, selection.topics)
         if filtered and any(variant.config.method != "none" for variant in self.variants):
