@@ -1,15 +1,22 @@
 """Several tiles in one run: outputs do not depend on the number of processes; those of predict appear together."""
 
 import json
+import math
 import re
 
 import pytest
 from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
+from seaclutter_cli.commands import cli, console
 from tests.paths import ROOT
 
 pytest.importorskip("laspy")
+
+
+@pytest.fixture(autouse=True)
+def _no_progress(monkeypatch):
+    """Show no progress, which would be a line after ten seconds, on slow machines only."""
+    monkeypatch.setattr(console, "_LINE_SECONDS", math.inf)
 
 
 @pytest.fixture
@@ -45,8 +52,6 @@ def test_separation(tiles, tmp_path):
 
 
 def test_the_progress_is_of_tiles(tiles, tmp_path, monkeypatch):
-    from seaclutter_cli.commands import console
-
     monkeypatch.setattr(console, "_LINE_SECONDS", 0.0)
     result = invoke("classify", "separate", tiles, "-o", f"{tmp_path / 'out'}/", "-j", 1)
     assert "3 tiles: 3 of 3 MiB\n" in result.stderr
