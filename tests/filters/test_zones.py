@@ -84,7 +84,7 @@ def test_configurations_show_and_read_back_polygons():
         ("[{vertices: [[0, 0], [1, 1], [2, 0]], z_max: 1}]", "z_max: unknown key; did you mean "),
         ("[{vertices: [[0, 0], [1, 1], [2, 0]], z_min_m: 2, z_max_m: 1}]", "z_min_m (2) must not be greater"),
         ("[[0, 0]]", "filter.exclude_polygons.0: must be a section with keys, got a list"),
-        ("3", "filter.exclude_polygons: must be a list, got a number"),
+        ("3", "filter.exclude_polygons: must be a list, got 3"),
     ],
 )
 def test_polygons_that_are_not_valid(polygons, problem):
