@@ -17,7 +17,7 @@ PAGE = ROOT / "docs" / "guide" / "first_trial.md"
 _BLOCK = re.compile(r"^```(.*)\n((?:(?!```).*\n)*)```\n(?:\n```\n((?:(?!```).*\n)*)```\n)?", re.MULTILINE)
 _STATUS = re.compile(r"# exit status (\d+)$", re.MULTILINE)
 _SETUP = "mkdir trial"
-_TIMES = re.compile(r"\d+(\.\d+)?( s\b| frames/s| [kM]B\b)|(?<=[%–m]) +\d+\.\d\d$", re.MULTILINE)
+_TIMES = re.compile(r"\d+(\.\d+)?( s\b| frames/s| [kMG]B\b)|(?<=[%–m]) +\d+\.\d\d$", re.MULTILINE)
 
 
 def play(folder):
