@@ -62,7 +62,7 @@ def _kill(cluster, name, output, times, killed, stop):
     try:
         while len(killed) < times and not stop.wait(0.01):
             for process in cluster.processes_of(name):
-                if any(output.glob(f".r*-{process.pid}-*.part")):
+                if process.pid not in killed and any(output.glob(f".r*-{process.pid}-*.part")):
                     process.kill()
                     killed.append(process.pid)
                     for other in others:
