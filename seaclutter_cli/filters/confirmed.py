@@ -17,7 +17,7 @@ from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distances, within
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
-from seaclutter_cli.water import WaterTracker
+from seaclutter_cli.water import Faces, WaterTracker
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -25,7 +25,8 @@ Indices = NDArray[np.intp]
 
 _RADIUS_RATIO = 0.025
 _MIN_NEIGHBORS, _MIN_IN_ONE_BEAM = 7, 3
-_ONE_BEAM_RISES = 2.0
+_COMPANY = 2
+_ONE_BEAM_RISES, _HIDDEN_RISES = 2.0, 0.5
 _EXPECTED_M = 0.8
 _GROWTH_RATIO = 0.01
 _MAX_GAP_S, _MAX_STEP_BACK_S = 5.0, 0.1
@@ -149,11 +150,13 @@ class Confirmed(BaseFilter):
         frame.release()
         self._beams.add(echoes.xyz)
         # 1. Water
-        water = self._water.step(echoes.xyz, time_s)
+        elevation = self._beams.elevation_deg(echoes.xyz)
+        faces = Faces.of(echoes.xyz, elevation, self._beams.gaps(elevation, elevation)[1])
+        water = self._water.step(echoes.xyz, faces, time_s)
         # 2. Band
-        heights = measure(echoes, self._threshold(echoes), water, self._params)
+        heights = measure(echoes, self._threshold(echoes), water, faces, self._params)
         # 3. Candidates
-        candidates = heights.high | heights.upright | self._dense(echoes, heights)
+        candidates = heights.upright | self._accompanied(echoes, heights) | self._dense(echoes, heights)
         # 4. Objects
         near = echoes.is_near
         objects = find_objects(echoes, candidates & ~near, heights, self._beams, self._params, near=False)
@@ -178,6 +181,15 @@ class Confirmed(BaseFilter):
         threshold[echoes.is_near] = self._thresholds[0]
         return threshold
 
+    def _accompanied(self, echoes: Echoes, heights: Heights) -> Mask:
+        """Return the points that stand out in no face, with two others within 2.5 % of their range."""
+        found = np.zeros(echoes.size, np.bool_)
+        among = np.flatnonzero(heights.high | heights.upright)
+        asked = np.flatnonzero((heights.high & ~heights.upright)[among])
+        if len(asked) and len(among) > _COMPANY:
+            found[among[asked[self._enough(echoes, among, asked, np.full(len(asked), _COMPANY))]]] = True
+        return found
+
     def _dense(self, echoes: Echoes, heights: Heights) -> Mask:
         """Return the flat bright points in the band with enough other candidates within 2.5 % of their range.
 
@@ -185,28 +197,35 @@ class Confirmed(BaseFilter):
         """
         dense = np.zeros(echoes.size, np.bool_)
         among = np.flatnonzero(heights.high | heights.bright)
-        asked = np.flatnonzero((heights.bright & ~heights.upright)[among])
+        hidden = self._next_beam_m(echoes, heights, among) >= _HIDDEN_RISES * heights.rise_m[among]
+        asked = np.flatnonzero((heights.bright & ~heights.upright)[among] & hidden)
         if not len(asked) or len(among) <= _MIN_IN_ONE_BEAM:
             return dense
-        points, chosen = echoes.xyz.take(among, axis=1), among[asked]
+        chosen = among[asked]
         needed = np.where(self._in_one_beam(echoes, heights, chosen), _MIN_IN_ONE_BEAM, _MIN_NEIGHBORS)
-        radius = _RADIUS_RATIO * echoes.range_m[chosen]
+        dense[chosen[self._enough(echoes, among, asked, needed)]] = True
+        return dense
+
+    def _enough(self, echoes: Echoes, among: Indices, asked: Indices, needed: Indices) -> Mask:
+        """Return which of the points asked for have enough others within 2.5 % of their range."""
+        points, radius = echoes.xyz.take(among, axis=1), _RADIUS_RATIO * echoes.range_m[among[asked]]
         counts = within(points, points.take(asked, axis=1), radius)
         if counts is not None:
-            enough = counts > needed  # the point itself is one of them
-        else:
-            ranks = (_MIN_IN_ONE_BEAM, _MIN_NEIGHBORS)
-            fewer, usual = nth_neighbor_distances(np.ascontiguousarray(points.T), ranks, asked).T
-            enough = np.where(needed == _MIN_IN_ONE_BEAM, fewer, usual) <= radius
-        dense[chosen[enough]] = True
-        return dense
+            return np.asarray(counts > needed)  # the point itself is one of them
+        ranks = np.unique(needed).tolist()
+        distance = nth_neighbor_distances(np.ascontiguousarray(points.T), ranks, asked)
+        return np.asarray(distance[np.arange(len(asked)), np.searchsorted(ranks, needed)] <= radius)
 
     def _in_one_beam(self, echoes: Echoes, heights: Heights, points: Indices) -> Mask:
         """Return whether objects of twice the height at which points stand out are met by one beam, and no water is."""
+        next_m = self._next_beam_m(echoes, heights, points)
+        return np.asarray((next_m >= _ONE_BEAM_RISES * heights.rise_m[points]) & (heights.unseen[points] > 0))
+
+    def _next_beam_m(self, echoes: Echoes, heights: Heights, points: Indices) -> Floats:
+        """Return the height above the water at which the next beam passes above points."""
         elevation = self._beams.elevation_deg(echoes.xyz.take(points, axis=1))
         _, above = self._beams.gaps(elevation, elevation)
-        next_m = heights.height_m[points] + np.tan(np.radians(above)) * echoes.range_m[points]
-        return np.asarray((next_m >= _ONE_BEAM_RISES * heights.rise_m[points]) & (heights.unseen[points] > 0))
+        return heights.height_m[points] + np.tan(np.radians(above)) * echoes.range_m[points]
 
     def _expected(self, echoes: Echoes, heights: Heights, cells: Floats) -> list[DetectedObject]:
         """Return objects of points below the thresholds around cells where well-known objects are expected."""

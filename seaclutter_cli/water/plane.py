@@ -14,11 +14,11 @@ _STEP_M = 3.0
 _RINGS = int((FARTHEST_M - NEAREST_M) / _STEP_M) + 1
 _SCALES_M = (0.8, 0.6, 0.45, 0.3, 0.3)
 _ABOVE = 0.15
-_SUPPORT = 0.4
+_SUPPORT = 0.25
 _TILT_RIDGE = 5.0
 _MIN_CELLS = 8
 _MIN_BEARINGS = 3
-_START_SHARES = (0.1, 0.3, 0.5)
+_START_SHARES = (0.1, 0.3, 0.5, 0.7)
 
 
 @dataclass(frozen=True)
@@ -82,12 +82,15 @@ def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
     """
     if start is not None:
         return _reweighted(cells.lowest, start)
-    ordered = np.sort(cells.lowest[2])
-    levels = [float(ordered[int(share * len(ordered))]) for share in _START_SHARES]
+    x, y, z = cells.lowest
+    share = 1 / np.maximum(x * x + y * y, NEAREST_M**2)
+    order = np.argsort(z, kind="stable")
+    total = np.cumsum(share[order])
+    levels = [float(z[order[np.searchsorted(total, part * total[-1])]]) for part in _START_SHARES]
     fits = [_reweighted(cells.lowest, Plane(level, 0.0, 0.0)) for level in levels]
     fits = [fit for fit in fits if fit[0].level_m < 0] or fits  # water is below the lidar
-    needed = _SUPPORT * max(float(weight.sum()) for _, weight in fits)
-    return min((fit for fit in fits if fit[1].sum() >= needed), key=lambda fit: fit[0].level_m)
+    needed = _SUPPORT * max(float(weight @ share) for _, weight in fits)
+    return min((fit for fit in fits if fit[1] @ share >= needed), key=lambda fit: fit[0].level_m)
 
 
 def _reweighted(points: Floats, plane: Plane) -> tuple[Plane, Floats]:

@@ -95,14 +95,12 @@ def _smoothing() -> Floats:
 class WaterSurface:
     """The water around a lidar in one frame: its mean plane, the standard deviation around it, and the swell above it.
 
-    Of the N points that the estimate received, ``upright``, shape (N,), are those in columns with echoes at several
-    heights, and ``cells`` their cells.
+    ``cells`` are the cells of the N points that the estimate received.
     """
 
     plane: Plane
     sigma_m: float
     swell: Swell
-    upright: NDArray[np.bool_]
     cells: GridCells
 
     def above(self, x: Floats, y: Floats, z: Floats, cells: GridCells | None = None) -> tuple[Floats, Floats, Floats]:

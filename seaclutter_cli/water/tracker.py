@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.groups import group_sizes, group_starts
+from seaclutter_cli.water.faces import Faces
 from seaclutter_cli.water.plane import FARTHEST_M, NEAREST_M, Floats, Plane, PolarCells, WaterEchoes, fit_plane
 from seaclutter_cli.water.surface import GridCells, Swell, WaterSurface
 
@@ -14,8 +14,7 @@ _MIN_BAND_M = 0.15
 _SIGMA_TIME_S = 1.0
 _MEMORY_S = 5.0
 _MIN_SPAN_M = 0.25
-_REACH = 128
-_COLUMNS = 2 * _REACH
+_DEPTH_SIGMAS, _MIN_DEPTH_M, _DEPTH_PER_M = 4.5, 0.3, 0.015
 
 
 class WaterTracker:
@@ -44,7 +43,7 @@ class WaterTracker:
         self._sigma_m = 0.0
         self._seen_s = 0.0
 
-    def step(self, xyz: Floats, time_s: float) -> WaterSurface | None:
+    def step(self, xyz: Floats, faces: Faces, time_s: float) -> WaterSurface | None:
         """Return the water surface of a frame; None if no water was seen in the last five seconds.
 
         The points, shape (3, N), are finite and without own ship.
@@ -53,13 +52,17 @@ class WaterTracker:
             self.reset()
         x, y, z = xyz
         distance = np.hypot(x, y)
-        near = np.flatnonzero((distance >= NEAREST_M) & (distance < FARTHEST_M))
+        near = (distance >= NEAREST_M) & (distance < FARTHEST_M)
+        if self._plane is not None:  # what is much lower is mirrored
+            depth = _DEPTH_PER_M * distance + self.depth_m
+            near &= z - self._plane.height(x, y) > -depth
+        near = np.flatnonzero(near)
         cells = PolarCells.of(xyz.take(near, axis=1))
         lowest, weight = fit_plane(cells, self._plane) if cells.enough else (self._plane, None)
         if lowest is None:
             return None
         height = z - lowest.height(x, y)
-        stands = _upright(x, y, height, _MIN_SPAN_M + self._known_sigma_m)
+        stands = faces.above_m(z - height) > _MIN_SPAN_M + self._known_sigma_m
         if weight is not None:
             self._update(lowest, WaterEchoes.of(cells, height[near], weight, ~stands[near]), time_s)
         if self._plane is None:
@@ -69,7 +72,7 @@ class WaterTracker:
         cells_of_flat, height = GridCells(grid.number[flat]), (z - self._plane.height(x, y))[flat]
         swell = Swell.of(cells_of_flat, height, np.abs(height) <= band)
         swell = Swell.of(cells_of_flat, height, np.abs(height - swell.at(cells_of_flat)[0]) <= band)
-        return WaterSurface(self._plane, self._sigma_m, swell, stands, grid)
+        return WaterSurface(self._plane, self._sigma_m, swell, grid)
 
     def _update(self, lowest: Plane, echoes: WaterEchoes, time_s: float) -> None:
         known = self._plane is not None
@@ -84,36 +87,13 @@ class WaterTracker:
         self._plane, self._seen_s = plane, time_s
 
     @property
+    def depth_m(self) -> float:
+        """Depth below the water from which echoes are mirrored."""
+        return max(_MIN_DEPTH_M, _DEPTH_SIGMAS * self._known_sigma_m)
+
+    @property
     def _known_sigma_m(self) -> float:
         return _START_SIGMA_M if self._plane is None else self._sigma_m
-
-
-def _upright(x: Floats, y: Floats, height: Floats, span_m: float) -> NDArray[np.bool_]:
-    """Return the points in columns of 1 m whose echoes span a height: water has one height at a place, a hull many.
-
-    All points of columns whose highest echo is at least ``span_m`` above the lowest are upright. Columns are those of
-    two grids, shifted by half a column along x and y. Points beyond 127 m along x or y are in none.
-
-    Examples
-    --------
-    >>> _upright(np.array([10.2, 10.3, 20.0]), np.zeros(3), np.array([0.1, 0.9, 0.2]), 0.5)
-    array([ True,  True, False])
-    """
-    found = np.zeros(len(x), np.bool_)
-    inside = np.flatnonzero((np.abs(x) < _REACH - 1) & (np.abs(y) < _REACH - 1))
-    x, y, height = x[inside], y[inside], height[inside]
-    if not len(inside):
-        return found
-    for shift in (0.0, 0.5):
-        column = (x + (_REACH + shift)).astype(np.uint16) * np.uint16(_COLUMNS)
-        column += (y + (_REACH + shift)).astype(np.uint16)
-        order = np.argsort(column, kind="stable")  # a radix sort for 16 bits
-        ordered, values = column[order], height[order]
-        start = group_starts(ordered)
-        span = np.maximum.reduceat(values, start) - np.minimum.reduceat(values, start)
-        stands = np.repeat(span >= span_m, group_sizes(start, len(order)))
-        found[inside[order[stands]]] = True
-    return found
 
 
 def _band(sigma_m: float) -> float:

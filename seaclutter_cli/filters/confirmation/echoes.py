@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.frame import Frame, Reason
-from seaclutter_cli.water import WaterSurface
+from seaclutter_cli.water import Faces, WaterSurface
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -18,6 +18,9 @@ _RISE_FROM_M = 30.0
 _WAVE_SIGMAS = 6.0
 _GROWTH_SIGMAS = 1.5
 _UNSEEN_M = 100.0
+_MIN_DEPTH_M, _DEPTH_SIGMAS = 0.3, 4.5
+_MIN_FACE_M = 0.25
+_VOLUME = 4.0
 _OWN, _SHOWN = 4.0, 12.0
 
 
@@ -66,9 +69,11 @@ class Heights:
     ----------
     height_m, rise_m, wave_m : ndarray, float64
         Height above the water, height at which a point stands out, and height that no wave reaches.
-    high, bright, low, upright, grows : ndarray, bool
-        Whether a point stands out; is near the water and reaches its threshold; does not reach it; is in a column with
-        echoes at several heights; is high enough to return to a confirmed object.
+    face_m : ndarray, float64
+        Height of the face that a point belongs to.
+    high, bright, low, upright, grows, below : ndarray, bool
+        Whether a point stands out; is near the water and reaches its threshold; does not reach it; belongs to a face
+        that water does not have; may return to a confirmed object; lies below the water.
     brightness : ndarray, float64
         Intensity divided by the threshold; 0 without thresholds.
     unseen : ndarray, float64
@@ -80,17 +85,23 @@ class Heights:
     height_m: Floats
     rise_m: Floats
     wave_m: Floats
+    face_m: Floats
+    linked: Floats
+    loose: Floats
     high: Mask
     bright: Mask
     low: Mask
     upright: Mask
     grows: Mask
+    below: Mask
     brightness: Floats
     unseen: Floats
     sigma_m: float
 
 
-def measure(echoes: Echoes, threshold: Floats, water: WaterSurface | None, params: ConfirmedParams) -> Heights:
+def measure(
+    echoes: Echoes, threshold: Floats, water: WaterSurface | None, faces: Faces, params: ConfirmedParams
+) -> Heights:
     """Return the M echoes of a frame against the water. Without water, every point stands out.
 
     ``threshold`` are their intensity thresholds, shape (M,); minus infinity beyond the range rings.
@@ -98,22 +109,31 @@ def measure(echoes: Echoes, threshold: Floats, water: WaterSurface | None, param
     x, y, z = echoes.xyz
     if water is None:
         height, deviation, shown = z + _UNSEEN_M, np.zeros(echoes.size), np.zeros(echoes.size)
-        sigma, upright = 0.0, np.zeros(echoes.size, np.bool_)
+        sigma = 0.0
     else:
         height, deviation, shown = water.above(x, y, z, water.cells)
-        sigma, upright = water.sigma_m, water.upright
+        sigma = water.sigma_m
+    face = faces.above_m(z - height)
     beyond = _RISE_PER_M * np.maximum(echoes.range_m - _RISE_FROM_M, 0)
     rise = np.maximum(params.min_rise_m, params.rise_sigmas * deviation) + beyond
     reached, brightness = _brightness(echoes, threshold)
+    below = height < -np.maximum(_MIN_DEPTH_M, _DEPTH_SIGMAS * deviation)
+    linked, loose = faces.counts(height > rise)
+    solid = loose <= _VOLUME * linked + 1
+    upright = (face > _MIN_FACE_M + sigma) & ~below & solid
     return Heights(
         height,
         rise,
         _WAVE_SIGMAS * deviation + beyond,
-        height > rise,
+        face,
+        linked,
+        loose,
+        (height > rise) & solid,
         reached & (np.abs(height) <= rise),
         ~reached,
         upright,
-        height > np.maximum(params.growth_height_m, _GROWTH_SIGMAS * deviation),
+        (height > np.maximum(params.growth_height_m, _GROWTH_SIGMAS * deviation)) | upright,
+        below,
         brightness,
         np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1),
         sigma,

@@ -147,18 +147,19 @@ def find_objects(
 
 def _evidence(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams, params: ConfirmedParams) -> Floats:
     """Return the evidence of each cluster, shape (K,), from -0.5 (flat on the water) to 1 (upright)."""
-    height = heights.height_m
-    lowest, highest = clusters.least(height), clusters.greatest(height)
-    (top,) = clusters.ranked(height, clusters.count - np.clip(clusters.count // 4, 1, 3))
+    (top,) = clusters.ranked(heights.height_m, clusters.count - np.clip(clusters.count // 4, 1, 3))
+    (face,) = clusters.ranked(heights.face_m, clusters.count - 1 - clusters.count // 4)
     rise, wave = clusters.mean(heights.rise_m), clusters.mean(heights.wave_m)
     below, above = _beside(echoes, clusters, beams)
-    extent = highest - lowest
-    # What stands upright is no water: the slopes of waves take more than a column of 1 m. What is higher than any wave
-    # is no water either. A body between the lowest point and the beam below is possible but not seen.
-    upright = np.maximum.reduceat(heights.upright[clusters.points], clusters.start)
-    stands = upright * extent / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m)
-    possible = _POSSIBLE * np.minimum(top, extent + below)
-    shape = np.clip(np.maximum(stands, np.maximum(top - wave, possible) / rise), 0, _MAX_SHARE) - _FLAT
+    linked, loose = (np.add.reduceat(values[clusters.points], clusters.start) for values in (heights.linked, heights.loose))
+    # A body has a face, but for what is between the beams. What is higher than any wave is no water.
+    stands = face / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m)
+    possible = np.maximum(top - wave, _POSSIBLE * top)
+    share = (linked + 1) / (linked + loose + 1)
+    surface = np.clip(2 * linked / np.maximum(linked + loose, 1) - 1, 0, 1)
+    stands *= np.clip((share - 0.2) / 0.2, 0, 1)
+    tall = np.maximum(np.minimum(possible, face + below), surface * (top - wave))
+    shape = np.clip(np.maximum(stands, tall / rise), 0, _MAX_SHARE) - _FLAT
     # Where the next beam passes above all but tall bodies, a flat cluster is no evidence, and brightness decides;
     # unless the water has echoes all around, since it is bright at times.
     hidden = np.where(shape < 0, np.clip((top + above) / rise - 1, 0, 1), 0.0) * clusters.mean(heights.unseen)
