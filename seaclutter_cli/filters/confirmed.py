@@ -26,6 +26,7 @@ Indices = NDArray[np.intp]
 _RADIUS_RATIO = 0.025
 _MIN_NEIGHBORS, _MIN_IN_ONE_BEAM = 7, 3
 _COMPANY = 2
+_FLAT = -0.4
 _ONE_BEAM_RISES, _HIDDEN_RISES = 2.0, 0.5
 _EXPECTED_M = 0.8
 _GROWTH_RATIO = 0.01
@@ -164,6 +165,7 @@ class Confirmed(BaseFilter):
             objects += find_objects(echoes, candidates & near, heights, self._beams, self._params, near=True)
             objects.sort(key=lambda one: tuple(one.center))
         # 5. Confirmation: evidence is collected now and judged when the later frames are known.
+        self._tracker.turn(objects, time_s)
         found = self._tracker.associate(objects, time_s)
         if weak := self._expected(echoes, heights, self._tracker.expected(found, time_s)):
             found = self._tracker.associate([*objects, *weak], time_s)
@@ -253,7 +255,7 @@ class Confirmed(BaseFilter):
         reason = one.reason
         confirmed: list[NDArray[np.integer]] = [np.empty(0, np.int32)]
         for found, track in zip(one.objects, one.tracks, strict=True):
-            if self._tracker.score(track, one.time_s) <= self._params.score_threshold:
+            if self._tracker.score(track, one.time_s) <= self._params.score_threshold or found.evidence < _FLAT:
                 continue
             track.from_outside |= not found.near
             if track.from_outside:

@@ -17,6 +17,7 @@ _ABOVE = 0.15
 _SUPPORT = 0.25
 _TILT_RIDGE = 5.0
 _MIN_CELLS = 8
+_FLAT_M, _ENOUGH, _SURE_M = 0.3, 3.0, 20.0
 _MIN_BEARINGS = 3
 _START_SHARES = (0.1, 0.3, 0.5, 0.7)
 
@@ -43,12 +44,14 @@ class PolarCells:
     """The occupied polar cells around the lidar, C of them, of 10° by 3 m.
 
     ``cell`` is the number of each of N points' cells, shape (N,); ``lowest``, shape (3, C), and ``number``, shape (C,),
-    are the lowest point and the number of each occupied cell.
+    are the lowest point and the number of each occupied cell; ``trust``, shape (C,), is 1 where three echoes are near
+    the lowest.
     """
 
     cell: NDArray[np.int64]
     lowest: Floats
     number: NDArray[np.int64]
+    trust: Floats
 
     @classmethod
     def of(cls, xyz: Floats) -> "PolarCells":
@@ -64,7 +67,10 @@ class PolarCells:
         at = np.flatnonzero(z == low[cell])[::-1]
         lowest[cell[at]] = at  # the first of several
         number = np.flatnonzero(low < np.inf)
-        return cls(cell, xyz.take(lowest[number], axis=1), number)
+        flat = np.bincount(cell[z <= low[cell] + _FLAT_M], minlength=len(low))[number]
+        lows = xyz.take(lowest[number], axis=1)
+        trust = np.minimum(flat, _ENOUGH) / _ENOUGH / (1 + (lows[0] ** 2 + lows[1] ** 2) / _SURE_M**2)
+        return cls(cell, lows, number, trust)
 
     @property
     def enough(self) -> bool:
@@ -81,26 +87,27 @@ def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
     at least 40 % of the weight of the best one: decks and quays can have more cells than the water.
     """
     if start is not None:
-        return _reweighted(cells.lowest, start)
+        return _reweighted(cells, start)
     x, y, z = cells.lowest
-    share = 1 / np.maximum(x * x + y * y, NEAREST_M**2)
+    share = cells.trust / np.maximum(x * x + y * y, NEAREST_M**2)
     order = np.argsort(z, kind="stable")
     total = np.cumsum(share[order])
     levels = [float(z[order[np.searchsorted(total, part * total[-1])]]) for part in _START_SHARES]
-    fits = [_reweighted(cells.lowest, Plane(level, 0.0, 0.0)) for level in levels]
+    fits = [_reweighted(cells, Plane(level, 0.0, 0.0)) for level in levels]
     fits = [fit for fit in fits if fit[0].level_m < 0] or fits  # water is below the lidar
     needed = _SUPPORT * max(float(weight @ share) for _, weight in fits)
     return min((fit for fit in fits if fit[1] @ share >= needed), key=lambda fit: fit[0].level_m)
 
 
-def _reweighted(points: Floats, plane: Plane) -> tuple[Plane, Floats]:
-    x, y, z = points
+def _reweighted(cells: PolarCells, plane: Plane) -> tuple[Plane, Floats]:
+    x, y, z = cells.lowest
     products = np.stack((np.ones_like(x), x, y, z, x * x, x * y, y * y, x * z, y * z))
     weight = np.zeros_like(z)
     for scale in _SCALES_M:
         residual = z - plane.height(x, y)
         weight = np.maximum(1 - (residual / (3 * scale)) ** 2, 0) ** 2
         weight[residual > 0] *= _ABOVE
+        weight *= cells.trust
         sums = (products @ weight).tolist()
         if sums[0] < _MIN_BEARINGS:
             break
@@ -128,6 +135,7 @@ class WaterEchoes:
 
     height_m: Floats
     cell: NDArray[np.int64]
+    trust: Floats
 
     @classmethod
     def of(cls, cells: PolarCells, height_m: Floats, weight: Floats, flat: NDArray[np.bool_]) -> "WaterEchoes":
@@ -137,9 +145,11 @@ class WaterEchoes:
         shape (N,), is false for points of objects.
         """
         of_water = np.zeros(_BEARINGS * _RINGS, np.bool_)
-        of_water[cells.number[weight > _ABOVE / 3]] = True
+        of_water[cells.number[weight > _ABOVE / 3 * cells.trust]] = True
+        trust = np.zeros(_BEARINGS * _RINGS)
+        trust[cells.number] = cells.trust
         used = np.flatnonzero(of_water[cells.cell] & flat)
-        return cls(height_m[used], cells.cell[used])
+        return cls(height_m[used], cells.cell[used], trust[cells.cell[used]])
 
     def mean_level(self, band_m: float) -> tuple[float, float]:
         """Return the offset of the mean water from the plane and its standard deviation, from echoes within a band.
@@ -149,7 +159,7 @@ class WaterEchoes:
         used = np.flatnonzero(np.abs(self.height_m) <= band_m)
         if not len(used):
             return 0.0, 0.0
-        share = 1 / np.bincount(self.cell[used])[self.cell[used]]
+        share = self.trust[used] / np.bincount(self.cell[used])[self.cell[used]]
         order = np.argsort(self.height_m[used])
         total, height = np.cumsum(share[order]), self.height_m[used][order]
         low, middle = (float(height[np.searchsorted(total, total[-1] * part)]) for part in (0.16, 0.5))

@@ -56,7 +56,7 @@ class WaterTracker:
         if self._plane is not None:  # what is much lower is mirrored
             depth = _DEPTH_PER_M * distance + self.depth_m
             near &= z - self._plane.height(x, y) > -depth
-        near = np.flatnonzero(near)
+        near = np.flatnonzero(near & (faces.top_m - faces.low_m <= _MIN_SPAN_M + self._known_sigma_m))
         cells = PolarCells.of(xyz.take(near, axis=1))
         lowest, weight = fit_plane(cells, self._plane) if cells.enough else (self._plane, None)
         if lowest is None:

@@ -35,6 +35,9 @@ _COAST_S, _NEW_COAST_S = 2.0, 0.5
 _NEIGHBOR_STEPS = 1.1
 _EXPECTED_MEMORY, _MAX_EXPECTED_TOP_M = 1.0, 1.5
 _SLACK_S = 1e-6
+_QUARTER = 0.25
+_MAX_CELLS, _SAME_RANGE_M = 256, 1.0
+_TURN_BIN_RAD, _TURN_BINS, _TURN_GAIN = math.radians(0.25), 24, 1.3
 
 
 class Evidence(NamedTuple):
@@ -125,6 +128,7 @@ class Tracker:
         self._since_s = -np.inf
         self._time_s: float | None = None
         self._recent_s: list[float] = []
+        self._yaw_rate = 0.0
 
     def approached(self, start_m: float, time_s: float) -> bool:
         """Return whether a probable target seen beyond ``start_m`` can have parts nearer than that."""
@@ -133,6 +137,22 @@ class Tracker:
             return False
         cells, _ = _expected_cells(coming, time_s)
         return bool(np.hypot(*cells.T).min() < start_m + _CONTACT_M)
+
+    def turn(self, objects: Sequence[DetectedObject], time_s: float) -> None:
+        """Turn the tracks with the lidar: own ship's yaw is what most objects have in common."""
+        elapsed_s = self._interval_s(time_s)
+        if not objects or not self._tracks or elapsed_s <= 0:
+            return
+        expected, _ = _expected_cells(self._tracks, time_s)
+        cells = np.concatenate([one.cells for one in objects])
+        angle = _turn_rad(expected, cells, self._yaw_rate * elapsed_s)
+        self._yaw_rate = angle / elapsed_s
+        cos, sin = math.cos(angle), math.sin(angle)
+        turned = np.array([[cos, sin], [-sin, cos]])
+        for track in self._tracks:
+            track.cells, track.center, track.velocity = (
+                track.cells @ turned, track.center @ turned, track.velocity @ turned
+            )
 
     def associate(self, objects: Sequence[DetectedObject], time_s: float) -> Association:
         """Return how the objects of a frame fit the tracks."""
@@ -172,8 +192,9 @@ class Tracker:
         oldest_s = time_s - self._params.look_ahead_s - _SLACK_S
         self._recent_s = [earlier_s for earlier_s in self._recent_s if oldest_s <= earlier_s < time_s]
         tracks: list[Track | None] = [None] * len(objects)
-        for t, candidates in _by_track(votes).items():
-            first = max(candidates, key=lambda k: votes[k, t] * (1 + max(objects[k].evidence, 0.0)))
+        known = np.array([1 + max(track.memory, 0.0) for track in self._tracks])
+        for t, candidates in _by_track(votes, known).items():
+            first = max(candidates, key=lambda k: (round(2 * objects[k].evidence), votes[k, t]))
             for k in sorted(candidates, key=lambda k: k != first):
                 tracks[k] = self._continued(self._tracks[t], objects[k], time_s, is_first=k == first)
         result = [track or self._begun(one, time_s) for track, one in zip(tracks, objects, strict=True)]
@@ -283,9 +304,31 @@ def _share(mask: NDArray[np.bool_], track_of: NDArray[np.int64]) -> Floats:
     return np.bincount(track_of, weights=mask) / np.bincount(track_of)
 
 
-def _by_track(votes: NDArray[np.int64]) -> dict[int, list[int]]:
-    """Return the objects that continue each track, by the number of the track."""
+def _by_track(votes: NDArray[np.int64], known: Floats) -> dict[int, list[int]]:
+    """Return the objects that continue each track, by the number of the track.
+
+    Of the tracks that expect at least a quarter of the cells of the first, the best known counts.
+    """
     chosen: dict[int, list[int]] = {}
     for k in np.flatnonzero(votes.any(axis=1)).tolist():
-        chosen.setdefault(int(votes[k].argmax()), []).append(k)
+        enough = votes[k] >= max(_QUARTER * votes[k].max(), 1)
+        chosen.setdefault(int(np.where(enough, known, 0.0).argmax()), []).append(k)
     return chosen
+
+
+def _turn_rad(expected: Floats, cells: Floats, guess_rad: float) -> float:
+    """Return the angle by which most of the expected cells, shape (m, 2), turned to those seen, shape (n, 2).
+
+    Pairs of nearly one range vote for the angle between them.
+    """
+    expected, cells = (points[:: len(points) // _MAX_CELLS + 1] for points in (expected, cells))
+    apart = np.abs(np.hypot(*expected.T)[:, None] - np.hypot(*cells.T)) < _SAME_RANGE_M
+    angles = np.arctan2(cells[:, 1], cells[:, 0]) - np.arctan2(expected[:, 1], expected[:, 0])[:, None]
+    angles = (angles[apart] - guess_rad + np.pi) % (2 * np.pi) - np.pi
+    bins = np.rint(angles / _TURN_BIN_RAD).astype(np.int64) + _TURN_BINS
+    votes = np.bincount(bins[(bins >= 0) & (bins <= 2 * _TURN_BINS)], minlength=2 * _TURN_BINS + 1)
+    votes = np.convolve(votes, (1, 2, 1), mode="same")
+    best = int(np.argmax(votes - np.abs(np.arange(len(votes)) - _TURN_BINS) / len(votes)))
+    if votes[best] < _TURN_GAIN * votes[_TURN_BINS]:
+        best = _TURN_BINS
+    return guess_rad + (best - _TURN_BINS) * _TURN_BIN_RAD
