@@ -13,7 +13,7 @@ _BEARINGS = 36
 _STEP_M = 3.0
 _RINGS = int((FARTHEST_M - NEAREST_M) / _STEP_M) + 1
 _SCALES_M = (0.8, 0.6, 0.45, 0.3, 0.3)
-_ABOVE = 0.15
+_ABOVE = 0.4
 _SUPPORT = 0.25
 _TILT_RIDGE = 5.0
 _MIN_CELLS = 8
@@ -69,7 +69,7 @@ class PolarCells:
         number = np.flatnonzero(low < np.inf)
         flat = np.bincount(cell[z <= low[cell] + _FLAT_M], minlength=len(low))[number]
         lows = xyz.take(lowest[number], axis=1)
-        trust = np.minimum(flat, _ENOUGH) / _ENOUGH / (1 + (lows[0] ** 2 + lows[1] ** 2) / _SURE_M**2)
+        trust = (np.minimum(flat, _ENOUGH) / _ENOUGH) ** 2 / (1 + (lows[0] ** 2 + lows[1] ** 2) / _SURE_M**2)
         return cls(cell, lows, number, trust)
 
     @property
