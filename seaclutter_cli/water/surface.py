@@ -12,6 +12,8 @@ from seaclutter_cli.water.plane import Floats, Plane
 _REACH_M = 60.0
 _CELL_M = 1.5
 _CELLS = int(2 * _REACH_M / _CELL_M)
+BEYOND = _CELLS**2
+"""Number of the cell beyond the grid."""
 _SMOOTHING_M = 2.5
 _TRUNCATION = 4.0
 _WEIGHTS = int(_TRUNCATION * _SMOOTHING_M / _CELL_M)
@@ -34,7 +36,7 @@ class GridCells:
         inside = (column >= 0) & (column < _CELLS) & (row >= 0) & (row < _CELLS)
         with np.errstate(invalid="ignore"):  # positions far beyond the grid have no integer
             number = column.astype(np.int32) * np.int32(_CELLS) + row.astype(np.int32)
-        number[~inside] = _CELLS**2
+        number[~inside] = BEYOND
         return cls(number)
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.frame import Frame, Reason
 from seaclutter_cli.water import Faces, WaterSurface
+from seaclutter_cli.water.surface import BEYOND
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -119,7 +120,7 @@ def measure(
     reached, brightness = _brightness(echoes, threshold)
     below = height < -np.maximum(_MIN_DEPTH_M, _DEPTH_SIGMAS * deviation)
     linked, loose = faces.counts(height > rise)
-    solid = loose <= _VOLUME * linked + 1
+    solid = ~_in_volume(linked, loose, water)
     upright = (face > _MIN_FACE_M + sigma) & ~below & solid
     return Heights(
         height,
@@ -138,6 +139,17 @@ def measure(
         np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1),
         sigma,
     )
+
+
+def _in_volume(linked: Floats, loose: Floats, water: WaterSurface | None) -> Mask:
+    """Return which echoes are in cells of the water's grid in which few neighbours lie on one surface, as in spray."""
+    if water is None:
+        return np.zeros(len(linked), np.bool_)
+    cell = water.cells.number
+    joined, apart = (np.bincount(cell, weights=counts) for counts in (linked, loose))
+    volume = apart > _VOLUME * joined + 1
+    volume[BEYOND:] = False
+    return np.asarray(volume[cell])
 
 
 def _brightness(echoes: Echoes, threshold: Floats) -> tuple[Mask, Floats]:

@@ -37,7 +37,7 @@ _EXPECTED_MEMORY, _MAX_EXPECTED_TOP_M = 1.0, 1.5
 _SLACK_S = 1e-6
 _QUARTER = 0.25
 _MAX_CELLS, _SAME_RANGE_M = 256, 1.0
-_TURN_BIN_RAD, _TURN_BINS, _TURN_GAIN = math.radians(0.25), 24, 1.3
+_TURN_BIN_RAD, _TURN_BINS, _TURN_GAIN = math.radians(0.25), 24, 2.0
 
 
 class Evidence(NamedTuple):
@@ -141,11 +141,12 @@ class Tracker:
     def turn(self, objects: Sequence[DetectedObject], time_s: float) -> None:
         """Turn the tracks with the lidar: own ship's yaw is what most objects have in common."""
         elapsed_s = self._interval_s(time_s)
-        if not objects or not self._tracks or elapsed_s <= 0:
+        known = [track for track in self._tracks if track.memory > 0]
+        if not objects or not known or elapsed_s <= 0:
             return
-        expected, _ = _expected_cells(self._tracks, time_s)
+        expected, track_of = _expected_cells(known, time_s)
         cells = np.concatenate([one.cells for one in objects])
-        angle = _turn_rad(expected, cells, self._yaw_rate * elapsed_s)
+        angle = _turn_rad(expected, track_of, cells, self._yaw_rate * elapsed_s)
         self._yaw_rate = angle / elapsed_s
         cos, sin = math.cos(angle), math.sin(angle)
         turned = np.array([[cos, sin], [-sin, cos]])
@@ -316,19 +317,23 @@ def _by_track(votes: NDArray[np.int64], known: Floats) -> dict[int, list[int]]:
     return chosen
 
 
-def _turn_rad(expected: Floats, cells: Floats, guess_rad: float) -> float:
-    """Return the angle by which most of the expected cells, shape (m, 2), turned to those seen, shape (n, 2).
+def _turn_rad(expected: Floats, track_of: NDArray[np.int64], cells: Floats, guess_rad: float) -> float:
+    """Return the angle by which most tracks, of expected cells of shape (m, 2), turned to cells seen, shape (n, 2).
 
-    Pairs of nearly one range vote for the angle between them.
+    Pairs of nearly one range vote for the angle between them; each track has one vote.
     """
-    expected, cells = (points[:: len(points) // _MAX_CELLS + 1] for points in (expected, cells))
+    step = len(expected) // _MAX_CELLS + 1
+    expected, track_of, cells = expected[::step], track_of[::step], cells[:: len(cells) // _MAX_CELLS + 1]
+    weight = 1 / np.bincount(track_of)[track_of]
     apart = np.abs(np.hypot(*expected.T)[:, None] - np.hypot(*cells.T)) < _SAME_RANGE_M
     angles = np.arctan2(cells[:, 1], cells[:, 0]) - np.arctan2(expected[:, 1], expected[:, 0])[:, None]
     angles = (angles[apart] - guess_rad + np.pi) % (2 * np.pi) - np.pi
     bins = np.rint(angles / _TURN_BIN_RAD).astype(np.int64) + _TURN_BINS
-    votes = np.bincount(bins[(bins >= 0) & (bins <= 2 * _TURN_BINS)], minlength=2 * _TURN_BINS + 1)
+    inside = (bins >= 0) & (bins <= 2 * _TURN_BINS)
+    share = np.broadcast_to(weight[:, None], apart.shape)[apart][inside]
+    votes = np.bincount(bins[inside], weights=share, minlength=2 * _TURN_BINS + 1)
     votes = np.convolve(votes, (1, 2, 1), mode="same")
-    best = int(np.argmax(votes - np.abs(np.arange(len(votes)) - _TURN_BINS) / len(votes)))
+    best = int(np.argmax(votes))
     if votes[best] < _TURN_GAIN * votes[_TURN_BINS]:
         best = _TURN_BINS
     return guess_rad + (best - _TURN_BINS) * _TURN_BIN_RAD
