@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from seaclutter_cli.water import WaterTracker
+from seaclutter_cli.water import Faces, WaterTracker
 
 WATER = 9
 MAST_M, REACH_M, SPACING_M, MARGIN_M = 2.5, 45.0, 15.0, 15.0
@@ -45,7 +45,7 @@ def surroundings(own: NDArray[np.bool_], water: NDArray[np.bool_]) -> str:
 
 def estimate(xyz: NDArray[np.float64], own: NDArray[np.bool_]) -> Estimate | None:
     """Return the estimate from points around a virtual lidar, shape (3, N); None without water."""
-    surface = WaterTracker().step(xyz, 0.0)
+    surface = WaterTracker().step(xyz, Faces.of(xyz), 0.0)
     if surface is None:
         return None
     state, deviation_m = surface.state, float(np.std(xyz[2, own]))

@@ -61,13 +61,16 @@ class Confirmed(BaseFilter):
 
     1. *Water*: the surface and its deviation :math:`\sigma`, from the echoes of the water itself (`WaterTracker`).
     2. *Band*: points higher above the water than :math:`\max(0.2\,\mathrm{m}, 4\sigma)` stand out.
-    3. *Candidates*: points that stand out; points in columns with echoes at several heights; in the band, bright points
-       with enough candidates around them, as in the adaptive radius filter; fewer suffice where only one beam can
-       meet an object.
+    3. *Candidates*: points in faces, which are echoes above each other in one direction at nearly one range (`Faces`);
+       points that stand out, if two others do within 2.5 % of their range; in the band, bright points with enough
+       candidates around them, as in the adaptive radius filter, where the next beam passes above low objects. Echoes in
+       a volume, such as spray, rain and fog, are none: few of their neighbours lie on one surface.
     4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. Their shape is evidence
-       from -0.5 (flat on the water) to 1 (upright, or higher than any wave). Where the beams are too far apart to show
-       the shape, persistent brightness is some evidence, unless echoes of the water are all around.
-    5. *Confirmation*: objects are followed over time. The score of a track is its mean evidence within ``look_ahead_s``
+       from -0.5 (flat on the water) to 1: the face that a quarter of their points reach, or a surface higher than any
+       wave. Where the beams are too far apart to show the shape, persistent brightness is some evidence, unless echoes
+       of the water are all around.
+    5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
+       most tracks have in common. The score of a track is its mean evidence within ``look_ahead_s``
        of the frame, plus what it collected before. Evidence adds up over the time in which the water becomes
        independent of what it was, about a second, and is forgotten over ``memory_s``. Frames before an object appeared
        are frames without evidence, except with ``causal``. An object is missed only where a beam would have met it. If

@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.structure.mask import Floats, Sector, StructureMask, azimuth_deg, elevation_deg
-from seaclutter_cli.water import WaterTracker
+from seaclutter_cli.water import Faces, WaterTracker
 
 MIN_FRAMES = 20
 _STEP_M = 0.08
@@ -161,7 +161,7 @@ class StructureSearch:
         self._frames += 1
         _count(self._counts, direction, range_m / _STEP_M)
         _count(self._far, direction, (range_m - self._reach_m) / _FAR_STEP_M)
-        surface = self._water.step(xyz, frame.stamp_ns / 1e9)
+        surface = self._water.step(xyz, Faces.of(xyz), frame.stamp_ns / 1e9)
         if surface is not None:
             plane = surface.plane
             self._planes += (1, plane.slope_x, plane.slope_y, plane.level_m)

@@ -1,4 +1,4 @@
-"""Faces: echoes beside each other at nearly one range, which the surfaces of bodies have and water, spray and rain have not."""
+"""Faces: echoes beside each other at nearly one range. Bodies have them; water, spray and rain do not."""
 
 from dataclasses import dataclass
 
@@ -14,12 +14,9 @@ Indices = NDArray[np.intp]
 _COLUMN_DEG = 0.3
 _BEAM_DEG = 0.1
 _STEP_DEG = 0.65
-_NOISE_M = 0.15
-_DIVERGENCE = 0.003
-_RAKE = 0.3
-_REACH_M = 3.0
-_BEAMS = 1.5
-_LEAST_GAP_DEG = 0.7
+_NOISE_M, _DIVERGENCE, _RAKE = 0.15, 0.003, 0.3
+_APART_M = 3.0
+_GAP_BEAMS, _LEAST_GAP_DEG = 1.5, 0.7
 
 
 @dataclass(frozen=True)
@@ -27,7 +24,14 @@ class Faces:
     """The surfaces that N echoes belong to.
 
     Echoes above each other form a face from ``low_m`` to ``top_m`` along z, shape (N,) each. ``pairs``, shape (2, P),
-    are neighbours at most 3 m apart; they are ``joined``, shape (P,), if they lie on one surface.
+    are neighbours at most 3 m apart in range; they are ``joined``, shape (P,), if they lie on one surface.
+
+    Notes
+    -----
+    Echoes within 0.3° of bearing are ordered by elevation, those of one beam by bearing. Neighbours lie on one surface
+    if their ranges differ by no more than range noise, the divergence of the beam and the rake of a hull explain. The
+    slope of a wave spreads its heights over ranges, and spray and rain fill a volume. Of two divisions into bearings,
+    half a step apart, the higher face counts.
     """
 
     low_m: Floats
@@ -36,63 +40,84 @@ class Faces:
     joined: Mask
 
     @classmethod
-    def of(cls, xyz: Floats, elevation_deg: Floats, above_deg: Floats) -> "Faces":
-        """Return the faces of echoes, given positions, shape (3, N), the elevations of their beams and the angles to the beams above.
+    def of(cls, xyz: Floats, elevation_deg: Floats | None = None, above_deg: Floats | None = None) -> "Faces":
+        """Return the faces of echoes at positions of shape (3, N).
 
-        Notes
-        -----
-        Echoes within 0.3° of bearing are ordered by elevation, those of one beam by bearing. Neighbours belong to one
-        surface if their ranges differ by at most the range noise, the divergence of the beam and the rake of a hull.
-        The slope of a wave spreads its heights over ranges, and spray and rain fill a volume. Of two divisions into
-        bearings, half a step apart, the higher face counts.
+        ``elevation_deg`` are the elevations of their beams, ``above_deg`` the angles to the beams above, shape (N,); by
+        default, elevations are those of the positions, and the beams are close.
         """
         x, y, z = xyz
+        if elevation_deg is None:
+            elevation_deg = np.degrees(np.arctan2(z, np.hypot(x, y)))
+        if above_deg is None:
+            above_deg = np.zeros_like(elevation_deg)
+        distance, bearing = np.hypot(x, y), np.degrees(np.arctan2(y, x)) + 180
         low, top = z.copy(), z.copy()
-        if len(x) < 2:
-            return cls(low, top, np.empty((2, 0), np.intp), np.empty(0, np.bool_))
         found = []
-        distance = np.hypot(x, y)
-        bearing = np.degrees(np.arctan2(y, x)) + 180
-        beam = np.rint((elevation_deg + 90) / _BEAM_DEG).astype(np.uint16)
         upwards = np.argsort(elevation_deg, kind="stable")
-        gap_deg = np.maximum(_LEAST_GAP_DEG, _BEAMS * above_deg)
+        gap_deg = np.maximum(_LEAST_GAP_DEG, _GAP_BEAMS * above_deg)
         for shift in (0.0, 0.5):
             column = (bearing / _COLUMN_DEG + shift).astype(np.uint16)
             order = upwards[np.argsort(column[upwards], kind="stable")]
-            near = (column[order][1:] == column[order][:-1]) & (np.diff(elevation_deg[order]) <= gap_deg[order[:-1]])
-            found.append(_pairs(order, near, distance, _RAKE * np.abs(np.diff(z[order]))))
-            start = np.ones(len(order), np.bool_)
-            start[found[-1][1][found[-1][2]]] = False
-            start = np.flatnonzero(start)
-            size = group_sizes(start, len(order))
-            ends = np.repeat([np.minimum.reduceat(z[order], start), np.maximum.reduceat(z[order], start)], size, axis=1)
+            near = _same(column[order]) & (np.diff(elevation_deg[order]) <= gap_deg[order[:-1]])
+            one = _Neighbors.among(order, near, distance, _RAKE * np.abs(np.diff(z[order])))
+            start, size = one.chains()
+            ends = np.repeat([chain.reduceat(z[order], start) for chain in (np.minimum, np.maximum)], size, axis=1)
             higher = ends[1] - ends[0] > (top - low)[order]
-            low[order[higher]], top[order[higher]] = ends[0][higher], ends[1][higher]
+            low[order[higher]], top[order[higher]] = ends[:, higher]
+            found.append(one)
+        beam = np.rint((elevation_deg + 90) / _BEAM_DEG).astype(np.uint16)
         along = np.argsort(bearing, kind="stable")
         order = along[np.argsort(beam[along], kind="stable")]
         step = np.diff(bearing[order])
-        near = (beam[order][1:] == beam[order][:-1]) & (step <= _STEP_DEG)
-        found.append(_pairs(order, near, distance, np.radians(step) * distance[order][1:]))
-        pairs = [np.stack((order[second - 1], order[second])) for order, second, _ in found]
-        return cls(low, top, np.concatenate(pairs, axis=1), np.concatenate([joined for *_, joined in found]))
+        near = _same(beam[order]) & (step <= _STEP_DEG)
+        found.append(_Neighbors.among(order, near, distance, np.radians(step) * distance[order][1:]))
+        pairs = [np.stack((one.order[one.second - 1], one.order[one.second])) for one in found]
+        return cls(low, top, np.concatenate(pairs, axis=1), np.concatenate([one.joined for one in found]))
 
-    def counts(self, among: Mask) -> tuple[Floats, Floats]:
-        """Return how many neighbours among some echoes lie on one surface with each echo, and how many do not."""
-        both = among[self.pairs].all(axis=0)
-        return tuple(
-            np.bincount(self.pairs[:, both & chosen].reshape(-1), minlength=len(among)).astype(np.float64)
-            for chosen in (self.joined, ~self.joined)
-        )
+    @property
+    def height_m(self) -> Floats:
+        """Heights of the faces, shape (N,)."""
+        return self.top_m - self.low_m
 
     def above_m(self, level: Floats) -> Floats:
         """Return the heights of the faces above z of the water, shape (N,)."""
         return self.top_m - np.maximum(self.low_m, level)
 
+    def neighbors(self, among: Mask) -> tuple[Floats, Floats]:
+        """Return how many neighbours of each echo, among some echoes, lie on one surface with it, and how many do not."""
+        both = among[self.pairs].all(axis=0)
+        joined, loose = (
+            np.bincount(self.pairs[:, both & chosen].reshape(-1), minlength=len(among)).astype(np.float64)
+            for chosen in (self.joined, ~self.joined)
+        )
+        return joined, loose
 
-def _pairs(order: Indices, near: Mask, distance: Floats, slope_m: Floats) -> tuple[Indices, Indices, Mask]:
-    """Return the ordered positions of the second of each pair of neighbours, and which lie on one surface."""
-    ordered = distance[order]
-    apart = np.abs(np.diff(ordered))
-    second = np.flatnonzero(near & (apart <= _REACH_M)) + 1
-    joined = apart[second - 1] <= _NOISE_M + _DIVERGENCE * ordered[second] + slope_m[second - 1]
-    return order, second, joined
+
+@dataclass(frozen=True)
+class _Neighbors:
+    """Neighbours in an order of echoes: the places of the ``second`` of each pair, and whether they are ``joined``."""
+
+    order: Indices
+    second: Indices
+    joined: Mask
+
+    @classmethod
+    def among(cls, order: Indices, near: Mask, distance: Floats, slope_m: Floats) -> "_Neighbors":
+        """Return the neighbours among N echoes in order; ``near`` and the ranges allowed by a slope are (N - 1,)."""
+        ordered = distance[order]
+        apart = np.abs(np.diff(ordered))
+        second = np.flatnonzero(near & (apart <= _APART_M)) + 1
+        joined = apart[second - 1] <= _NOISE_M + _DIVERGENCE * ordered[second] + slope_m[second - 1]
+        return cls(order, second, joined)
+
+    def chains(self) -> tuple[Indices, Indices]:
+        """Return start and size of the chains of joined echoes."""
+        first = np.ones(len(self.order), np.bool_)
+        first[self.second[self.joined]] = False
+        start = np.flatnonzero(first)
+        return start, group_sizes(start, len(self.order))
+
+
+def _same(ordered: NDArray[np.uint16]) -> Mask:
+    return np.asarray(ordered[1:] == ordered[:-1])

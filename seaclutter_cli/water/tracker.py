@@ -1,7 +1,6 @@
 """The water surface from frame to frame."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.water.faces import Faces
 from seaclutter_cli.water.plane import FARTHEST_M, NEAREST_M, Floats, Plane, PolarCells, WaterEchoes, fit_plane
@@ -25,10 +24,12 @@ class WaterTracker:
     For each frame, in order:
 
     1. *Plane*: the lowest echo of each polar cell of 10° by 3 m, from 5 to 45 m; a plane through them by iteratively
-       reweighted least squares, from the plane of the frame before.
-    2. *Level and deviation*: medians over the echoes near that plane, with the same weight for each cell.
+       reweighted least squares, from the plane of the frame before. Echoes in faces belong to bodies, and echoes much
+       lower than the plane before are mirrored; neither counts. Cells count more that are near and have several echoes
+       at one height.
+    2. *Level and deviation*: medians over the echoes near that plane, with the weights of the cells.
     3. *Swell*: a mean over 2.5 m of the echoes near the plane, and then of those near this surface, so that it follows
-       crests. Echoes in columns with several heights belong to objects and do not count.
+       crests. Echoes in faces do not count.
 
     **State**: the plane of the last frame with water, the deviation averaged over a second, and their time. Without
     water in a frame, they hold for five seconds.
@@ -56,7 +57,7 @@ class WaterTracker:
         if self._plane is not None:  # what is much lower is mirrored
             depth = _DEPTH_PER_M * distance + self.depth_m
             near &= z - self._plane.height(x, y) > -depth
-        near = np.flatnonzero(near & (faces.top_m - faces.low_m <= _MIN_SPAN_M + self._known_sigma_m))
+        near = np.flatnonzero(near & (faces.height_m <= _MIN_SPAN_M + self._known_sigma_m))
         cells = PolarCells.of(xyz.take(near, axis=1))
         lowest, weight = fit_plane(cells, self._plane) if cells.enough else (self._plane, None)
         if lowest is None:

@@ -72,9 +72,11 @@ class Heights:
         Height above the water, height at which a point stands out, and height that no wave reaches.
     face_m : ndarray, float64
         Height of the face that a point belongs to.
-    high, bright, low, upright, grows, below : ndarray, bool
+    linked, loose : ndarray, float64
+        Numbers of neighbours that stand out, too, and lie on one surface with a point, or do not.
+    high, bright, low, upright, grows : ndarray, bool
         Whether a point stands out; is near the water and reaches its threshold; does not reach it; belongs to a face
-        that water does not have; may return to a confirmed object; lies below the water.
+        that water does not have; may return to a confirmed object.
     brightness : ndarray, float64
         Intensity divided by the threshold; 0 without thresholds.
     unseen : ndarray, float64
@@ -94,7 +96,6 @@ class Heights:
     low: Mask
     upright: Mask
     grows: Mask
-    below: Mask
     brightness: Floats
     unseen: Floats
     sigma_m: float
@@ -105,7 +106,8 @@ def measure(
 ) -> Heights:
     """Return the M echoes of a frame against the water. Without water, every point stands out.
 
-    ``threshold`` are their intensity thresholds, shape (M,); minus infinity beyond the range rings.
+    ``threshold`` are their intensity thresholds, shape (M,); minus infinity beyond the range rings. What is below the
+    water is mirrored or noise, and what fills a volume is spray, rain or fog: neither stands out.
     """
     x, y, z = echoes.xyz
     if water is None:
@@ -119,7 +121,7 @@ def measure(
     rise = np.maximum(params.min_rise_m, params.rise_sigmas * deviation) + beyond
     reached, brightness = _brightness(echoes, threshold)
     below = height < -np.maximum(_MIN_DEPTH_M, _DEPTH_SIGMAS * deviation)
-    linked, loose = faces.counts(height > rise)
+    linked, loose = faces.neighbors(height > rise)
     solid = ~_in_volume(linked, loose, water)
     upright = (face > _MIN_FACE_M + sigma) & ~below & solid
     return Heights(
@@ -134,7 +136,6 @@ def measure(
         ~reached,
         upright,
         (height > np.maximum(params.growth_height_m, _GROWTH_SIGMAS * deviation)) | upright,
-        below,
         brightness,
         np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1),
         sigma,

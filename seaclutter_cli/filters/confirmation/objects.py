@@ -20,6 +20,7 @@ _MAX_CELL = 1 << 19
 _FLAT = 0.5
 _MAX_SHARE = 1.5
 _POSSIBLE = 0.7
+_LOOSE_SHARE = 0.2
 _BRIGHT_EVIDENCE = 0.4
 _DIM_SHARE = 0.25
 _BRIGHT_OCTAVES = 2.0
@@ -98,9 +99,13 @@ class Clusters:
             for k in np.lexsort(center.T[::-1]).tolist()
         ]
 
+    def sum(self, values: Floats) -> Floats:
+        """Return the sum of the points' values in each cluster, shape (K,)."""
+        return np.asarray(np.add.reduceat(values[self.points], self.start))
+
     def mean(self, values: Floats) -> Floats:
         """Return the mean of the points' values in each cluster, shape (K,)."""
-        return np.asarray(np.add.reduceat(values[self.points], self.start) / self.count)
+        return self.sum(values) / self.count
 
     def least(self, values: Floats) -> Floats:
         """Return the least of the points' values in each cluster, shape (K,)."""
@@ -151,14 +156,13 @@ def _evidence(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams
     (face,) = clusters.ranked(heights.face_m, clusters.count - 1 - clusters.count // 4)
     rise, wave = clusters.mean(heights.rise_m), clusters.mean(heights.wave_m)
     below, above = _beside(echoes, clusters, beams)
-    linked, loose = (np.add.reduceat(values[clusters.points], clusters.start) for values in (heights.linked, heights.loose))
-    # A body has a face, but for what is between the beams. What is higher than any wave is no water.
-    stands = face / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m)
-    possible = np.maximum(top - wave, _POSSIBLE * top)
-    share = (linked + 1) / (linked + loose + 1)
+    linked, loose = clusters.sum(heights.linked), clusters.sum(heights.loose)
+    # A body has a face, but for what is between the beams. Where few neighbours lie on one surface, a face is chance.
+    solid = np.clip((linked + 1) / (linked + loose + 1) / _LOOSE_SHARE - 1, 0, 1)
+    stands = solid * face / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m)
+    # What is higher than any wave is no water, if its face or its surface shows that it is a body.
     surface = np.clip(2 * linked / np.maximum(linked + loose, 1) - 1, 0, 1)
-    stands *= np.clip((share - 0.2) / 0.2, 0, 1)
-    tall = np.maximum(np.minimum(possible, face + below), surface * (top - wave))
+    tall = np.maximum(np.minimum(np.maximum(top - wave, _POSSIBLE * top), face + below), surface * (top - wave))
     shape = np.clip(np.maximum(stands, tall / rise), 0, _MAX_SHARE) - _FLAT
     # Where the next beam passes above all but tall bodies, a flat cluster is no evidence, and brightness decides;
     # unless the water has echoes all around, since it is bright at times.

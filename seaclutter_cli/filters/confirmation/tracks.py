@@ -152,7 +152,9 @@ class Tracker:
         turned = np.array([[cos, sin], [-sin, cos]])
         for track in self._tracks:
             track.cells, track.center, track.velocity = (
-                track.cells @ turned, track.center @ turned, track.velocity @ turned
+                track.cells @ turned,
+                track.center @ turned,
+                track.velocity @ turned,
             )
 
     def associate(self, objects: Sequence[DetectedObject], time_s: float) -> Association:
