@@ -17,7 +17,7 @@ _ABOVE = 0.4
 _SUPPORT = 0.25
 _TILT_RIDGE = 5.0
 _MIN_CELLS = 8
-_FLAT_M, _ENOUGH, _SURE_M = 0.3, 3.0, 20.0
+_FLAT_M, _ENOUGH, _SURE_M, _BESIDE = 0.3, 3.0, 20.0, 0.1
 _MIN_BEARINGS = 3
 _START_SHARES = (0.1, 0.3, 0.5, 0.7)
 
@@ -54,13 +54,13 @@ class PolarCells:
     trust: Floats
 
     @classmethod
-    def of(cls, xyz: Floats) -> "PolarCells":
-        """Return the cells of points between `NEAREST_M` and `FARTHEST_M`, shape (3, N)."""
-        x, y, z = xyz
-        bearing = ((np.arctan2(y, x) + np.pi) * (_BEARINGS / (2 * np.pi))).astype(np.int64)
-        bearing[bearing == _BEARINGS] = 0
-        ring = np.maximum((np.hypot(x, y) - NEAREST_M) / _STEP_M, 0).astype(np.int64)
-        cell = bearing * _RINGS + np.minimum(ring, _RINGS - 1)
+    def of(cls, xyz: Floats, bodies: Floats | None = None) -> "PolarCells":
+        """Return the cells of points between `NEAREST_M` and `FARTHEST_M`, shape (3, N).
+
+        What else is in the cells of points of bodies, shape (3, M), is mirrored, or part of them.
+        """
+        z = xyz[2]
+        cell = _cell(xyz)
         low = np.full(_BEARINGS * _RINGS, np.inf)
         np.minimum.at(low, cell, z)
         lowest = np.empty(len(low), np.int64)
@@ -70,6 +70,8 @@ class PolarCells:
         flat = np.bincount(cell[z <= low[cell] + _FLAT_M], minlength=len(low))[number]
         lows = xyz.take(lowest[number], axis=1)
         trust = (np.minimum(flat, _ENOUGH) / _ENOUGH) ** 2 / (1 + (lows[0] ** 2 + lows[1] ** 2) / _SURE_M**2)
+        if bodies is not None:
+            trust[np.bincount(_cell(bodies), minlength=len(low))[number] > 0] *= _BESIDE
         return cls(cell, lows, number, trust)
 
     @property
@@ -77,6 +79,15 @@ class PolarCells:
         """Whether the cells can hold a plane."""
         bearings = np.count_nonzero(np.bincount(self.number // _RINGS))
         return bool(len(self.number) >= _MIN_CELLS and bearings >= _MIN_BEARINGS)
+
+
+def _cell(xyz: Floats) -> NDArray[np.int64]:
+    """Return the number of the cell of each point."""
+    x, y, _ = xyz
+    bearing = ((np.arctan2(y, x) + np.pi) * (_BEARINGS / (2 * np.pi))).astype(np.int64)
+    bearing[bearing == _BEARINGS] = 0
+    ring = np.maximum((np.hypot(x, y) - NEAREST_M) / _STEP_M, 0).astype(np.int64)
+    return bearing * _RINGS + np.minimum(ring, _RINGS - 1)
 
 
 def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:

@@ -13,6 +13,7 @@ _MIN_BAND_M = 0.15
 _SIGMA_TIME_S = 1.0
 _MEMORY_S = 5.0
 _MIN_SPAN_M = 0.25
+_BODY_M = 0.5
 _DEPTH_SIGMAS, _MIN_DEPTH_M, _DEPTH_PER_M = 4.5, 0.3, 0.015
 
 
@@ -54,11 +55,12 @@ class WaterTracker:
         x, y, z = xyz
         distance = np.hypot(x, y)
         near = (distance >= NEAREST_M) & (distance < FARTHEST_M)
+        bodies = xyz[:, near & (faces.height_m > _BODY_M + 2 * self._known_sigma_m)]
         if self._plane is not None:  # what is much lower is mirrored
             depth = _DEPTH_PER_M * distance + self.depth_m
             near &= z - self._plane.height(x, y) > -depth
         near = np.flatnonzero(near & (faces.height_m <= _MIN_SPAN_M + self._known_sigma_m))
-        cells = PolarCells.of(xyz.take(near, axis=1))
+        cells = PolarCells.of(xyz.take(near, axis=1), bodies)
         lowest, weight = fit_plane(cells, self._plane) if cells.enough else (self._plane, None)
         if lowest is None:
             return None
