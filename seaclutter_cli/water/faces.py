@@ -31,7 +31,7 @@ class Faces:
     Echoes within 0.3° of bearing are ordered by elevation, those of one beam by bearing. Neighbours lie on one surface
     if their ranges differ by no more than range noise, the divergence of the beam and the rake of a hull explain. The
     slope of a wave spreads its heights over ranges, and spray and rain fill a volume. Of two divisions into bearings,
-    half a step apart, the higher face counts.
+    half a step apart, the higher face counts. Ranges that change evenly, as along an oblique wall, are of one surface.
     """
 
     low_m: Floats
@@ -96,25 +96,33 @@ class Faces:
 
 @dataclass(frozen=True)
 class _Neighbors:
-    """Neighbours in an order of echoes: the places of the ``second`` of each pair, and whether they are ``joined``."""
+    """Neighbours in an order of echoes: the places of the ``second`` of each pair.
+
+    They are ``close`` if their ranges are nearly equal, and ``joined`` if they are close or their ranges change evenly.
+    """
 
     order: Indices
     second: Indices
+    close: Mask
     joined: Mask
 
     @classmethod
     def among(cls, order: Indices, near: Mask, distance: Floats, slope_m: Floats) -> "_Neighbors":
         """Return the neighbours among N echoes in order; ``near`` and the ranges allowed by a slope are (N - 1,)."""
         ordered = distance[order]
-        apart = np.abs(np.diff(ordered))
-        second = np.flatnonzero(near & (apart <= _APART_M)) + 1
-        joined = apart[second - 1] <= _NOISE_M + _DIVERGENCE * ordered[second] + slope_m[second - 1]
-        return cls(order, second, joined)
+        step = np.diff(ordered)
+        near = near & (np.abs(step) <= _APART_M)
+        limit = _NOISE_M + _DIVERGENCE * ordered[1:]
+        even = near[1:] & near[:-1] & (np.abs(np.diff(step)) <= limit[1:])
+        close = np.abs(step) <= limit + slope_m
+        joined = close | np.append(even, values=False) | np.insert(even, 0, values=False)
+        first = np.flatnonzero(near)
+        return cls(order, first + 1, close[first], joined[first])
 
     def chains(self) -> tuple[Indices, Indices]:
-        """Return start and size of the chains of joined echoes."""
+        """Return start and size of the chains of close echoes."""
         first = np.ones(len(self.order), np.bool_)
-        first[self.second[self.joined]] = False
+        first[self.second[self.close]] = False
         start = np.flatnonzero(first)
         return start, group_sizes(start, len(self.order))
 
