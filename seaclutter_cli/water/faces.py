@@ -85,7 +85,10 @@ class Faces:
         return self.top_m - np.maximum(self.low_m, level)
 
     def neighbors(self, among: Mask) -> tuple[Floats, Floats]:
-        """Return how many neighbours of each echo, among some echoes, lie on one surface with it, and how many do not."""
+        """Return how many neighbours of each echo among some are on one surface with it, and how many are not.
+
+        Both have the shape (N,).
+        """
         both = among[self.pairs].all(axis=0)
         joined, loose = (
             np.bincount(self.pairs[:, both & chosen].reshape(-1), minlength=len(among)).astype(np.float64)

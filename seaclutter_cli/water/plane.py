@@ -87,7 +87,7 @@ def _cell(xyz: Floats) -> NDArray[np.int64]:
     bearing = ((np.arctan2(y, x) + np.pi) * (_BEARINGS / (2 * np.pi))).astype(np.int64)
     bearing[bearing == _BEARINGS] = 0
     ring = np.maximum((np.hypot(x, y) - NEAREST_M) / _STEP_M, 0).astype(np.int64)
-    return bearing * _RINGS + np.minimum(ring, _RINGS - 1)
+    return np.asarray(bearing * _RINGS + np.minimum(ring, _RINGS - 1))
 
 
 def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
