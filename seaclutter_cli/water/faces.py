@@ -12,6 +12,7 @@ Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
 _COLUMN_DEG = 0.3
+_COLUMNS = round(360 / _COLUMN_DEG)
 _BEAM_DEG = 0.1
 _STEP_DEG = 0.65
 _NOISE_M, _DIVERGENCE, _RAKE = 0.15, 0.003, 0.3
@@ -57,7 +58,7 @@ class Faces:
         upwards = np.argsort(elevation_deg, kind="stable")
         gap_deg = np.maximum(_LEAST_GAP_DEG, _GAP_BEAMS * above_deg)
         for shift in (0.0, 0.5):
-            column = (bearing / _COLUMN_DEG + shift).astype(np.uint16)
+            column = (bearing / _COLUMN_DEG + shift).astype(np.uint16) % np.uint16(_COLUMNS)
             order = upwards[np.argsort(column[upwards], kind="stable")]
             near = _same(column[order]) & (np.diff(elevation_deg[order]) <= gap_deg[order[:-1]])
             one = _Neighbors.among(order, near, distance, _RAKE * np.abs(np.diff(z[order])))
