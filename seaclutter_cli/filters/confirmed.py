@@ -159,6 +159,7 @@ class Confirmed(BaseFilter):
         water = self._water.step(echoes.xyz, faces, time_s)
         # 2. Band
         heights = measure(echoes, self._threshold(echoes), water, faces, self._params)
+        del faces  # less to hold
         # 3. Candidates
         candidates = heights.upright | self._accompanied(echoes, heights) | self._dense(echoes, heights)
         # 4. Objects

@@ -37,7 +37,7 @@ class Faces:
 
     low_m: Floats
     top_m: Floats
-    pairs: Indices
+    pairs: NDArray[np.int32]
     joined: Mask
 
     @classmethod
@@ -53,28 +53,29 @@ class Faces:
         if above_deg is None:
             above_deg = np.zeros_like(elevation_deg)
         distance, bearing = np.hypot(x, y), np.degrees(np.arctan2(y, x)) + 180
-        low, top = z.copy(), z.copy()
-        found = []
-        upwards = np.argsort(elevation_deg, kind="stable")
-        gap_deg = np.maximum(_LEAST_GAP_DEG, _GAP_BEAMS * above_deg)
-        for shift in (0.0, 0.5):
-            column = (bearing / _COLUMN_DEG + shift).astype(np.uint16) % np.uint16(_COLUMNS)
-            order = upwards[np.argsort(column[upwards], kind="stable")]
-            near = _same(column[order]) & (np.diff(elevation_deg[order]) <= gap_deg[order[:-1]])
-            one = _Neighbors.among(order, near, distance, _RAKE * np.abs(np.diff(z[order])))
-            start, size = one.chains()
-            ends = np.repeat([chain.reduceat(z[order], start) for chain in (np.minimum, np.maximum)], size, axis=1)
-            higher = ends[1] - ends[0] > (top - low)[order]
-            low[order[higher]], top[order[higher]] = ends[:, higher]
-            found.append(one)
         beam = np.rint((elevation_deg + 90) / _BEAM_DEG).astype(np.uint16)
-        along = np.argsort(bearing, kind="stable")
+        along = np.argsort(bearing, kind="stable").astype(np.int32)
         order = along[np.argsort(beam[along], kind="stable")]
         step = np.diff(bearing[order])
         near = _same(beam[order]) & (step <= _STEP_DEG)
-        found.append(_Neighbors.among(order, near, distance, np.radians(step) * distance[order][1:]))
-        pairs = [np.stack((one.order[one.second - 1], one.order[one.second])) for one in found]
-        return cls(low, top, np.concatenate(pairs, axis=1), np.concatenate([one.joined for one in found]))
+        one = _Neighbors.among(order, near, distance, np.radians(step) * distance[order][1:])
+        found = [(one.pairs, one.joined)]
+        low, top = z.copy(), z.copy()
+        upwards = np.argsort(elevation_deg, kind="stable").astype(np.int32)  # less to hold
+        for shift in (0.0, 0.5):
+            column = (bearing / _COLUMN_DEG + shift).astype(np.uint16) % np.uint16(_COLUMNS)
+            order = upwards[np.argsort(column[upwards], kind="stable")]
+            gap_deg = np.maximum(_LEAST_GAP_DEG, _GAP_BEAMS * above_deg[order[:-1]])
+            near = _same(column[order]) & (np.diff(elevation_deg[order]) <= gap_deg)
+            one = _Neighbors.among(order, near, distance, _RAKE * np.abs(np.diff(z[order])))
+            start, size = one.chains()
+            found.append((one.pairs, one.joined))
+            del gap_deg, near, column, one  # less to hold
+            ends = np.repeat([chain.reduceat(z[order], start) for chain in (np.minimum, np.maximum)], size, axis=1)
+            higher = ends[1] - ends[0] > (top - low)[order]
+            low[order[higher]], top[order[higher]] = ends[:, higher]
+        pairs, joined = zip(*found, strict=True)
+        return cls(low, top, np.concatenate(pairs, axis=1), np.concatenate(joined))
 
     @property
     def height_m(self) -> Floats:
@@ -105,13 +106,13 @@ class _Neighbors:
     They are ``close`` if their ranges are nearly equal, and ``joined`` if they are close or their ranges change evenly.
     """
 
-    order: Indices
+    order: NDArray[np.int32]
     second: Indices
     close: Mask
     joined: Mask
 
     @classmethod
-    def among(cls, order: Indices, near: Mask, distance: Floats, slope_m: Floats) -> "_Neighbors":
+    def among(cls, order: NDArray[np.int32], near: Mask, distance: Floats, slope_m: Floats) -> "_Neighbors":
         """Return the neighbours among N echoes in order; ``near`` and the ranges allowed by a slope are (N - 1,)."""
         ordered = distance[order]
         step = np.diff(ordered)
@@ -122,6 +123,11 @@ class _Neighbors:
         joined = close | np.append(even, values=False) | np.insert(even, 0, values=False)
         first = np.flatnonzero(near)
         return cls(order, first + 1, close[first], joined[first])
+
+    @property
+    def pairs(self) -> NDArray[np.int32]:
+        """Numbers of the neighbours, shape (2, P); they take little memory."""
+        return np.stack((self.order[self.second - 1], self.order[self.second]))
 
     def chains(self) -> tuple[Indices, Indices]:
         """Return start and size of the chains of close echoes."""
