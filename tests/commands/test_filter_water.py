@@ -35,8 +35,11 @@ def cloud(xyz, intensity):
 
 
 def above_the_horizon(number):
+    """Return scattered points and a wall, which is kept."""
     rng = np.random.default_rng(number)
-    return cloud(rng.uniform((-50, -50, 1), (50, 50, 12), (500, 3)).T, rng.exponential(10, 500))
+    y, z = (axis.ravel() for axis in np.meshgrid(np.arange(-3, 3, 0.2), np.arange(1, 4, 0.2)))
+    xyz = np.hstack((rng.uniform((-50, -50, 1), (50, 50, 12), (500, 3)).T, (np.full_like(y, 20), y, z)))
+    return cloud(xyz, rng.exponential(10, xyz.shape[1]))
 
 
 def all_invalid(number):

@@ -13,13 +13,16 @@ from typing import Any
 from seaclutter_cli.filters import confirmed
 from seaclutter_cli.filters.confirmation.echoes import OWN_SHIP_M
 from seaclutter_cli.frame import Frame, Reason
+from tests.filters.reference_faces import faces_of
 from tests.filters.reference_objects import (
     Beams,
     Echo,
     Thing,
+    bin_of,
     candidates_of,
     clusters_of,
-    echo_of,
+    echoes_of,
+    elevation_of,
     evidence_of,
     nearest,
     places_of,
@@ -111,24 +114,25 @@ class ConfirmedObjects:
         points = points_of(frame)
         rings = [self.ring_of(point) for point in points]
         used = [number for number, point in enumerate(points) if self.is_used(point, rings[number])]
-        water = self.water.step([points[number].xyz for number in used], time_s)
-        stands = [False] * len(used) if water is None else water.upright
-        echoes = [
-            echo_of(number, points[number], rings[number], water, self.params, upright=upright)
-            for number, upright in zip(used, stands, strict=True)
-        ]
-        self.beams.learn(echoes)
+        places = [points[number].xyz for number in used]
+        self.beams.learn([bin_of(z, (x, y)) for x, y, z in places])
+        elevations = [elevation_of(z, (x, y)) for x, y, z in places]
+        gaps = [self.beams.above(bin_of(z, (x, y))) for x, y, z in places]
+        faces = faces_of(places, elevations, gaps)
+        water = self.water.step(places, faces.of_point, time_s)
+        echoes = echoes_of([(number, points[number], rings[number]) for number in used], water, faces, self.params)
         candidates = candidates_of(echoes, self.beams)
         sigma = 0.0 if water is None else water.sigma
         things = self.things([one for one in candidates if not one.near], sigma, near=False)
         if self.tracks.approach(self.params.start_m, time_s):
             things += self.things([one for one in candidates if one.near], sigma, near=True)
         things.sort(key=lambda thing: thing.center)
-        places = places_of(self.tracks.missing(things, time_s))
+        self.tracks.turn(things, time_s)
+        missing = places_of(self.tracks.missing(things, time_s))
         expected = [
             echo
             for echo in echoes
-            if (echo.bright or echo.grows) and not echo.near and nearest(echo.xy, places) <= confirmed._EXPECTED_M
+            if (echo.bright or echo.grows) and not echo.near and nearest(echo.xy, missing) <= confirmed._EXPECTED_M
         ]
         weak = self.things(expected, sigma, near=False)
         weak = [replace(thing, evidence=min(thing.evidence, 0.0)) for thing in weak]
@@ -173,7 +177,8 @@ class ConfirmedObjects:
         """Keep the objects of a frame that are confirmed, and what belongs to them."""
         kept = []
         for thing, track in zip(scan.things, scan.tracks, strict=True):
-            if track.score(scan.time_s, self.params.look_ahead_s) > self.params.score_threshold:
+            score = track.score(scan.time_s, self.params.look_ahead_s)
+            if score > self.params.score_threshold and thing.evidence >= confirmed._FLAT:
                 track.from_outside |= not thing.near
                 if track.from_outside:
                     kept += thing.echoes

@@ -11,8 +11,9 @@ import numpy as np
 from seaclutter_cli.filters import confirmed
 from seaclutter_cli.filters.confirmation import beams, objects
 from seaclutter_cli.filters.confirmation import echoes as heights
+from tests.filters.reference_faces import Faces
 from tests.filters.reference_points import Point
-from tests.filters.reference_water import Surface
+from tests.filters.reference_water import Surface, grid_cell
 
 XY = tuple[float, float]
 
@@ -45,12 +46,17 @@ class Echo:
     threshold: float
     height: float
     rise: float
+    deviation: float
     wave: float
-    upright: bool
     grows: bool
     bright: bool
     low: bool
     unseen: float
+    face: float = 0.0
+    linked: int = 0
+    loose: int = 0
+    high: bool = False
+    upright: bool = False
 
     @property
     def xyz(self) -> tuple[float, float, float]:
@@ -73,21 +79,42 @@ class Echo:
         return self.ring < 0
 
     @property
-    def high(self) -> bool:
-        return self.height > self.rise
-
-    @property
     def brightness(self) -> float:
         return self.point.intensity / self.threshold if self.threshold > 0 else 1.0
 
 
+def elevation_of(z: float, place: XY) -> float:
+    """Return the elevation of a point in degrees."""
+    return math.degrees(math.atan2(z, math.hypot(*place)))
+
+
 def bin_of(z: float, place: XY) -> int:
     """Return the number of the elevation bin of a point."""
-    elevation = math.degrees(math.atan2(z, math.hypot(*place)))
-    return round((elevation + beams._HALF_DEG) / beams._BIN_DEG)
+    return round((elevation_of(z, place) + beams._HALF_DEG) / beams._BIN_DEG)
 
 
-def echo_of(number: int, point: Point, ring: int, water: Surface | None, params: Any, *, upright: bool) -> Echo:
+def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, faces: Faces, params: Any) -> list[Echo]:
+    """Return points, of which numbers and range rings are given, with all that the water and the faces say of them."""
+    echoes = []
+    for (number, point, ring), face in zip(used, faces.of_point, strict=True):
+        one = echo_of(number, point, ring, water, params)
+        one.face = face.above(point.z - one.height)
+        echoes.append(one)
+    linked, loose = faces.neighbors([one.height > one.rise for one in echoes])
+    for one, joined, apart in zip(echoes, linked, loose, strict=True):
+        one.linked, one.loose = joined, apart
+    volume = set() if water is None else cells_in_volume(echoes)
+    sigma = 0.0 if water is None else water.sigma
+    for one in echoes:
+        solid = grid_cell(*one.xy) not in volume
+        deepest = -max(heights._MIN_DEPTH_M, heights._DEPTH_SIGMAS * one.deviation)
+        one.high = one.height > one.rise and solid
+        one.upright = one.face > heights._MIN_FACE_M + sigma and one.height >= deepest and solid
+        one.grows = one.grows or one.upright
+    return echoes
+
+
+def echo_of(number: int, point: Point, ring: int, water: Surface | None, params: Any) -> Echo:
     """Return a point with all that the water says of it; without water, every point is high."""
     height, deviation, shown = point.z + heights._UNSEEN_M, 0.0, 0.0
     if water is not None:
@@ -103,8 +130,8 @@ def echo_of(number: int, point: Point, ring: int, water: Surface | None, params:
         threshold,
         height,
         rise,
+        deviation=deviation,
         wave=heights._WAVE_SIGMAS * deviation + beyond,
-        upright=upright,
         grows=height > max(params.growth_height_m, heights._GROWTH_SIGMAS * deviation),
         bright=reached and abs(height) <= rise,
         low=not reached,
@@ -112,19 +139,35 @@ def echo_of(number: int, point: Point, ring: int, water: Surface | None, params:
     )
 
 
+def cells_in_volume(echoes: Sequence[Echo]) -> set[tuple[int, int]]:
+    """Return the cells of the water's grid in which few neighbours that stand out lie on one surface."""
+    linked: dict[tuple[int, int], int] = {}
+    loose: dict[tuple[int, int], int] = {}
+    for echo in echoes:
+        cell = grid_cell(*echo.xy)
+        if cell is not None:
+            linked[cell] = linked.get(cell, 0) + echo.linked
+            loose[cell] = loose.get(cell, 0) + echo.loose
+    return {cell for cell, count in loose.items() if count > heights._VOLUME * linked[cell] + 1}
+
+
 def candidates_of(echoes: Sequence[Echo], lidar: "Beams") -> list[Echo]:
-    """Return high and upright points, and bright ones with enough bright or high ones around them."""
+    """Return points in faces, high ones in company, and bright ones with enough bright or high ones around them."""
+    company = places_of(echo.xyz for echo in echoes if echo.high or echo.upright)
     among = places_of(echo.xyz for echo in echoes if echo.bright or echo.high)
     found = []
     for echo in echoes:
-        dense = False
-        if echo.bright:
-            reach = confirmed._RADIUS_RATIO * echo.range_m
-            above = math.tan(math.radians(lidar.gaps([echo])[1])) * echo.range_m
-            in_one_beam = echo.unseen > 0 and echo.height + above >= confirmed._ONE_BEAM_RISES * echo.rise
+        reach = confirmed._RADIUS_RATIO * echo.range_m
+        chosen = echo.upright
+        if not chosen and echo.high:
+            chosen = (distances(echo.xyz, company) <= reach).sum() - 1 >= confirmed._COMPANY
+        if not chosen and echo.bright:
+            next_m = echo.height + math.tan(math.radians(lidar.above(echo.elevation_bin))) * echo.range_m
+            in_one_beam = echo.unseen > 0 and next_m >= confirmed._ONE_BEAM_RISES * echo.rise
             needed = confirmed._MIN_IN_ONE_BEAM if in_one_beam else confirmed._MIN_NEIGHBORS
-            dense = (distances(echo.xyz, among) <= reach).sum() - 1 >= needed
-        if echo.high or echo.upright or dense:
+            hidden = next_m >= confirmed._HIDDEN_RISES * echo.rise
+            chosen = hidden and (distances(echo.xyz, among) <= reach).sum() - 1 >= needed
+        if chosen:
             found.append(echo)
     return found
 
@@ -191,10 +234,10 @@ class Beams:
         self.seen: set[int] = set()
         self.frames = 0
 
-    def learn(self, echoes: Sequence[Echo]) -> None:
-        if echoes and self.frames < beams._FRAMES:
+    def learn(self, bins: Sequence[int]) -> None:
+        if bins and self.frames < beams._FRAMES:
             self.frames += 1
-            self.seen |= {echo.elevation_bin for echo in echoes}
+            self.seen |= set(bins)
 
     @property
     def spacing_deg(self) -> float:
@@ -204,18 +247,22 @@ class Beams:
         middle = len(steps) // 2
         return (steps[middle] + steps[~middle]) / 2 * beams._BIN_DEG if steps else 0.0
 
-    def gaps(self, echoes: Sequence[Echo]) -> XY:
-        """Return the angles from a group of points to the beams below and above."""
-        bins = [echo.elevation_bin for echo in echoes]
-        below = [min(bins) - one for one in self.seen if one < min(bins) - 1]
-        above = [one - max(bins) for one in self.seen if one > max(bins) + 1]
-        low, high = (min(min([math.inf, *steps]) * beams._BIN_DEG, beams._OPEN_DEG) for steps in (below, above))
-        return low, high
+    def below(self, lowest: int) -> float:
+        """Return the angle from an elevation bin to the beam below."""
+        steps = [lowest - one for one in self.seen if one < lowest - 1]
+        return min(min([math.inf, *steps]) * beams._BIN_DEG, beams._OPEN_DEG)
+
+    def above(self, highest: int) -> float:
+        """Return the angle from an elevation bin to the beam above."""
+        steps = [one - highest for one in self.seen if one > highest + 1]
+        return min(min([math.inf, *steps]) * beams._BIN_DEG, beams._OPEN_DEG)
 
     def beside(self, echoes: Sequence[Echo]) -> XY:
         """Return how far below and above a group of points the next beams pass."""
         distance = mean([echo.range_m for echo in echoes])
-        low, high = (math.tan(math.radians(gap)) * distance for gap in self.gaps(echoes))
+        bins = [echo.elevation_bin for echo in echoes]
+        gaps = self.below(min(bins)), self.above(max(bins))
+        low, high = (math.tan(math.radians(gap)) * distance for gap in gaps)
         return low, high
 
     def meets(self, place: XY, top: float, water: Surface | None) -> bool:
@@ -230,15 +277,16 @@ class Beams:
 def evidence_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any) -> float:
     """Return the evidence of an object's shape."""
     count = len(echoes)
-    ordered = sorted(echo.height for echo in echoes)
-    extent = ordered[-1] - ordered[0]
-    top = ordered[count - min(max(count // 4, 1), 3)]
+    top = sorted(echo.height for echo in echoes)[count - min(max(count // 4, 1), 3)]
+    face = sorted(echo.face for echo in echoes)[count - 1 - count // 4]
     rise, wave = mean([echo.rise for echo in echoes]), mean([echo.wave for echo in echoes])
     below, above = lidar.beside(echoes)
-    upright = any(echo.upright for echo in echoes)
-    stands = upright * extent / max(params.min_extent_m, params.extent_sigmas * sigma)
-    possible = objects._POSSIBLE * min(top, extent + below)
-    share = max(stands, (top - wave) / rise, possible / rise)
+    linked, loose = sum(echo.linked for echo in echoes), sum(echo.loose for echo in echoes)
+    solid = min(max((linked + 1) / (linked + loose + 1) / objects._LOOSE_SHARE - 1, 0.0), 1.0)
+    stands = solid * face / max(params.min_extent_m, params.extent_sigmas * sigma)
+    surface = min(max(2 * linked / max(linked + loose, 1) - 1, 0.0), 1.0)
+    seen = min(max(top - wave, objects._POSSIBLE * top), face + below)
+    share = max(stands, seen / rise, surface * (top - wave) / rise)
     shape = min(max(share, 0.0), objects._MAX_SHARE) - objects._FLAT
     if shape >= 0:
         return shape

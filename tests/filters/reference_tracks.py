@@ -97,6 +97,20 @@ class Tracks:
         self.tracks: list[Track] = []
         self.time_s: float | None = None
         self.times: list[float] = []
+        self.yaw_rate = 0.0
+
+    def turn(self, things: Sequence[Thing], time_s: float) -> None:
+        """Turn all tracks by the angle that the well-known ones have in common."""
+        elapsed = 0.0 if self.time_s is None else time_s - self.time_s
+        known = [track.expected(time_s) for track in self.tracks if track.memory > 0]
+        cells = [cell for thing in things for cell in thing.cells]
+        if not known or not cells or elapsed <= 0:
+            return
+        angle = common_turn(known, cells, self.yaw_rate * elapsed)
+        self.yaw_rate = angle / elapsed
+        for track in self.tracks:
+            track.cells = [turned(cell, angle) for cell in track.cells]
+            track.center, track.velocity = turned(track.center, angle), turned(track.velocity, angle)
 
     def matches(self, things: Sequence[Thing], time_s: float) -> tuple[list[list[int]], list[bool]]:
         """Return how many cells of each object each track expects, and which tracks are covered by objects."""
@@ -141,8 +155,10 @@ class Tracks:
         interval_s = 0.0 if self.time_s is None else time_s - self.time_s
         self.time_s = time_s
         followed: list[Track | None] = [None] * len(things)
+        known = [1 + max(track.memory, 0.0) for track in self.tracks]
+        chosen = [best_known(own, known) for own in votes]
         for number, track in enumerate(self.tracks):
-            heirs = [k for k, own in enumerate(votes) if own[number] and own.index(max(own)) == number]
+            heirs = [k for k, own in enumerate(chosen) if own == number]
             for k, heir in self.inherit(track, heirs, things, [own[number] for own in votes], time_s):
                 followed[k] = heir
         result = [
@@ -176,7 +192,7 @@ class Tracks:
         """Return the tracks of the objects that continue a track: the first goes on with it, the others begin."""
         if not heirs:
             return []
-        first = max(heirs, key=lambda k: votes[k] * (1 + max(things[k].evidence, 0)))
+        first = max(heirs, key=lambda k: (round(2 * things[k].evidence), votes[k]))
         track.follow(things[first], time_s)
         found = [(first, track)]
         for k in heirs:
@@ -186,6 +202,42 @@ class Tracks:
                 part.outside |= track.outside
                 found.append((k, part))
         return found
+
+
+def best_known(votes: Sequence[int], known: Sequence[float]) -> int | None:
+    """Return the best known track that expects at least a quarter as many cells as any; None if none expects any."""
+    enough = [t for t, count in enumerate(votes) if count and count >= tracks._QUARTER * max(votes)]
+    return max(enough, key=lambda t: known[t], default=None)
+
+
+def turned(place: XY, angle: float) -> XY:
+    x, y = place
+    return x * math.cos(angle) - y * math.sin(angle), x * math.sin(angle) + y * math.cos(angle)
+
+
+def common_turn(known: Sequence[Sequence[XY]], cells: Sequence[XY], guess: float) -> float:
+    """Return the angle for which most tracks vote; the guess, unless another has at least twice as many votes.
+
+    Every cell that a track expects votes with every cell seen at about its range; each track has one vote.
+    """
+    places = [(number, place) for number, own in enumerate(known) for place in own]
+    places = places[:: len(places) // tracks._MAX_CELLS + 1]
+    cells = cells[:: len(cells) // tracks._MAX_CELLS + 1]
+    count: dict[int, int] = {}
+    for number, _ in places:
+        count[number] = count.get(number, 0) + 1
+    most = tracks._TURN_BINS
+    votes = dict.fromkeys(range(-most - 1, most + 2), 0.0)
+    for number, (x, y) in places:
+        for cell_x, cell_y in cells:
+            if abs(math.hypot(x, y) - math.hypot(cell_x, cell_y)) < tracks._SAME_RANGE_M:
+                angle = math.atan2(cell_y, cell_x) - math.atan2(y, x) - guess
+                vote = round(((angle + math.pi) % (2 * math.pi) - math.pi) / tracks._TURN_BIN_RAD)
+                if abs(vote) <= most:
+                    votes[vote] += 1 / count[number]
+    smooth = {one: votes[one - 1] + 2 * votes[one] + votes[one + 1] for one in range(-most, most + 1)}
+    best = max(smooth, key=lambda one: smooth[one])
+    return guess + (best if smooth[best] >= tracks._TURN_GAIN * smooth[0] else 0) * tracks._TURN_BIN_RAD
 
 
 def begun(thing: Thing, time_s: float) -> Track:

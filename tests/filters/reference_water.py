@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from seaclutter_cli.water import plane, surface, tracker
+from tests.filters.reference_faces import Face
 
 XYZ = tuple[float, float, float]
 
@@ -29,12 +30,11 @@ class Plane(NamedTuple):
 
 @dataclass
 class Surface:
-    """The water in one frame: plane, deviation, swell, and which points stand upright."""
+    """The water in one frame: plane, deviation, and swell."""
 
     plane: Plane
     sigma: float
     swell: "Swell"
-    upright: list[bool]
 
     def above(self, x: float, y: float, z: float) -> tuple[float, float, float]:
         """Return the height of a point above the water, its standard deviation, and how many echoes show the water."""
@@ -56,63 +56,106 @@ class Water:
         self.sigma = 0.0
         self.seen_s = 0.0
 
-    def step(self, points: Sequence[XYZ], time_s: float) -> Surface | None:
+    def step(self, points: Sequence[XYZ], faces: Sequence[Face], time_s: float) -> Surface | None:
         """Return the water of a frame; None where none was seen in the last five seconds."""
         if not 0 <= time_s - self.seen_s <= tracker._MEMORY_S:
             self.plane = None
-        near = [k for k, (x, y, _) in enumerate(points) if plane.NEAREST_M <= math.hypot(x, y) < plane.FARTHEST_M]
-        cells = {k: cell_of(*points[k][:2]) for k in near}
-        bearings = {bearing for bearing, _ in cells.values()}
         sigma = tracker._START_SIGMA_M if self.plane is None else self.sigma
-        stands: list[bool] | None = None
-        if len(set(cells.values())) >= plane._MIN_CELLS and len(bearings) >= plane._MIN_BEARINGS:
-            stands = self.update(points, cells, sigma, time_s)
-        if self.plane is None:
+        span = tracker._MIN_SPAN_M + sigma
+        near = [k for k, (x, y, _) in enumerate(points) if plane.NEAREST_M <= math.hypot(x, y) < plane.FARTHEST_M]
+        bodies = {cell_of(*points[k][:2]) for k in near if faces[k].height > tracker._BODY_M + 2 * sigma}
+        used = [k for k in near if faces[k].height <= span and not self.is_mirrored(points[k], sigma)]
+        cells = cells_of(points, used, bodies)
+        fitted, weights = self.plane, None
+        if len(cells) >= plane._MIN_CELLS and len({bearing for bearing, _ in cells}) >= plane._MIN_BEARINGS:
+            fitted, weights = self.fit(cells)
+        if fitted is None:
             return None
-        if stands is None:
-            stands = upright(points, [self.plane.height_of(*point) for point in points], 0.25 + sigma)
-        return self.surface(self.plane, points, stands)
+        stands = []
+        for (x, y, z), face in zip(points, faces, strict=True):
+            stands.append(face.above(z - fitted.height_of(x, y, z)) > span)
+        if weights is not None:
+            flat = [points[k] for k in used if not stands[k]]
+            trust = {cell: cells[cell].trust for cell, weight in weights.items() if is_water(weight, cells[cell].trust)}
+            self.update(fitted, flat, trust, time_s)
+        return None if self.plane is None else self.surface(self.plane, points, stands)
 
-    def update(
-        self, points: Sequence[XYZ], cells: Mapping[int, tuple[int, int]], sigma: float, time_s: float
-    ) -> list[bool]:
-        """Estimate the plane and the deviation; return which points stand upright."""
-        lowest: dict[tuple[int, int], XYZ] = {}
-        for k, cell in cells.items():
-            if cell not in lowest or points[k][2] < lowest[cell][2]:
-                lowest[cell] = points[k]
-        fitted, weights = self.fit(lowest)
-        water_cells = {cell for cell, weight in weights.items() if weight > plane._ABOVE / 3}
+    def is_mirrored(self, point: XYZ, sigma: float) -> bool:
+        """Return whether a point is much lower than the water of the frame before."""
+        depth = max(tracker._MIN_DEPTH_M, tracker._DEPTH_SIGMAS * sigma)
+        depth += tracker._DEPTH_PER_M * math.hypot(*point[:2])
+        return self.plane is not None and self.plane.height_of(*point) <= -depth
+
+    def update(self, fitted: Plane, flat: Sequence[XYZ], trust: Mapping[tuple[int, int], float], time_s: float) -> None:
+        """Estimate level and deviation around a plane from flat points in the cells of water."""
         first = self.plane is None
-        stands = upright(points, [fitted.height_of(*point) for point in points], 0.25 + sigma)
-        flat = [(points[k], cell) for k, cell in cells.items() if not stands[k]]
-        offset = 0.0
+        sigma, offset = tracker._START_SIGMA_M if first else self.sigma, 0.0
         for _ in range(tracker._START_PASSES if first else 1):
-            offset, sigma = mean_level(flat, water_cells, fitted, band(sigma))
+            offset, sigma = mean_level(flat, trust, fitted, band(sigma))
         if fitted.a + offset < 0:
             old = 0.0 if first else math.exp((self.seen_s - time_s) / tracker._SIGMA_TIME_S)
             self.sigma = old * self.sigma + (1 - old) * sigma
             self.plane = Plane(fitted.a + offset, fitted.b, fitted.c)
             self.seen_s = time_s
-        return stands
 
-    def fit(self, lowest: dict[tuple[int, int], XYZ]) -> tuple[Plane, dict[tuple[int, int], float]]:
+    def fit(self, cells: "Cells") -> tuple[Plane, dict[tuple[int, int], float]]:
         """Return the plane through the lowest points, and the weight of each cell."""
         if self.plane is not None:
-            return reweighted(lowest, self.plane)
-        heights = sorted(z for _, _, z in lowest.values())
-        levels = [heights[int(share * len(heights))] for share in plane._START_SHARES]
-        fits = [reweighted(lowest, Plane(level, 0, 0)) for level in levels]
+            return reweighted(cells, self.plane)
+        shares = {key: cell.trust / max(cell.distance_squared, plane.NEAREST_M**2) for key, cell in cells.items()}
+        ordered = sorted((cell.lowest[2], key) for key, cell in cells.items())
+        weighted = [(z, shares[key]) for z, key in ordered]
+        levels = [weighted_quantile(weighted, part) for part in plane._START_SHARES]
+        fits = [reweighted(cells, Plane(level, 0, 0)) for level in levels]
         fits = [one for one in fits if one[0].a < 0] or fits
-        most = max(sum(weights.values()) for _, weights in fits)
-        supported = [one for one in fits if sum(one[1].values()) >= plane._SUPPORT * most]
+        support = [sum(weight * shares[key] for key, weight in weights.items()) for _, weights in fits]
+        enough = plane._SUPPORT * max(support)
+        supported = [one for one, own in zip(fits, support, strict=True) if own >= enough]
         return min(supported, key=lambda one: one[0].a)
 
     def surface(self, level: Plane, points: Sequence[XYZ], stands: list[bool]) -> Surface:
         flat = [(x, y, level.height_of(x, y, z)) for (x, y, z), up in zip(points, stands, strict=True) if not up]
         swell = Swell((x, y, h) for x, y, h in flat if abs(h) <= band(self.sigma))
         swell = Swell((x, y, h) for x, y, h in flat if abs(h - swell.at(x, y)[0]) <= band(self.sigma))
-        return Surface(level, self.sigma, swell, stands)
+        return Surface(level, self.sigma, swell)
+
+
+@dataclass
+class Cell:
+    """A polar cell: its lowest point, and how far that may be trusted to be water."""
+
+    lowest: XYZ
+    trust: float
+
+    @property
+    def distance_squared(self) -> float:
+        x, y, _ = self.lowest
+        return x * x + y * y
+
+
+Cells = Mapping[tuple[int, int], Cell]
+
+
+def cells_of(points: Sequence[XYZ], used: Sequence[int], bodies: set[tuple[int, int]]) -> dict[tuple[int, int], Cell]:
+    """Return the cells of some points. Those with several points at one height, and near, are trusted most."""
+    members: dict[tuple[int, int], list[XYZ]] = {}
+    for k in used:
+        members.setdefault(cell_of(*points[k][:2]), []).append(points[k])
+    found = {}
+    for key, own in members.items():
+        cell = Cell(min(own, key=lambda point: point[2]), 0.0)
+        count = sum(z <= cell.lowest[2] + plane._FLAT_M for _, _, z in own)
+        cell.trust = (min(count, plane._ENOUGH) / plane._ENOUGH) ** 2
+        cell.trust /= 1 + cell.distance_squared / plane._SURE_M**2
+        if key in bodies:
+            cell.trust *= plane._BESIDE
+        found[key] = cell
+    return found
+
+
+def is_water(weight: float, trust: float) -> bool:
+    """Return whether a cell of a weight in the fit is one of water."""
+    return weight > plane._ABOVE / 3 * trust
 
 
 def cell_of(x: float, y: float) -> tuple[int, int]:
@@ -127,25 +170,26 @@ def band(sigma: float) -> float:
     return max(tracker._MIN_BAND_M, tracker._BAND_SIGMAS * sigma)
 
 
-def reweighted(lowest: dict[tuple[int, int], XYZ], start: Plane) -> tuple[Plane, dict[tuple[int, int], float]]:
+def reweighted(cells: Cells, start: Plane) -> tuple[Plane, dict[tuple[int, int], float]]:
     """Return the result of iteratively reweighted least squares with Tukey's weights."""
-    fitted, weights = start, dict.fromkeys(lowest, 0.0)
+    fitted, weights = start, dict.fromkeys(cells, 0.0)
     for scale in plane._SCALES_M:
-        for cell, point in lowest.items():
-            residual = fitted.height_of(*point)
+        for key, cell in cells.items():
+            residual = fitted.height_of(*cell.lowest)
             weight = max(0.0, 1 - (residual / (3 * scale)) ** 2) ** 2
-            weights[cell] = weight * plane._ABOVE if residual > 0 else weight
+            weights[key] = (weight * plane._ABOVE if residual > 0 else weight) * cell.trust
         if sum(weights.values()) < plane._MIN_BEARINGS:
             break
         matrix = [[0.0] * 3 for _ in range(3)]
         right = [0.0] * 3
-        for cell, (x, y, z) in lowest.items():
+        for key, cell in cells.items():
+            x, y, z = cell.lowest
             row = (1.0, x, y)
             for i in range(3):
-                right[i] += weights[cell] * row[i] * z
+                right[i] += weights[key] * row[i] * z
                 for j in range(3):
-                    matrix[i][j] += weights[cell] * row[i] * row[j]
-        for i, ridge in enumerate((1e-9, plane._TILT_RIDGE, plane._TILT_RIDGE)):
+                    matrix[i][j] += weights[key] * row[i] * row[j]
+        for i, ridge in enumerate((0.0, plane._TILT_RIDGE, plane._TILT_RIDGE)):
             matrix[i][i] += ridge
         fitted = Plane(*solved(matrix, right))
     return fitted, weights
@@ -165,23 +209,17 @@ def solved(matrix: list[list[float]], right: list[float]) -> list[float]:
 
 
 def mean_level(
-    echoes: Sequence[tuple[XYZ, tuple[int, int]]],
-    water_cells: set[tuple[int, int]],
-    level: Plane,
-    reach: float,
+    points: Sequence[XYZ], trust: Mapping[tuple[int, int], float], level: Plane, reach: float
 ) -> tuple[float, float]:
-    """Return median and deviation of the water's height above a plane, each cell with the same weight."""
-    heights = [
-        (level.height_of(*point), cell)
-        for point, cell in echoes
-        if cell in water_cells and abs(level.height_of(*point)) <= reach
-    ]
+    """Return median and deviation of the water's height above a plane, each cell with the weight of its trust."""
+    heights = [(level.height_of(*point), cell_of(*point[:2])) for point in points]
+    heights = [(height, cell) for height, cell in heights if cell in trust and abs(height) <= reach]
     if not heights:
         return 0.0, 0.0
     count: dict[tuple[int, int], int] = {}
     for _, cell in heights:
         count[cell] = count.get(cell, 0) + 1
-    ordered = [(height, 1 / count[cell]) for height, cell in sorted(heights, key=lambda one: one[0])]
+    ordered = [(height, trust[cell] / count[cell]) for height, cell in sorted(heights, key=lambda one: one[0])]
     low, middle = (weighted_quantile(ordered, share) for share in (0.16, 0.5))
     return middle, middle - low
 
@@ -197,22 +235,6 @@ def weighted_quantile(ordered: Sequence[tuple[float, float]], share: float) -> f
         if total >= whole * share:
             return value
     raise AssertionError("the weights add up to their sum")
-
-
-def upright(points: Sequence[XYZ], heights: Sequence[float], span: float) -> list[bool]:
-    """Return which points are in columns of 1 m with echoes at several heights, in either of two grids."""
-    found = [False] * len(points)
-    for shift in (0.0, 0.5):
-        members: dict[tuple[int, int], list[int]] = {}
-        for number, (x, y, _) in enumerate(points):
-            if abs(x) < tracker._REACH - 1 and abs(y) < tracker._REACH - 1:
-                column = math.floor(x + (tracker._REACH + shift)), math.floor(y + (tracker._REACH + shift))
-                members.setdefault(column, []).append(number)
-        for own in members.values():
-            if max(heights[number] for number in own) - min(heights[number] for number in own) >= span:
-                for number in own:
-                    found[number] = True
-    return found
 
 
 class Swell:

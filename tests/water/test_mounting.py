@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from seaclutter_cli.water import Mounting, WaterTracker
+from seaclutter_cli.water import Faces, Mounting, WaterTracker
 
 ATTITUDES = [(0, 0), (180, 0), (20, 0), (0, -25), (-160, 10), (90, 0), (30, 45), (0, 90)]
 
@@ -61,5 +61,5 @@ def test_its_signs_are_those_of_the_water_state(roll, pitch):
     """A lidar that is mounted at an attitude sees the water as one on a vessel that heels and trims by as much."""
     x, y = np.random.default_rng(5).uniform(-30, 30, (2, 2000))
     seen = Mounting(roll, pitch).unlevelled(np.stack([x, y, np.full_like(x, -2.5)]))
-    state = WaterTracker().step(seen, 0.0).state
+    state = WaterTracker().step(seen, Faces.of(seen), 0.0).state
     assert (state.roll_deg, state.pitch_deg) == pytest.approx((roll, pitch), abs=0.05)

@@ -15,10 +15,11 @@ def spread(rng, size, level_m, noise_m=0.05, slope=(0.0, 0.0)):
 @pytest.mark.parametrize("slope", [(0.0, 0.0), (0.05, -0.08)])
 def test_the_plane_below_the_lidar(start, slope):
     points = spread(np.random.default_rng(1), 4000, -2.5, noise_m=0.0, slope=slope)
-    plane, weight = fit_plane(PolarCells.of(points), start)
+    cells = PolarCells.of(points)
+    plane, weight = fit_plane(cells, start)
     assert plane.level_m == pytest.approx(-2.5, abs=1e-3)
     assert (plane.slope_x, plane.slope_y) == pytest.approx(slope, abs=2e-3)
-    assert weight.min() > 0.1
+    assert (weight / cells.trust).min() > 0.1
 
 
 @pytest.mark.parametrize("noise_m", [0.0, 0.02])
@@ -42,3 +43,31 @@ def test_the_lowest_point_of_each_cell_is_the_first_of_equal_ones():
     np.testing.assert_array_equal(np.sort(cells.lowest[0]), [-20.0, 10.1])
     assert len(cells.number) == 2
     assert not cells.enough
+
+
+def test_few_flat_echoes_near_the_lidar_win_over_mirrored_ones_below_quays():
+    """The water is seen at 5 to 12 m only; the quays on both sides have images 1.5 m to 4 m below it."""
+    rng = np.random.default_rng(4)
+    bearing, distance = rng.uniform(-np.pi, np.pi, 90), rng.uniform(5, 12, 90)
+    near = np.stack((distance * np.cos(bearing), distance * np.sin(bearing), rng.normal(-1.2, 0.03, 90)))
+    x, side = rng.uniform(-40, 40, 1500), rng.choice((-1, 1), 1500)
+    mirrored = np.stack((x, side * rng.uniform(14, 16, 1500), rng.uniform(-5.2, -2.7, 1500)))
+    plane, _ = fit_plane(PolarCells.of(np.hstack((near, mirrored))), None)
+    assert plane.level_m == pytest.approx(-1.2, abs=0.2)
+    assert abs(plane.slope_x) + abs(plane.slope_y) < 0.05
+
+
+def test_cells_are_trusted_by_flat_echoes_and_nearness():
+    def trust(distance_m, *heights):
+        xyz = np.array([(distance_m, 0.01 * k, z) for k, z in enumerate(heights)]).T
+        return PolarCells.of(xyz).trust.item()
+
+    assert trust(6, -2, -2, -2) > trust(6, -2, -2) > trust(6, -2) == trust(6, -2, -1)
+    assert trust(6, -2, -2, -2) == trust(6, -2, -2, -2, -2) > trust(30, -2, -2, -2)
+
+
+def test_cells_that_hold_bodies_are_hardly_trusted():
+    water = np.array([(10.0, 0.0, -2.0), (-10.0, 0.5, -2.0)]).T
+    alone, beside = PolarCells.of(water), PolarCells.of(water, np.array([[10.5], [0.0], [1.0]]))
+    ratio = beside.trust / alone.trust
+    assert sorted(ratio.tolist()) == [pytest.approx(0.1), 1.0]

@@ -1,0 +1,100 @@
+"""What the shapes of objects say: spray, low and flat bodies, mirrored echoes and turns, in whole logs."""
+
+import numpy as np
+import pytest
+
+from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.frame import Reason
+from tests.filters.seas import MAST_M, Body, frame_at, sea_log, water
+
+TIMES = np.arange(20) / 10
+
+
+def run(log, **params):
+    method = FILTERS["confirmed"](FILTERS["confirmed"].Params(**params))
+    return [result for frame in log for result in method.process(frame)] + method.flush()
+
+
+def log_with(extra, *, amplitude_m=0.03):
+    """Return the frames of calm water with the points of ``extra``, a function of generator and time, behind it."""
+    frames = []
+    for index, time_s in enumerate(TIMES):
+        rng = np.random.default_rng([7, index])
+        rows = np.concatenate((water(rng, time_s, 400, amplitude_m), extra(rng, time_s)))
+        frames.append(frame_at(time_s, rows, index=index))
+    return frames
+
+
+def kept(results, first=400):
+    """Return the share of the points behind the water that is kept, in all frames."""
+    return np.mean([result.keep[first:].mean() for result in results])
+
+
+def in_box(rng, size, middle, extent):
+    xyz = np.array(middle) + rng.uniform(-0.5, 0.5, (size, 3)) * extent
+    return np.column_stack((xyz, rng.uniform(5, 90, size)))
+
+
+@pytest.mark.parametrize("size", [40, 110])
+def test_spray_3_m_above_the_water_is_removed(size):
+    results = run(log_with(lambda rng, _: in_box(rng, size, (18, 4, 3 - MAST_M), (4, 4, 2))))
+    assert kept(results) < 0.02
+
+
+def test_a_wall_of_the_same_size_is_kept():
+    def wall(rng, _):
+        bearing, elevation = (axis.ravel() for axis in np.meshgrid(np.arange(0, 12, 0.4), np.arange(-5, 3, 0.5)))
+        x = np.full(len(bearing), 18.0)
+        y, z = x * np.tan(np.radians(bearing)), x * np.tan(np.radians(elevation))
+        return np.column_stack((x, y, z, rng.uniform(5, 90, len(x))))
+
+    assert kept(run(log_with(wall))) > 0.95
+
+
+def test_a_flat_deck_that_one_beam_meets_above_calm_water_is_kept():
+    """It is 1.3 m above the water, where no wave is."""
+
+    def deck(rng, _):
+        bearing = np.radians(np.arange(-8, 8, 0.4))
+        distance = 15 + rng.normal(0, 0.02, len(bearing))
+        z = np.full(len(bearing), 1.3 - MAST_M)
+        return np.column_stack((distance * np.cos(bearing), distance * np.sin(bearing), z, np.full(len(bearing), 60.0)))
+
+    assert kept(run(log_with(deck))) > 0.95
+
+
+def test_flat_echoes_near_the_water_are_not_kept():
+    assert kept(run(log_with(lambda rng, _: in_box(rng, 60, (15, 0, 0.05 - MAST_M), (3, 3, 0.05))))) < 0.02
+
+
+def test_mirrored_echoes_are_no_candidates():
+    """A quay, and its image below the water."""
+
+    def quay(rng, _):
+        bearing, elevation = (axis.ravel() for axis in np.meshgrid(np.arange(-20, 20, 0.5), np.arange(-16, 4, 0.5)))
+        x = np.full(len(bearing), 20.0)
+        y, z = x * np.tan(np.radians(bearing)), x * np.tan(np.radians(elevation))
+        return np.column_stack((x, y, z, rng.uniform(20, 60, len(x))))
+
+    for result in run(log_with(quay)):
+        z = result.frame.coordinates[2, 400:]
+        assert result.water.level_m == pytest.approx(-MAST_M, abs=0.15)
+        assert not result.keep[400:][z < -MAST_M - 0.6].any()
+        assert result.keep[400:][z > -MAST_M + 0.5].mean() > 0.95
+
+
+@pytest.mark.parametrize("rate_deg_s", [20.0, -20.0])
+def test_bodies_are_kept_while_own_ship_turns(rate_deg_s):
+    bodies = [Body(20, 5, points=30), Body(-18, 14, points=30), Body(5, -28, points=30), Body(-25, -20, points=30)]
+    log = []
+    for frame in sea_log(1, bodies, TIMES, amplitude_m=0.05, drops=0):
+        time_s = frame.stamp_ns / 1e9
+        angle = -np.radians(rate_deg_s * time_s)
+        x, y, z = frame.coordinates
+        turned = x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle), z
+        rows = np.column_stack((*turned, frame.cloud.points["intensity"]))
+        log.append((frame_at(time_s, rows, index=frame.index), frame))
+    for result, (_, straight) in zip(run([one for one, _ in log]), log, strict=True):
+        tall = straight.valid & (straight.coordinates[2] > 0.5 - MAST_M) & (straight.range_m > 12)
+        assert result.keep[tall].mean() > 0.9
+        assert result.counts[Reason.UNCONFIRMED] < 20
