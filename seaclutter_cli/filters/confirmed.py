@@ -154,8 +154,7 @@ class Confirmed(BaseFilter):
         frame.release()
         self._beams.add(echoes.xyz)
         # 1. Water
-        elevation = self._beams.elevation_deg(echoes.xyz)
-        faces = Faces.of(echoes.xyz, elevation, self._beams.gaps(elevation, elevation)[1])
+        faces = self._faces(echoes.xyz)
         water = self._water.step(echoes.xyz, faces, time_s)
         # 2. Band
         heights = measure(echoes, self._threshold(echoes), water, faces, self._params)
@@ -180,6 +179,10 @@ class Confirmed(BaseFilter):
         index = echoes.index.astype(np.int32)  # less to hold
         objects = [replace(one, points=index[one.points]) for one in found.objects]
         return _Undecided(frame, time_s, zone, reason, index[heights.grows & ~near], objects, tracks, state)
+
+    def _faces(self, xyz: Floats) -> Faces:
+        elevation = self._beams.elevation_deg(xyz)
+        return Faces.of(xyz, elevation, self._beams.gaps(elevation, elevation)[1])
 
     def _threshold(self, echoes: Echoes) -> Floats:
         """Return the intensity threshold of each echo, shape (M,); near points have that of the first range ring."""

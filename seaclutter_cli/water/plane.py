@@ -14,12 +14,12 @@ _STEP_M = 3.0
 _RINGS = int((FARTHEST_M - NEAREST_M) / _STEP_M) + 1
 _SCALES_M = (0.8, 0.6, 0.45, 0.3, 0.3)
 _ABOVE = 0.4
-_SUPPORT = 0.25
+_SUPPORT, _LEAST_SUPPORT = 0.4, 1.0
 _TILT_RIDGE = 5.0
 _MIN_CELLS = 8
 _FLAT_M, _ENOUGH, _SURE_M, _BESIDE = 0.3, 3.0, 20.0, 0.1
 _MIN_BEARINGS = 3
-_START_SHARES = (0.1, 0.3, 0.5, 0.7)
+_START_SHARES = (0.02, 0.1, 0.3, 0.5, 0.7)
 
 
 @dataclass(frozen=True)
@@ -99,15 +99,13 @@ def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
     """
     if start is not None:
         return _reweighted(cells, start)
-    x, y, z = cells.lowest
-    share = cells.trust / np.maximum(x * x + y * y, NEAREST_M**2)
-    order = np.argsort(z, kind="stable")
-    total = np.cumsum(share[order])
-    levels = [float(z[order[np.searchsorted(total, part * total[-1])]]) for part in _START_SHARES]
-    fits = [_reweighted(cells, Plane(level, 0.0, 0.0)) for level in levels]
-    fits = [fit for fit in fits if fit[0].level_m < 0] or fits  # water is below the lidar
-    needed = _SUPPORT * max(float(weight @ share) for _, weight in fits)
-    return min((fit for fit in fits if fit[1] @ share >= needed), key=lambda fit: fit[0].level_m)
+    order = np.argsort(cells.lowest[2], kind="stable")
+    total = np.cumsum(cells.trust[order])
+    starts = cells.lowest[2, order[np.searchsorted(total, np.array(_START_SHARES) * total[-1])]]
+    fits = [_reweighted(cells, Plane(level, 0.0, 0.0)) for level in starts.tolist()]
+    sure = [fit for fit in fits if fit[0].level_m < 0 and fit[1].sum() >= _LEAST_SUPPORT]  # water is below the lidar
+    needed = _SUPPORT * max(float(weight.sum()) for _, weight in sure or fits)
+    return min((fit for fit in sure or fits if fit[1].sum() >= needed), key=lambda fit: fit[0].level_m)
 
 
 def _reweighted(cells: PolarCells, plane: Plane) -> tuple[Plane, Floats]:

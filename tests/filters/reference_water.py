@@ -102,16 +102,12 @@ class Water:
         """Return the plane through the lowest points, and the weight of each cell."""
         if self.plane is not None:
             return reweighted(cells, self.plane)
-        shares = {key: cell.trust / max(cell.distance_squared, plane.NEAREST_M**2) for key, cell in cells.items()}
-        ordered = sorted((cell.lowest[2], key) for key, cell in cells.items())
-        weighted = [(z, shares[key]) for z, key in ordered]
+        weighted = sorted((cell.lowest[2], cell.trust) for cell in cells.values())
         levels = [weighted_quantile(weighted, part) for part in plane._START_SHARES]
         fits = [reweighted(cells, Plane(level, 0, 0)) for level in levels]
-        fits = [one for one in fits if one[0].a < 0] or fits
-        support = [sum(weight * shares[key] for key, weight in weights.items()) for _, weights in fits]
-        enough = plane._SUPPORT * max(support)
-        supported = [one for one, own in zip(fits, support, strict=True) if own >= enough]
-        return min(supported, key=lambda one: one[0].a)
+        below = [one for one in fits if one[0].a < 0 and sum(one[1].values()) >= plane._LEAST_SUPPORT]
+        enough = plane._SUPPORT * max(sum(weights.values()) for _, weights in below or fits)
+        return min((one for one in below or fits if sum(one[1].values()) >= enough), key=lambda one: one[0].a)
 
     def surface(self, level: Plane, points: Sequence[XYZ], stands: list[bool]) -> Surface:
         flat = [(x, y, level.height_of(x, y, z)) for (x, y, z), up in zip(points, stands, strict=True) if not up]

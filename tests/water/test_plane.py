@@ -52,7 +52,8 @@ def test_few_flat_echoes_near_the_lidar_win_over_mirrored_ones_below_quays():
     near = np.stack((distance * np.cos(bearing), distance * np.sin(bearing), rng.normal(-1.2, 0.03, 90)))
     x, side = rng.uniform(-40, 40, 1500), rng.choice((-1, 1), 1500)
     mirrored = np.stack((x, side * rng.uniform(14, 16, 1500), rng.uniform(-5.2, -2.7, 1500)))
-    plane, _ = fit_plane(PolarCells.of(np.hstack((near, mirrored))), None)
+    quays = np.vstack((mirrored[:2], -2.4 - mirrored[2]))
+    plane, _ = fit_plane(PolarCells.of(np.hstack((near, mirrored)), quays), None)
     assert plane.level_m == pytest.approx(-1.2, abs=0.2)
     assert abs(plane.slope_x) + abs(plane.slope_y) < 0.05
 
