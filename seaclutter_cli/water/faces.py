@@ -11,6 +11,8 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
+LEAST_M = 0.25
+"""Height of the lowest face that calm water does not have; in waves, their standard deviation is added."""
 _COLUMN_DEG = 0.3
 _COLUMNS = round(360 / _COLUMN_DEG)
 _BEAM_DEG = 0.1
@@ -81,6 +83,10 @@ class Faces:
     def height_m(self) -> Floats:
         """Heights of the faces, shape (N,)."""
         return self.top_m - self.low_m
+
+    def stands(self, level: Floats, sigma_m: float) -> Mask:
+        """Return which echoes belong to faces that water of a deviation does not have, above its z, shape (N,)."""
+        return np.asarray(self.above_m(level) > LEAST_M + sigma_m)
 
     def above_m(self, level: Floats) -> Floats:
         """Return the heights of the faces above z of the water, shape (N,)."""

@@ -93,9 +93,10 @@ def _cell(xyz: Floats) -> NDArray[np.int64]:
 def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
     """Return the plane of the lowest points, and the weight of each cell, shape (C,).
 
-    The fit is iteratively reweighted least squares with Tukey's weights. Points above the plane count 15 %, since what
+    The fit is iteratively reweighted least squares with Tukey's weights. Points above the plane count 40 %, since what
     rises out of the water is above it. Without a start, it starts from several levels and returns the lowest plane with
-    at least 40 % of the weight of the best one: decks and quays can have more cells than the water.
+    at least 40 % of the weight of the best one: decks and quays can have more cells than the water. Planes below the
+    lidar come first, unless they hold less than one cell that is fully trusted.
     """
     if start is not None:
         return _reweighted(cells, start)

@@ -18,9 +18,15 @@ _SMOOTHING_M = 2.5
 _TRUNCATION = 4.0
 _WEIGHTS = int(_TRUNCATION * _SMOOTHING_M / _CELL_M)
 _MAX_PER_CELL = 3
+_MIN_DEPTH_M, _DEPTH_SIGMAS = 0.3, 4.5
 _SHRINKAGE = 2.0
 _ROUGHNESS = 0.5
 _RANGE_NOISE_M = 0.02
+
+
+def mirrored_below_m(deviation_m: Floats | float) -> Floats:
+    """Return the depth below water of a standard deviation from which echoes are mirrored, or noise."""
+    return np.asarray(np.maximum(_MIN_DEPTH_M, _DEPTH_SIGMAS * np.asarray(deviation_m)))
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from seaclutter_cli.water.faces import Faces
+from seaclutter_cli.water.faces import LEAST_M, Faces
 from seaclutter_cli.water.plane import FARTHEST_M, NEAREST_M, Floats, Plane, PolarCells, WaterEchoes, fit_plane
-from seaclutter_cli.water.surface import GridCells, Swell, WaterSurface
+from seaclutter_cli.water.surface import GridCells, Swell, WaterSurface, mirrored_below_m
 
 _START_SIGMA_M = 0.1
 _START_PASSES = 5
@@ -12,9 +12,8 @@ _BAND_SIGMAS = 3.5
 _MIN_BAND_M = 0.15
 _SIGMA_TIME_S = 1.0
 _MEMORY_S = 5.0
-_MIN_SPAN_M = 0.25
 _BODY_M = 0.5
-_DEPTH_SIGMAS, _MIN_DEPTH_M, _DEPTH_PER_M = 4.5, 0.3, 0.015
+_DEPTH_PER_M = 0.015
 
 
 class WaterTracker:
@@ -57,15 +56,15 @@ class WaterTracker:
         near = (distance >= NEAREST_M) & (distance < FARTHEST_M)
         bodies = xyz[:, near & (faces.height_m > _BODY_M + 2 * self._known_sigma_m)]
         if self._plane is not None:  # what is much lower is mirrored
-            depth = _DEPTH_PER_M * distance + self.depth_m
+            depth = _DEPTH_PER_M * distance + mirrored_below_m(self._known_sigma_m)
             near &= z - self._plane.height(x, y) > -depth
-        near = np.flatnonzero(near & (faces.height_m <= _MIN_SPAN_M + self._known_sigma_m))
+        near = np.flatnonzero(near & (faces.height_m <= LEAST_M + self._known_sigma_m))
         cells = PolarCells.of(xyz.take(near, axis=1), bodies)
         lowest, weight = fit_plane(cells, self._plane) if cells.enough else (self._plane, None)
         if lowest is None:
             return None
         height = z - lowest.height(x, y)
-        stands = faces.above_m(z - height) > _MIN_SPAN_M + self._known_sigma_m
+        stands = faces.stands(z - height, self._known_sigma_m)
         if weight is not None:
             self._update(lowest, WaterEchoes.of(cells, height[near], weight, ~stands[near]), time_s)
         if self._plane is None:
@@ -88,11 +87,6 @@ class WaterTracker:
         share = np.exp((self._seen_s - time_s) / _SIGMA_TIME_S) if known else 0.0
         self._sigma_m = float(share * self._sigma_m + (1 - share) * sigma)
         self._plane, self._seen_s = plane, time_s
-
-    @property
-    def depth_m(self) -> float:
-        """Depth below the water from which echoes are mirrored."""
-        return max(_MIN_DEPTH_M, _DEPTH_SIGMAS * self._known_sigma_m)
 
     @property
     def _known_sigma_m(self) -> float:

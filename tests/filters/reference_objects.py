@@ -11,6 +11,8 @@ import numpy as np
 from seaclutter_cli.filters import confirmed
 from seaclutter_cli.filters.confirmation import beams, objects
 from seaclutter_cli.filters.confirmation import echoes as heights
+from seaclutter_cli.water import surface as water_surface
+from seaclutter_cli.water.faces import LEAST_M
 from tests.filters.reference_faces import Faces
 from tests.filters.reference_points import Point
 from tests.filters.reference_water import Surface, grid_cell
@@ -107,9 +109,9 @@ def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, fac
     sigma = 0.0 if water is None else water.sigma
     for one in echoes:
         solid = grid_cell(*one.xy) not in volume
-        deepest = -max(heights._MIN_DEPTH_M, heights._DEPTH_SIGMAS * one.deviation)
+        deepest = -max(water_surface._MIN_DEPTH_M, water_surface._DEPTH_SIGMAS * one.deviation)
         one.high = one.height > one.rise and solid
-        one.upright = one.face > heights._MIN_FACE_M + sigma and one.height >= deepest and solid
+        one.upright = one.face > LEAST_M + sigma and one.height >= deepest and solid
         one.grows = one.grows or one.upright
     return echoes
 

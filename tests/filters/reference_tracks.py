@@ -104,10 +104,12 @@ class Tracks:
         elapsed = 0.0 if self.time_s is None else time_s - self.time_s
         known = [track.expected(time_s) for track in self.tracks if track.memory > 0]
         cells = [cell for thing in things for cell in thing.cells]
-        if not known or not cells or elapsed <= 0:
+        if not known or elapsed <= 0:
             return
-        angle = common_turn(known, cells, self.yaw_rate * elapsed)
-        self.yaw_rate = angle / elapsed
+        angle = self.yaw_rate * elapsed
+        if cells:
+            angle = common_turn(known, cells, angle)
+            self.yaw_rate = angle / elapsed
         for track in self.tracks:
             track.cells = [turned(cell, angle) for cell in track.cells]
             track.center, track.velocity = turned(track.center, angle), turned(track.velocity, angle)
@@ -206,7 +208,7 @@ class Tracks:
 
 def best_known(votes: Sequence[int], known: Sequence[float]) -> int | None:
     """Return the best known track that expects at least a quarter as many cells as any; None if none expects any."""
-    enough = [t for t, count in enumerate(votes) if count and count >= tracks._QUARTER * max(votes)]
+    enough = [t for t, count in enumerate(votes) if count and count >= tracks._CONTINUED_SHARE * max(votes)]
     return max(enough, key=lambda t: known[t], default=None)
 
 
@@ -216,10 +218,11 @@ def turned(place: XY, angle: float) -> XY:
 
 
 def common_turn(known: Sequence[Sequence[XY]], cells: Sequence[XY], guess: float) -> float:
-    """Return the angle for which most tracks vote; the guess, unless another has at least twice as many votes.
+    """Return the angle for which most tracks vote if more of them meet objects at it than at the guess, else the guess.
 
     Every cell that a track expects votes with every cell seen at about its range; each track has one vote.
     """
+    seen = places_of(cells)
     places = [(number, place) for number, own in enumerate(known) for place in own]
     places = places[:: len(places) // tracks._MAX_CELLS + 1]
     cells = cells[:: len(cells) // tracks._MAX_CELLS + 1]
@@ -237,7 +240,15 @@ def common_turn(known: Sequence[Sequence[XY]], cells: Sequence[XY], guess: float
                     votes[vote] += 1 / count[number]
     smooth = {one: votes[one - 1] + 2 * votes[one] + votes[one + 1] for one in range(-most, most + 1)}
     best = max(smooth, key=lambda one: smooth[one])
-    return guess + (best if smooth[best] >= tracks._TURN_GAIN * smooth[0] else 0) * tracks._TURN_BIN_RAD
+
+    def met(angle: float) -> float:
+        shares = [
+            (distances(turned(place, angle), seen).min() <= tracks._MET_M) / count[number] for number, place in places
+        ]
+        return sum(shares) / len(count)
+
+    other = guess + best * tracks._TURN_BIN_RAD
+    return other if met(other) > met(guess) + tracks._TURN_GAIN else guess
 
 
 def begun(thing: Thing, time_s: float) -> Track:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from seaclutter_cli.water import plane, surface, tracker
+from seaclutter_cli.water.faces import LEAST_M
 from tests.filters.reference_faces import Face
 
 XYZ = tuple[float, float, float]
@@ -61,7 +62,7 @@ class Water:
         if not 0 <= time_s - self.seen_s <= tracker._MEMORY_S:
             self.plane = None
         sigma = tracker._START_SIGMA_M if self.plane is None else self.sigma
-        span = tracker._MIN_SPAN_M + sigma
+        span = LEAST_M + sigma
         near = [k for k, (x, y, _) in enumerate(points) if plane.NEAREST_M <= math.hypot(x, y) < plane.FARTHEST_M]
         bodies = {cell_of(*points[k][:2]) for k in near if faces[k].height > tracker._BODY_M + 2 * sigma}
         used = [k for k in near if faces[k].height <= span and not self.is_mirrored(points[k], sigma)]
@@ -82,7 +83,7 @@ class Water:
 
     def is_mirrored(self, point: XYZ, sigma: float) -> bool:
         """Return whether a point is much lower than the water of the frame before."""
-        depth = max(tracker._MIN_DEPTH_M, tracker._DEPTH_SIGMAS * sigma)
+        depth = max(surface._MIN_DEPTH_M, surface._DEPTH_SIGMAS * sigma)
         depth += tracker._DEPTH_PER_M * math.hypot(*point[:2])
         return self.plane is not None and self.plane.height_of(*point) <= -depth
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.frame import Frame, Reason
 from seaclutter_cli.water import Faces, WaterSurface
-from seaclutter_cli.water.surface import BEYOND
+from seaclutter_cli.water.surface import BEYOND, mirrored_below_m
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -19,9 +19,7 @@ _RISE_FROM_M = 30.0
 _WAVE_SIGMAS = 6.0
 _GROWTH_SIGMAS = 1.5
 _UNSEEN_M = 100.0
-_MIN_DEPTH_M, _DEPTH_SIGMAS = 0.3, 4.5
-_MIN_FACE_M = 0.25
-_VOLUME = 4.0
+_VOLUME = 2.5
 _OWN, _SHOWN = 4.0, 12.0
 
 
@@ -116,19 +114,18 @@ def measure(
     else:
         height, deviation, shown = water.above(x, y, z, water.cells)
         sigma = water.sigma_m
-    face = faces.above_m(z - height)
+    level = z - height
     beyond = _RISE_PER_M * np.maximum(echoes.range_m - _RISE_FROM_M, 0)
     rise = np.maximum(params.min_rise_m, params.rise_sigmas * deviation) + beyond
     reached, brightness = _brightness(echoes, threshold)
-    below = height < -np.maximum(_MIN_DEPTH_M, _DEPTH_SIGMAS * deviation)
     linked, loose = faces.neighbors(height > rise)
     solid = ~_in_volume(linked, loose, water)
-    upright = (face > _MIN_FACE_M + sigma) & ~below & solid
+    upright = faces.stands(level, sigma) & (height >= -mirrored_below_m(deviation)) & solid
     return Heights(
         height,
         rise,
         _WAVE_SIGMAS * deviation + beyond,
-        face,
+        faces.above_m(level),
         linked,
         loose,
         (height > rise) & solid,

@@ -35,9 +35,10 @@ _COAST_S, _NEW_COAST_S = 2.0, 0.5
 _NEIGHBOR_STEPS = 1.1
 _EXPECTED_MEMORY, _MAX_EXPECTED_TOP_M = 1.0, 1.5
 _SLACK_S = 1e-6
-_QUARTER = 0.25
+_CONTINUED_SHARE = 0.25
 _MAX_CELLS, _SAME_RANGE_M = 256, 1.0
-_TURN_BIN_RAD, _TURN_BINS, _TURN_GAIN = math.radians(0.25), 24, 2.0
+_TURN_BIN_RAD, _TURN_BINS, _TURN_GAIN = math.radians(0.25), 24, 0.2
+_MET_M = 0.5
 
 
 class Evidence(NamedTuple):
@@ -139,17 +140,20 @@ class Tracker:
         return bool(np.hypot(*cells.T).min() < start_m + _CONTACT_M)
 
     def turn(self, objects: Sequence[DetectedObject], time_s: float) -> None:
-        """Turn the tracks with the lidar: own ship's yaw is what most objects have in common."""
+        """Turn the tracks with the lidar: own ship's yaw is what most objects have in common.
+
+        Without objects, own ship turns on as before.
+        """
         elapsed_s = self._interval_s(time_s)
         known = [track for track in self._tracks if track.memory > 0]
-        if not objects or not known or elapsed_s <= 0:
+        if not known or elapsed_s <= 0:
             return
-        expected, track_of = _expected_cells(known, time_s)
-        cells = np.concatenate([one.cells for one in objects])
-        angle = _turn_rad(expected, track_of, cells, self._yaw_rate * elapsed_s)
-        self._yaw_rate = angle / elapsed_s
-        cos, sin = math.cos(angle), math.sin(angle)
-        turned = np.array([[cos, sin], [-sin, cos]])
+        angle = self._yaw_rate * elapsed_s
+        if objects:
+            expected, track_of = _expected_cells(known, time_s)
+            angle = _turn_rad(expected, track_of, np.concatenate([one.cells for one in objects]), angle)
+            self._yaw_rate = angle / elapsed_s
+        turned = _rotation(angle)
         for track in self._tracks:
             track.cells, track.center, track.velocity = (
                 track.cells @ turned,
@@ -314,7 +318,7 @@ def _by_track(votes: NDArray[np.int64], known: Floats) -> dict[int, list[int]]:
     """
     chosen: dict[int, list[int]] = {}
     for k in np.flatnonzero(votes.any(axis=1)).tolist():
-        enough = votes[k] >= max(_QUARTER * votes[k].max(), 1)
+        enough = votes[k] >= max(_CONTINUED_SHARE * votes[k].max(), 1)
         chosen.setdefault(int(np.where(enough, known, 0.0).argmax()), []).append(k)
     return chosen
 
@@ -322,20 +326,30 @@ def _by_track(votes: NDArray[np.int64], known: Floats) -> dict[int, list[int]]:
 def _turn_rad(expected: Floats, track_of: NDArray[np.int64], cells: Floats, guess_rad: float) -> float:
     """Return the angle by which most tracks, of expected cells of shape (m, 2), turned to cells seen, shape (n, 2).
 
-    Pairs of nearly one range vote for the angle between them; each track has one vote.
+    Pairs of nearly one range vote for the angle between them; each track has one vote. Walls vote for many angles, so
+    the first is taken only if, turned by it, more tracks are where objects are than turned by the guess.
     """
     step = len(expected) // _MAX_CELLS + 1
-    expected, track_of, cells = expected[::step], track_of[::step], cells[:: len(cells) // _MAX_CELLS + 1]
+    expected, track_of, some = expected[::step], track_of[::step], cells[:: len(cells) // _MAX_CELLS + 1]
     weight = 1 / np.bincount(track_of)[track_of]
-    apart = np.abs(np.hypot(*expected.T)[:, None] - np.hypot(*cells.T)) < _SAME_RANGE_M
-    angles = np.arctan2(cells[:, 1], cells[:, 0]) - np.arctan2(expected[:, 1], expected[:, 0])[:, None]
+    apart = np.abs(np.hypot(*expected.T)[:, None] - np.hypot(*some.T)) < _SAME_RANGE_M
+    angles = np.arctan2(some[:, 1], some[:, 0]) - np.arctan2(expected[:, 1], expected[:, 0])[:, None]
     angles = (angles[apart] - guess_rad + np.pi) % (2 * np.pi) - np.pi
     bins = np.rint(angles / _TURN_BIN_RAD).astype(np.int64) + _TURN_BINS
     inside = (bins >= 0) & (bins <= 2 * _TURN_BINS)
     share = np.broadcast_to(weight[:, None], apart.shape)[apart][inside]
     votes = np.bincount(bins[inside], weights=share, minlength=2 * _TURN_BINS + 1)
     votes = np.convolve(votes, (1, 2, 1), mode="same")
-    best = int(np.argmax(votes))
-    if votes[best] < _TURN_GAIN * votes[_TURN_BINS]:
-        best = _TURN_BINS
-    return guess_rad + (best - _TURN_BINS) * _TURN_BIN_RAD
+    best_rad = guess_rad + (int(np.argmax(votes)) - _TURN_BINS) * _TURN_BIN_RAD
+
+    def met(angle_rad: float) -> float:
+        _, distance = nearest(cells, expected @ _rotation(angle_rad))
+        return float(weight[distance <= _MET_M].sum() / weight.sum())
+
+    return best_rad if met(best_rad) > met(guess_rad) + _TURN_GAIN else guess_rad
+
+
+def _rotation(angle_rad: float) -> Floats:
+    """Return the matrix that turns rows of coordinates by an angle."""
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[cos, sin], [-sin, cos]])
