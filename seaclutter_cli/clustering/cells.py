@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +13,10 @@ Points = NDArray[np.float64]
 
 _REACH = 2
 _FEW_CELLS = 1 << 20
-_TABLE_COLUMNS = 1 << 21
-_BLOCK = 1 << 15
 _ALL_PAIRED = 100
-_OFFSETS = np.array([(i, j) for i in range(_REACH + 1) for j in range(-_REACH, _REACH + 1) if (i, j) > (0, 0)])
+_BLOCK = 1 << 13
+_STEPS = np.array([(i, j) for i in range(_REACH + 1) for j in range(-_REACH, _REACH + 1) if (i, j) >= (0, 0)])
+"""Steps along x and y to columns in reach, in one direction."""
 
 
 @dataclass(frozen=True)
@@ -45,33 +44,22 @@ class Cells:
         return len(self.start)
 
     def pairs(self) -> Iterator[Indices]:
-        """Yield the pairs of cells that are at most two apart on each axis, each once, in blocks of shape (2, n).
-
-        The size of the blocks is bounded. Of few cells, all pairs are returned, since a search would take longer.
-        """
+        """Yield arrays, shape (2, n), with the pairs of cells at most two apart on each axis, each once; all of few."""
         if len(self) <= _ALL_PAIRED:
-            yield _all_pairs()[:, : len(self) * (len(self) - 1) // 2]
+            yield np.stack(np.tril_indices(len(self), -1))
             return
-        stride = int(self.height.max(initial=0)) + 1 + _REACH
-        key = np.append(self.column * stride + self.height, [np.iinfo(np.int64).max] * (2 * _REACH + 1))
-        cells = np.bincount(self.column)
-        first = np.cumsum(cells) - cells
-        own, other = self._columns_in_reach(first, first + cells - 1)
-        for block in blocks(cells[own], _BLOCK):
-            a = spans(first[own[block]], cells[own[block]])
-            low = np.repeat(other[block], cells[own[block]]) * stride + self.height[a]
-            begin = np.searchsorted(key, low - np.where(low == key[a], -1, _REACH))  # upwards only in the same column
-            found = np.zeros(len(a), np.int64)
-            for step in range(2 * _REACH + 1):  # maximum number of cells in reach; faster than a second search
-                found += key[begin + step] <= low + _REACH
-            yield np.stack((np.repeat(a, found), spans(begin, found)))
-
-    def _columns_in_reach(self, first: Indices, last: Indices) -> Indices:
-        """Return the pairs of columns whose heights are in reach, and columns of several cells with themselves."""
-        own, other = neighbors = _neighbors(self.columns, self.row)
-        bottom, top = self.height[first], self.height[last] + _REACH
-        in_reach = (bottom[own] <= top[other]) & (bottom[other] <= top[own]) & ((own != other) | (first != last)[own])
-        return neighbors[:, in_reach]
+        stride = int(self.height.max()) + 1 + _REACH
+        key = self.column * stride + self.height
+        sought = self.columns + (_STEPS @ (self.row, 1))[:, None]
+        other = np.searchsorted(self.columns, sought)
+        known = np.append(self.columns, -1)[other] == sought
+        for start in range(0, len(self), _BLOCK):
+            column = self.column[start : start + _BLOCK]
+            step, own = known[:, column].nonzero()
+            beside = other[step, column[own]] * stride + self.height[own + start]
+            first = np.searchsorted(key, beside - np.where(step, _REACH, -1))  # upwards only in the same column
+            found = np.searchsorted(key, beside + _REACH, side="right") - first
+            yield np.stack((np.repeat(own + start, found), spans(first, found)))
 
 
 def cells_of(xyz: Points, tolerance_m: float) -> Cells:
@@ -80,8 +68,11 @@ def cells_of(xyz: Points, tolerance_m: float) -> Cells:
         none = np.empty(0, np.int64)
         return Cells(none, none, none, none, none, none, 1)
     side = tolerance_m / np.sqrt(3) * (1 - 1e-8)
-    column, row = _columns(xyz, side, tolerance_m)
-    z = _along_axis(xyz[2], side, tolerance_m)
+    y, z = (_along_axis(values, side, tolerance_m) for values in xyz[1:])
+    row = int(y.max()) + 1 + _REACH
+    column = _along_axis(xyz[0], side, tolerance_m)
+    column *= row
+    column += y
     stride = int(z.max()) + 1
     rank = column
     if int(column.max()) * stride >= 2**62:
@@ -103,13 +94,6 @@ def cells_of(xyz: Points, tolerance_m: float) -> Cells:
     )
 
 
-@cache
-def _all_pairs() -> Indices:
-    """Return the pairs of numbers below `_ALL_PAIRED`, in the order of the greater one."""
-    greater, less = np.tril_indices(_ALL_PAIRED, -1)
-    return np.stack((less, greater))
-
-
 def blocks(sizes: Indices, limit: int) -> Iterator[slice]:
     """Yield slices over items whose sizes add up to at most a limit; a larger item forms a slice of its own."""
     ends = np.cumsum(sizes)
@@ -126,16 +110,6 @@ def spans(start: Indices, count: Indices) -> Indices:
     ends = np.cumsum(count)
     total = int(ends[-1]) if len(ends) else 0
     return np.arange(total) + np.repeat(start - ends + count, count)
-
-
-def _columns(xyz: Points, side: float, tolerance_m: float) -> tuple[Indices, int]:
-    """Return the number of each point's column, shape (N,), and the difference between neighbours along x."""
-    y = _along_axis(xyz[1], side, tolerance_m)
-    row = int(y.max()) + 1 + _REACH
-    column = _along_axis(xyz[0], side, tolerance_m)
-    column *= row
-    column += y
-    return column, row
 
 
 def _along_axis(values: Points, side: float, tolerance_m: float) -> Indices:
@@ -160,19 +134,3 @@ def _with_gaps(values: Points, side: float, tolerance_m: float) -> Indices:
     cells = np.empty(len(local), np.int64)
     cells[order] = local + np.append(0, np.cumsum(steps))[segment]
     return cells
-
-
-def _neighbors(columns: Indices, row: int) -> Indices:
-    """Return the pairs of columns, by rank, that are at most two apart on each axis; each column also with itself."""
-    ranks = np.arange(len(columns))
-    size = int(columns[-1]) + (_REACH + 1) * row + 1
-    sought = columns + (_OFFSETS @ np.array((row, 1)))[:, None]
-    if size <= _TABLE_COLUMNS:
-        table = np.full(size, -1)
-        table[columns] = ranks
-        found = table[sought]
-    else:
-        found = np.minimum(np.searchsorted(columns, sought), len(columns) - 1)
-        found[columns[found] != sought] = -1
-    hits = found >= 0
-    return np.concatenate((np.stack((ranks, ranks)), np.stack((hits.nonzero()[1], found[hits]))), axis=1)

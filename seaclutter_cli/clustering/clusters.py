@@ -1,7 +1,5 @@
 """Exact Euclidean clusters, and density-based ones (DBSCAN) as in the evaluation of [Bi], in bounded memory."""
 
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,9 +8,6 @@ from seaclutter_cli.clustering.cells import Indices, Points, blocks, cells_of, s
 Mask = NDArray[np.bool_]
 
 _BLOCK = 1 << 18
-_MANY_CELLS = 1 << 14
-_LITTLE_WORK = 1 << 12
-_MANY_PAIRS = 1 << 22
 _ROUNDING = 1e-9
 
 
@@ -29,7 +24,7 @@ def euclidean_clusters(xyz: Points, tolerance_m: float, min_points: int) -> Indi
     array([0, 1, 1, 1, 0])
     """
     everything = np.ones(xyz.shape[1], np.bool_)
-    finder = ClusterFinder(xyz, everything, tolerance_m, subsets=1)
+    finder = ClusterFinder(xyz, everything, tolerance_m)
     del xyz  # which the caller may have released
     return finder.clusters(everything, min_points)
 
@@ -43,10 +38,10 @@ class ClusterFinder:
     dense components that almost touch, which take a search tree.
 
     Coordinates have shape (3, N). ``among``, shape (N,), tells whether a point is in any of the subsets; these must
-    have finite coordinates. Of one subset, few pairs of cells need their bounding boxes compared.
+    have finite coordinates.
     """
 
-    def __init__(self, xyz: Points, among: Mask, tolerance_m: float, *, subsets: int = 2) -> None:
+    def __init__(self, xyz: Points, among: Mask, tolerance_m: float) -> None:
         self._tolerance_m = tolerance_m
         members = np.flatnonzero(among)
         cells = cells_of(xyz if len(members) == len(among) else xyz[:, members], tolerance_m)
@@ -54,10 +49,14 @@ class ClusterFinder:
         self._xyz = xyz.take(self._order, axis=1)
         self._cell = np.repeat(np.arange(len(cells)), cells.count)
         self._cells = len(cells)
-        self._compared = subsets > 1 or len(cells) > _MANY_CELLS
-        self._start = cells.start
-        pairs = (self._with_near_boxes(block) if self._compared else block for block in cells.pairs())
-        self._pairs = np.concatenate([np.empty((2, 0), np.int64), *pairs], axis=1)
+        low, high = (reduce.reduceat(self._xyz, cells.start, axis=1) for reduce in (np.minimum, np.maximum))
+        pairs = [np.empty((2, 0), np.int64)]
+        for own, other in cells.pairs():
+            above = low.take(own, axis=1) - high.take(other, axis=1)
+            below = low.take(other, axis=1) - high.take(own, axis=1)
+            boxes_near = np.flatnonzero(self._near(np.maximum(np.maximum(above, below), 0)))
+            pairs.append(np.stack((own[boxes_near], other[boxes_near])))
+        self._pairs = np.concatenate(pairs, axis=1)
 
     def clusters(self, keep: Mask, min_points: int) -> Indices:
         """Return the cluster of each point of a subset, as `euclidean_clusters` does; -1 for all other points."""
@@ -93,9 +92,6 @@ class ClusterFinder:
         pairs = _in_different_components(component, pairs.take(np.flatnonzero(~near), axis=1))
         pairs = pairs.take(np.flatnonzero((count[pairs] > 1).any(axis=0)), axis=1)
         work = count[pairs].prod(axis=0)
-        if not self._compared and work.sum() > _LITTLE_WORK:
-            pairs = self._with_near_boxes(pairs)
-            work = count[pairs].prod(axis=0)
         order = np.argsort(work)
         for block in blocks(work[order], _BLOCK):
             own, other = _in_different_components(component, pairs[:, order[block]])
@@ -103,42 +99,20 @@ class ClusterFinder:
             component = _join(component, own[near], other[near])
         return component
 
-    @cached_property
-    def _boxes(self) -> tuple[Points, Points]:
-        """Least and greatest coordinates of the points of each cell, shape (3, C) each."""
-        low, high = (reduce.reduceat(self._xyz, self._start, axis=1) for reduce in (np.minimum, np.maximum))
-        return low, high
-
-    def _with_near_boxes(self, pairs: Indices) -> Indices:
-        """Return the pairs of cells whose bounding boxes are near."""
-        (own, other), (low, high) = pairs, self._boxes
-        above = low.take(own, axis=1) - high.take(other, axis=1)
-        below = low.take(other, axis=1) - high.take(own, axis=1)
-        return pairs.take(np.flatnonzero(self._near(np.maximum(np.maximum(above, below), 0))), axis=1)
-
     def _any_near(self, xyz: Points, own: tuple[Indices, Indices], other: tuple[Indices, Indices]) -> Mask:
         """Return which pairs of cells, given by start and count, have near points: small pairs, or one of any size."""
         if len(own[0]) == 1:
-            first, second = (xyz[:, spans(*cell)] for cell in (own, other))
-            return np.array([self._any_near_in_pair(first, second)])
+            return np.array([self._any_near_of_many(*(xyz[:, spans(*cell)] for cell in (own, other)))])
         pair = np.repeat(np.arange(len(own[0])), own[1])
         times = other[1][pair]
         a, b = np.repeat(spans(*own), times), spans(other[0][pair], times)
         return np.bincount(np.repeat(pair, times), self._near(xyz[:, a] - xyz[:, b]), len(own[0])) > 0
 
-    def _any_near_in_pair(self, own: Points, other: Points) -> bool:
-        """Return whether any point of one set is near a point of the other, both of shape (3, n)."""
-        own, other = self._in_reach(own, other), self._in_reach(other, own)
-        if own.shape[1] * other.shape[1] > _MANY_PAIRS:
-            return self._any_near_of_many(own, other)
-        step = max(1, _BLOCK // max(1, other.shape[1]))
-        parts = (own[:, start : start + step] for start in range(0, own.shape[1], step))
-        return any(self._near(part[:, :, None] - other[:, None, :]).any() for part in parts)
-
     def _any_near_of_many(self, own: Points, other: Points) -> bool:
-        """Return the same in less than quadratic time; only the nearest of the others to each point counts."""
+        """Return whether any point of one set is near a point of the other, both of shape (3, n)."""
         from scipy.spatial import cKDTree  # slow to import, rarely needed
 
+        own, other = self._in_reach(own, other), self._in_reach(other, own)
         tree = cKDTree(other.T, balanced_tree=False, compact_nodes=False)
         reach = self._tolerance_m * (1 + _ROUNDING)
         distance, nearest = tree.query(own.T, distance_upper_bound=reach)

@@ -39,14 +39,13 @@ def check(xyz, tolerance_m, min_points):
     )
 
 
-@pytest.fixture(params=["table", "search", "small blocks"])
+@pytest.fixture(params=["as it is", "shortened gaps", "every pair of cells by itself"])
 def implementations(request, monkeypatch):
-    if request.param == "search":
-        monkeypatch.setattr(cells, "_TABLE_COLUMNS", 0)
+    if request.param == "shortened gaps":
         monkeypatch.setattr(cells, "_FEW_CELLS", 0)
-    elif request.param == "small blocks":
-        monkeypatch.setattr("seaclutter_cli.clustering.clusters._BLOCK", 3)
-        monkeypatch.setattr(cells, "_BLOCK", 3)
+    elif request.param == "every pair of cells by itself":
+        monkeypatch.setattr(cells, "_ALL_PAIRED", 0)
+        monkeypatch.setattr(clusters, "_BLOCK", 1)
 
 
 SEARCH = settings(max_examples=60, deadline=None)
@@ -168,14 +167,14 @@ def balls(count, distance, seed=0):
 @given(distance=st.floats(1.499, 1.502), seed=st.integers(0, 1000))
 def test_dense_components_that_almost_touch_with_a_tree(distance, seed):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(clusters, "_MANY_PAIRS", 1)
+        patch.setattr(clusters, "_BLOCK", 1)
         check(balls(20, distance, seed), 1.5, 1)
 
 
 @given(xyz=arrays(float, (3, 30), elements=st.integers(0, 4).map(float)))
 def test_distances_equal_to_the_tolerance_with_a_tree(xyz):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(clusters, "_MANY_PAIRS", 1)
+        patch.setattr(clusters, "_BLOCK", 1)
         check(xyz, 2.0, 1)
 
 
