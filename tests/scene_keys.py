@@ -30,7 +30,7 @@ A scene has either a sea or a ground. In the world frame, x is east and y is nor
 
 SCENE = {
     "recording": RecordingParams,
-    **{name: params for name, (params, _) in TERRAINS.items()},
+    **TERRAINS,
     "vessel": VesselParams,
     "noise": NoiseParams,
     "physics": PhysicsParams,

@@ -36,7 +36,7 @@ class Bodies:
 
     def __init__(self, objects: Sequence[SceneObjectParams]) -> None:
         self.objects = objects
-        self.meshes = [SHAPES[item.shape]().scaled(*(float(size) for size in item.size_m)) for item in objects]
+        self.meshes = [SHAPES[item.shape].scaled(*(float(size) for size in item.size_m)) for item in objects]
         self._tracks = Tracks([item.track for item in objects])
         # Bodies longer than a wave follow it less.
         self._follow = np.array(
@@ -102,7 +102,7 @@ def add_body_echoes(
     if not close.any():
         return
     near, origins, rays = near[close], origins[close], rays[close]
-    distance, which = intersect_triangles(origins, rays, mesh.unit_transforms)
+    distance, which = intersect_triangles(origins, rays, mesh.transforms)
     hit = np.flatnonzero(which >= 0)
     normals = mesh.normals[which[hit]]
     facing = np.abs(np.einsum("ij,ij->i", normals, rays[hit])) / np.linalg.norm(normals, axis=1)

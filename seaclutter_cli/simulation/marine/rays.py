@@ -1,7 +1,5 @@
 """Intersections of rays with triangles and boxes."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,31 +25,23 @@ def intersect_box(origins: Floats, directions: Floats, lower: Floats, upper: Flo
     return begin, np.minimum(np.minimum(far[0], far[1]), far[2])
 
 
-@dataclass(frozen=True)
-class UnitTransforms:
-    """Transforms of T triangles to the one with corners (0, 0), (1, 0) and (0, 1) in the plane z = 0.
+def unit_transforms(triangles: Floats) -> tuple[Floats, Floats]:
+    """Return the transforms of triangles (T, 3, 3) to that with corners (0, 0), (1, 0) and (0, 1) in the plane z = 0.
 
-    ``shift``, shape (3, T), is subtracted after multiplication with the matrices, shape (3, 3, T).
+    They are matrices, shape (3, 3, T), and what is subtracted after multiplication with them, shape (3, T).
     """
-
-    axes: Floats
-    shift: Floats
-
-    @classmethod
-    def of(cls, triangles: Floats) -> "UnitTransforms":
-        """Return the transforms of triangles with given corners in metres, shape (T, 3, 3)."""
-        corner = triangles[:, 0]
-        first, second = triangles[:, 1] - corner, triangles[:, 2] - corner
-        to_unit = np.linalg.inv(np.stack((first, second, np.cross(first, second)), axis=2))
-        return cls(to_unit.transpose(1, 2, 0), np.einsum("tij,tj->it", to_unit, corner))
+    corner = triangles[:, 0]
+    first, second = triangles[:, 1] - corner, triangles[:, 2] - corner
+    to_unit = np.linalg.inv(np.stack((first, second, np.cross(first, second)), axis=2))
+    return to_unit.transpose(1, 2, 0), np.einsum("tij,tj->it", to_unit, corner)
 
 
 def intersect_triangles(
-    origins: Floats, directions: Floats, triangles: UnitTransforms
+    origins: Floats, directions: Floats, transforms: tuple[Floats, Floats]
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Return the distance along each ray to the nearest triangle, and its index; infinity and -1 for a miss.
 
-    Directions, shape (N, 3), have unit length; both sides of a triangle count.
+    Triangles are given by their `unit_transforms`; both sides of one count. Directions, shape (N, 3), have unit length.
 
     Notes
     -----
@@ -60,7 +50,7 @@ def intersect_triangles(
     """
     distance = np.full(len(origins), np.inf)
     which = np.full(len(origins), -1)
-    axes, shift = triangles.axes, triangles.shift
+    axes, shift = transforms
     size = max(1, _BLOCK // max(shift.shape[1], 1))
     for start in range(0, len(origins), size):
         block = slice(start, start + size)

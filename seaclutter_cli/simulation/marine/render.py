@@ -1,18 +1,20 @@
 """Rendering of lidar frames at sea or on land."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Receiver, Shots
+from seaclutter_cli.simulation.lidar.echoes import Echoes, Receiver, Shots, extinction
 from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody, add_body_echoes, box_of
-from seaclutter_cli.simulation.marine.effects import Effects
 from seaclutter_cli.simulation.marine.motion import Pose, Ride
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.simulation.marine.shapes import SHAPES
-from seaclutter_cli.simulation.marine.terrain import TERRAINS, Terrain, terrain_name
-from seaclutter_cli.simulation.marine.wide import WideWater
+from seaclutter_cli.simulation.marine.terrain import Ground, GroundParams, Terrain
+from seaclutter_cli.simulation.marine.water import SeaTerrain
+from seaclutter_cli.simulation.marine.wide import WideSea, WideWater
 from seaclutter_cli.truth import IGNORED, Boxes
 
 Floats = NDArray[np.float64]
@@ -41,29 +43,24 @@ class Renderer:
     """Renderer of the frames of a scene, which are independent and can be rendered in any order."""
 
     def __init__(self, scene: Scene) -> None:
-        recording, vessel, params = scene.recording, scene.vessel, scene.terrain
+        recording, vessel = scene.recording, scene.vessel
         self.scene, self.lidar, self._seed = scene, scene.lidar, recording.seed
         self._bodies = Bodies(scene.objects)
-        self._own = SHAPES["own_vessel"]().scaled(vessel.length_m, vessel.width_m, vessel.lidar_height_m * 0.7)
+        self._own = SHAPES["own_vessel"].scaled(vessel.length_m, vessel.width_m, vessel.lidar_height_m * 0.7)
         hulls = [(vessel.track, vessel.length_m, vessel.width_m)] if vessel.speed_ms else []
         moving = [item for item in scene.objects if item.speed_ms and item.shape != "bird"]
         hulls += [(item.track, float(item.size_m[0]), float(item.size_m[1])) for item in moving]
-        self._effects = Effects(scene, hulls) if scene.physics else None
-        self._terrain: Terrain = (
-            self._effects.sea
-            if self._effects
-            else TERRAINS[terrain_name(params)][1](params, hulls, vessel.length_m, self._seed)
-        )
+        self._terrain = _terrain(scene, hulls)
         mast = np.array([vessel.lidar_forward_m, 0.0, vessel.lidar_height_m])
-        self._ride = Ride(vessel.track, self._terrain.motion, vessel.wave_response, mast)
-        noise, extinction, near_m, response = scene.noise or self.lidar.noise, params.extinction, 0.0, (0.0, 1.0)
-        if self._effects and scene.physics:
-            self._ride = Ride(
-                vessel.smooth_track, self._terrain.motion, vessel.wave_response, mast, self._effects.rocking
-            )
-            extinction, near_m = self._effects.extinction, self._effects.near_m
-            response = scene.physics.intensity_offset, scene.physics.intensity_exponent
-        self._receiver = Receiver(self.lidar, noise, extinction, recording.dropout, near_m, response)
+        track, rocking = vessel.track, None
+        noise, near_m, response = scene.noise or self.lidar.noise, 0.0, (0.0, 1.0)
+        loss = extinction(scene.terrain.visibility_km)
+        if isinstance(self._terrain, WideSea):
+            physics, track, rocking = self._terrain.physics, vessel.smooth_track, self._terrain.rocking
+            loss, near_m = self._terrain.weather.extinction, self._terrain.near_m
+            response = physics.intensity_offset, physics.intensity_exponent
+        self._ride = Ride(track, self._terrain.motion, vessel.wave_response, mast, rocking)
+        self._receiver = Receiver(self.lidar, noise, loss, recording.dropout, near_m, response)
 
     def frame(self, index: int) -> SimulatedFrame:
         """Return a frame by its number."""
@@ -79,8 +76,8 @@ class Renderer:
         hull = self._ride.hull(start_s)
         add_body_echoes(shots, echoes, np.arange(len(shots)), self._own, hull, (_DARK_REFLECTIVITY, IGNORED))
         self._bodies.add_echoes(shots, echoes, placed)
-        if self._effects and isinstance(moment, WideWater):
-            self._effects.add_echoes(shots, echoes, moment, (self._bodies, placed), rng)
+        if isinstance(moment, WideWater):
+            moment.add_effects(shots, echoes, (self._bodies, placed), rng)
         return SimulatedFrame(index, *self._receiver.receive(echoes, times_s, rng), self._boxes(placed, hull, start_s))
 
     def _shots(self, positions: Floats, rotation: Floats) -> Shots:
@@ -94,8 +91,8 @@ class Renderer:
         """Return the boxes of all objects within range; own ship and the ground are areas to ignore."""
         lidar, reach_m = self._ride.lidar(start_s), self.lidar.max_range_m
         rows = [(IGNORED, "ignore", *box_of(self._own, hull, lidar, -np.inf))]
-        if (ground := self._terrain.box(lidar, reach_m)) is not None:
-            rows.append((IGNORED, "ignore", *ground))
+        if isinstance(self._terrain, Ground):
+            rows.append((IGNORED, "ignore", *self._terrain.box(lidar, reach_m)))
         for item, mesh, one in zip(self.scene.objects, self._bodies.meshes, placed, strict=True):
             center, size, yaw = box_of(mesh, one.pose, one.lidar, one.base_m)
             if np.hypot(center[0], center[1]) - np.hypot(size[0], size[1]) / 2 <= reach_m:
@@ -103,3 +100,13 @@ class Renderer:
                 rows.append((item.track_id, kind, center, size, yaw))
         tracks, kinds, centers, sizes, yaws = zip(*rows, strict=True)
         return Boxes(tuple(str(track) for track in tracks), kinds, np.array(centers), np.array(sizes), np.array(yaws))
+
+
+def _terrain(scene: Scene, hulls: Sequence[Any]) -> Terrain:
+    """Return the sea or the ground of a scene; hulls that leave a wake come with their path, length and width."""
+    params, seed = scene.terrain, scene.recording.seed
+    if isinstance(params, GroundParams):
+        return Ground(params, seed)
+    if scene.physics:
+        return WideSea(scene, scene.physics, params, hulls)
+    return SeaTerrain(params, hulls, scene.vessel.length_m, seed)

@@ -216,11 +216,11 @@ def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
         problems.append(f"{' and '.join(chosen)}: a scene can have only one of these sections")
     kinds: dict[str, type[Any]] = {
         "recording": RecordingParams,
-        chosen[0]: TERRAINS[chosen[0]][0],
+        chosen[0]: TERRAINS[chosen[0]],
         "vessel": VesselParams,
     }
     kinds |= {name: kind for name, kind in _OPTIONAL.items() if name in raw}
-    if "physics" in raw and TERRAINS[chosen[0]][0] is not SeaParams:
+    if "physics" in raw and TERRAINS[chosen[0]] is not SeaParams:
         problems.append("physics: only a sea can have this section")
     parts = build_sections(kinds, raw, problems)
     objects = build_list(SceneObjectParams, raw.get("objects") or [], "objects", problems)

@@ -8,7 +8,6 @@ from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 from scipy import fft
 
-from seaclutter_cli.simulation.lidar.echoes import extinction
 from seaclutter_cli.validation import renamed
 
 GRAVITY = 9.81
@@ -65,16 +64,6 @@ class SeaParams:
         """Wind speed that raises this sea if it is fully developed: :math:`H_s = 0.21 U^2 / g`."""
         return float(np.sqrt(self.significant_height_m * GRAVITY / 0.21))
 
-    @property
-    def extinction(self) -> float:
-        """Extinction coefficient in 1/m."""
-        return extinction(self.visibility_km)
-
-    @property
-    def whitecaps(self) -> float:
-        r"""Share of the sea under whitecaps: :math:`3.84 \cdot 10^{-6} U^{3.41}` (Monahan and Muircheartaigh 1980)."""
-        return float(min(1.0, 3.84e-6 * self.wind_ms**3.41))
-
 
 def jonswap(omega: NDArray[np.float64], height_m: float, peak: float, enhancement: float) -> NDArray[np.float64]:
     r"""Return the JONSWAP spectrum of the surface elevation.
@@ -82,25 +71,9 @@ def jonswap(omega: NDArray[np.float64], height_m: float, peak: float, enhancemen
     .. math:: S(\omega) = \frac{A}{\omega^5} \exp\!\left(-\tfrac54 \left(\tfrac{\omega_p}{\omega}\right)^4\right)
         \gamma^{\exp(-(\omega-\omega_p)^2 / (2 \sigma^2 \omega_p^2))}
 
-    Parameters
-    ----------
-    omega : ndarray, shape (N,), float64
-        Angular frequencies in rad/s; > 0.
-    height_m : float
-        Significant wave height, :math:`H_s = 4 \sqrt{m_0}`, in metres.
-    peak : float
-        Angular frequency of the peak, :math:`\omega_p`, in rad/s.
-    enhancement : float
-        Peak enhancement :math:`\gamma`; 1 gives the Pierson-Moskowitz spectrum.
-
-    Returns
-    -------
-    ndarray, shape (N,), float64
-        Variance density in m² s / rad.
-
-    Notes
-    -----
-    A reproduces the height to within about 1 % (Goda's approximation).
+    It is the variance density, in m² s / rad, at angular frequencies :math:`\omega > 0`, shape (N,), for a significant
+    wave height in metres, the frequency of the peak, :math:`\omega_p`, and its enhancement :math:`\gamma`; 1 gives the
+    Pierson-Moskowitz spectrum. A reproduces the height to within about 1 % (Goda's approximation).
 
     References
     ----------

@@ -1,13 +1,13 @@
 """Shapes of vessels, buoys, walls and trees, as triangles."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.simulation.marine.rays import UnitTransforms
+from seaclutter_cli.simulation.marine.rays import unit_transforms
 
 Triangles = NDArray[np.float64]
 Point = tuple[float, float]
@@ -27,9 +27,9 @@ class Mesh:
     shades: NDArray[np.float64]
 
     @cached_property
-    def unit_transforms(self) -> UnitTransforms:
+    def transforms(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Transforms for the intersection with rays."""
-        return UnitTransforms.of(self.triangles)
+        return unit_transforms(self.triangles)
 
     @cached_property
     def normals(self) -> NDArray[np.float64]:
@@ -69,83 +69,17 @@ def _circle(radius: float, corners: int = 12) -> list[Point]:
     return [(radius * float(np.cos(angle)), radius * float(np.sin(angle))) for angle in angles]
 
 
-def _box(x: Point, y: Point) -> list[Point]:
-    return [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
-
-
 def _hull(start: float = 0.15) -> list[Point]:
     """Return the outline of a hull of unit length and width, with the bow at x = 0.5."""
     return [(-0.5, -0.42), (start, -0.5), (0.38, -0.3), (0.5, 0.0), (0.38, 0.3), (start, 0.5), (-0.5, 0.42)]
 
 
-def _mesh(*parts: tuple[Triangles, float]) -> Mesh:
-    shades = [np.full(len(triangles), shade) for triangles, shade in parts]
-    return Mesh(np.concatenate([triangles for triangles, _ in parts]), np.concatenate(shades))
+def _block(x: Point, y: Point, bottom: float, top: float, *, taper: float = 1.0) -> Triangles:
+    """Return a prism on a rectangle."""
+    return _prism([(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])], bottom, top, taper=taper)
 
 
-def _buoy() -> Mesh:
-    return _mesh((_prism(_circle(0.5), -0.2, 0.35), 1.0), (_prism(_circle(0.3), 0.35, 1.0, taper=0.2), 1.0))
-
-
-def _speedboat() -> Mesh:
-    windscreen = _prism(_box((-0.05, 0.12), (-0.36, 0.36)), 0.6, 1.0, taper=0.8)
-    crew = _prism(_box((-0.2, -0.12), (-0.2, 0.2)), 0.55, 1.0, taper=0.7)
-    engine = _prism(_box((-0.5, -0.44), (-0.15, 0.15)), 0.3, 0.85)
-    return _mesh((_prism(_hull(), -0.15, 0.6), 1.0), (windscreen, 0.25), (crew, 0.6), (engine, 0.2))
-
-
-def _sailing_boat() -> Mesh:
-    # A sail is a thin sheet at an angle to the hull.
-    mast, boom, foot = 0.08, -0.42, 0.15
-    main = np.array([[(mast, 0.0, foot), (boom, 0.35, foot), (mast, 0.0, 1.0)]])
-    fore = np.array([[(0.46, 0.0, 0.12), (mast + 0.02, 0.2, 0.15), (mast, 0.0, 0.85)]])
-    spar = _prism([(mast + x, y) for x, y in _circle(0.008, 6)], 0.1, 1.0)
-    return _mesh((_prism(_hull(), -0.03, 0.11), 1.0), (main, 0.8), (fore, 0.8), (spar, 0.5))
-
-
-def _cruise_ship() -> Mesh:
-    decks = [
-        (_prism(_box((-0.44, 0.3 - 0.05 * level), (-0.46, 0.46)), 0.3 + 0.14 * level, 0.44 + 0.14 * level), shade)
-        for level, shade in enumerate((1.0, 0.55, 1.0, 0.55))
-    ]
-    funnel = _prism(_box((-0.3, -0.2), (-0.15, 0.15)), 0.86, 1.0)
-    return _mesh((_prism(_hull(0.3), -0.08, 0.3), 1.0), *decks, (funnel, 0.8))
-
-
-def _kayak() -> Mesh:
-    paddler = _prism(_box((-0.1, 0.05), (-0.4, 0.4)), 0.25, 0.85, taper=0.8)
-    head = _prism([(x - 0.02, y) for x, y in _box((-0.03, 0.03), (-0.15, 0.15))], 0.85, 1.0)
-    outline = [(-0.5, 0.0), (-0.1, -0.5), (0.1, -0.5), (0.5, 0.0), (0.1, 0.5), (-0.1, 0.5)]
-    return _mesh((_prism(outline, -0.1, 0.25), 1.0), (paddler, 0.6), (head, 0.5))
-
-
-def _wall() -> Mesh:
-    return _mesh((_prism(_box((-0.5, 0.5), (-0.5, 0.5)), -0.5, 1.0), 1.0))
-
-
-def _barge() -> Mesh:
-    """Return a hull with straight sides, a low house astern and two holds."""
-    holds = [(_prism(_box((start, start + 0.34), (-0.4, 0.4)), 0.55, 0.75), 0.7) for start in (-0.28, 0.1)]
-    house = _prism(_box((-0.48, -0.34), (-0.42, 0.42)), 0.55, 1.0)
-    return _mesh((_prism(_box((-0.5, 0.5), (-0.5, 0.5)), -0.3, 0.55), 1.0), *holds, (house, 1.0))
-
-
-def _cargo_ship() -> Mesh:
-    """Return a high hull with the house astern and stacks of containers of uneven height."""
-    heights = (0.72, 0.6, 0.78, 0.66)
-    stacks = [
-        (_prism(_box((-0.2 + 0.15 * k, -0.08 + 0.15 * k), (-0.45, 0.45)), 0.45, height), 0.5 + 0.15 * (k % 2))
-        for k, height in enumerate(heights)
-    ]
-    house = _prism(_box((-0.42, -0.28), (-0.48, 0.48)), 0.45, 1.0)
-    return _mesh((_prism(_hull(0.34), -0.1, 0.45), 0.8), *stacks, (house, 1.0))
-
-
-def _pile() -> Mesh:
-    return _mesh((_prism(_circle(0.5, 8), -0.5, 1.0), 1.0))
-
-
-def _bank() -> Mesh:
+def _bank() -> Triangles:
     """Return a slope that rises from the water on the right to a level top on the left."""
     profile = [(-0.5, -0.2), (0.1, 1.0), (0.5, 1.0), (0.5, -0.2)]
     ends = [np.array([(x, y, z) for y, z in profile]) for x in (-0.5, 0.5)]
@@ -155,96 +89,116 @@ def _bank() -> Mesh:
         np.stack((ends[0][after], ends[1][after], ends[1]), 1),
     ]
     caps = [end[[[0, 1, 2], [0, 2, 3]]] for end in ends]
-    return _mesh((np.concatenate((*sides, *caps)), 1.0))
+    return np.concatenate((*sides, *caps))
 
 
-def _trunk() -> Mesh:
-    """Return a round stem that gets thinner towards the top."""
-    return _mesh((_prism(_circle(0.5, 10), -0.05, 1.0, taper=0.75), 1.0))
-
-
-def _crown() -> Mesh:
-    """Return the upper part of a tree, from 0.45 of its height."""
-    return _mesh(
-        (_prism(_circle(0.5, 8), 0.6, 1.0, taper=0.25), 1.0),
-        (_prism(_circle(0.15, 8), 0.45, 0.6, taper=1 / 0.3), 1.0),
-    )
-
-
-def _apple_tree() -> Mesh:
-    """Return a slender stem with leaves from 0.15 of its height, sparse enough for some shots to pass."""
+def _leaves() -> Triangles:
+    """Return leaves from 0.15 of the height of a tree, sparse enough for some shots to pass."""
     rng = np.random.default_rng(5)
     centers = rng.uniform((-0.42, -0.42, 0.2), (0.42, 0.42, 0.95), (_LEAVES, 3))
     across = rng.normal(0, 1, (_LEAVES, 3, 3))
     across *= np.array([0.12, 0.12, 0.055]) / np.linalg.norm(across, axis=2, keepdims=True)
-    leaves = np.clip(centers[:, None] + across, (-0.5, -0.5, 0.12), (0.5, 0.5, 1.0))
-    return _mesh((_prism(_circle(0.04, 6), -0.05, 0.9), 0.7), (leaves, 1.0))
+    return np.clip(centers[:, None] + across, (-0.5, -0.5, 0.12), (0.5, 0.5, 1.0))
 
 
-def _swimmer() -> Mesh:
-    """Return the head and shoulders of a person in the water."""
-    shoulders = _prism([(0.3 * x, y) for x, y in _circle(0.5, 8)], -0.5, 0.35, taper=0.6)
-    return _mesh((shoulders, 0.7), (_prism(_circle(0.22, 8), 0.2, 1.0, taper=0.8), 1.0))
-
-
-def _rhib() -> Mesh:
-    """Return a low inflatable hull with a console and its crew."""
-    console = _prism(_box((-0.1, 0.05), (-0.2, 0.2)), 0.3, 0.75)
-    crew = _prism(_box((-0.22, -0.14), (-0.25, 0.25)), 0.3, 1.0, taper=0.7)
-    return _mesh((_prism(_hull(0.2), -0.1, 0.38), 0.5), (console, 0.8), (crew, 1.0))
-
-
-def _bird() -> Mesh:
-    """Return a flying bird in the highest tenth of its box."""
-    wings = np.array([[(0.2, 0, 0.95), (-0.2, side, 0.98), (-0.2, 0, 0.95)] for side in (-0.5, 0.5)])
-    return _mesh((_prism([(x, 0.3 * y) for x, y in _circle(0.5, 6)], 0.9, 1.0, taper=0.5), 1.0), (wings, 0.8))
-
-
-def _bridge() -> Mesh:
+def _bridge() -> Triangles:
     """Return the deck of a bridge, in the highest fifth of its box, on two piers."""
-    deck = _prism(_box((-0.5, 0.5), (-0.5, 0.5)), 0.8, 1.0)
+    deck = _block((-0.5, 0.5), (-0.5, 0.5), 0.8, 1.0)
     under = deck[-4:] * np.array([1.0, 1.0, 0.8])
-    piers = [_prism(_box((-0.4, 0.4), (y - 0.006, y + 0.006)), -0.1, 0.8) for y in (-0.12, 0.14)]
-    return _mesh((np.concatenate((deck, under, *piers)), 1.0))
+    piers = [_block((-0.4, 0.4), (y - 0.006, y + 0.006), -0.1, 0.8) for y in (-0.12, 0.14)]
+    return np.concatenate((deck, under, *piers))
 
 
-def _reeds() -> Mesh:
+def _reeds() -> Triangles:
     """Return upright blades, sparse enough for many shots to pass."""
     rng = np.random.default_rng(6)
     foot = np.concatenate((rng.uniform(-0.5, 0.5, (_BLADES, 2)), np.full((_BLADES, 1), -0.2)), axis=1)
     angle = rng.uniform(0, np.pi, _BLADES)
     wide = 0.006 * np.stack((np.cos(angle), 4 * np.sin(angle), np.zeros(_BLADES)), axis=1)
     lean = np.concatenate((rng.normal(0, 0.02, (_BLADES, 2)), rng.uniform(0.7, 1.2, (_BLADES, 1))), axis=1)
-    return _mesh((np.clip(np.stack((foot - wide, foot + wide, foot + lean), 1), -0.5, (0.5, 0.5, 1.0)), 1.0))
+    return np.clip(np.stack((foot - wide, foot + wide, foot + lean), 1), -0.5, (0.5, 0.5, 1.0))
 
 
-def _own_ship() -> Mesh:
-    """Return own ship: a hull with a low house behind the lidar's mast."""
-    house = _prism(_box((-0.3, 0.0), (-0.3, 0.3)), 0.5, 1.0)
-    return _mesh((_prism(_hull(), -0.2, 0.5), 1.0), (house, 1.0))
+_WALL = [(_block((-0.5, 0.5), (-0.5, 0.5), -0.5, 1.0), 1.0)]
+_KAYAK = [(-0.5, 0.0), (-0.1, -0.5), (0.1, -0.5), (0.5, 0.0), (0.1, 0.5), (-0.1, 0.5)]
 
-
-SHAPES: Mapping[str, Callable[[], Mesh]] = {
-    "buoy": _buoy,
-    "speedboat": _speedboat,
-    "sailing_boat": _sailing_boat,
-    "cruise_ship": _cruise_ship,
-    "kayak": _kayak,
-    "barge": _barge,
-    "cargo_ship": _cargo_ship,
-    "quay_wall": _wall,
-    "pontoon": _wall,
-    "building": _wall,
-    "pile": _pile,
-    "bank": _bank,
-    "trunk": _trunk,
-    "crown": _crown,
-    "apple_tree": _apple_tree,
-    "swimmer": _swimmer,
-    "rhib": _rhib,
-    "bird": _bird,
-    "bridge": _bridge,
-    "reeds": _reeds,
-    "own_vessel": _own_ship,
+_PARTS: Mapping[str, Sequence[tuple[Triangles, float]]] = {
+    "buoy": [(_prism(_circle(0.5), -0.2, 0.35), 1.0), (_prism(_circle(0.3), 0.35, 1.0, taper=0.2), 1.0)],
+    "speedboat": [
+        (_prism(_hull(), -0.15, 0.6), 1.0),
+        (_block((-0.05, 0.12), (-0.36, 0.36), 0.6, 1.0, taper=0.8), 0.25),  # windscreen
+        (_block((-0.2, -0.12), (-0.2, 0.2), 0.55, 1.0, taper=0.7), 0.6),  # crew
+        (_block((-0.5, -0.44), (-0.15, 0.15), 0.3, 0.85), 0.2),  # engine
+    ],
+    "sailing_boat": [
+        (_prism(_hull(), -0.03, 0.11), 1.0),
+        # Sails are thin sheets at an angle to the hull.
+        (np.array([[(0.08, 0.0, 0.15), (-0.42, 0.35, 0.15), (0.08, 0.0, 1.0)]]), 0.8),
+        (np.array([[(0.46, 0.0, 0.12), (0.08 + 0.02, 0.2, 0.15), (0.08, 0.0, 0.85)]]), 0.8),
+        (_prism([(0.08 + x, y) for x, y in _circle(0.008, 6)], 0.1, 1.0), 0.5),  # mast
+    ],
+    "cruise_ship": [
+        (_prism(_hull(0.3), -0.08, 0.3), 1.0),
+        *(
+            (_block((-0.44, 0.3 - 0.05 * level), (-0.46, 0.46), 0.3 + 0.14 * level, 0.44 + 0.14 * level), shade)
+            for level, shade in enumerate((1.0, 0.55, 1.0, 0.55))  # decks
+        ),
+        (_block((-0.3, -0.2), (-0.15, 0.15), 0.86, 1.0), 0.8),  # funnel
+    ],
+    "kayak": [
+        (_prism(_KAYAK, -0.1, 0.25), 1.0),
+        (_block((-0.1, 0.05), (-0.4, 0.4), 0.25, 0.85, taper=0.8), 0.6),  # paddler
+        (_block((-0.03 - 0.02, 0.03 - 0.02), (-0.15, 0.15), 0.85, 1.0), 0.5),
+    ],
+    "barge": [
+        (_block((-0.5, 0.5), (-0.5, 0.5), -0.3, 0.55), 1.0),
+        *((_block((start, start + 0.34), (-0.4, 0.4), 0.55, 0.75), 0.7) for start in (-0.28, 0.1)),  # holds
+        (_block((-0.48, -0.34), (-0.42, 0.42), 0.55, 1.0), 1.0),  # house astern
+    ],
+    "cargo_ship": [
+        (_prism(_hull(0.34), -0.1, 0.45), 0.8),
+        *(
+            (_block((-0.2 + 0.15 * k, -0.08 + 0.15 * k), (-0.45, 0.45), 0.45, height), 0.5 + 0.15 * (k % 2))
+            for k, height in enumerate((0.72, 0.6, 0.78, 0.66))  # stacks of containers
+        ),
+        (_block((-0.42, -0.28), (-0.48, 0.48), 0.45, 1.0), 1.0),  # house astern
+    ],
+    "quay_wall": _WALL,
+    "pontoon": _WALL,
+    "building": _WALL,
+    "pile": [(_prism(_circle(0.5, 8), -0.5, 1.0), 1.0)],
+    "bank": [(_bank(), 1.0)],
+    "trunk": [(_prism(_circle(0.5, 10), -0.05, 1.0, taper=0.75), 1.0)],
+    "crown": [  # from 0.45 of the height of a tree
+        (_prism(_circle(0.5, 8), 0.6, 1.0, taper=0.25), 1.0),
+        (_prism(_circle(0.15, 8), 0.45, 0.6, taper=1 / 0.3), 1.0),
+    ],
+    "apple_tree": [(_prism(_circle(0.04, 6), -0.05, 0.9), 0.7), (_leaves(), 1.0)],
+    "swimmer": [  # shoulders and head
+        (_prism([(0.3 * x, y) for x, y in _circle(0.5, 8)], -0.5, 0.35, taper=0.6), 0.7),
+        (_prism(_circle(0.22, 8), 0.2, 1.0, taper=0.8), 1.0),
+    ],
+    "rhib": [
+        (_prism(_hull(0.2), -0.1, 0.38), 0.5),
+        (_block((-0.1, 0.05), (-0.2, 0.2), 0.3, 0.75), 0.8),  # console
+        (_block((-0.22, -0.14), (-0.25, 0.25), 0.3, 1.0, taper=0.7), 1.0),  # crew
+    ],
+    "bird": [  # in the highest tenth of its box
+        (_prism([(x, 0.3 * y) for x, y in _circle(0.5, 6)], 0.9, 1.0, taper=0.5), 1.0),
+        (np.array([[(0.2, 0, 0.95), (-0.2, side, 0.98), (-0.2, 0, 0.95)] for side in (-0.5, 0.5)]), 0.8),  # wings
+    ],
+    "bridge": [(_bridge(), 1.0)],
+    "reeds": [(_reeds(), 1.0)],
+    # Own ship has a low house behind the mast of the lidar.
+    "own_vessel": [(_prism(_hull(), -0.2, 0.5), 1.0), (_block((-0.3, 0.0), (-0.3, 0.3), 0.5, 1.0), 1.0)],
 }
-"""Makers of meshes in a box of unit length, width and height above the waterline; to add a shape, add a line here."""
+"""Triangles and shades of the parts of each shape; to add a shape, add an entry here."""
+
+SHAPES: Mapping[str, Mesh] = {
+    name: Mesh(
+        np.concatenate([triangles for triangles, _ in parts]),
+        np.concatenate([np.full(len(triangles), shade) for triangles, shade in parts]),
+    )
+    for name, parts in _PARTS.items()
+}
+"""Meshes in a box of unit length, width and height above the waterline."""

@@ -1,54 +1,23 @@
 """The ground or the sea of a scene: its effect on vessels, and its echoes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Protocol
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots, extinction
+from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.marine.motion import Pose
 from seaclutter_cli.simulation.marine.sea import SeaParams
-from seaclutter_cli.simulation.marine.water import SeaTerrain
+from seaclutter_cli.simulation.marine.water import MarineWater, SeaTerrain
 from seaclutter_cli.truth import IGNORED
 
 Floats = NDArray[np.float64]
-Box = tuple[Floats, Floats, float]
-"""Centre and size in metres, yaw in radians."""
-
 _WAVES = 24
 _SHORTEST_M, _LONGEST_M = 2.0, 20.0
 _BOX_M = 0.05
-
-
-class Moment(Protocol):
-    """A terrain at one moment."""
-
-    def height_and_slopes(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return height in metres and slopes along x and y at given positions, shape (N,) each."""
-        ...
-
-    def add_echoes(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
-        """Add the echoes of the terrain."""
-        ...
-
-
-class Terrain(Protocol):
-    """The sea or the ground of a scene."""
-
-    def motion(self, x: Floats, y: Floats, times_s: Floats) -> Floats:
-        """Return the height in metres and the slopes along x and y that move the vessel, shape (3, T)."""
-        ...
-
-    def at(self, time_s: float) -> Moment:
-        """Return the terrain at a time."""
-        ...
-
-    def box(self, lidar: Pose, reach_m: float) -> Box | None:
-        """Return the terrain within reach as an area to ignore, in the frame of the lidar; None if it is clutter."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,11 +38,6 @@ class GroundParams:
     reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.3
     visibility_km: Annotated[float, Gt(0)] = 10.0
 
-    @property
-    def extinction(self) -> float:
-        """Extinction coefficient in 1/m."""
-        return extinction(self.visibility_km)
-
 
 class Ground:
     """Uneven ground: a sum of bumps 2 to 20 m long in random directions; an area to ignore, not clutter.
@@ -81,8 +45,7 @@ class Ground:
     There are no wakes on land, and bumps of any length tilt the vehicle, scaled by its `wave_response`.
     """
 
-    def __init__(self, params: GroundParams, hulls: Sequence[Any], own_length_m: float, seed: int) -> None:
-        del hulls, own_length_m
+    def __init__(self, params: GroundParams, seed: int) -> None:
         self._params = params
         rng = np.random.default_rng([seed, 0])
         wave = 2 * np.pi / np.exp(rng.uniform(np.log(_SHORTEST_M), np.log(_LONGEST_M), _WAVES))
@@ -107,8 +70,11 @@ class Ground:
         del time_s
         return self
 
-    def box(self, lidar: Pose, reach_m: float) -> Box:
-        """Return the ground within reach as an area to ignore: an upright box in the frame of the lidar."""
+    def box(self, lidar: Pose, reach_m: float) -> tuple[Floats, Floats, float]:
+        """Return the ground within reach as an area to ignore: an upright box in the frame of the lidar.
+
+        These are its centre and size in metres, and its yaw in radians.
+        """
         angles = np.linspace(0, 2 * np.pi, 16, endpoint=False)
         rim = reach_m * np.stack((np.cos(angles), np.sin(angles), np.zeros(16)), axis=1)
         rim[:, 2] -= lidar.position[2]
@@ -132,15 +98,16 @@ class Ground:
         echoes.add(down, distance, self._params.reflectivity * np.clip(facing, 0.0, 1.0), IGNORED)
 
 
+Terrain = SeaTerrain | Ground
+Moment = MarineWater | Ground
+"""A terrain at one moment."""
+
 TerrainParams = SeaParams | GroundParams
 
-TERRAINS: Mapping[str, tuple[type[Any], type[Any]]] = {
-    "sea": (SeaParams, SeaTerrain),
-    "ground": (GroundParams, Ground),
-}
-"""Parameters and maker of each terrain by its section in a scene file; the first is the default."""
+TERRAINS: Mapping[str, type[TerrainParams]] = {"sea": SeaParams, "ground": GroundParams}
+"""Parameters of each terrain by its section in a scene file; the first is the default."""
 
 
 def terrain_name(params: TerrainParams) -> str:
     """Return the section of a terrain in a scene file."""
-    return next(name for name, (kind, _) in TERRAINS.items() if isinstance(params, kind))
+    return next(name for name, kind in TERRAINS.items() if isinstance(params, kind))

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
-from seaclutter_cli.simulation.marine.motion import Pose
-from seaclutter_cli.simulation.marine.sea import Sea, SeaParams, WaveSurface
+from seaclutter_cli.simulation.marine.physics import DIVERGENCE_RAD, whitecap_share
+from seaclutter_cli.simulation.marine.sea import Sea, SeaParams
 from seaclutter_cli.simulation.marine.wake import Wake, patches
 from seaclutter_cli.truth import CLUTTER
 
@@ -18,7 +18,6 @@ _RADII_M = np.geomspace(1.5, 130.0, 220)
 _ROWS = 1800
 _ROW_GAP = 16.0
 _MAX_TANGENT = 7.0
-_DIVERGENCE = 0.003
 PULSE_M = 0.75
 
 
@@ -47,14 +46,13 @@ class MarineWater:
     .. [2] Koepke (1984). "Effective reflectance of oceanic whitecaps". Applied Optics 23(11).
     """
 
-    def __init__(
-        self, surface: WaveSurface, params: SeaParams, wakes: Sequence[Wake], *, time_s: float, seed: int
-    ) -> None:
-        self._surface, self._params, self._wakes = surface, params, wakes
-        self.time_s, self._seed = time_s, seed
-        spread = surface.heights[::4, ::4].astype(np.float64)
+    def __init__(self, sea: "SeaTerrain", time_s: float) -> None:
+        self._params, self._wakes, self._seed, self.time_s = sea.params, sea.wakes, sea.seed, time_s
+        self._surface = sea.waves.at(time_s)
+        spread = self._surface.heights[::4, ::4].astype(np.float64)
         # Waves break at their crests, so whitecaps cover the highest part of the surface.
-        self._crest = float(np.quantile(spread, 1 - params.whitecaps)) if params.whitecaps else np.inf
+        share = whitecap_share(sea.params.wind_ms)
+        self._crest = float(np.quantile(spread, 1 - share)) if share else np.inf
 
     def height_and_slopes(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
         """Return height in metres and slopes along x and y at given positions, shape (N,) each."""
@@ -77,7 +75,7 @@ class MarineWater:
             cover = np.maximum(cover, wake.foam(x, y, self.time_s))
         foamy = cover > patches(x, y, self._seed)
         foam = self._params.foam_reflectivity * rng.random(len(hit)) * rng.standard_exponential(len(hit))
-        depth = _DIVERGENCE * distance / np.maximum(-rays[:, 2], 1e-6)  # of the water that a beam lights
+        depth = DIVERGENCE_RAD * distance / np.maximum(-rays[:, 2], 1e-6)  # of the water that a beam lights
         echoes.add(hit, distance, np.where(foamy, foam, reflectance) * np.minimum(1.0, PULSE_M / depth), CLUTTER)
         for wake in self._wakes:
             wake.add_spray_echoes(shots, echoes, self.time_s, self._params.foam_reflectivity, rng)
@@ -119,10 +117,10 @@ class SeaTerrain:
     """
 
     def __init__(self, params: SeaParams, hulls: Sequence[Any], own_length_m: float, seed: int) -> None:
-        self._params, self._seed = params, seed
-        self._sea = Sea(params, np.random.default_rng([seed, 0]))
-        self._swell = self._sea.swell(2 * own_length_m)
-        self._wakes = [Wake(track, length, width, params.foam_lifetime_s) for track, length, width in hulls]
+        self.params, self.seed = params, seed
+        self.waves = Sea(params, np.random.default_rng([seed, 0]))
+        self._swell = self.waves.swell(2 * own_length_m)
+        self.wakes = [Wake(track, length, width, params.foam_lifetime_s) for track, length, width in hulls]
 
     def motion(self, x: Floats, y: Floats, times_s: Floats) -> Floats:
         """Return height in metres and slopes along x and y of the long waves, shape (3, T)."""
@@ -130,8 +128,4 @@ class SeaTerrain:
 
     def at(self, time_s: float) -> MarineWater:
         """Return the sea at a time."""
-        return MarineWater(self._sea.at(time_s), self._params, self._wakes, time_s=time_s, seed=self._seed)
-
-    def box(self, lidar: Pose, reach_m: float) -> None:
-        """Return None: water is clutter."""
-        del lidar, reach_m
+        return MarineWater(self, time_s)

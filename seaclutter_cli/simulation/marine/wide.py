@@ -8,20 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
-from seaclutter_cli.simulation.lidar.models import Lidar
+from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots, extinction
+from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody
 from seaclutter_cli.simulation.marine.motion import Pose
 from seaclutter_cli.simulation.marine.physics import (
     DIVERGENCE_RAD,
     PhysicsParams,
     facet_reflectance,
     foam_share,
+    fresnel,
+    mirror_share,
+    refractive_index,
     water_reflectance,
     whitecap_share,
 )
-from seaclutter_cli.simulation.marine.sea import GRAVITY, SeaParams, WaveSurface
-from seaclutter_cli.simulation.marine.wake import Wake, add_droplet_echoes, patches
+from seaclutter_cli.simulation.marine.scene import Scene
+from seaclutter_cli.simulation.marine.sea import GRAVITY, SeaParams
+from seaclutter_cli.simulation.marine.wake import add_droplet_echoes, patches
 from seaclutter_cli.simulation.marine.water import PULSE_M, MarineWater, SeaTerrain
+from seaclutter_cli.simulation.marine.weather import Weather
 from seaclutter_cli.truth import CLUTTER
 
 Floats = NDArray[np.float64]
@@ -33,6 +38,11 @@ _CYCLE = 4.0
 _SHEET_S = 1.2
 _SHEET_DENSITY = 0.4
 _CREST_REACH_M = 50.0
+_RETRO_REFLECTANCE = 30.0
+_RETRO_M = 0.3
+_BLOOM = 0.02
+_BLOOM_M = 0.05
+_WIDTHS = 3.0
 
 
 @dataclass(frozen=True)
@@ -45,15 +55,31 @@ class Hits:
     cosines: Floats
 
 
-@dataclass(frozen=True)
-class Conditions:
-    """Physics, wavelength of the lidar, time, seed of the scene, and position of own bow."""
+class WideSea(SeaTerrain):
+    """The sea of a scene with a section ``physics``, with its weather; the wind drives its spray, waves rock own ship.
 
-    physics: PhysicsParams
-    wavelength_nm: float
-    time_s: float
-    seed: int
-    bow_m: tuple[float, float]
+    ``extinction`` is that of its air; no echo is weaker than one from ``near_m``, however near.
+    """
+
+    def __init__(self, scene: Scene, physics: PhysicsParams, params: SeaParams, hulls: Sequence[Any]) -> None:
+        super().__init__(params, hulls, scene.vessel.length_m, scene.recording.seed)
+        self.physics, self.lidar, self.own = physics, scene.lidar, scene.vessel
+        self.foam = params.foam_reflectivity * foam_share(self.lidar.wavelength_nm)
+        # A surface of reflectivity 0.1 is detected at this range, so the least reflectivity is from there on.
+        self.near_m = self.lidar.detection_m * float(np.sqrt(physics.least_reflectivity / 0.1))
+        rain = physics.rain_mm_h, physics.drop_reflectivity
+        self.weather = Weather(self.lidar, rain, extinction(params.visibility_km), self.near_m)
+        self._phases = np.random.default_rng([self.seed, 3]).uniform(0, 2 * np.pi, 2)
+
+    def rocking(self, times_s: Floats) -> tuple[Floats, Floats]:
+        """Return pitch and roll of own ship beyond its response to waves, in radians, shape (T,) each."""
+        pitch, roll = np.radians((self.physics.pitch_deg, self.physics.roll_deg))
+        angle = 2 * np.pi * times_s / self.physics.roll_s
+        return pitch * np.sin(2 * angle + self._phases[0]), roll * np.sin(angle + self._phases[1])
+
+    def at(self, time_s: float) -> "WideWater":
+        """Return the sea at a time."""
+        return WideWater(self, time_s)
 
 
 class WideWater(MarineWater):
@@ -73,11 +99,9 @@ class WideWater(MarineWater):
     distributed exponentially. Its patches remain in place. The wash of own propeller is froth, too.
     """
 
-    def __init__(self, surface: WaveSurface, params: SeaParams, wakes: Sequence[Wake], conditions: Conditions) -> None:
-        super().__init__(surface, params, wakes, time_s=conditions.time_s, seed=conditions.seed)
-        self._physics, self._wavelength_nm = conditions.physics, conditions.wavelength_nm
-        self._bow_m = conditions.bow_m
-        self._foam = params.foam_reflectivity * foam_share(self._wavelength_nm)
+    def __init__(self, sea: WideSea, time_s: float) -> None:
+        super().__init__(sea, time_s)
+        self._wide, self._physics, self._wavelength_nm = sea, sea.physics, sea.lidar.wavelength_nm
 
     def hits(self, shots: Shots) -> Hits:
         """Return where shots meet the water."""
@@ -92,7 +116,7 @@ class WideWater(MarineWater):
     def add_echoes(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
         """Add the echoes of water, foam, wakes and spray."""
         hits, physics = self.hits(shots), self._physics
-        self.last_hits = hits
+        self._hits = hits
         rays = shots.directions[hits.shots]
         x, y = (shots.origins[hits.shots] + hits.distance_m[:, None] * rays)[:, :2].T
         reflectance = water_reflectance(hits.cosines, self._wavelength_nm, physics.backscatter)
@@ -102,13 +126,13 @@ class WideWater(MarineWater):
         for wake in self._wakes:
             cover = np.maximum(cover, wake.foam(x, y, self.time_s))
         foamy = cover > patches(x, y, self._seed)
-        reflectance[foamy] = self._foam * patches(x, y, self._seed + 1)[foamy]
+        reflectance[foamy] = self._wide.foam * patches(x, y, self._seed + 1)[foamy]
         depth = DIVERGENCE_RAD * hits.distance_m / np.maximum(-rays[:, 2], 1e-6)
         reflectance *= rng.standard_exponential(len(x)) * np.minimum(1.0, PULSE_M / depth)
         echoes.add(hits.shots, hits.distance_m, reflectance, CLUTTER)
         self._add_froth(shots, echoes, rng)
         for wake in self._wakes:
-            wake.add_spray_echoes(shots, echoes, self.time_s, self._foam, rng)
+            wake.add_spray_echoes(shots, echoes, self.time_s, self._wide.foam, rng)
 
     def _texture(self, x: Floats, y: Floats) -> Floats:
         """Return the texture at given positions, whose mean is 1, shape (N,)."""
@@ -138,62 +162,113 @@ class WideWater(MarineWater):
 
     def _add_froth(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
         """Add the echoes of turbulent wakes."""
-        physics, hits = self._physics, self.last_hits
+        physics, hits = self._physics, self._hits
         rays, origins = shots.directions[hits.shots], shots.origins[hits.shots]
         height = physics.wake_height_m * rng.standard_exponential(len(hits.shots))
         distance = np.maximum(hits.distance_m - height / np.maximum(-rays[:, 2], 1e-6), 0.0)
         x, y = (origins + distance[:, None] * rays)[:, :2].T
         strength = np.zeros(len(x))
         if physics.wash_m:
-            strength = np.exp(-((np.hypot(x - self._bow_m[0], y - self._bow_m[1]) / physics.wash_m) ** 2))
+            own_x, own_y, heading = self._own(self.time_s)
+            half = self._wide.own.length_m / 2
+            bow = own_x + half * float(np.cos(heading)), own_y + half * float(np.sin(heading))
+            strength = np.exp(-((np.hypot(x - bow[0], y - bow[1]) / physics.wash_m) ** 2))
         for wake in self._wakes if physics.wake_m else ():
             strength = np.maximum(strength, wake.churned(x, y, self.time_s, physics.wake_m))
         met = np.flatnonzero((physics.wake_cover * strength > patches(x, y, self._seed + 6)) & (distance > 1))
         reflectance = physics.wake_reflectivity * foam_share(self._wavelength_nm) * rng.standard_exponential(len(met))
         echoes.add(hits.shots[met], distance[met], reflectance, CLUTTER)
 
+    def _own(self, time_s: float) -> tuple[float, float, float]:
+        """Return position and heading of own ship at a time."""
+        x, y, heading = (float(one[0]) for one in self._wide.own.track.at(np.array([time_s])))
+        return x, y, heading
 
-class WideSea(SeaTerrain):
-    """The sea of a scene with the physics of its section."""
-
-    def __init__(
-        self, params: SeaParams, physics: PhysicsParams, lidar: Lidar, hulls: Sequence[Any], own: Any, seed: int
+    def add_effects(
+        self, shots: Shots, echoes: Echoes, bodies: tuple[Bodies, Sequence[PlacedBody]], rng: np.random.Generator
     ) -> None:
-        super().__init__(params, hulls, own.length_m, seed)
-        self._physics, self._lidar, self._own = physics, lidar, own
+        """Add spray, mirrored echoes, blooming and weather to the echoes of water and bodies."""
+        self._add_sheets(shots, echoes, rng)
+        self._add_mirrored(shots, echoes, bodies, rng)
+        for track in self._physics.retro_tracks:
+            self._add_blooming(shots, echoes, track, rng)
+        self._wide.weather.add_echoes(echoes, rng)
 
-    def at(self, time_s: float) -> WideWater:
-        """Return the sea at a time."""
-        x, y, heading = (float(one[0]) for one in self._own.track.at(np.array([time_s])))
-        half = self._own.length_m / 2
-        bow_m = x + half * float(np.cos(heading)), y + half * float(np.sin(heading))
-        conditions = Conditions(self._physics, float(self._lidar.wavelength_nm), time_s, self._seed, bow_m)
-        return WideWater(self._sea.at(time_s), self._params, self._wakes, conditions)
+    def _add_mirrored(
+        self, shots: Shots, echoes: Echoes, bodies: tuple[Bodies, Sequence[PlacedBody]], rng: np.random.Generator
+    ) -> None:
+        r"""Add the echoes of bodies that shots meet after the water has mirrored them, at the length of the whole way.
 
-    def add_sheets(self, shots: Shots, echoes: Echoes, time_s: float, rng: np.random.Generator) -> None:
+        The water mirrors a share :math:`F(\theta)` of the light on its way out and on its way back, and ripples spread
+        it (`mirror_share`). The receiver puts the echo where it would be without a mirror: below the water.
+        """
+        variance, hits = self._physics.ripple_variance, self._hits
+        wet = echoes.range_m[hits.shots] >= hits.distance_m
+        shot, way, cosines = hits.shots[wet], hits.distance_m[wet], hits.cosines[wet]
+        if not len(shot):
+            return
+        normals = hits.normals[wet]
+        normals[:, :2] += np.sqrt(variance / 2) * rng.standard_normal((len(shot), 2))
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        rays = shots.directions[shot]
+        mirrored = Shots(shots.origins.copy(), shots.directions.copy(), shots.azimuths)
+        mirrored.origins[shot] += way[:, None] * rays
+        mirrored.directions[shot] = rays - 2 * np.einsum("ij,ij->i", rays, normals)[:, None] * normals
+        seen = Echoes.empty(len(shots))
+        seen.range_m[:] = 0.0
+        seen.range_m[shot] = np.inf
+        bodies[0].add_echoes(mirrored, seen, bodies[1], before=shots)
+        met = np.isfinite(seen.range_m[shot])
+        shot, way, cosines = shot[met], way[met], cosines[met]
+        share = fresnel(cosines, refractive_index(self._wavelength_nm)) ** 2 * mirror_share(cosines, variance)
+        whole = way + seen.range_m[shot], seen.reflectance[shot] * share
+        echoes.add_stronger(shot, whole, CLUTTER, self._wide.weather.loss)
+
+    def _add_blooming(self, shots: Shots, echoes: Echoes, track: int, rng: np.random.Generator) -> None:
+        """Make the top of an object a retro-reflector, whose light leaks into the shots around it.
+
+        The halo has the range of the reflector, and is clutter.
+        """
+        own = np.flatnonzero(echoes.label == track)
+        if not len(own):
+            return
+        width = np.radians(self._physics.bloom_deg)
+        height = shots.origins[own, 2] + echoes.range_m[own] * shots.directions[own, 2]
+        retro = own[height > height.max() - _RETRO_M]
+        echoes.reflectance[retro] = _RETRO_REFLECTANCE
+        centre = shots.directions[retro].mean(axis=0)
+        centre /= np.linalg.norm(centre)
+        near = np.flatnonzero(shots.directions @ centre > np.cos(_WIDTHS * width))
+        near = near[echoes.label[near] != track]
+        angle = np.arccos(np.clip(shots.directions[near] @ centre, -1.0, 1.0))
+        range_m = float(np.median(echoes.range_m[retro])) + _BLOOM_M * rng.standard_normal(len(near))
+        halo = _RETRO_REFLECTANCE * _BLOOM * np.exp(-angle / width) * rng.standard_exponential(len(near))
+        echoes.add_stronger(near, (range_m, halo), CLUTTER, self._wide.weather.loss)
+
+    def _add_sheets(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
         """Add the echoes of sheets of spray from the bow and from crests.
 
         A sheet flies up and falls as a stone would, grows thinner and wider, and the wind carries it along.
         """
-        physics = self._physics
-        if not physics.spray:
+        spray, time_s = self._physics.spray, self.time_s
+        if not spray:
             return
-        foam = self._params.foam_reflectivity * foam_share(self._lidar.wavelength_nm)
-        for number in range(int((time_s - _SHEET_S) * physics.spray), int(time_s * physics.spray) + 1):
+        for number in range(int((time_s - _SHEET_S) * spray), int(time_s * spray) + 1):
             draw = np.random.default_rng([self._seed, 2, number + 1000])
-            age_s = time_s - (number + draw.random()) / physics.spray
+            age_s = time_s - (number + draw.random()) / spray
             if 0 <= age_s < _SHEET_S:
                 pose, corners = self._sheet(time_s - age_s, age_s, draw)
                 density = _SHEET_DENSITY * np.exp(-age_s / 0.5)
-                add_droplet_echoes(shots, echoes, pose, corners, (density, foam), rng)
+                add_droplet_echoes(shots, echoes, pose, corners, (density, self._wide.foam), rng)
 
     def _sheet(self, start_s: float, age_s: float, draw: np.random.Generator) -> tuple[Pose, Floats]:
         """Return the pose and the corners of a sheet that was thrown up at a time."""
         wind, angle = self._physics.wind_ms, np.radians(self._physics.wind_deg)
-        x, y, heading = (float(one[0]) for one in self._own.track.at(np.array([start_s])))
+        x, y, heading = self._own(start_s)
+        own = self._wide.own
         if draw.random() < 0.5:
             side = draw.choice((-1.0, 1.0))
-            ahead, aside, speed = 0.5 * self._own.length_m, side * self._own.width_m * draw.uniform(0.4, 1.2), 3.5
+            ahead, aside, speed = 0.5 * own.length_m, side * own.width_m * draw.uniform(0.4, 1.2), 3.5
         else:
             distance, bearing = draw.uniform(5, _CREST_REACH_M), draw.uniform(-np.pi, np.pi)
             ahead, aside, speed = distance * np.cos(bearing), distance * np.sin(bearing), 2.0

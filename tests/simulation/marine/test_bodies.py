@@ -19,7 +19,7 @@ def shots():
 def test_no_shot_that_hits_a_body_is_left_out(shape):
     fired, rng = shots(), np.random.default_rng(7)
     for _ in range(4):
-        mesh = SHAPES[shape]().scaled(*rng.uniform((2, 1, 1), (60, 12, 6)).tolist())
+        mesh = SHAPES[shape].scaled(*rng.uniform((2, 1, 1), (60, 12, 6)).tolist())
         position = np.append(rng.uniform(-40, 40, 2), 0.0)
         pose = Pose.of(position, yaw=float(rng.uniform(-4, 4)), pitch=0.1, roll=-0.1)
         every, some = Echoes.empty(len(fired)), Echoes.empty(len(fired))

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from scipy.special import gamma, kv
 
-from seaclutter_cli.simulation.marine.effects import Effects
 from seaclutter_cli.simulation.marine.physics import (
     absorption,
     facet_reflectance,
@@ -110,7 +109,7 @@ class TestMirrors:
 
 
 def test_whitecaps_cover_the_published_share():
-    water = Effects(scene(physics={"wind_ms": 15, "shelter": 1.0}), []).sea
+    water = Renderer(scene(physics={"wind_ms": 15, "shelter": 1.0}))._terrain
     x, y = np.random.default_rng(2).uniform(-500, 500, (2, 200_000))
     cover = np.mean([water.at(time_s).whitecaps(x, y).mean() for time_s in (0.0, 7.0, 19.0)])
     assert cover == pytest.approx(whitecap_share(15), rel=0.05)

@@ -3,7 +3,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from seaclutter_cli.simulation.marine.rays import UnitTransforms, intersect_box, intersect_triangles
+from seaclutter_cli.simulation.marine.rays import intersect_box, intersect_triangles, unit_transforms
 
 NUMBER = st.floats(-10, 10).map(lambda value: round(value, 3))
 
@@ -30,7 +30,7 @@ def test_triangles_against_a_simple_implementation(triangles, targets):
     assume(lengths.min() > 0.1)
     directions = targets / lengths[:, None]
     origins = np.full((3, 3), 0.123)
-    found, which = intersect_triangles(origins, directions, UnitTransforms.of(triangles))
+    found, which = intersect_triangles(origins, directions, unit_transforms(triangles))
     for ray in range(3):
         each = [reference(origins[ray], directions[ray], triangle) for triangle in triangles]
         inside = np.isfinite(each)
@@ -47,7 +47,7 @@ def test_the_nearest_triangle_counts_from_both_sides():
     far = near + np.array([2, 0, 0])
     for triangles in (np.stack((far, near)), np.stack((far, near[::-1]))):
         directions = np.array([[1.0, 0, 0], [-1, 0, 0]])
-        distance, which = intersect_triangles(np.zeros((2, 3)), directions, UnitTransforms.of(triangles))
+        distance, which = intersect_triangles(np.zeros((2, 3)), directions, unit_transforms(triangles))
         assert (distance[0], which[0]) == (5, 1)
         assert (distance[1], which[1]) == (np.inf, -1)
 
@@ -56,7 +56,7 @@ def test_many_rays_are_processed_in_blocks():
     triangles = np.repeat(np.array([[[5.0, -9, -9], [5, 9, -9], [5, 0, 9]]]), 300, axis=0)
     angles = np.linspace(-0.5, 0.5, 2000)
     directions = np.stack((np.cos(angles), np.sin(angles), np.zeros(2000)), axis=1)
-    distance, _ = intersect_triangles(np.zeros((2000, 3)), directions, UnitTransforms.of(triangles))
+    distance, _ = intersect_triangles(np.zeros((2000, 3)), directions, unit_transforms(triangles))
     np.testing.assert_allclose(distance, 5 / np.cos(angles))
 
 

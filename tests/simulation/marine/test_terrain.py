@@ -9,7 +9,7 @@ from seaclutter_cli.truth import IGNORED
 
 
 def ground(**params):
-    return Ground(GroundParams(**params), [], 1.5, 3)
+    return Ground(GroundParams(**params), 3)
 
 
 def test_the_ground_has_its_roughness():
