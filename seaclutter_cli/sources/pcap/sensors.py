@@ -83,7 +83,7 @@ class SensorSearch:
             flow = self.flows.get(kind) or Flow(*self._udp.ends(kind[0]), kind[1])
             flow.count += len(rows)
             if flow.family is None and flow.count - len(rows) < _TRIED:
-                payloads = self._udp.payloads(datagrams, rows[:_TRIED_AT_ONCE])
+                payloads = datagrams.packets(rows[:_TRIED_AT_ONCE]).payloads
                 families = (name for name, one in PACKET_FAMILIES.items() if any(map(one.recognises, payloads)))
                 flow.family = next(families, None)
                 if flow.family is None:
@@ -99,7 +99,7 @@ class SensorSearch:
         searched = isinstance(family, SelfCalibrating) and (sensor not in self._calibrated or not samples.data)
         if len(samples.data) >= MAX_SAMPLES and not searched:
             return
-        packets = Packets(datagrams.times_ns[rows], self._udp.payloads(datagrams, rows))
+        packets = datagrams.packets(rows)
         calibrates, usable = np.zeros(len(rows), np.bool_), np.ones(len(rows), np.bool_)
         if isinstance(family, SelfCalibrating):
             calibrates = family.is_calibration(packets.payloads)

@@ -69,7 +69,7 @@ class CaptureSource(Source):
         reader, udp = self._reader(), Udp(self._file)
         search = SensorSearch(udp)
         cut = 0
-        for datagrams in map(udp.datagrams, reader.batches()):
+        for datagrams in udp.datagrams(reader):
             search.add(datagrams)
             if len(datagrams.times_ns):
                 first, last = int(datagrams.times_ns.min()), int(datagrams.times_ns.max())
@@ -122,8 +122,8 @@ class CaptureSource(Source):
         merge = _Merge(streams)
         udp, cut = Udp(self._file), Counter[int]()
         try:
-            for datagrams in map(udp.datagrams, self._reader().batches()):
-                for number, packets in _packets(datagrams, udp, kinds):
+            for datagrams in udp.datagrams(self._reader()):
+                for number, packets in _packets(datagrams, kinds):
                     for frame in streams[number].decoder.add(packets):
                         yield from merge.add(number, frame)
                 if end_ns is not None and merge.latest_ns >= end_ns:
@@ -153,7 +153,7 @@ class CaptureSource(Source):
         self._file.close()
 
 
-def _packets(datagrams: Datagrams, udp: Udp, kinds: Mapping[Kind, int]) -> Iterator[tuple[int, Packets]]:
+def _packets(datagrams: Datagrams, kinds: Mapping[Kind, int]) -> Iterator[tuple[int, Packets]]:
     """Yield the packets of each sensor among datagrams; packets of equal length are in order of arrival."""
     rows = defaultdict(list)
     for kind, found in each_kind(datagrams):
@@ -161,7 +161,7 @@ def _packets(datagrams: Datagrams, udp: Udp, kinds: Mapping[Kind, int]) -> Itera
             rows[kinds[kind], kind[1]].append(found)
     for (number, _), parts in rows.items():
         chosen = parts[0] if len(parts) == 1 else np.sort(np.concatenate(parts))
-        yield number, Packets(datagrams.times_ns[chosen], udp.payloads(datagrams, chosen))
+        yield number, datagrams.packets(chosen)
 
 
 class _Merge:

@@ -2,15 +2,15 @@
 
 import ipaddress
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.sources.pcap.records import Records
-from seaclutter_cli.sources.shared.log_file import LogFile
+from seaclutter_cli.sensors.packets import Packets
+from seaclutter_cli.sources.pcap.records import RecordReader, Records
+from seaclutter_cli.sources.shared.log_file import Bytes, LogFile
 
 _HEAD = 128
 _ETHERNET, _COOKED, _COOKED_2, _RAW = 1, 113, 276, (12, 14, 101, 228, 229)
@@ -31,16 +31,27 @@ class Datagrams:
     """D UDP datagrams in order; all arrays but ``cut`` have the shape (D,).
 
     Flows are sender and ports as one number, see `Udp.ends`; times are in nanoseconds of Unix time. Offsets and lengths
-    are those of payloads in the file; offset ``-1 - i`` refers to ``joined[i]``, a payload that was sent in fragments.
-    ``cut`` are the flows of the datagrams that the capture truncates.
+    are those of payloads in ``data``: the file, or datagrams that were sent in fragments. ``cut`` are the flows of the
+    datagrams that the capture truncates.
     """
 
+    data: Bytes[bytes | memoryview]
     flows: NDArray[np.int64]
     times_ns: NDArray[np.int64]
     offsets: NDArray[np.int64]
     lengths: NDArray[np.int64]
-    joined: list[bytes]
     cut: NDArray[np.int64]
+
+    def packets(self, rows: NDArray[np.int64]) -> Packets:
+        """Return datagrams of equal length."""
+        return Packets(self.times_ns[rows], _gather(self.data, self.offsets[rows], int(self.lengths[rows[0]])))
+
+
+def _gather(data: Bytes[bytes | memoryview], offsets: NDArray[np.int64], length: int) -> NDArray[np.uint8]:
+    """Return the bytes at offsets, shape (P, length)."""
+    start, stop = int(offsets.min()), int(offsets.max()) + length
+    block = data[start:stop]
+    return np.ndarray((stop - start - length + 1, length), np.uint8, block, strides=(1, 1))[offsets - start]
 
 
 @dataclass
@@ -131,45 +142,23 @@ class Udp:
         """Return the address of the sender, its port, and the port of the receiver."""
         return str(ipaddress.ip_address(self._names[flow >> 32])), flow >> 16 & 0xFFFF, flow & 0xFFFF
 
-    def payloads(self, datagrams: Datagrams, rows: NDArray[np.int64]) -> NDArray[np.uint8]:
-        """Return the payloads of datagrams of equal length L, shape (P, L)."""
-        offsets, length = datagrams.offsets[rows], int(datagrams.lengths[rows[0]])
-        direct = offsets >= 0
-        if direct.all():
-            return self._gather(offsets, length)
-        payloads = np.empty((len(rows), length), np.uint8)
-        if direct.any():
-            payloads[direct] = self._gather(offsets[direct], length)
-        for row in np.flatnonzero(~direct).tolist():
-            payloads[row] = np.frombuffer(datagrams.joined[-1 - offsets[row]], np.uint8)
-        return payloads
-
-    def _gather(self, offsets: NDArray[np.int64], length: int) -> NDArray[np.uint8]:
-        start, stop = int(offsets.min()), int(offsets.max()) + length
-        block = self._file[start:stop]
-        return np.ndarray((stop - start - length + 1, length), np.uint8, block, strides=(1, 1))[offsets - start]
-
-    def datagrams(self, records: Records) -> Datagrams:
-        """Return the datagrams in records."""
-        heads = self._heads(records)
-        (rows, udp, sources), fragments = self._parse(records, heads)
-        self.other += len(records.offsets) - len(rows) - len(fragments)
-        ports = _word(heads, rows, udp) << 16 | _word(heads, rows, udp + 2)
-        lengths = _word(heads, rows, udp + 4) - 8
-        flows = sources << 32 | ports
-        good = (lengths >= 0) & (udp + 8 <= records.lengths[rows])
-        whole = good & (udp + 8 + lengths <= records.lengths[rows])
-        payloads = np.stack((udp + 8, lengths))[:, whole]
-        self.unread.add(records, np.concatenate((rows, fragments)), rows[whole], payloads)
-        found = Datagrams(
-            flows[whole],
-            records.times_ns[rows[whole]],
-            (records.offsets[rows] + udp + 8)[whole],
-            lengths[whole],
-            [],
-            flows[good & ~whole],
-        )
-        return self._with_joined(found, rows[whole], records, heads, fragments) if len(fragments) else found
+    def datagrams(self, reader: RecordReader) -> Iterator[Datagrams]:
+        """Yield the datagrams in a capture in batches; those that were sent in fragments are batches of their own."""
+        for records in reader.batches():
+            heads = self._heads(records)
+            (rows, udp, sources), fragments = self._parse(records, heads)
+            self.other += len(records.offsets) - len(rows) - len(fragments)
+            ports = _word(heads, rows, udp) << 16 | _word(heads, rows, udp + 2)
+            lengths = _word(heads, rows, udp + 4) - 8
+            flows, start, size = sources << 32 | ports, udp + 8, records.lengths[rows]
+            good = (lengths >= 0) & (start <= size)
+            whole = good & (start + lengths <= size)
+            payloads = np.stack((start, lengths))[:, whole]
+            self.unread.add(records, np.concatenate((rows, fragments)), rows[whole], payloads)
+            times_ns, offsets = records.times_ns[rows[whole]], records.offsets[rows[whole]] + start[whole]
+            yield Datagrams(self._file, flows[whole], times_ns, offsets, lengths[whole], flows[good & ~whole])
+            if len(fragments):
+                yield self._joined(records, heads, fragments)
 
     def _heads(self, records: Records) -> NDArray[np.uint8]:
         """Return the first bytes of each record, shape (R, 128), padded with zeros after its end."""
@@ -177,7 +166,7 @@ class Udp:
         heads = np.zeros((len(offsets), _HEAD), np.uint8)
         inside = offsets + _HEAD <= len(self._file)
         if inside.any():
-            heads[inside] = self._gather(offsets[inside], _HEAD)
+            heads[inside] = _gather(self._file, offsets[inside], _HEAD)
         for row in np.flatnonzero(~inside).tolist():
             rest = self._file[int(offsets[row]) : len(self._file)]
             heads[row, : len(rest)] = np.frombuffer(rest, np.uint8)
@@ -222,36 +211,22 @@ class Udp:
             self._names.append(address)
         return number
 
-    def _with_joined(
-        self,
-        found: Datagrams,
-        rows: NDArray[np.int64],
-        records: Records,
-        heads: NDArray[np.uint8],
-        fragments: NDArray[np.int64],
-    ) -> Datagrams:
-        """Return datagrams together with those that fragments complete, in order."""
+    def _joined(self, records: Records, heads: NDArray[np.uint8], fragments: NDArray[np.int64]) -> Datagrams:
+        """Return the datagrams that fragments complete."""
         network, _ = _network(records.link, heads[fragments])
-        more: list[tuple[int, int, int, bytes]] = []
+        found: list[tuple[int, int, int, int]] = []
+        joined, end = [], 0
         for row, at in zip(fragments.tolist(), network.tolist(), strict=True):
             data = self._join(records, heads[row].tobytes(), row, at)
             length = int.from_bytes(data[4:6], "big") - 8 if data else -1
             if 0 <= length <= len(data) - 8:
                 source = self._number(heads[row, at + 12 : at + 16].tobytes())
                 flow = source << 32 | int.from_bytes(data[:4], "big")
-                more.append((row, flow, int(records.times_ns[row]), data[8 : 8 + length]))
-        if not more:
-            return found
-        at, flows, times_ns, payloads = zip(*more, strict=True)
-        columns: list[tuple[NDArray[Any], Any]] = [
-            (found.flows, flows),
-            (found.times_ns, times_ns),
-            (found.offsets, -1 - np.arange(len(more))),
-            (found.lengths, [len(payload) for payload in payloads]),
-        ]
-        order = np.argsort(np.concatenate([rows, at]), kind="stable")
-        flows_, times_, offsets, lengths = (np.concatenate(pair).astype(np.int64)[order] for pair in columns)
-        return Datagrams(flows_, times_, offsets, lengths, list(payloads), found.cut)
+                found.append((flow, int(records.times_ns[row]), end + 8, length))
+                joined.append(data)
+                end += len(data)
+        flows, times_ns, offsets, lengths = np.array(found, np.int64).reshape(-1, 4).T
+        return Datagrams(b"".join(joined), flows, times_ns, offsets, lengths, np.empty(0, np.int64))
 
     def _join(self, records: Records, head: bytes, row: int, at: int) -> bytes:
         """Return the datagram that a fragment completes; empty if it is still incomplete."""
