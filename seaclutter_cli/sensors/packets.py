@@ -1,9 +1,10 @@
 """Packets of a sensor, the interface of their decoders, and what decoders share."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,12 +94,6 @@ def read_calibration(path: Path) -> bytes:
         raise InputError(f"{path}: {error.strerror}") from error
 
 
-def of_other_length(calibrations: Sequence[NDArray[np.uint8]], length: int) -> NDArray[np.uint8] | None:
-    """Return the calibration packets whose length is not that of data packets, shape (I, M); None without any."""
-    others = [payload for payload in calibrations if len(payload) != length]
-    return np.stack(others) if others else None
-
-
 class PacketDecoder(Protocol):
     """Decoder for the packets of one sensor; keeps the incomplete revolution between calls."""
 
@@ -113,30 +108,25 @@ class PacketDecoder(Protocol):
         ...
 
 
-class PacketFamily(Protocol):
+class PacketFamily(ABC):
     """Sensors of one maker that share a decoder."""
 
     title: str
     """Name shown to users."""
-    scan_types: Mapping[str, str]
-    """ROS message types that contain packets (``velodyne_msgs/msg/VelodyneScan``), each with its packet field."""
+    calibrates = False
+    """Whether the sensors send their calibration in packets."""
 
+    @abstractmethod
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
         """Return whether a UDP payload, shape (L,), is a data or calibration packet of this family."""
-        ...
-
-    def decoder(self, packets: Packets, options: DecoderOptions) -> PacketDecoder:
-        """Return a decoder for the sensor that sent these packets; `InputError` if information is missing."""
-        ...
-
-
-@runtime_checkable
-class SelfCalibrating(Protocol):
-    """A family whose sensors send their calibration in packets."""
 
     def is_calibration(self, payloads: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """Return which UDP payloads, shape (P, L), contain a calibration."""
-        ...
+        return np.zeros(len(payloads), np.bool_)
+
+    @abstractmethod
+    def decoder(self, packets: Packets, options: DecoderOptions) -> PacketDecoder:
+        """Return a decoder for the sensor that sent these packets; `InputError` if information is missing."""
 
 
 def view_packets(payloads: NDArray[np.uint8], layout: np.dtype[Any]) -> NDArray[np.void]:

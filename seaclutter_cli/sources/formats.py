@@ -101,15 +101,12 @@ def wrap_packets(
     ]
     if not any(map(packet_type, source.channels)):
         return source
-    from seaclutter_cli.sources.shared.packet_probe import find_families
     from seaclutter_cli.sources.shared.packet_topics import PacketTopics
 
     if families is None:
         from seaclutter_cli.sensors.families import PACKET_FAMILIES
 
         families = PACKET_FAMILIES
-    if not any(find_families(channel, families.values()) for channel in source.channels):
-        return source
     try:
         return PacketTopics(source, families, options or DecoderOptions())
     except BaseException:

@@ -1,6 +1,6 @@
 """Decoder for Hesai sensors."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,6 +15,7 @@ from seaclutter_cli.sensors.packets import (
     EXPERIMENTAL,
     DecoderOptions,
     LossCounter,
+    PacketFamily,
     PacketFrame,
     Packets,
     SensorClock,
@@ -161,16 +162,10 @@ def _distinct(
     return distinct
 
 
-class Hesai:
+class Hesai(PacketFamily):
     """Supported Hesai sensors."""
 
     title = f"Hesai {', '.join(_NAMES)}"
-    scan_types: Mapping[str, str] = {
-        "pandar_msgs/msg/PandarScan": "packets",
-        "hesai_lidar/msg/PandarScan": "packets",
-        "nebula_msgs/msg/NebulaPackets": "packets",
-        "hesai_ros_driver/msg/UdpFrame": "packets",
-    }
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
         """Return whether a UDP payload, shape (L,), is a packet of a supported sensor."""

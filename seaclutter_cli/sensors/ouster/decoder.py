@@ -1,6 +1,6 @@
 """Decoder for Ouster sensors, based on their metadata."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,15 @@ from seaclutter_cli.sensors.ouster.packets import (
     valid_columns,
     valid_packets,
 )
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, SensorClock, point_dtype, view_packets
+from seaclutter_cli.sensors.packets import (
+    DecoderOptions,
+    PacketFamily,
+    PacketFrame,
+    Packets,
+    SensorClock,
+    point_dtype,
+    view_packets,
+)
 
 _IMU_LENGTH = 48
 _MAX_LOST_FRAMES = 1000
@@ -200,11 +208,10 @@ def _details(metadata: OusterMetadata) -> dict[str, str]:
     return {name: text for name, text in details.items() if text}
 
 
-class Ouster:
+class Ouster(PacketFamily):
     """Ouster sensors."""
 
     title = "Ouster OS0, OS1, OS2"
-    scan_types: Mapping[str, str] = {"ouster_ros/msg/PacketMsg": "buf", "ouster_sensor_msgs/msg/PacketMsg": "buf"}
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
         """Return whether a UDP payload, shape (L,), is a data packet of an Ouster sensor."""

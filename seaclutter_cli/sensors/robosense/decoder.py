@@ -1,6 +1,6 @@
 """Decoder for RoboSense's rotating lidars."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from copy import deepcopy
 from typing import Any
 
@@ -14,6 +14,7 @@ from seaclutter_cli.sensors.packets import (
     EXPERIMENTAL,
     DecoderOptions,
     LossCounter,
+    PacketFamily,
     PacketFrame,
     Packets,
     SensorClock,
@@ -27,17 +28,11 @@ _TOLERANCE = 100
 _MAX_WAITING = 512
 
 
-class RoboSense:
+class RoboSense(PacketFamily):
     """RoboSense's rotating lidars. First bytes and lengths identify data and device information packets."""
 
     title = "RoboSense"
-    scan_types: Mapping[str, str] = {
-        "rslidar_msg/msg/RslidarPacket": "data",
-        "rslidar_msg/msg/RslidarScan": "packets",
-        "rslidar_msgs/msg/rslidarScan": "packets",
-        "rslidar_msgs/msg/rslidarPacket": "data",
-        "nebula_msgs/msg/NebulaPackets": "packets",
-    }
+    calibrates = True
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
         """Return whether a UDP payload, shape (L,), is a data packet or a device information packet."""

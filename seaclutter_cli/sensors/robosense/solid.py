@@ -1,6 +1,6 @@
 """Decoder for RoboSense's lidars without a rotor: RS-M1 and RS-E1."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.packets import (
     EXPERIMENTAL,
     DecoderOptions,
+    PacketFamily,
     PacketFrame,
     Packets,
     SensorClock,
@@ -81,14 +82,10 @@ _MODELS = {
 """Supported models, by the length of their packets."""
 
 
-class RoboSenseSolid:
+class RoboSenseSolid(PacketFamily):
     """RoboSense sensors whose packets contain the direction of each point."""
 
     title = "RoboSense RS-M1, RS-E1"
-    scan_types: Mapping[str, str] = {
-        "rslidar_msg/msg/RslidarPacket": "data",
-        "nebula_msgs/msg/NebulaPackets": "packets",
-    }
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
         """Return whether a UDP payload, shape (L,), is a data packet."""

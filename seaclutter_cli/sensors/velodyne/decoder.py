@@ -1,7 +1,7 @@
 """Decoder for Velodyne's rotating sensors, based on the library ``velodyne-decoder``."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError, MissingExtraError
 from seaclutter_cli.records import SensorFacts
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, Packets, point_dtype
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily, PacketFrame, Packets, point_dtype
 from seaclutter_cli.sensors.velodyne.packets import (
     BLIND_DEG,
     CLOCK_NS,
@@ -39,14 +39,10 @@ _LAST = 2
 _UNIT = re.compile(r"^distance_resolution:.*$", re.MULTILINE)
 
 
-class Velodyne:
+class Velodyne(PacketFamily):
     """Velodyne's rotating sensors except the HDL-64E, whose packets do not name the model."""
 
     title = "Velodyne"
-    scan_types: Mapping[str, str] = {
-        "velodyne_msgs/msg/VelodyneScan": "packets",
-        "nebula_msgs/msg/NebulaPackets": "packets",
-    }
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
         """Return whether a UDP payload, shape (L,), is a data packet; position packets contain nothing useful."""

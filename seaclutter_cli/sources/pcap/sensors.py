@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from seaclutter_cli.groups import group_starts
 from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
 from seaclutter_cli.sensors.families import PACKET_FAMILIES
-from seaclutter_cli.sensors.packets import Packets, SelfCalibrating
+from seaclutter_cli.sensors.packets import Packets
 from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
 from seaclutter_cli.sources.shared.log_file import LogFile
-from seaclutter_cli.sources.shared.packet_streams import MAX_CALIBRATIONS, MAX_SAMPLES, Samples, sample_of
+from seaclutter_cli.sources.shared.packet_streams import MAX_CALIBRATIONS, MAX_SAMPLES, Samples
 from seaclutter_cli.text import count
 
 _TRIED_AT_ONCE, _TRIED = 4, 256
@@ -48,7 +48,7 @@ class Flow:
 
 @dataclass
 class CapturedSensor:
-    """A sensor in a capture, with a sample and ``info`` of `sample_of`; it ``shares`` its address with others."""
+    """A sensor in a capture, with a sample and ``info`` of `Samples.packets`; it ``shares`` its address with others."""
 
     family: str
     address: str
@@ -96,15 +96,10 @@ class SensorSearch:
     def _sample(self, flow: Flow, datagrams: Datagrams, rows: NDArray[np.int64]) -> None:
         family, samples = PACKET_FAMILIES[flow.family or ""], flow.samples
         sensor = (flow.family or "", flow.address)
-        searched = isinstance(family, SelfCalibrating) and (sensor not in self._calibrated or not samples.data)
+        searched = family.calibrates and (sensor not in self._calibrated or not samples.data)
         if len(samples.data) >= MAX_SAMPLES and not searched:
             return
-        packets = datagrams.packets(rows)
-        calibrates, usable = np.zeros(len(rows), np.bool_), np.ones(len(rows), np.bool_)
-        if isinstance(family, SelfCalibrating):
-            calibrates = family.is_calibration(packets.payloads)
-            usable[:MAX_SAMPLES] = [family.recognises(payload) for payload in packets.payloads[:MAX_SAMPLES]]
-        samples.add(packets, calibrates, usable)
+        samples.add(datagrams.packets(rows), family)
         if len(samples.calibrations) >= MAX_CALIBRATIONS:
             self._calibrated.add(sensor)
 
@@ -176,5 +171,5 @@ def _sensor(first: Kind, own: set[Kind], flows: dict[Kind, Flow], index: int, co
     if not index:
         own = own | set(separate)
     calibrations = [pair for kind in calibrating for pair in flows[kind].samples.calibrations]
-    sample, info = sample_of(calibrations, flow.samples.data, flow.length)
+    sample, info = Samples(flow.samples.data, calibrations).packets(flow.length)
     return CapturedSensor(flow.family or "", flow.address, flow.port, own, sample, info)

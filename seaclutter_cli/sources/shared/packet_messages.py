@@ -3,18 +3,18 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from struct import unpack_from
 
 import numpy as np
 
 from seaclutter_cli.errors import CloudError
+from seaclutter_cli.messages.serialisation import Reader
 from seaclutter_cli.records import Buffer, Channel, Message
 from seaclutter_cli.sensors.packets import Packets
 from seaclutter_cli.text import count
 
-_NANO = 1_000_000_000
 _LATEST_NS = np.iinfo(np.int64).max
 _MAX_SLACK = 8
+_MAX_DIMENSIONS = 16
 
 
 @dataclass(frozen=True)
@@ -34,28 +34,42 @@ class Layout:
     spare: bool = False
 
 
-_OUSTER = (Layout(header=False, many=False, stamp=False, spare=True),)
-_ROBOSENSE = Layout(header=False, many=False, length=1248)
+@dataclass(frozen=True)
+class DriverMessage:
+    """A message of a driver: the families whose packets it may contain, and its layouts, which its length tells apart.
 
-PACKET_LAYOUTS: Mapping[str, tuple[Layout, ...]] = {
-    "velodyne_msgs/msg/VelodyneScan": (Layout(length=1206),),
-    "pandar_msgs/msg/PandarScan": (Layout(length=1500, sized=True),),
-    "rslidar_msg/msg/RslidarPacket": (Layout(flags=2, many=False, stamp=False), _ROBOSENSE),
-    "rslidar_msg/msg/RslidarScan": (Layout(length=1248),),
-    "rslidar_msgs/msg/rslidarScan": (Layout(length=1248),),
-    "rslidar_msgs/msg/rslidarPacket": (_ROBOSENSE, Layout(flags=2, many=False, stamp=False)),
+    A companion is a topic with the calibration of the same sensor: its type, and a word in its name.
+    """
+
+    families: tuple[str, ...]
+    layouts: tuple[Layout, ...]
+    companion: tuple[str, str] | None = None
+
+
+_HESAI, _RAW = ("hesai",), Layout(header=False, many=False, stamp=False, spare=True)
+_SINGLE, _FIXED = Layout(flags=2, many=False, stamp=False), Layout(header=False, many=False, length=1248)
+_OUSTER = DriverMessage(("ouster",), (_RAW,), ("std_msgs/msg/String", "metadata"))
+_UDP_FRAMES = tuple(
+    Layout(header=header, stamp=stamp, sized=True) for header in (True, False) for stamp in (True, False)
+)
+DRIVER_MESSAGES: Mapping[str, DriverMessage] = {
+    "velodyne_msgs/msg/VelodyneScan": DriverMessage(("velodyne",), (Layout(length=1206),)),
+    "pandar_msgs/msg/PandarScan": DriverMessage(_HESAI, (Layout(length=1500, sized=True),)),
+    "rslidar_msg/msg/RslidarPacket": DriverMessage(("robosense", "robosense_solid"), (_SINGLE, _FIXED)),
+    "rslidar_msg/msg/RslidarScan": DriverMessage(
+        ("robosense",), (Layout(length=1248),), ("rslidar_msg/msg/RslidarPacket", "difop")
+    ),
+    "rslidar_msgs/msg/rslidarScan": DriverMessage(
+        ("robosense",), (Layout(length=1248),), ("rslidar_msgs/msg/rslidarPacket", "")
+    ),
+    "rslidar_msgs/msg/rslidarPacket": DriverMessage(("robosense",), (_FIXED, _SINGLE)),
     "ouster_ros/msg/PacketMsg": _OUSTER,
     "ouster_sensor_msgs/msg/PacketMsg": _OUSTER,
-    "hesai_lidar/msg/PandarScan": (Layout(sized=True), Layout(length=1500, sized=True)),
-    "nebula_msgs/msg/NebulaPackets": (Layout(),),
-    "hesai_ros_driver/msg/UdpFrame": tuple(
-        Layout(header=header, stamp=stamp, sized=True) for header in (True, False) for stamp in (True, False)
-    ),
+    "hesai_lidar/msg/PandarScan": DriverMessage(_HESAI, (Layout(sized=True), Layout(length=1500, sized=True))),
+    "nebula_msgs/msg/NebulaPackets": DriverMessage(("robosense", "robosense_solid", "velodyne", "hesai"), (Layout(),)),
+    "hesai_ros_driver/msg/UdpFrame": DriverMessage(_HESAI, _UDP_FRAMES, ("std_msgs/msg/UInt8MultiArray", "correction")),
 }
-"""Layouts by message type; add new ones here, and to a family's ``scan_types``.
-
-The length of a message distinguishes versions of drivers that share a type name.
-"""
+"""Messages of drivers by their ROS 2 type. Add new ones here."""
 
 _CLOUDS = "record the driver's sensor_msgs/PointCloud2"
 _SCANS = f"{_CLOUDS}, or its messages of whole scans"
@@ -114,12 +128,12 @@ def advice_on(channel: Channel) -> str | None:
 def packet_type(channel: Channel) -> str | None:
     """Return the ROS 2 name of the type of a channel's messages; None if they are not packets of a known layout."""
     typename = ros2_type(channel)
-    return typename if typename in PACKET_LAYOUTS else None
+    return typename if typename in DRIVER_MESSAGES else None
 
 
 def has_single_packets(channel: Channel) -> bool:
     """Return whether each message of a channel contains one packet."""
-    return not PACKET_LAYOUTS[packet_type(channel) or ""][0].many
+    return not DRIVER_MESSAGES[packet_type(channel) or ""].layouts[0].many
 
 
 def runs(times_ns: Sequence[int], payloads: Sequence[Buffer]) -> Iterator[Packets]:
@@ -132,85 +146,62 @@ def runs(times_ns: Sequence[int], payloads: Sequence[Buffer]) -> Iterator[Packet
             yield Packets(np.array(times_ns[first:end], np.int64), data)
 
 
-def read_packets(message: Message) -> "PacketMessage":
-    """Return the packets in a message; `CloudError` if it is truncated or has another layout."""
-    first: CloudError | None = None
-    for layout in PACKET_LAYOUTS[packet_type(message.channel) or ""]:
-        try:
-            return PacketMessage(message, layout)
-        except CloudError as error:
-            first = first or error
-    raise first or CloudError("the message has no known layout")
-
-
+@dataclass(frozen=True)
 class PacketMessage:
     """The packets in a message, and its frame id, None if it names none.
 
     Times are in Unix time, and the log time where the message has none.
     """
 
-    def __init__(self, message: Message, layout: Layout) -> None:
-        data = message.data
-        self._data, self._size, self._log_ns = memoryview(data), len(data), min(message.log_time_ns, _LATEST_NS)
-        self._ros1 = message.channel.message_encoding == "ros1"
-        if not self._ros1 and (len(data) < 4 or data[0] != 0 or data[1] > 1):
-            raise CloudError("the message does not start with a plain CDR header")
-        self._start, self._align = (0, 1) if self._ros1 else (4, 4)
-        self._order = "<" if self._ros1 or data[1] else ">"
-        self._at = self._start
-        self.frame_id: str | None = None
-        stamp_ns = self._read_header() if layout.header else 0
-        self._at += layout.flags
-        number = self._number() if layout.many else 1
-        self.times_ns: list[int] = []
-        self.payloads: list[Buffer] = []
-        for _ in range(number):
-            self._read_packet(layout, stamp_ns)
-        if self._size - self._at > _MAX_SLACK:
-            raise CloudError(f"{count(self._size - self._at, 'byte')} follow the packets in the message")
+    times_ns: list[int]
+    payloads: list[memoryview]
+    frame_id: str | None
 
     @property
     def packets(self) -> list[Packets]:
         """The packets in order, in runs of equal length."""
         return list(runs(self.times_ns, self.payloads))
 
-    def _numbers(self, number: int) -> tuple[int, ...]:
-        """Return unsigned integers of 32 bits, which are aligned."""
-        at = self._at + -(self._at - self._start) % self._align
-        self._at = at + 4 * number
-        if self._at > self._size:
-            raise CloudError(f"the message is truncated at byte {self._size}")
-        return unpack_from(f"{self._order}{number}I", self._data, at)
 
-    def _number(self) -> int:
-        return self._numbers(1)[0]
+def read_packets(message: Message) -> PacketMessage:
+    """Return the packets in a message; `CloudError` if it is truncated or has another layout."""
+    first: CloudError | None = None
+    for layout in DRIVER_MESSAGES[packet_type(message.channel) or ""].layouts:
+        try:
+            return _read(message, layout)
+        except CloudError as error:
+            first = first or error
+    raise first or CloudError("the message has no known layout")
 
-    def _read_header(self) -> int:
-        """Read the frame id, and return the stamp."""
-        self._at += 4 * self._ros1
-        sec, nanosec, size = self._numbers(3)
-        begin, left = self._at, self._size - self._at
-        if size > left:
-            raise CloudError(
-                f"the message declares a frame id of {count(size, 'byte')}, but contains only {left:,} more"
-            )
-        self._at += size
-        name = bytes(self._data[begin : self._at]).decode(errors="surrogateescape")
-        self.frame_id = name if self._ros1 else name.removesuffix("\0")
-        return sec * _NANO + nanosec
 
-    def _read_packet(self, layout: Layout, stamp_ns: int) -> None:
-        if layout.stamp:
-            sec, nanosec = self._numbers(2)
-            stamp_ns = sec * _NANO + nanosec
-        size = self._number() if layout.length is None else layout.length
-        begin, self._at = self._at, self._at + size
-        if self._at > self._size:
-            left = self._size - begin
-            raise CloudError(f"the message declares a packet of {count(size, 'byte')}, but contains only {left:,} more")
-        if layout.sized:
-            size = min(self._number(), size)
-        if layout.spare and size % 4 == 1:
-            size -= 1
-        self.times_ns.append(stamp_ns or self._log_ns)
-        self.payloads.append(self._data[begin : begin + size])
+def _read(message: Message, layout: Layout) -> PacketMessage:
+    read = reader_of(message)
+    header = read.header() if layout.header else None
+    read.take(layout.flags)
+    times_ns, payloads = list[int](), list[memoryview]()
+    for _ in range(read.number("I") if layout.many else 1):
+        stamp_ns = read.time_ns() if layout.stamp else header.stamp_ns if header else 0
+        packet = read.blob() if layout.length is None else read.take(layout.length)
+        size = min(read.number("I"), len(packet)) if layout.sized else len(packet)
+        payloads.append(packet[: size - (layout.spare and size % 4 == 1)])
+        times_ns.append(stamp_ns or min(message.log_time_ns, _LATEST_NS))
+    if read.left > _MAX_SLACK:
+        raise CloudError(f"{count(read.left, 'byte')} follow the packets in the message")
+    return PacketMessage(times_ns, payloads, header.frame_id if header else None)
+
+
+def read_recorded(message: Message) -> bytes:
+    """Return the file in a ``std_msgs/String`` or ``std_msgs/UInt8MultiArray``; `CloudError` if it is damaged."""
+    read = reader_of(message)
+    if ros2_type(message.channel) == "std_msgs/msg/String":
+        return read.text().encode(errors="surrogateescape")
+    for _ in range(read.length(_MAX_DIMENSIONS, "dimension")):
+        read.text()
+        read.numbers("II")
+    read.number("I")
+    return bytes(read.blob())
+
+
+def reader_of(message: Message) -> Reader:
+    """Return a reader of a ROS message."""
+    return Reader(message.data, 1 if message.channel.message_encoding == "ros1" else 2)

@@ -1,6 +1,5 @@
 """Packets of a sensor in a recording: samples from which its decoder is made, and the clouds that it decodes."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from seaclutter_cli.errors import CloudError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.records import Channel, Damage, Message
-from seaclutter_cli.sensors.packets import PacketDecoder, PacketFrame, Packets, of_other_length
+from seaclutter_cli.sensors.packets import PacketDecoder, PacketFamily, PacketFrame, Packets
 from seaclutter_cli.text import count
 
 MAX_SAMPLES, MAX_CALIBRATIONS = 64, 32
@@ -25,23 +24,28 @@ class Samples:
     data: list[tuple[int, bytes]] = field(default_factory=list)
     calibrations: list[tuple[int, bytes]] = field(default_factory=list)
 
-    def add(self, packets: Packets, calibrates: NDArray[np.bool_], usable: NDArray[np.bool_] | None = None) -> None:
-        """Add packets, given which are calibrations and, if not all, which of the others are data."""
-        data = ~calibrates if usable is None else usable & ~calibrates
-        for into, chosen, most in ((self.data, data, MAX_SAMPLES), (self.calibrations, calibrates, MAX_CALIBRATIONS)):
+    def add(self, packets: Packets, family: PacketFamily) -> None:
+        """Add packets of a family, of which only those of a self-calibrating one are checked."""
+        calibrates = family.is_calibration(packets.payloads)
+        is_data = ~calibrates
+        if family.calibrates:
+            is_data[:MAX_SAMPLES] &= [family.recognises(payload) for payload in packets.payloads[:MAX_SAMPLES]]
+        for into, chosen, most in (
+            (self.data, is_data, MAX_SAMPLES),
+            (self.calibrations, calibrates, MAX_CALIBRATIONS),
+        ):
             rows = np.flatnonzero(chosen)[: most - len(into)]
             payloads = map(np.ndarray.tobytes, packets.payloads[rows])
             into.extend(zip(packets.times_ns[rows].tolist(), payloads, strict=True))
 
-
-def sample_of(
-    calibrations: Sequence[tuple[int, bytes]], data: Sequence[tuple[int, bytes]], length: int
-) -> tuple[Packets, NDArray[np.uint8] | None]:
-    """Return the packets of a length, calibrations first, and the calibrations of another length, shape (I, M)."""
-    pairs = [pair for pair in (*calibrations, *data) if len(pair[1]) == length]
-    payloads = np.frombuffer(b"".join(payload for _, payload in pairs), np.uint8).reshape(len(pairs), length)
-    info = of_other_length([np.frombuffer(payload, np.uint8) for _, payload in calibrations], length)
-    return Packets(np.array([time_ns for time_ns, _ in pairs], np.int64), payloads), info
+    def packets(self, length: int) -> tuple[Packets, NDArray[np.uint8] | None]:
+        """Return the packets of a length, calibrations first, and the calibrations of another length, shape (I, M)."""
+        pairs = [pair for pair in (*self.calibrations, *self.data) if len(pair[1]) == length]
+        payloads = np.frombuffer(b"".join(payload for _, payload in pairs), np.uint8).reshape(len(pairs), length)
+        others = [np.frombuffer(payload, np.uint8) for _, payload in self.calibrations if len(payload) != length]
+        return Packets(np.array([time_ns for time_ns, _ in pairs], np.int64), payloads), np.stack(
+            others
+        ) if others else None
 
 
 @dataclass

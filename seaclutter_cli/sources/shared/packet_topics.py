@@ -1,22 +1,193 @@
 """Point clouds from packet topics: packets that lidar drivers publish before they are decoded."""
 
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from os.path import commonprefix
 from pathlib import Path
 
-from seaclutter_cli.errors import CloudError
+from seaclutter_cli.errors import CloudError, InputError, MissingExtraError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages.definitions import points_channel
 from seaclutter_cli.records import Buffer, Channel, Message, Record, SensorFacts
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily, PacketFrame
+from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
 from seaclutter_cli.sources.shared import SourceWrapper
-from seaclutter_cli.sources.shared.packet_messages import has_single_packets, packet_type, read_packets, runs
-from seaclutter_cli.sources.shared.packet_probe import Decodable, make_candidates, probe
-from seaclutter_cli.sources.shared.packet_streams import CloudStream
+from seaclutter_cli.sources.shared.packet_messages import (
+    DRIVER_MESSAGES,
+    has_single_packets,
+    packet_type,
+    read_packets,
+    read_recorded,
+    ros2_type,
+    runs,
+)
+from seaclutter_cli.sources.shared.packet_streams import MAX_SAMPLES, CloudStream, Samples
 
 _MAX_IDS = 65_535
 _DECODED_AT_ONCE, _DECODED_WITHIN_NS = 64, 50_000_000
+
+
+_MAX_TRIES = 10
+_IMU_BYTES = 48
+"""Length of Ouster's IMU packets, which the driver publishes in messages of the same type."""
+
+
+@dataclass
+class _Candidate:
+    """A packet topic, the families that may have sent it, and, when it can be decoded, how.
+
+    Its ``companion`` is a topic that contains the calibration of the same sensor.
+    """
+
+    channel: Channel
+    families: Sequence[PacketFamily]
+    options: DecoderOptions
+    companion: Channel | None
+    make: Callable[[], PacketDecoder] | None = None
+    packet_bytes: int = 0
+    problems: list[str] = field(default_factory=list)
+    is_done: bool = False
+    _family: PacketFamily | None = None
+    _samples: Samples = field(default_factory=Samples)
+
+    def add(self, message: Message) -> None:
+        """Add a message of the topic or of its companion."""
+        if self.companion and message.channel.id == self.companion.id:
+            self._add_calibration(message)
+        elif message.channel.id == self.channel.id:
+            try:
+                self._add_packets(read_packets(message).packets)
+            except CloudError as error:
+                self._fail(str(error))
+
+    def finish(self) -> None:
+        """Try whether the packets so far suffice for a decoder."""
+        if self._samples.data:
+            length = Counter(len(payload) for _, payload in self._samples.data).most_common(1)[0][0]
+            sample, info = self._samples.packets(length)
+            self.options = replace(self.options, info=info)
+            self._try(sample)
+        elif self._samples.calibrations:
+            self._note("only device information, no data packets")
+
+    def _add_packets(self, found: Sequence[Packets]) -> None:
+        longest = max(found, key=len, default=None)
+        if longest is None:
+            raise CloudError("the scan contains no packets")
+        self._family = self._family or self._recognise(longest)
+        if self._family is None:
+            self.is_done = True
+        elif self._gathers:
+            self._gather(found, self._family)
+        else:
+            self._try(longest)
+
+    def _recognise(self, packets: Packets) -> PacketFamily | None:
+        """Return the family that sent packets, of which the only one is taken as it is; None for IMU packets."""
+        if len(self.families) == 1 and not has_single_packets(self.channel):
+            return self.families[0]
+        found = (one for one in self.families if any(map(one.recognises, packets.payloads[:MAX_SAMPLES])))
+        family, size = next(found, None), packets.payloads.shape[1]
+        if family is None and size != _IMU_BYTES:
+            if name := name_unsupported(packets.payloads[0]):
+                raise CloudError(f"packets of a {name} are not supported; {ADVICE}")
+            titles = ", ".join(family.title for family in self.families)
+            raise CloudError(f"packets of {size:,} bytes are not from a supported sensor ({titles})")
+        return family
+
+    def _add_calibration(self, message: Message) -> None:
+        try:
+            if packet_type(message.channel):
+                family = self._family or next(one for one in self.families if one.calibrates)
+                self._gather(read_packets(message).packets, family)
+                return
+            if self.options.recorded is None:
+                self.options = replace(self.options, recorded=read_recorded(message))
+        except CloudError as error:
+            self._note(f"{message.channel.topic}: {error}")
+        if self._is_ready:
+            self.finish()
+
+    def _gather(self, found: Iterable[Packets], family: PacketFamily) -> None:
+        samples, new = self._samples, False
+        for packets in found:
+            before = len(samples.data)
+            samples.add(packets, family)
+            new |= bool(family.is_calibration(packets.payloads).any()) or before < len(samples.data) == MAX_SAMPLES
+        if new and self._is_ready:
+            self.finish()
+
+    @property
+    def _gathers(self) -> bool:
+        """Whether a decoder needs more than the packets of one message."""
+        return has_single_packets(self.channel) or self._calibrates or bool(self.companion)
+
+    @property
+    def _calibrates(self) -> bool:
+        return self._family is not None and self._family.calibrates
+
+    @property
+    def _is_ready(self) -> bool:
+        waits = self.companion is not None and self.options.recorded is None and self.options.calibration is None
+        waits = not self._samples.calibrations if self._calibrates else waits
+        return len(self._samples.data) >= MAX_SAMPLES and not waits
+
+    def _try(self, sample: Packets) -> None:
+        if self._family is None:
+            return
+        make = partial(self._family.decoder, sample, self.options)
+        try:
+            make()
+        except MissingExtraError as error:
+            self.is_done = True
+            self._note(str(error))
+        except InputError as error:
+            self._fail(str(error))
+            self.is_done |= self._gathers and not self._calibrates
+        else:
+            self.make, self.packet_bytes = make, sample.payloads.shape[1]
+            self.is_done, self.problems = True, []
+
+    def _fail(self, problem: str) -> None:
+        self._note(problem)
+        self.is_done = len(self.problems) >= _MAX_TRIES and not self._samples.data
+
+    def _note(self, problem: str) -> None:
+        self.problems.append(f"{self.channel.topic} is not decoded: {problem}")
+
+
+def _candidates(
+    channels: Collection[Channel], families: Mapping[str, PacketFamily], options: DecoderOptions
+) -> list[_Candidate]:
+    """Return a candidate for each channel of packets; topics with only calibrations are left out."""
+    found = []
+    for channel in channels:
+        kind = DRIVER_MESSAGES.get(packet_type(channel) or "")
+        own = [families[name] for name in kind.families if name in families] if kind else []
+        if kind and own:
+            typename, word = kind.companion or ("", "")
+            beside = [one for one in channels if ros2_type(one) == typename and word in one.topic.lower()]
+            # Of several, the one whose name begins most alike.
+            nearest = max(beside, key=lambda one: len(commonprefix((one.topic, channel.topic))), default=None)  # noqa: RUF071
+            found.append(_Candidate(channel, own, options, nearest))
+    companions = {candidate.companion.id for candidate in found if candidate.companion}
+    return [candidate for candidate in found if candidate.channel.id not in companions]
+
+
+def _probe(records: Callable[[], Iterable[Record]], candidates: Iterable[_Candidate]) -> None:
+    """Read a log until it is known which of some topics can be decoded."""
+    left = list(candidates)
+    for message in (record for record in (records() if left else ()) if isinstance(record, Message)):
+        for candidate in left:
+            candidate.add(message)
+        left = [candidate for candidate in left if not candidate.is_done]
+        if not left:
+            break
+    for candidate in left:
+        candidate.finish()
 
 
 @dataclass
@@ -40,18 +211,18 @@ class PacketTopics(SourceWrapper):
 
     def __init__(self, inner: Source, families: Mapping[str, PacketFamily], options: DecoderOptions) -> None:
         super().__init__(inner)
-        self._options = options
         self.facts: dict[str, SensorFacts] = dict(inner.facts)
-        self._topics: dict[int, tuple[Channel, Decodable]] = {}
+        self._topics: dict[int, tuple[Channel, Callable[[], PacketDecoder], int]] = {}
         topics = {channel.topic for channel in inner.channels}
         # Topics whose clouds were recorded too, as in the output of `filter`, are not decoded.
         undecoded = [channel for channel in inner.channels if _points_topic(channel) not in topics]
-        self._probe([channel for channel in undecoded if inner.counts.get(channel.id) != 0], families.values())
+        undecoded = [channel for channel in undecoded if inner.counts.get(channel.id) != 0]
+        self._find_decodable(_candidates(undecoded, families, options))
 
     @property
     def channels(self) -> Sequence[Channel]:
         """Channels of the log and of the clouds."""
-        return [*self._inner.channels, *(clouds for clouds, _ in self._topics.values())]
+        return [*self._inner.channels, *(clouds for clouds, *_ in self._topics.values())]
 
     @property
     def counts(self) -> dict[int, int]:
@@ -62,19 +233,18 @@ class PacketTopics(SourceWrapper):
                 counts[self._topics[channel.id][0].id] = counts[channel.id]
         return counts
 
-    def _probe(self, undecoded: Sequence[Channel], families: Collection[PacketFamily]) -> None:
+    def _find_decodable(self, candidates: Sequence[_Candidate]) -> None:
         """Determine from the first packets of each topic whether it can be decoded."""
-        candidates = make_candidates(undecoded, families, self._options)
-        probe(self._inner.records, candidates)
+        _probe(self._inner.records, candidates)
         for candidate in candidates:
-            packets, found = candidate.channel, candidate.found
-            if found:
+            if candidate.make:
                 taken = {channel.id for channel in self.channels}
                 free = next(id_ for id_ in range(_MAX_IDS, 0, -1) if id_ not in taken)
-                clouds = points_channel(replace(packets, id=free, topic=_points_topic(packets), metadata=()))
-                self._topics[packets.id] = clouds, found
-                self.facts[clouds.topic] = found.facts
-                self.warn(*(f"{clouds.topic}: {text}" for text in found.facts.warnings))
+                topic = _points_topic(candidate.channel)
+                clouds = points_channel(replace(candidate.channel, id=free, topic=topic, metadata=()))
+                self._topics[candidate.channel.id] = clouds, candidate.make, candidate.packet_bytes
+                self.facts[topic] = candidate.make().facts
+                self.warn(*(f"{topic}: {text}" for text in self.facts[topic].warnings))
         self.warn(*(candidate.problems[0] for candidate in candidates if candidate.problems))
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:  # noqa: ARG002
@@ -102,8 +272,8 @@ class PacketTopics(SourceWrapper):
         """Take the packets of a message; return the stream if its packets are to be decoded now."""
         stream = streams.get(message.channel.id)
         if stream is None:
-            channel, found = self._topics[message.channel.id]
-            clouds = CloudStream(self, channel, found.make(), found.packet_bytes)
+            channel, make, packet_bytes = self._topics[message.channel.id]
+            clouds = CloudStream(self, channel, make(), packet_bytes)
             stream = streams[message.channel.id] = _Stream(clouds, has_single_packets(message.channel))
             self.facts[channel.topic] = clouds.decoder.facts
         stream.times = (message.log_time_ns, message.publish_time_ns)

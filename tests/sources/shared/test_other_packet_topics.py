@@ -164,7 +164,7 @@ def test_a_truncated_packet_is_reported(tmp_path):
     source = open_source(write(tmp_path, "mcap", types, entries))
     assert len(list(source.records())) > len(entries)
     assert [damage.lost_messages for damage in source.damage] == [1, 1]
-    assert "declares a packet of" in str(source.damage[0])
+    assert "declares 1,080 bytes, but contains only 588 more" in str(source.damage[0])
     source.close()
 
 

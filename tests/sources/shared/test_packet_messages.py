@@ -105,6 +105,6 @@ def test_a_damaged_length_is_not_taken_from_the_message_before():
     sent[4] = Message(sent[4].channel, START, START, 4, memoryview(bytes(damaged)))
     found, problems, _ = read(sent)
     assert list(problems) == [4]
-    assert "declares a packet of 1,300 bytes" in problems[4]
+    assert "declares 1,300 bytes" in problems[4]
     assert found == [packet for packet in expected(kind, form, sent) if packet]
     assert len(found) == 8

@@ -18,7 +18,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import CODECS, find_codec
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Message, Metadata, Schema, SensorFacts
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketFrame, point_dtype
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily, PacketFrame, point_dtype
 from seaclutter_cli.sensors.velodyne.decoder import Velodyne
 from seaclutter_cli.sources.formats import wrap_packets
 from seaclutter_cli.sources.rosbag1.source import BagSource
@@ -32,14 +32,13 @@ VELODYNE_SCAN, PANDAR_SCAN = "velodyne_msgs/msg/VelodyneScan", "pandar_msgs/msg/
 IMU = Channel(9, "/imu", "cdr", ros2_schema("sensor_msgs/msg/Imu"))
 
 
-class Tens:
+class Tens(PacketFamily):
     """A sensor with ten packets per revolution; each packet is a point, and its first byte is x."""
 
     title = "Tens"
 
     def __init__(self, error=None):
         self.error = error
-        self.scan_types = {VELODYNE_SCAN: "packets", PANDAR_SCAN: "packets"}
 
     def recognises(self, payload):
         return True
@@ -143,7 +142,8 @@ def messages(chan, scans):
 
 
 def wrapped(records, channels, *, options=None, family=None, counts=None):
-    return wrap_packets(Log(records, channels, counts=counts), options, {"tens": family or Tens()})
+    families = dict.fromkeys(("velodyne", "hesai"), family or Tens())
+    return wrap_packets(Log(records, channels, counts=counts), options, families)
 
 
 def clouds(source):
@@ -224,7 +224,7 @@ def test_state_is_kept_per_channel_and_passes_are_equal():
 def test_a_split_recording_is_one_stream():
     chan = channel()
     files = {Path(f"log_{n}.db3"): Log(messages(chan, [scan(numbered(n * 7, 7))]), [chan]) for n in range(3)}
-    source = wrap_packets(SplitSource(list(files), files.__getitem__), None, {"tens": Tens()})
+    source = wrap_packets(SplitSource(list(files), files.__getitem__), None, {"velodyne": Tens()})
     assert [cloud.points["x"].tolist() for _, cloud in clouds(source)] == [[*range(10)], [*range(10, 20)], [20]]
 
 
@@ -254,7 +254,7 @@ def test_bad_and_lost_packets_are_reported():
 
 def test_a_log_without_packet_topics_is_returned_unchanged():
     log = Log([], [IMU, Channel(2, "/raw", "cdr", None), channel(encoding="json")])
-    assert wrap_packets(log, DecoderOptions(), {"tens": Tens()}) is log
+    assert wrap_packets(log, DecoderOptions(), {"velodyne": Tens()}) is log
     assert wrap_packets(Log([], [channel()]), None, {}).channels == [channel()]
 
 
@@ -356,7 +356,7 @@ def test_a_ros_1_bag_has_ros_1_clouds(tmp_path):
             ]
             message = scan_type(header_type(n, time_type(1, 2), "velodyne"), packets)
             writer.write(connection, START + n, types.serialize_ros1(message, scan_type.__msgtype__))
-    source = wrap_packets(BagSource(tmp_path / "log.bag"), DecoderOptions(), {"tens": Tens()})
+    source = wrap_packets(BagSource(tmp_path / "log.bag"), DecoderOptions(), {"velodyne": Tens()})
     assert source.profile == "ros1"
     read = clouds(source)
     source.close()
