@@ -109,6 +109,11 @@ class Thresholds:
     beyond: int
 
     @property
+    def start_m(self) -> float:
+        """Where the first range ring begins, in metres."""
+        return self.rings[0].start_m
+
+    @property
     def initial_thresholds(self) -> tuple[float, ...]:
         """Threshold of each range ring; whole numbers are integers."""
         values = (ring.threshold for ring in self.rings)

@@ -2,7 +2,7 @@
 
 import textwrap
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -23,7 +23,7 @@ from seaclutter_cli.plots.clutter import ClutterDensity
 from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.evaluate import F1, FALSE_ALARMS, N_FN, N_FP, POINTS, score_cells, score_legend
 from seaclutter_cli.runs.options.studies import CalibrateOptions
-from seaclutter_cli.runs.recordings import Result
+from seaclutter_cli.runs.recordings import Result, data_of
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.sensors.catalog import RecognisedSensor
 from seaclutter_cli.text import count, printable, share, table
@@ -32,6 +32,7 @@ from seaclutter_cli.water import Mounting, MountingSearch
 _COLUMNS = (N_FP, N_FN, F1, FALSE_ALARMS, POINTS[1])
 _BEST, _USED = "<", "used"
 _COMMENT_WIDTH = 100
+_OF_RING = "start_m end_m points threshold below filter_rate few_points=few source_rings=source saturated"
 _ADDED = ("frames_each", "recordings", "damage", "unlabelled", "marked", "examined", "with_targets")
 _TEXT_WIDTH = 79
 _NOTED_FRAMES = 20
@@ -189,27 +190,20 @@ class TradeOff:
 
 @dataclass(frozen=True)
 class CalibrationResult(Result):
-    """Result of a calibration, and the input that it is derived from.
+    """Result of a calibration, which started from a configuration, and the sums over its input.
 
-    Parameters
-    ----------
-    start : Config
-        Configuration that the calibration started from.
-    found : Thresholds
-        Thresholds and far limit.
-    tally : ClutterTally
-        Sums over the recordings.
-    labelled : bool
-        Whether labels separated clutter from targets.
-    output : Path or None
-        File that the configuration was written to.
-    mounting : Mounting or None
-        Mounting of the lidar, if the water shows another one than the start configuration.
-    trade_off : TradeOff or None
-        Scores of filter rates, if they were compared.
+    It is ``labelled`` if labels separated clutter from targets. There is a ``mounting`` of the lidar if the water shows
+    another one than the start configuration, a ``trade_off`` if filter rates were compared.
     """
 
     is_summary = True
+    data = (
+        "output recordings=tally.recordings frames=tally.frames unlabelled_frames=tally.unlabelled labelled "
+        "labelled_points=tally.marked filter_rate=calibration.filter_rate max_left=calibration.max_left "
+        "sensors=tally.sensors intensity_fields=tally.intensity_fields intensity=calibration.intensity "
+        "clutter_points=calibration.points points_beyond=found.beyond last_m=found.last_m start_m=found.start_m "
+        "end_m=found.end_m end_kept=calibration.keep_end rings mounting trade_off warnings damage=tally.damage"
+    )
 
     start: Config
     found: Thresholds
@@ -282,32 +276,13 @@ class CalibrationResult(Result):
         return f"{text}\n\n{self.trade_off.as_text()}" if self.trade_off else text
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the result as JSON-compatible data."""
-        found, tally = self.found, self.tally
-        return {
-            "output": str(self.output) if self.output else None,
-            "recordings": tally.recordings,
-            "frames": tally.frames,
-            "unlabelled_frames": tally.unlabelled,
-            "labelled": self.labelled,
-            "labelled_points": tally.marked,
-            "filter_rate": self.calibration.filter_rate,
-            "max_left": self.calibration.max_left,
-            "sensors": tally.sensors,
-            "intensity_fields": tally.intensity_fields,
-            "intensity": self.calibration.intensity,
-            "clutter_points": self.calibration.points,
-            "points_beyond": found.beyond,
-            "last_m": found.last_m,
-            "start_m": found.rings[0].start_m,
-            "end_m": found.end_m,
-            "end_kept": self.calibration.keep_end,
-            "rings": [_ring_dict(*pair) for pair in zip(found.rings, found.initial_thresholds, strict=True)],
-            **({"mounting": asdict(self.mounting)} if self.mounting else {}),
-            **({"trade_off": self.trade_off.as_dict()} if self.trade_off else {}),
-            "warnings": self.warnings,
-            "damage": [str(item) for item in tally.damage],
-        }
+        """Return JSON-compatible data."""
+        return {name: one for name, one in super().as_dict().items() if one or name not in ("mounting", "trade_off")}
+
+    def rings(self) -> list[dict[str, Any]]:
+        """Return JSON-compatible data of the range rings."""
+        pairs = zip(self.found.rings, self.found.initial_thresholds, strict=True)
+        return [{**data_of(ring, _OF_RING), "threshold": threshold} for ring, threshold in pairs]
 
     @property
     def _rate(self) -> str:
@@ -323,7 +298,7 @@ class CalibrationResult(Result):
         left_out = f"{count(tally.marked, 'labelled point')} left out"
         labels = left_out if self.labelled else "no labels: all treated as clutter"
         name = printable(" or ".join(tally.intensity_fields)) or "none"
-        points = f"{count(self.calibration.points, 'clutter point')} from {found.rings[0].start_m:g} m outwards"
+        points = f"{count(self.calibration.points, 'clutter point')} from {found.start_m:g} m outwards"
         frames = f"{count(tally.frames, 'frame')}{without}"
         limit = f"in whole range rings, clutter ends at {found.end_m:g} m."
         if self.calibration.keep_end:
@@ -365,17 +340,3 @@ def _note(ring: RingCalibration, filter_rate: float) -> str:
         rings = f"rings {first} to {last}" if first < last else f"ring {last}"
         note = f"{note or ('few points' if ring.points else 'no points')}: {rings}"
     return note or "no point passes" * (filter_rate == 1)
-
-
-def _ring_dict(ring: RingCalibration, threshold: float) -> dict[str, Any]:
-    return {
-        "start_m": ring.start_m,
-        "end_m": ring.end_m,
-        "points": ring.points,
-        "threshold": threshold,
-        "below": ring.below,
-        "filter_rate": ring.filter_rate,
-        "few_points": ring.few,
-        "source_rings": list(ring.source),
-        "saturated": ring.saturated,
-    }

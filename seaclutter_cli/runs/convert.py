@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field, replace
 from functools import partial
 from time import perf_counter
-from typing import Any
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.frame import Frame
@@ -119,6 +118,8 @@ class ConvertOutcome(LogOutcome):
     ``messages`` is the number of messages that were written; 0 if the output is that of an earlier run.
     """
 
+    data = "recording status output=written format=form error damage seconds=rounded_s messages topics=sums lost"
+
     form: str
     messages: int = 0
     lost: list[str] = field(default_factory=list)
@@ -132,10 +133,10 @@ class ConvertOutcome(LogOutcome):
         """Return messages, frames and points."""
         return f"{count(self.messages, 'message')}, {count(self.frames, 'frame')} of {count(self.points_in, 'point')}"
 
-    def as_dict(self, **_: Any) -> dict[str, Any]:
-        """Return the outcome as JSON-compatible data."""
-        topics = {topic: {"frames": tally.frames, "points": tally.points_in} for topic, tally in self.topics.items()}
-        return {**super().as_dict(format=self.form), "messages": self.messages, "topics": topics, "lost": self.lost}
+    @property
+    def sums(self) -> dict[str, dict[str, int]]:
+        """Frames and points of each topic."""
+        return {topic: {"frames": tally.frames, "points": tally.points_in} for topic, tally in self.topics.items()}
 
     def as_text(self) -> str:
         """Return the outcome as human-readable text."""

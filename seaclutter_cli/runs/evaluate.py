@@ -8,9 +8,10 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from operator import attrgetter, methodcaller
 from tempfile import TemporaryFile
-from typing import IO, Any, Literal, TypeVar
+from typing import IO, Literal, TypeVar
 
 from seaclutter_cli.buckets import on_paths, shown
+from seaclutter_cli.config import Config
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.evaluation.label_check import LabelCheck
 from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, Summary, score_frame
@@ -212,6 +213,9 @@ def frame_table(recordings: Sequence[FrameRows]) -> Iterator[bytes]:
 class Evaluated(Outcome):
     """Sums over the frames of one recording for each variant; its rows and the scores of its parts, if wanted."""
 
+    data = "recording error damage seconds=rounded_s methods=known"
+    listed = "frames=first.frames false_alarms=first.false_alarms missed_targets=first.missed"
+
     methods: Mapping[str, Summary]
     rows: FrameRows | None = field(default=None, repr=False)
     parts: Parts | None = field(default=None, repr=False)
@@ -223,22 +227,19 @@ class Evaluated(Outcome):
 
     def figures(self) -> str:
         """Return frames and rates of the first method, for a line about the outcome."""
-        name, summary = next(iter(self.methods.items()))
-        rates = ", ".join(column.figure(summary) for column in (R_FP, R_FN))
-        return f"{count(summary.frames, 'labelled frame')}, {name}: {rates}, {self.seconds:.1f} s"
+        rates = ", ".join(column.figure(self.first) for column in (R_FP, R_FN))
+        frames, name = count(self.first.frames, "labelled frame"), next(iter(self.methods))
+        return f"{frames}, {name}: {rates}, {self.seconds:.1f} s"
 
-    def counts(self) -> dict[str, Any]:
-        """Return further columns of the manifest of a run, with the alarms of the first method."""
-        first = next(iter(self.methods.values()))
-        return {"frames": first.frames, "false_alarms": first.false_alarms, "missed_targets": first.missed}
+    @property
+    def known(self) -> Mapping[str, Summary]:
+        """The sums for each variant; empty after an error."""
+        return {} if self.error else self.methods
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the outcome as JSON-compatible data."""
-        return {
-            **super().as_dict(),
-            "seconds": round(self.seconds, 3),
-            "methods": {} if self.error else {name: summary.as_dict() for name, summary in self.methods.items()},
-        }
+    @property
+    def first(self) -> Summary:
+        """The sums for the first variant."""
+        return next(iter(self.methods.values()))
 
 
 @dataclass(frozen=True)
@@ -353,6 +354,8 @@ class FrameScorer:
 class Comparison(RecordingsResult):
     """Result of the evaluation of several recordings: the methods that were compared, and each recording's outcome."""
 
+    data = "methods=totals recordings=outcomes configs"
+
     variants: Sequence[Variant]
     outcomes: Sequence[Evaluated]
 
@@ -360,17 +363,13 @@ class Comparison(RecordingsResult):
         """Return the sums over all recordings without an error."""
         totals = {variant.name: Summary() for variant in self.variants}
         for outcome in self.outcomes:
-            for name, summary in outcome.methods.items() if not outcome.error else ():
+            for name, summary in outcome.known.items():
                 totals[name].update(summary)
         return totals
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the comparison as JSON-compatible data."""
-        return {
-            "methods": {name: summary.as_dict() for name, summary in self.totals().items()},
-            "recordings": [outcome.as_dict() for outcome in self.outcomes],
-            "configs": {variant.name: variant.config.as_dict() for variant in self.variants},
-        }
+    def configs(self) -> dict[str, Config]:
+        """Return the configuration of each method."""
+        return {variant.name: variant.config for variant in self.variants}
 
     def as_text(self) -> str:
         """Return the comparison as human-readable text; for DBSCAN clusters, include the measures of [Bi]."""

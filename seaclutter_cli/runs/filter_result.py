@@ -21,6 +21,8 @@ class FilterOutcome(LogOutcome):
     the water; ``rows`` are those of the table of frames, compressed, unless they are written as they come.
     """
 
+    data = f"{LogOutcome.data} topics=sums"
+
     edges: Sequence[float]
     has_water: bool = False
     rows: bytes = field(default=b"", repr=False)
@@ -34,9 +36,10 @@ class FilterOutcome(LogOutcome):
         """Return frames and the share of the points that were kept."""
         return f"{count(self.frames, 'frame')}, {share(self.points_out, self.points_in)} of the points kept"
 
-    def as_dict(self, **_: Any) -> dict[str, Any]:
-        """Return the outcome as JSON-compatible data."""
-        return {**super().as_dict(), "topics": {topic: self._sums(tally) for topic, tally in self.topics.items()}}
+    @property
+    def sums(self) -> dict[str, dict[str, Any]]:
+        """Sums of each topic as JSON-compatible data."""
+        return {topic: self._sums(tally) for topic, tally in self.topics.items()}
 
     def as_text(self) -> str:
         """Return the outcome as human-readable text."""

@@ -3,7 +3,7 @@
 import textwrap
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
@@ -111,6 +111,8 @@ class Content(Outcome):
     be read. If it is ``sampled``, only the first frames were read, but messages and times are of the whole recording.
     """
 
+    data = "recording path format sampled duration_s start_ns topics clouds sensors=facts needs damage error"
+
     path: str
     format: str = ""
     channels: Sequence[Channel] = ()
@@ -137,31 +139,24 @@ class Content(Outcome):
         """Seconds from the first message to the last."""
         return (self.times_ns[1] - self.times_ns[0]) / _NANO if self.times_ns else 0.0
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible data."""
-        return {
-            "recording": self.recording,
-            "path": self.path,
-            "format": self.format,
-            "sampled": self.sampled,
-            "duration_s": self.duration_s,
-            "start_ns": self.times_ns[0] if self.times_ns else None,
-            "topics": [
-                {
-                    "topic": channel.topic,
-                    "type": channel.schema.name if channel.schema else None,
-                    "encoding": channel.message_encoding,
-                    "messages": self.messages[channel.topic],
-                    "decoded": self._is_decoded(channel.topic),
-                }
-                for channel in self.channels
-            ],
-            "clouds": {topic: cloud.as_dict() for topic, cloud in self.clouds.items()},
-            "sensors": {topic: asdict(facts) for topic, facts in self.facts.items()},
-            "needs": self.needs(),
-            "damage": [str(item) for item in self.damage],
-            "error": self.error,
-        }
+    @property
+    def start_ns(self) -> int | None:
+        """Log time of the first message."""
+        return self.times_ns[0] if self.times_ns else None
+
+    @property
+    def topics(self) -> list[dict[str, Any]]:
+        """Type, encoding and messages of each topic, and whether its clouds are decoded from packets."""
+        return [
+            {
+                "topic": channel.topic,
+                "type": channel.schema.name if channel.schema else None,
+                "encoding": channel.message_encoding,
+                "messages": self.messages[channel.topic],
+                "decoded": channel.topic in self.facts and self.facts[channel.topic].from_packets,
+            }
+            for channel in self.channels
+        ]
 
     def as_text(self) -> str:
         """Return the content as human-readable text."""
@@ -169,8 +164,7 @@ class Content(Outcome):
         if self.times_ns and self.times_ns[0] > _NANO * 86400 * 365:
             began = f", from {datetime.fromtimestamp(self.times_ns[0] / _NANO, UTC):%Y-%m-%d %H:%M:%S} UTC"
         lines = [printable(f"{self.path}: {self.format}, {self.duration_s:.1f} s{began}")]
-        types = {c.topic: c.schema.name if c.schema else "-" for c in self.channels}
-        types |= {topic: "decoded from packets" for topic in types if self._is_decoded(topic)}
+        types = {one["topic"]: "decoded from packets" if one["decoded"] else one["type"] or "-" for one in self.topics}
         lines.append(table(("topic", "messages", "type"), [(name, self.messages[name], types[name]) for name in types]))
         if self.sampled:
             lines.append("Only the first frames were read; -n N copies the log and reads N.")
@@ -178,10 +172,6 @@ class Content(Outcome):
         lines += [_describe(topic, cloud, self.facts.get(topic)) for topic, cloud in read.items()]
         lines += [printable(need) for need in self.needs()]
         return "\n".join(lines)
-
-    def _is_decoded(self, topic: str) -> bool:
-        """Return whether the clouds of a topic are decoded from packets, and not messages of the log."""
-        return topic in self.facts and self.facts[topic].from_packets
 
     def line(self) -> str:
         """Return the error, if any; the result has a table of the contents."""

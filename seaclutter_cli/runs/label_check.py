@@ -2,8 +2,7 @@
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -52,6 +51,11 @@ class CheckedLabels(Outcome):
     Of each box, there are length, width and height in metres, the number of points inside, and whether they are enough.
     """
 
+    data = (
+        "recording labels error damage frames=labelled unlabelled_frames=unlabelled boxes visible "
+        "areas_to_ignore=areas frames_with_labelled_points=point_frames classes=sizes findings"
+    )
+
     labels: str
     labelled: int = 0
     unlabelled: int = 0
@@ -68,7 +72,19 @@ class CheckedLabels(Outcome):
     @property
     def visible(self) -> int:
         """Number of boxes with enough points."""
-        return sum(_visible(rows) for rows in self.classes.values())
+        return int(sum(one["visible"] for one in self.sizes.values()))
+
+    @property
+    def sizes(self) -> dict[str, dict[str, float]]:
+        """Number of boxes, visible ones, and means of the other columns for each class."""
+        return {
+            kind: {
+                "boxes": len(rows),
+                "visible": sum(bool(visible) for *_, visible in rows),
+                **dict(zip(_MEANS, np.mean(rows, axis=0).tolist(), strict=False)),
+            }
+            for kind, rows in self.classes.items()
+        }
 
     def add(self, frame: Frame, truth: Truth | None, params: EvaluationParams) -> None:
         """Count a frame."""
@@ -89,26 +105,6 @@ class CheckedLabels(Outcome):
         found = count(len(self.findings), "probable mistake") if self.findings else "no mistake found"
         return f"{count(self.labelled, 'labelled frame')}, {count(self.boxes, 'box')}: {found}"
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the outcome as JSON-compatible data."""
-        return {
-            "recording": self.recording,
-            "labels": self.labels,
-            "error": self.error,
-            "damage": [str(item) for item in self.damage],
-            "frames": self.labelled,
-            "unlabelled_frames": self.unlabelled,
-            "boxes": self.boxes,
-            "visible": self.visible,
-            "areas_to_ignore": self.areas,
-            "frames_with_labelled_points": self.point_frames,
-            "classes": {
-                kind: {"boxes": len(rows), "visible": _visible(rows), **dict(zip(_MEANS, _means(rows), strict=True))}
-                for kind, rows in self.classes.items()
-            },
-            "findings": [asdict(one) for one in self.findings],
-        }
-
     def as_text(self) -> str:
         """Return the outcome as human-readable text."""
         frames = f"{count(self.labelled, 'labelled frame')}, {self.unlabelled:,} unlabelled"
@@ -118,24 +114,13 @@ class CheckedLabels(Outcome):
         blocks = ["\n".join(filter(None, first))]
         if self.classes:
             lines = []
-            for kind, rows in self.classes.items():
-                *sizes, points = _means(rows)
-                cells = [*(f"{size:.2f}" for size in sizes), f"{points:.0f}" if _visible(rows) else UNKNOWN]
-                lines.append((kind, len(rows), _visible(rows), *cells))
+            for kind, (boxes, visible, *sizes_m, points) in ((kind, one.values()) for kind, one in self.sizes.items()):
+                cells = [*(f"{size_m:.2f}" for size_m in sizes_m), f"{points:.0f}" if visible else UNKNOWN]
+                lines.append((kind, boxes, visible, *cells))
             blocks.append(table(("class", "boxes", "visible", "length m", "width m", "height m", "points"), lines))
         found = [textwrap.fill(f"* {one.text}", _LINE_CHARACTERS, subsequent_indent="  ") for one in self.findings]
         blocks.append("\n".join(["Probable mistakes:", *found]) if found else "No mistake found.")
         return "\n\n".join(blocks)
-
-
-def _visible(rows: Sequence[tuple[float, ...]]) -> int:
-    return sum(bool(visible) for *_, visible in rows)
-
-
-def _means(rows: Sequence[tuple[float, ...]]) -> list[float]:
-    """Return the means of `_MEANS`."""
-    means: list[float] = np.mean(rows, axis=0)[:4].tolist()
-    return means
 
 
 @dataclass(frozen=True)
@@ -168,6 +153,8 @@ class _LabelCheckWork(StudyWork[CheckedLabels]):
 class LabelCheckResult(RecordingsResult):
     """Result of the check of the labels of several recordings."""
 
+    data = "recordings=outcomes"
+
     outcomes: Sequence[CheckedLabels]
 
     @property
@@ -175,14 +162,6 @@ class LabelCheckResult(RecordingsResult):
         """Whether any labels have a probable mistake, or any recording could not be read."""
         return any(outcome.error or outcome.findings for outcome in self.outcomes)
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as JSON-compatible data."""
-        return {"recordings": [outcome.as_dict() for outcome in self.outcomes]}
-
     def as_text(self) -> str:
         """Return the result as human-readable text."""
-        return super().details()
-
-    def as_detailed_text(self) -> str:
-        """Return the same, which has all details."""
-        return self.as_text()
+        return self.details()

@@ -283,10 +283,18 @@ class LogOutcome(Outcome):
     and log.
     """
 
+    data = "recording status output=written error damage seconds=rounded_s"
+    listed = "output=written frames points_in points_out bytes_in bytes_out"
+
     output: Path
     topics: dict[str, TopicTally] = field(default_factory=dict)
     bytes_in: int = 0
     bytes_out: int = 0
+
+    @property
+    def written(self) -> Path | None:
+        """The output; None after an error."""
+        return None if self.error else self.output
 
     @property
     def frames(self) -> int:
@@ -312,23 +320,6 @@ class LogOutcome(Outcome):
         if self.skipped:
             return f"{count(self.frames, 'frame')}; skipped, the output was complete"
         return f"{self.amounts()}, {self.seconds:.1f} s -> {printable(str(self.output))}"
-
-    def counts(self) -> dict[str, Any]:
-        """Return further columns of the manifest of a run."""
-        names = ("frames", "points_in", "points_out", "bytes_in", "bytes_out")
-        return {"output": None if self.error else str(self.output), **{name: getattr(self, name) for name in names}}
-
-    def as_dict(self, **after_output: Any) -> dict[str, Any]:
-        """Return the outcome as JSON-compatible data."""
-        return {
-            "recording": self.recording,
-            "status": self.status,
-            "output": None if self.error else str(self.output),
-            **after_output,
-            "error": self.error,
-            "damage": [str(item) for item in self.damage],
-            "seconds": round(self.seconds, 3),
-        }
 
 
 @dataclass(frozen=True)

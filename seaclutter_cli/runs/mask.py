@@ -1,9 +1,9 @@
 """Proposal of a mask of own ship's structure from recordings."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import UsageError
@@ -86,6 +86,8 @@ class _MaskWork(StudyWork[Outcome]):
 class MaskResult(RecordingsResult):
     """Proposed mask: the structure within a range."""
 
+    data = "recordings=outcomes frames=found.frames at_rest=found.at_rest share=found.share sectors=found.mask.sectors"
+
     outcomes: Sequence[Outcome]
     found: FoundStructure
     reach_m: float
@@ -109,16 +111,6 @@ class MaskResult(RecordingsResult):
             )
             return [text]
         return []
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as JSON-compatible data."""
-        return {
-            "recordings": [outcome.as_dict() for outcome in self.outcomes],
-            "frames": self.found.frames,
-            "at_rest": self.found.at_rest,
-            "share": self.found.share,
-            "sectors": [asdict(sector) for sector in self.found.mask.sectors],
-        }
 
     def as_text(self) -> str:
         """Return the result as human-readable text."""

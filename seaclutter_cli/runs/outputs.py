@@ -18,7 +18,7 @@ from seaclutter_cli.parts import remove_stale
 from seaclutter_cli.paths import Identities, Identity, files_in
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import ReadOptions
-from seaclutter_cli.runs.recordings import Outcome
+from seaclutter_cli.runs.recordings import Outcome, data_of
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.formats import is_single_frame
 from seaclutter_cli.sources.recordings import Recording, metadata_beside
@@ -279,15 +279,8 @@ def write_manifest(
         return
     rows = []
     for recording, outcome in zip(recordings, outcomes, strict=True):
-        known = {
-            "recording": outcome.recording,
-            "input": str(recording.paths[0]),
-            "status": outcome.status,
-            "seconds": round(outcome.seconds, 3),
-            "damaged_parts": len(outcome.damage),
-            "error": outcome.error,
-            **outcome.counts(),
-        }
+        known = {"input": str(recording.paths[0]), "damaged_parts": len(outcome.damage)}
+        known |= data_of(outcome, f"recording status seconds=rounded_s error {outcome.listed}")
         rows.append(shown({name: known.get(name) for name in _COLUMNS}))
     text = io.StringIO()
     if path.suffix.lower() == ".json":

@@ -147,6 +147,8 @@ class Planned(Outcome):
     The size is 0 and the number of frames None if they are not known before reading.
     """
 
+    data = "recording input output status reason=why frames bytes_in damage"
+
     input: Path
     output: Path
     bytes_in: int
@@ -168,23 +170,17 @@ class Planned(Outcome):
         """Return nothing: the result lists all recordings."""
         return ""
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the plan as JSON-compatible data."""
-        return {
-            "recording": self.recording,
-            "input": str(self.input),
-            "output": str(self.output),
-            "status": self.status,
-            "reason": self.error or self.reason or None,
-            "frames": self.frames,
-            "bytes_in": self.bytes_in,
-            "damage": [str(item) for item in self.damage],
-        }
+    @property
+    def why(self) -> str | None:
+        """Why the recording would be refused, skipped or done again; None without a reason."""
+        return self.error or self.reason or None
 
 
 @dataclass(frozen=True)
 class RunPlan(RecordingsResult):
     """What a run would do with each recording, and the free space for the outputs; None in object storage."""
+
+    data = "recordings=outcomes bytes_in free_bytes"
 
     outcomes: Sequence[Planned]
     free_bytes: int | None = None
@@ -203,14 +199,6 @@ class RunPlan(RecordingsResult):
     def bytes_in(self) -> int:
         """Size of the recordings that would be processed."""
         return sum(one.bytes_in for one in self.outcomes if one.status == "do")
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the plan as JSON-compatible data."""
-        return {
-            "recordings": [one.as_dict() for one in self.outcomes],
-            "bytes_in": self.bytes_in,
-            "free_bytes": self.free_bytes,
-        }
 
     def as_text(self) -> str:
         """Return a line for each recording, and the totals."""

@@ -3,10 +3,11 @@
 import os
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from datetime import UTC, datetime
+from operator import attrgetter
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -40,14 +41,50 @@ NOT_PROCESSED = "not processed"
 _STATUSES = ("done", "damaged", "failed", NOT_PROCESSED, "skipped")
 
 
+def data_of(item: Any, names: str) -> dict[str, Any]:
+    """Return attributes and results of methods as JSON-compatible data.
+
+    ``names`` are those of attributes, or have a name and its attribute, as in ``frames=found.frames``.
+    """
+    pairs = (name.partition("=") for name in names.split())
+    return {name: _plain(attrgetter(path or name)(item)) for name, _, path in pairs}
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "as_dict"):
+        return value.as_dict()
+    if callable(value):
+        return _plain(value())
+    if isinstance(value, Path | Damage):
+        return str(value)
+    if is_dataclass(value):
+        return {one.name: _plain(getattr(value, one.name)) for one in fields(value)}
+    if isinstance(value, Mapping):
+        return {name: _plain(one) for name, one in value.items()}
+    return [_plain(one) for one in value] if isinstance(value, list | tuple) else value
+
+
+class WithData:
+    """Base of classes whose data are attributes: those that ``data`` names, in the form of `data_of`."""
+
+    data: ClassVar[str] = ""
+
+    def as_dict(self) -> Any:
+        """Return JSON-compatible data."""
+        return data_of(self, self.data)
+
+
 @dataclass(kw_only=True)
-class Outcome:
+class Outcome(WithData):
     """Outcome of a run over one recording, by its name.
 
     ``damage`` are parts that could not be used; ``error`` says why there is no result. If ``skipped``, the result is
     that of an earlier run, or there is nothing to do, as ``reason`` says. ``facts`` are about the sensor of each topic,
-    from packets or metadata.
+    from packets or metadata. ``listed`` names columns of the manifest of a run, in the form of `data_of`.
     """
+
+    data = "recording error damage"
+    listed: ClassVar[str] = ""
 
     recording: str
     damage: list[Damage] = field(default_factory=list)
@@ -69,6 +106,11 @@ class Outcome:
             return "skipped"
         return "failed" if self.error else "damaged" if self.damage else "done"
 
+    @property
+    def rounded_s(self) -> float:
+        """Duration in seconds, rounded to milliseconds."""
+        return round(self.seconds, 3)
+
     def line(self) -> str:
         """Return a line about the outcome, for runs over several recordings."""
         if self.error:
@@ -83,20 +125,12 @@ class Outcome:
         """Return the main figures of the outcome, for a line about it."""
         return f"{self.seconds:.1f} s"
 
-    def counts(self) -> dict[str, Any]:
-        """Return further columns of the manifest of a run."""
-        return {}
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the outcome as JSON-compatible data."""
-        return {"recording": self.recording, "error": self.error, "damage": [str(item) for item in self.damage]}
-
     def as_text(self) -> str:
         """Return the outcome as human-readable text; empty if the text of the result says it all."""
         return ""
 
 
-class Result(ABC):
+class Result(ABC, WithData):
     """Result of a run, as text and as data."""
 
     is_summary: ClassVar[bool] = False
@@ -113,10 +147,6 @@ class Result(ABC):
         return False
 
     @abstractmethod
-    def as_dict(self) -> Any:
-        """Return the result as JSON-compatible data."""
-
-    @abstractmethod
     def as_text(self) -> str:
         """Return the result as human-readable text; empty if there is nothing to report."""
 
@@ -126,7 +156,7 @@ class Result(ABC):
 
     def as_detailed_text(self) -> str:
         """Return the result with its details, as verbose output shows it."""
-        return "\n\n".join(filter(None, (self.details(), self.as_text())))
+        return "\n\n".join(filter(None, dict.fromkeys((self.details(), self.as_text()))))
 
 
 class RecordingsResult(Result):
@@ -146,8 +176,8 @@ class RecordingsResult(Result):
         return any(outcome.damage for outcome in self.outcomes)
 
     def as_dict(self) -> Any:
-        """Return the outcomes as JSON-compatible data."""
-        return [outcome.as_dict() for outcome in self.outcomes]
+        """Return JSON-compatible data, by default the outcomes."""
+        return super().as_dict() if self.data else [outcome.as_dict() for outcome in self.outcomes]
 
     def details(self) -> str:
         """Return the outcomes without an error as human-readable text."""

@@ -28,7 +28,7 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import MethodOptions, ReadOptions
 from seaclutter_cli.runs.options.studies import ReportOptions
 from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expected_frames, open_recording, require_frames
+from seaclutter_cli.runs.recordings import Outcome, expected_frames, open_recording, require_frames
 from seaclutter_cli.runs.studies import LabelledRecordings, prepared
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.selection import was_filtered
@@ -74,7 +74,7 @@ def report(options: ReportOptions) -> "ReportResult":
             files |= {folder / name: content for name, content in drawn.items()}
     write_files(files, replace=options.force)
     sizes = {path: len(content) for path, content in files.items()}
-    return ReportResult(comparison, collected, sizes)
+    return ReportResult(comparison.variants, comparison.outcomes, collected, sizes)
 
 
 def _collector(variants: Sequence[Variant], options: ReportOptions) -> "_OriginCollector":
@@ -95,32 +95,11 @@ def _page(comparison: Comparison, collected: Collector, origin: Mapping[str, Any
 
 
 @dataclass(frozen=True)
-class ComparisonResult(RecordingsResult):
-    """Files or a view of recordings, besides their scores."""
+class ReportResult(Comparison):
+    """Content of a report besides the scores: statistics of all frames, points of those shown; its files' sizes."""
 
     is_summary = True
-
-    comparison: Comparison
-
-    @property
-    def outcomes(self) -> Sequence[Evaluated]:  # type: ignore[override]
-        """Outcome of each recording."""
-        return self.comparison.outcomes
-
-
-@dataclass(frozen=True)
-class ReportResult(ComparisonResult):
-    """Content of a report, and its files.
-
-    Parameters
-    ----------
-    comparison : Comparison
-        Scores of each method and recording.
-    collected : Collector
-        Statistics of all frames, and points of the frames shown.
-    sizes : mapping of Path to int
-        Written files, and their sizes in bytes.
-    """
+    data = f"files frames shown {Comparison.data}"
 
     collected: Collector
     sizes: Mapping[Path, int]
@@ -130,15 +109,17 @@ class ReportResult(ComparisonResult):
         """Number of frames of all recordings."""
         return len(self.collected.timeline.frame)
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as JSON-compatible data."""
+    def shown(self) -> list[dict[str, Any]]:
+        """Return the frames whose points are shown, and why."""
         timeline, names = self.collected.timeline, self.collected.recordings
-        shown = [
+        return [
             {"recording": names[timeline.recording[one.row]], "frame": one.item.frame, "why": one.why}
             for one in self.collected.chosen
         ]
-        files = [{"path": str(path), "bytes": size} for path, size in self.sizes.items()]
-        return {"files": files, "frames": self.frames, "shown": shown, **self.comparison.as_dict()}
+
+    def files(self) -> list[dict[str, Any]]:
+        """Return the written files."""
+        return [{"path": path, "bytes": size} for path, size in self.sizes.items()]
 
     def as_text(self) -> str:
         """Return the result as human-readable text."""

@@ -156,6 +156,7 @@ class SimulationResult(Result):
     """A simulated recording: its scene, numbers of frames and points, and files."""
 
     is_summary = True
+    data = "output=log labels frames=tally.frames points=listed"
 
     scene: Scene
     tally: PointTally
@@ -176,10 +177,9 @@ class SimulationResult(Result):
             rows = [(f"{name} ({count(number, 'object')})", points[name]) for name, number in sorted(objects.items())]
         return [("clutter", self.tally.points[CLUTTER]), *rows, ("own ship or ignored", self.tally.points[IGNORED])]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as JSON-compatible data."""
-        rows = [{"label": name, "points": points} for name, points in self._rows()]
-        return {"output": str(self.log), "labels": str(self.labels), "frames": self.tally.frames, "points": rows}
+    def listed(self) -> list[dict[str, Any]]:
+        """Return the points by label."""
+        return [{"label": name, "points": points} for name, points in self._rows()]
 
     def as_text(self) -> str:
         """Return the result as human-readable text."""
@@ -195,6 +195,7 @@ class TileSimulationResult(Result):
     """A simulated tile: its scene, points by class code (0 is the sea) and on land, and file."""
 
     is_summary = True
+    data = "output sea land objects=listed"
 
     scene: TileScene
     points: Counter[int]
@@ -207,16 +208,20 @@ class TileSimulationResult(Result):
         named = enumerate(OBJECT_CLASSES, 1)
         return [(name, objects[name], self.points[code]) for code, name in named if objects[name]]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as JSON-compatible data."""
-        listed = [{"class": name, "objects": objects, "points": points} for name, objects, points in self._rows()]
-        return {"output": str(self.output), "sea": self.points[0], "land": self.land, "objects": listed}
+    @property
+    def sea(self) -> int:
+        """Number of points of the sea."""
+        return self.points[0]
+
+    def listed(self) -> list[dict[str, Any]]:
+        """Return objects and points by class."""
+        return [{"class": name, "objects": objects, "points": points} for name, objects, points in self._rows()]
 
     def as_text(self) -> str:
         """Return the result as human-readable text."""
         rows = [(name, objects, f"{points:,}") for name, objects, points in self._rows()]
         land = [("land", "", f"{self.land:,}")] if self.scene.land else []
-        shown = table(("class", "objects", "points"), [("sea", "", f"{self.points[0]:,}"), *land, *rows])
+        shown = table(("class", "objects", "points"), [("sea", "", f"{self.sea:,}"), *land, *rows])
         output, total = printable(str(self.output)), self.points.total() + self.land
         return f"{output}\n{indented(shown)}\n{count(total, 'point')} in {self.seconds:.1f} s"
 

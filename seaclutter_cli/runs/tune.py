@@ -22,7 +22,7 @@ from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.options.studies import TuneOptions
 from seaclutter_cli.runs.outputs import may_appear, write_files
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, data_of
 from seaclutter_cli.runs.studies import prepared, study_all
 from seaclutter_cli.runs.sweep import Combination, Sweep, grid, shown
 from seaclutter_cli.sinks.csv import csv_line
@@ -173,19 +173,9 @@ def _split_scores(outcomes: Sequence[Evaluated], names: Sequence[str], share: fl
 
 @dataclass(frozen=True)
 class TuningResult(RecordingsResult):
-    """Result of a sweep over methods and parameter values.
+    """Result of a sweep over methods and parameter values: all combinations, and their scores."""
 
-    Parameters
-    ----------
-    sweeps : sequence of Sweep
-        Parameters and values that were tried.
-    combinations : sequence of Combination
-        All combinations.
-    outcomes : sequence of Evaluated
-        Outcome of each recording.
-    split : Split
-        Scores of the frames used for tuning, and of those held out.
-    """
+    data = "combinations=rows best held_out recordings"
 
     sweeps: Sequence[Sweep]
     combinations: Sequence[Combination]
@@ -230,7 +220,17 @@ class TuningResult(RecordingsResult):
     def _several(self) -> bool:
         return len({one.method for one in self.combinations}) > 1
 
-    def _rows(self) -> list[dict[str, Any]]:
+    @property
+    def held_out(self) -> str | None:
+        """What was held out; None if nothing was."""
+        return self.split.title or None
+
+    def recordings(self) -> list[dict[str, Any]]:
+        """Return each recording, without scores."""
+        return [data_of(outcome, Outcome.data) for outcome in self.outcomes]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return methods, values and scores of each combination."""
         rows = []
         for one in self.combinations:
             name = one.variant.name
@@ -242,18 +242,9 @@ class TuningResult(RecordingsResult):
             rows.append({**row, "best": name == self.best})
         return rows
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as JSON-compatible data."""
-        return {
-            "combinations": self._rows(),
-            "best": self.best,
-            "held_out": self.split.title or None,
-            "recordings": [Outcome.as_dict(outcome) for outcome in self.outcomes],
-        }
-
     def as_csv(self) -> str:
         """Return the result as CSV, with a row for each combination."""
-        rows = self._rows()
+        rows = self.rows()
         return b"".join(map(csv_line, (rows[0], *(row.values() for row in rows)))).decode()
 
     def as_text(self) -> str:

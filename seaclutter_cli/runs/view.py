@@ -4,16 +4,16 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.runs.evaluate import Comparison
 from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import Logs, MethodOptions, of_options
 from seaclutter_cli.runs.options.logs import ViewOptions
 from seaclutter_cli.runs.outputs import may_appear
-from seaclutter_cli.runs.report import ComparisonResult, filter_or_replay
+from seaclutter_cli.runs.report import filter_or_replay
 from seaclutter_cli.runs.studies import prepared
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.text import printable
@@ -52,18 +52,17 @@ def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> 
         stack.close()
         if not may_appear([options.target], comparison.outcomes, observer):
             files.discard()
-    return ViewResult(comparison, options.target)
+    return ViewResult(comparison.variants, comparison.outcomes, options.target)
 
 
 @dataclass(frozen=True)
-class ViewResult(ComparisonResult):
+class ViewResult(Comparison):
     """Scores of recordings that were shown, and the file that was written, if it is not the viewer that showed them."""
 
-    target: Path | None
+    is_summary = True
+    data = f"output=target {Comparison.data}"
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the result as JSON-compatible data."""
-        return {"output": str(self.target) if self.target else None, **self.comparison.as_dict()}
+    target: Path | None
 
     def as_text(self) -> str:
         """Return the file and its size as text; empty for the viewer."""

@@ -253,6 +253,8 @@ def _recorded_run(output: Path) -> Mapping[str, Any] | None:
 class SeparatedTile(TileOutcome):
     """Outcome of the separation of one tile: numbers of sea and non-sea points, the sea, and its part of the maps."""
 
+    listed = "output=_written points_in=points points_out=other"
+
     output: Path
     sea: int = 0
     other: int = 0
@@ -269,10 +271,6 @@ class SeparatedTile(TileOutcome):
         if self.skipped:
             return f"{count(self.points, 'point')}; skipped, the output was complete"
         return f"{count(self.points, 'point')}, {share(self.other, self.points)} non-sea, {self.seconds:.1f} s"
-
-    def counts(self) -> dict[str, Any]:
-        """Return further columns of the manifest of a run."""
-        return {"output": self._written, "points_in": self.points, "points_out": self.other}
 
     @property
     def _written(self) -> str | None:
