@@ -1,7 +1,8 @@
 """Files of single point clouds: frames of a recording, and tiles."""
 
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
@@ -15,7 +16,7 @@ from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Channel
+from seaclutter_cli.records import Channel, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.mcap_writer import McapWriter
 
@@ -69,16 +70,25 @@ def _write_ply(stream: BinaryIO, cloud: Cloud) -> int:
     return 0
 
 
-def _write_mcap(stream: BinaryIO, cloud: Cloud) -> int:
-    """Write an MCAP file with one ROS 2 PointCloud2 message on ``/points``."""
+@contextmanager
+def cloud_log(stream: BinaryIO, *metadata: Metadata) -> Iterator[Callable[[int, Cloud], None]]:
+    """Yield a function that writes a cloud, with its number, as ROS 2 PointCloud2 on ``/points`` of an MCAP file."""
     writer = McapWriter(stream, profile="ros2")
     try:
+        for record in metadata:
+            writer.add_metadata(record)
         writer.add_channel(Channel(1, "/points", "cdr", ros2_schema(_TYPE)))
-        writer.write(1, cloud.stamp_ns, cloud.stamp_ns, 0, CODECS[_TYPE, "cdr"].encode(cloud))
+        encode = CODECS[_TYPE, "cdr"].encode
+        yield lambda number, one: writer.write(1, one.stamp_ns, one.stamp_ns, number, encode(one))
         writer.finish()
     except BaseException:
         writer.abort()
         raise
+
+
+def _write_mcap(stream: BinaryIO, cloud: Cloud) -> int:
+    with cloud_log(stream) as write:
+        write(0, cloud)
     return 0
 
 

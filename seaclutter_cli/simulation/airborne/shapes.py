@@ -57,10 +57,19 @@ def _blob(rng: np.random.Generator, x: Map, y: Map, ragged: float) -> Map:
     return np.asarray(1 - np.hypot(x / (x.max() + STEP_M), y / (y.max() + STEP_M)) / edge)
 
 
-def _solid(top: Map, reflectivity: Map | float, motion: Motion) -> Patch:
-    """Return a patch that stops all rays."""
-    whole, none = np.ones_like(top), np.zeros_like(top)
-    return Patch(top, whole, none, np.full_like(top, -np.inf), np.broadcast_to(reflectivity, top.shape) * whole, motion)
+def _patch(
+    top: Map,
+    reflectivity: Map | float,
+    motion: Motion,
+    *,
+    cover: Map | float = 1.0,
+    depth: Map | float = 0.0,
+    base: Map | float = -np.inf,
+) -> Patch:
+    """Return a patch, by default a solid one over water."""
+    maps = cover, depth, base, reflectivity
+    full = [np.broadcast_to(np.asarray(one, np.float64), top.shape) for one in maps]
+    return Patch(top, full[0], full[1], full[2], full[3], motion)
 
 
 def _ship(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
@@ -88,7 +97,7 @@ def _ship(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
     top[inside & ends & (np.abs(y) < 0.4 * width)] = height * rng.uniform(0.7, 0.85)
     for position in rng.uniform(-0.5, 0.8, rng.integers(1, 4)):
         top[inside & (np.abs(x - position * length / 2) <= STEP_M) & (np.abs(y) <= STEP_M)] = height
-    return _solid(top, paint, "floats")
+    return _patch(top, paint, "floats")
 
 
 def _stack(rng: np.random.Generator, top: Map, where: NDArray[np.bool_], deck: float, height: float) -> None:
@@ -105,7 +114,7 @@ def _reef(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
     rough = sum(weight * _noise(rng, body.shape, scale) for weight, scale in ((0.30, 3.0), (0.18, 1.2), (0.12, 0.5)))
     top = size[2] * (1.1 * np.sqrt(np.clip(body, 0, 1)) * (0.62 + rough) - 0.08)
     top[(body <= 0) | (top < -0.3)] = -np.inf
-    return _solid(top, reflectivity * (1 + 0.25 * _noise(rng, body.shape, 0.8)).clip(0.3, 2), "fixed")
+    return _patch(top, reflectivity * (1 + 0.25 * _noise(rng, body.shape, 0.8)).clip(0.3, 2), "fixed")
 
 
 def _shoal(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
@@ -115,7 +124,7 @@ def _shoal(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
     ripples = 0.03 * np.sin(2 * np.pi * (x * rng.uniform(0.2, 0.5) + y * rng.uniform(-0.3, 0.3)))
     top = size[2] * np.clip(body, 0, 1) ** 0.33 * (1 + 0.10 * _noise(rng, body.shape, 6.0)) + ripples
     top[body <= 0] = -np.inf
-    return _solid(top, reflectivity * np.clip(0.45 + 0.55 * top / size[2], 0.4, 1.1), "fixed")
+    return _patch(top, reflectivity * np.clip(0.45 + 0.55 * top / size[2], 0.4, 1.1), "fixed")
 
 
 def _aquaculture(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
@@ -127,9 +136,8 @@ def _aquaculture(rng: np.random.Generator, size: Size, reflectivity: float) -> P
         _cages(rng, x, y, top, cover, size)
     else:
         _rafts(rng, x, y, top, size)
-    none = np.zeros(shape)
     tint = reflectivity * (1 + 0.2 * _noise(rng, shape, 1.0)).clip(0.3, 2)
-    return Patch(top, cover, none, np.full(shape, -np.inf), tint, "drifts")
+    return _patch(top, tint, "drifts", cover=cover)
 
 
 def _cages(rng: np.random.Generator, x: Map, y: Map, top: Map, cover: Map, size: Size) -> None:
@@ -165,9 +173,9 @@ def _seaweed(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch
     top = size[2] * np.clip(body, 0, 1) ** 0.3 * humps.clip(0.2, 1.2)
     holes = _noise(rng, body.shape, 2.0) > rng.uniform(1.1, 2.0)
     top[(body <= 0) | holes] = -np.inf
-    cover = np.full(body.shape, rng.uniform(0.8, 0.97))
+    cover = rng.uniform(0.8, 0.97)
     tint = reflectivity * (1 + 0.15 * _noise(rng, body.shape, 1.5)).clip(0.4, 1.6)
-    return Patch(top, cover, np.full(body.shape, 0.12), np.full(body.shape, -np.inf), tint, "drifts")
+    return _patch(top, tint, "drifts", cover=cover, depth=0.12)
 
 
 def _island(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
@@ -185,7 +193,7 @@ def _island(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
     tint = np.where(green, rng.uniform(0.35, 0.55), reflectivity) * (1 + 0.15 * _noise(rng, body.shape, 1.0)).clip(
         0.4, 1.6
     )
-    return Patch(top, leaves, np.where(green, 0.5 * tall, 0.0), ground, tint, "fixed")
+    return _patch(top, tint, "fixed", cover=leaves, depth=np.where(green, 0.5 * tall, 0.0), base=ground)
 
 
 def _fence(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
@@ -214,7 +222,7 @@ def _fence(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
             cover[i, j] = mesh if net else 0.9
     depth = np.where(cover < 0.9, 0.6 * height * sag, 0.2)
     tint = reflectivity * rng.uniform(0.7, 1.3, shape)
-    return Patch(top, cover, depth, np.full(shape, -np.inf), tint, "fixed")
+    return _patch(top, tint, "fixed", cover=cover, depth=depth)
 
 
 def _garbage(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
@@ -232,7 +240,7 @@ def _garbage(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch
             height[rows[:, None], columns[None, :]][here],
             brightness[rows[:, None], columns[None, :]][here],
         )
-    return _solid(top, tint, "drifts")
+    return _patch(top, tint, "drifts")
 
 
 @dataclass(frozen=True)

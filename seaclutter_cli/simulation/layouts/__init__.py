@@ -2,12 +2,15 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.simulation.layouts import confined_water, open_water, plantations
+from seaclutter_cli.simulation.layouts import confined_water, open_water
+from seaclutter_cli.simulation.layouts.plan import Plan
+from seaclutter_cli.simulation.layouts.plantations import APPLE, POPLAR, WILLOW, plantation
 from seaclutter_cli.simulation.layouts.rule import scene_class
 from seaclutter_cli.simulation.layouts.worlds import draw_world, with_wide_physics
 from seaclutter_cli.simulation.marine.scene import Scene, builtin_scenes, load_scene
@@ -15,7 +18,6 @@ from seaclutter_cli.simulation.marine.sea import SeaParams
 from seaclutter_cli.text import suggestion
 
 _TRIES = 200
-Maker = Callable[[np.random.Generator], Scene]
 
 
 @dataclass(frozen=True)
@@ -26,12 +28,12 @@ class Layout:
     """
 
     scene_class: str
-    draw: Maker
+    draw: Callable[[Plan], Scene]
 
     def make(self, rng: np.random.Generator) -> Scene:
         """Return a random scene that `scene_class` assigns to the class in all of its frames."""
         for _ in range(_TRIES):
-            scene = self.draw(rng)
+            scene = self.draw(Plan(rng))
             if scene_class(scene) == self.scene_class:
                 return scene
         raise AssertionError(f"layout draws no {self.scene_class} scene in {_TRIES} attempts")
@@ -50,9 +52,9 @@ LAYOUTS: Mapping[str, Layout] = {
     "channel": Layout("confined", confined_water.narrow_channel),
     "lock_chamber": Layout("confined", confined_water.lock),
     "river": Layout("confined", confined_water.river),
-    "apple_rows": Layout("dense", plantations.apple_rows),
-    "poplar_grove": Layout("sparse", plantations.poplar_grove),
-    "willow_grove": Layout("sparse", plantations.willow_grove),
+    "apple_rows": Layout("dense", partial(plantation, APPLE)),
+    "poplar_grove": Layout("sparse", partial(plantation, POPLAR)),
+    "willow_grove": Layout("sparse", partial(plantation, WILLOW)),
 }
 """Layouts by name; to add one, add a line here."""
 

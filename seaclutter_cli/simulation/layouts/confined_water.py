@@ -11,16 +11,15 @@ _SMALL = ("speedboat", "sailing_boat", "kayak")
 _MOORED = ("speedboat", "sailing_boat", "cruise_ship", "barge")
 
 
-def harbour_basin(rng: np.random.Generator) -> Scene:
+def harbour_basin(plan: Plan) -> Scene:
     """Return a basin with quays on two to four sides, with gaps, and boats along the quays."""
-    plan = Plan(rng)
     rotation, height = plan.uniform(-180, 180), plan.log_uniform(0.6, 4.0)
     shares = np.array([plan.uniform(0.2, 0.8), plan.uniform(0.2, 0.8)])
     spans = np.array([plan.log_uniform(22, 95), plan.log_uniform(22, 95)])
     ahead, left = (spans * shares).tolist()
     astern, right = (spans * (1 - shares)).tolist()
     quays = ((left, -astern, ahead), (ahead, -left, right), (right, -ahead, astern), (astern, -right, left))
-    sides = rng.permutation(4)[: plan.integer(2, 4)].tolist()
+    sides = plan.rng.permutation(4)[: plan.integer(2, 4)].tolist()
     for index in sides:
         distance, start, end = quays[index]
         line = Line(distance, rotation + (0, -90, 180, 90)[index])
@@ -43,9 +42,8 @@ def _quay(plan: Plan, line: Line, extent_m: tuple[float, float], height_m: float
             moor(plan, line, part, _MOORED, occupancy)
 
 
-def moored_rows(rng: np.random.Generator) -> Scene:
+def moored_rows(plan: Plan) -> Scene:
     """Return rows of boats side by side along jetties, with own ship in the water between two of them."""
-    plan = Plan(rng)
     lane, longest = plan.uniform(14, 34), plan.uniform(7, 14)
     share, kinds = plan.uniform(0.6, 1.0), _SMALL[:2] if plan.bernoulli(0.7) else (plan.choice(_SMALL[:2]),)
     start, end = -plan.uniform(20, 70), plan.uniform(20, 70)
@@ -86,9 +84,8 @@ def _row(
         along += width + plan.log_uniform(0.4, 1.5)
 
 
-def narrow_channel(rng: np.random.Generator) -> Scene:
+def narrow_channel(plan: Plan) -> Scene:
     """Return a narrow channel, straight or curved, between walls or banks, sometimes with the piers of a bridge."""
-    plan = Plan(rng)
     width, share = plan.log_uniform(14, 55), plan.uniform(0.3, 0.7)
     bend = plan.log_uniform(90, 500) * (1 if plan.bernoulli(0.5) else -1) if plan.bernoulli(0.6) else np.inf
     kind, height = ("quay_wall" if plan.bernoulli(0.6) else "bank"), plan.log_uniform(0.6, 5.0)
@@ -117,9 +114,8 @@ def _bridge(plan: Plan, middle: Line, along_m: float, width_m: float) -> None:
             plan.add_fixed("building", position, size, reflectivity=plan.log_uniform(0.1, 0.5))
 
 
-def lock(rng: np.random.Generator) -> Scene:
+def lock(plan: Plan) -> Scene:
     """Return a lock: walls close on both sides, gates ahead and astern, either of which may be open."""
-    plan = Plan(rng)
     width, height = plan.log_uniform(8, 26), plan.log_uniform(0.9, 7.0)
     offset = min(0.2, 0.5 - 3.2 / width)  # room for own ship
     share = plan.uniform(0.5 - offset, 0.5 + offset)
@@ -138,9 +134,8 @@ def lock(rng: np.random.Generator) -> Scene:
     return plan.scene("A lock.", heading_deg=heading, speed_ms=plan.uniform(0, 0.6))
 
 
-def river(rng: np.random.Generator) -> Scene:
+def river(plan: Plan) -> Scene:
     """Return a river between sloping banks with an uneven edge, with piles and moored boats."""
-    plan = Plan(rng)
     width, share = plan.log_uniform(22, 70), plan.uniform(0.25, 0.75)
     bend = plan.log_uniform(150, 700) * (1 if plan.bernoulli(0.5) else -1)
     ends = -plan.uniform(60, 150), plan.uniform(60, 150)

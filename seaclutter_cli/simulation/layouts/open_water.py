@@ -9,29 +9,28 @@ _SMALL = ("speedboat", "sailing_boat", "kayak")
 _ALL = (*_SMALL, "cruise_ship", "barge", "cargo_ship")
 
 
-def open_sea(rng: np.random.Generator) -> Scene:
+def open_sea(plan: Plan) -> Scene:
     """Return open sea with a few vessels and buoys."""
-    plan = Plan(rng)
     plan.scatter(_ALL, plan.integer(0, 6), 10, 140)
     for _ in range(plan.integer(0, 5)):
         plan.add_buoy(plan.position_around(8, 80))
     return plan.scene("Open sea with a few vessels and buoys.", speed_ms=plan.uniform(0, 9))
 
 
-def anchorage(rng: np.random.Generator) -> Scene:
+def anchorage(plan: Plan) -> Scene:
     """Return an anchorage with many vessels, most of them heading into the wind."""
-    plan = Plan(rng)
     wind, spread = plan.uniform(-180, 180), plan.uniform(3, 25)
     kinds = _ALL if plan.bernoulli(0.6) else ("sailing_boat", "speedboat", "cruise_ship")
     for _ in range(plan.integer(10, 45)):
-        plan.add_boat(kinds, plan.position_around(14, 150, even=True), wind + spread * float(rng.standard_normal()))
+        plan.add_boat(
+            kinds, plan.position_around(14, 150, even=True), wind + spread * float(plan.rng.standard_normal())
+        )
     plan.scatter(_SMALL, plan.integer(0, 3), 12, 80)
     return plan.scene("An anchorage with many vessels.", speed_ms=plan.uniform(0, 3), direction_deg=wind + 180)
 
 
-def fairway(rng: np.random.Generator) -> Scene:
+def fairway(plan: Plan) -> Scene:
     """Return a fairway between two rows of buoys, with traffic along it."""
-    plan = Plan(rng)
     lane, step, side = plan.uniform(-15, 15), plan.log_uniform(15, 60), plan.log_uniform(12, 70)
     cos, sin = np.cos(np.radians(lane)), np.sin(np.radians(lane))
 
@@ -48,9 +47,8 @@ def fairway(rng: np.random.Generator) -> Scene:
     return plan.scene("A fairway between rows of buoys.", speed_ms=plan.uniform(1, 8))
 
 
-def regatta(rng: np.random.Generator) -> Scene:
+def regatta(plan: Plan) -> Scene:
     """Return a regatta: many small sailing boats close together, each on one of two tacks."""
-    plan = Plan(rng)
     wind, longest = plan.uniform(-180, 180), plan.uniform(5.5, 12)
     nearest, farthest = plan.uniform(10, 25), plan.uniform(50, 130)
     for _ in range(plan.integer(12, 50)):
@@ -63,9 +61,8 @@ def regatta(rng: np.random.Generator) -> Scene:
     return plan.scene("A regatta of many small sailing boats.", speed_ms=plan.uniform(0, 5))
 
 
-def coast(rng: np.random.Generator) -> Scene:
+def coast(plan: Plan) -> Scene:
     """Return open water with a coast on one side, beyond the range at which facades count."""
-    plan = Plan(rng)
     distance, bearing = plan.log_uniform(68, 115), plan.uniform(-180, 180)
     wiggle, wave = plan.uniform(0, 7), plan.log_uniform(40, 120)
     line = Line(distance, bearing - 90, wiggle=lambda along: wiggle * float(np.sin(along / wave * 2 * np.pi)))
@@ -75,9 +72,8 @@ def coast(rng: np.random.Generator) -> Scene:
     return plan.scene("Open water off a coast.", speed_ms=plan.uniform(0, 8))
 
 
-def rough_sea(rng: np.random.Generator) -> Scene:
+def rough_sea(plan: Plan) -> Scene:
     """Return a rough sea full of clutter, with few objects."""
-    plan = Plan(rng)
     plan.scatter(_ALL, plan.integer(0, 4), 12, 120, moving=0.8)
     for _ in range(plan.integer(0, 3)):
         plan.add_buoy(plan.position_around(8, 60))
@@ -89,15 +85,14 @@ def rough_sea(rng: np.random.Generator) -> Scene:
     )
 
 
-def pile_field(rng: np.random.Generator) -> Scene:
+def pile_field(plan: Plan) -> Scene:
     """Return a grid of piles, as in a wind farm, a fish farm or a mooring field."""
-    plan = Plan(rng)
     step, rotation = plan.log_uniform(14, 45), plan.uniform(0, 90)
     wide, high = plan.log_uniform(0.3, 3.0), plan.log_uniform(1.0, 9.0)
     cos, sin = np.cos(np.radians(rotation)), np.sin(np.radians(rotation))
     shift = np.array([plan.uniform(0, step), plan.uniform(0, step)])
     for cell in np.ndindex(9, 9):
-        x, y = (np.array(cell) - 4.0) * step + shift + rng.normal(0, 0.05 * step, 2)
+        x, y = (np.array(cell) - 4.0) * step + shift + plan.rng.normal(0, 0.05 * step, 2)
         position = float(cos * x - sin * y), float(sin * x + cos * y)
         if plan.bernoulli(0.8) and plan.reserve(position, wide):
             plan.add("pile", position, (wide, wide, high), reflectivity=plan.log_uniform(0.08, 0.6), wave_response=0.0)

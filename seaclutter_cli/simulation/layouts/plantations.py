@@ -14,7 +14,7 @@ _REACH_M = 30.0
 
 @dataclass(frozen=True)
 class Trees:
-    """Trees of one kind: class in the labels, shape of the labelled part, and minima and maxima of distances and sizes.
+    """Trees of one kind: class in the labels, shape of the labelled part, minima and maxima of distances and sizes.
 
     Distances are those between rows, and between trees in a row. ``reach_m`` is the distance to either side up to which
     there are rows; farther rows would be hidden by dense ones. The crown above the labelled part, if its width is not
@@ -28,30 +28,37 @@ class Trees:
     width_m: tuple[float, float]
     height_m: tuple[float, float]
     reach_m: float
-    crown_m: float = 0.0
+    crown_m: float
+    description: str
 
 
-APPLE = Trees("apple tree", "apple_tree", (2.6, 3.8), (0.8, 1.2), (0.8, 1.2), (2.2, 3.2), 9.0)
-POPLAR = Trees("poplar", "trunk", (2.6, 3.6), (2.6, 3.6), (0.16, 0.32), (2.4, 3.2), 16.0, 1.8)
-WILLOW = Trees("willow", "trunk", (3.0, 4.5), (3.0, 4.5), (0.08, 0.18), (1.9, 2.6), 16.0, 2.6)
+APPLE = Trees(
+    "apple tree",
+    "apple_tree",
+    (2.6, 3.8),
+    (0.8, 1.2),
+    (0.8, 1.2),
+    (2.2, 3.2),
+    9.0,
+    0.0,
+    "Dense rows of dwarf apple trees.",
+)
+POPLAR = Trees("poplar", "trunk", (2.6, 3.6), (2.6, 3.6), (0.16, 0.32), (2.4, 3.2), 16.0, 1.8, "Well-spaced poplars.")
+WILLOW = Trees(
+    "willow",
+    "trunk",
+    (3.0, 4.5),
+    (3.0, 4.5),
+    (0.08, 0.18),
+    (1.9, 2.6),
+    16.0,
+    2.6,
+    "Well-spaced willows with thin stems.",
+)
 
 
-def apple_rows(rng: np.random.Generator) -> Scene:
-    """Return dense rows of dwarf apple trees, which touch each other at breast height."""
-    return _plantation(Plan(rng), APPLE, "Dense rows of dwarf apple trees.")
-
-
-def poplar_grove(rng: np.random.Generator) -> Scene:
-    """Return a grove of well-spaced poplars."""
-    return _plantation(Plan(rng), POPLAR, "Well-spaced poplars.")
-
-
-def willow_grove(rng: np.random.Generator) -> Scene:
-    """Return a grove of well-spaced willows with thin stems."""
-    return _plantation(Plan(rng), WILLOW, "Well-spaced willows with thin stems.")
-
-
-def _plantation(plan: Plan, trees: Trees, description: str) -> Scene:
+def plantation(trees: Trees, plan: Plan) -> Scene:
+    """Return rows of trees of one kind."""
     row, step, missing = plan.uniform(*trees.row_m), plan.uniform(*trees.step_m), plan.uniform(0, 0.08)
     rotation = np.radians(plan.uniform(-4, 4) if trees is APPLE else plan.uniform(-30, 30))
     shift = plan.uniform(-0.15, 0.15) * row
@@ -64,7 +71,7 @@ def _plantation(plan: Plan, trees: Trees, description: str) -> Scene:
             position = x * cos - y * sin, x * sin + y * cos
             if not plan.bernoulli(missing) and np.hypot(*position) > 1.2:
                 _tree(plan, trees, position, step)
-    return _scene(plan, description)
+    return _scene(plan, trees.description)
 
 
 def _tree(plan: Plan, trees: Trees, position: tuple[float, float], step_m: float) -> None:

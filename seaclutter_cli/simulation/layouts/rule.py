@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.marine.motion import Pose
+from seaclutter_cli.simulation.marine.rays import intersect_box
 from seaclutter_cli.simulation.marine.scene import Scene, SceneObjectParams
 from seaclutter_cli.simulation.marine.terrain import GroundParams
 
@@ -37,30 +39,20 @@ class Horizon:
         return float(self.closed.mean())
 
     @property
-    def sides(self) -> Mask:
-        """Bearings that belong to a facade at least 30° wide, shape (120,)."""
-        return self.closed & (_run_lengths(self.closed) >= _FACADE_BEARINGS)
-
-    @property
     def longest_deg(self) -> float:
         """Width of the widest facade in degrees."""
         return float(_run_lengths(self.closed).max()) * 360 / _BEARINGS
 
     @property
-    def on_two_sides(self) -> bool:
-        """Whether there are facades at least 90° apart."""
-        sides = np.flatnonzero(self.sides)
-        apart = np.abs(sides[:, None] - sides)
-        return bool((np.minimum(apart, _BEARINGS - apart) >= _BEARINGS // 4).any())
-
-    @property
     def scene_class(self) -> str | None:
         """``confined``, ``open``, or None for neither.
 
-        Confined: at least half of the bearings are closed, by facades on two sides. Open: at most 35 % are closed, and
-        no facade is wider than 60°.
+        Confined: at least half of the bearings are closed, by facades of at least 30° on two sides, at least 90° apart.
+        Open: at most 35 % are closed, and no facade is wider than 60°.
         """
-        if self.share >= 0.5 and self.on_two_sides:
+        sides = np.flatnonzero(_run_lengths(self.closed) >= _FACADE_BEARINGS)
+        apart = np.abs(sides[:, None] - sides)
+        if self.share >= 0.5 and (np.minimum(apart, _BEARINGS - apart) >= _BEARINGS // 4).any():
             return "confined"
         return "open" if self.share <= 0.35 and self.longest_deg <= 60 else None
 
@@ -69,13 +61,13 @@ def horizon(scene: Scene, time_s: float = 0.0) -> Horizon:
     """Return the horizon around own ship at a time."""
     x, y, heading = (float(value[0]) for value in scene.vessel.track.at(np.array([time_s])))
     bearings = heading + 2 * np.pi / _BEARINGS * np.arange(_BEARINGS)
-    rays = np.stack((np.cos(bearings), np.sin(bearings)), axis=1)
+    rays = np.stack((np.cos(bearings), np.sin(bearings), np.zeros(_BEARINGS)), axis=1)
     down = -np.tan(np.radians(min(LIDARS[scene.recording.lidar].elevations_deg)))
     closed = np.zeros(_BEARINGS, bool)
     for item in scene.objects:
         height = float(item.size_m[2])
         if height >= _MIN_HEIGHT_M:
-            distance = _distances(rays, np.array([x, y]), item, time_s)
+            distance = _distances(rays, np.array([x, y, 0.0]), item, time_s)
             closed |= (distance <= REACH_M) & (scene.vessel.lidar_height_m - down * distance < height)
     between = np.roll(closed, 1) & np.roll(closed, -1)
     return Horizon(closed | between)
@@ -104,14 +96,10 @@ def _distances(rays: Floats, origin: Floats, item: SceneObjectParams, time_s: fl
     The shape is (120,), and a miss is infinity.
     """
     x, y, heading = (float(value[0]) for value in item.track.at(np.array([time_s])))
-    cos, sin = np.cos(heading), np.sin(heading)
-    rotation = np.array([[cos, -sin], [sin, cos]])
-    start, ahead = (origin - (x, y)) @ rotation, rays @ rotation
-    half = np.array([float(item.size_m[0]), float(item.size_m[1])]) / 2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        to_lower, to_upper = (-half - start) / ahead, (half - start) / ahead
-    begin = np.maximum(np.fmin(to_lower, to_upper).max(axis=1), 0)
-    return np.where(np.fmax(to_lower, to_upper).min(axis=1) > begin, begin, np.inf)
+    pose = Pose.of(np.array([x, y, 0.0]), yaw=heading)
+    half = np.array([float(item.size_m[0]) / 2, float(item.size_m[1]) / 2, 1.0])
+    begin, end = intersect_box((origin - pose.position)[None] @ pose.rotation, rays @ pose.rotation, -half, half)
+    return np.where(end > begin, begin, np.inf)
 
 
 def _run_lengths(mask: Mask) -> NDArray[np.int64]:

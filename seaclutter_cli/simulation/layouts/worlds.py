@@ -150,7 +150,7 @@ class Family:
 
     ranges: Mapping[str, Range]
     things: Sequence[Thing] = ()
-    layouts: Sequence[Callable[[np.random.Generator], Scene]] = ()
+    layouts: Sequence[Callable[[Plan], Scene]] = ()
 
 
 FAMILIES: Mapping[str, Family] = {
@@ -257,7 +257,7 @@ def draw_world(seed: int, family: str | None = None) -> Scene:
         if all(FAMILIES[name].ranges.keys().isdisjoint(FAMILIES[one].ranges) and name != one for one in chosen):
             chosen.append(name)
     layouts = next((FAMILIES[name].layouts for name in chosen if FAMILIES[name].layouts), _OPEN)
-    base = layouts[int(rng.integers(len(layouts)))](rng)
+    base = layouts[int(rng.integers(len(layouts)))](Plan(rng))
     drawn = _drawn(chosen, rng)
     plan = Plan(rng)
     if "harbour" not in chosen and layouts is _OPEN and rng.random() < 0.5:
