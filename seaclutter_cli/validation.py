@@ -13,6 +13,7 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import yaml
+from annotated_types import Ge, Gt, Interval
 
 from seaclutter_cli.documents import MAX_YAML_CHARACTERS, DocumentError, load_yaml
 from seaclutter_cli.errors import ConfigError, RenamedKeyWarning
@@ -101,9 +102,14 @@ def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, 
         return None
 
 
-def renamed(default: Any, *, formerly: str) -> Any:
-    """Return a dataclass field for a renamed key; the former name still loads, with a warning."""
-    return field(default=default, metadata={"formerly": formerly})
+Share = Annotated[float, Interval(ge=0, le=1)]
+Positive = Annotated[float, Gt(0)]
+NotNegative = Annotated[float, Ge(0)]
+
+
+def key(default: Any = MISSING, meaning: str = "", *, formerly: str = "") -> Any:
+    """Return the dataclass field of a key with its meaning; a former name still loads, with a warning."""
+    return field(default=default, metadata={"meaning": meaning, "formerly": formerly})
 
 
 def _with_current_names(kind: type[Any], values: Mapping[str, Any], section: str) -> Mapping[str, Any]:
@@ -301,11 +307,11 @@ def summary(kind: type[Any]) -> str:
 
 
 def descriptions(kind: type[Any]) -> dict[str, str]:
-    """Return the description of each parameter from the docstrings of a class and its bases."""
+    """Return the meaning of each parameter: that of its `key`, or from the docstrings of the class and its bases."""
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         found |= _documented(base.__doc__ or "")
-    return found
+    return found | {one.name: meaning for one in fields(kind) if (meaning := one.metadata.get("meaning"))}
 
 
 def _documented(docstring: str) -> Iterable[tuple[str, str]]:

@@ -12,12 +12,12 @@ from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import RenamedKeyWarning
 from seaclutter_cli.simulation.airborne.scene import builtin_tiles, load_tile_scene, parse_tile_scene
 from seaclutter_cli.simulation.marine.scene import builtin_scenes, load_scene, parse_scene
-from seaclutter_cli.validation import build, renamed
+from seaclutter_cli.validation import build, key
 
 
 @dataclass(frozen=True)
 class Params:
-    width_m: float = renamed(2.0, formerly="broad_m")
+    width_m: float = key(2.0, formerly="broad_m")
 
 
 def test_the_former_name_sets_the_current_key():
@@ -37,7 +37,10 @@ def test_both_names_together_and_unknown_names_are_errors(values):
 def test_scenes_of_the_first_release_load():
     path = builtin_scenes()["apple"]
     former = {
-        f.name: f.metadata["formerly"] for part in _parts(load_scene("apple")) for f in fields(part) if f.metadata
+        f.name: f.metadata["formerly"]
+        for part in _parts(load_scene("apple"))
+        for f in fields(part)
+        if f.metadata.get("formerly")
     }
     assert {"wave_response", "description", "false_return_share"} <= set(former)
     text = path.read_text()

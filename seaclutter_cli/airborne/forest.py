@@ -12,7 +12,7 @@ from seaclutter_cli.errors import InputError, MissingExtraError
 from seaclutter_cli.groups import group_sizes, group_starts
 from seaclutter_cli.threads import executor, threads
 from seaclutter_cli.truth import OBJECT_CLASSES
-from seaclutter_cli.validation import renamed
+from seaclutter_cli.validation import key
 
 Values = NDArray[np.float64]
 Codes = NDArray[np.int64]
@@ -44,8 +44,8 @@ class ForestParams:
     trees: Annotated[int, Interval(ge=1, le=2000)] = 100
     features_per_node: Annotated[int, Ge(1)] | None = None
     min_leaf_points: Annotated[int, Ge(1)] = 3
-    max_points_per_object: Annotated[int, Ge(1)] = renamed(500, formerly="points_per_object")
-    test_share: Annotated[float, Interval(gt=0, lt=1)] = renamed(0.3, formerly="held_out")
+    max_points_per_object: Annotated[int, Ge(1)] = key(500, formerly="points_per_object")
+    test_share: Annotated[float, Interval(gt=0, lt=1)] = key(0.3, formerly="held_out")
     seed: Annotated[int, Ge(0)] = 1
 
 

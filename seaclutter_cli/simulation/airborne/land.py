@@ -5,13 +5,12 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Interval, Len
+from annotated_types import Interval, Len
 from numpy.typing import NDArray
 
-from seaclutter_cli.validation import OneOf
+from seaclutter_cli.validation import NotNegative, OneOf, Positive, Share, key
 
 Map = NDArray[np.float64]
-Share = Annotated[float, Interval(ge=0, le=1)]
 Side = Annotated[float, Interval(gt=0, le=10_000)]
 
 DRY_M = -100.0
@@ -23,48 +22,26 @@ _CREST_WIDTH_M, _DIKE_SLOPE = 4.0, 1 / 3
 
 @dataclass(frozen=True, kw_only=True)
 class LandParams:
-    """Land, or water behind a wall; values that are null are those of the kind.
+    """Land, or water behind a wall; values that are null are those of the kind."""
 
-    Parameters
-    ----------
-    kind : str
-        Kind.
-    position_m : (float, float)
-        Centre, from the corner of the tile.
-    size_m : (float, float)
-        Length and width; both may go beyond the tile.
-    heading_deg : float
-        Direction of the length, counter-clockwise from x.
-    height_m : float or None
-        Elevation of the ground above mean sea level, or of the water in a basin.
-    slope : float or None
-        Rise per metre from the shore of a beach or island up to ``height_m``, and of the bottom in front of it.
-    crest_m : float or None
-        Elevation of the dike around a polder, or of the wall around a basin.
-    relief_m : float or None
-        Standard deviation of the undulation of the ground.
-    ragged_m : float or None
-        Standard deviation of the position of the shoreline.
-    trees : float or None
-        Share of the ground under trees.
-    houses : float or None
-        Share of the plots of 30 m with a house.
-    reflectivity : float or None
-        Reflectivity of the ground at normal incidence.
-    """
-
-    kind: Annotated[str, OneOf("kind of land", ("beach", "cliff", "polder", "island", "basin"))]
-    position_m: Annotated[tuple[float, ...], Len(2, 2)]
-    size_m: Annotated[tuple[Side, ...], Len(2, 2)]
-    heading_deg: float = 0.0
-    height_m: Annotated[float, Interval(ge=-20, le=200)] | None = None
-    slope: Annotated[float, Gt(0)] | None = None
-    crest_m: Annotated[float, Interval(ge=-20, le=200)] | None = None
-    relief_m: Annotated[float, Ge(0)] | None = None
-    ragged_m: Annotated[float, Ge(0)] | None = None
-    trees: Share | None = None
-    houses: Share | None = None
-    reflectivity: Share | None = None
+    kind: Annotated[str, OneOf("kind of land", ("beach", "cliff", "polder", "island", "basin"))] = key(meaning="Kind.")
+    position_m: Annotated[tuple[float, ...], Len(2, 2)] = key(meaning="Centre, from the corner of the tile.")
+    size_m: Annotated[tuple[Side, ...], Len(2, 2)] = key(meaning="Length and width; both may go beyond the tile.")
+    heading_deg: float = key(0.0, "Direction of the length, counter-clockwise from x.")
+    height_m: Annotated[float, Interval(ge=-20, le=200)] | None = key(
+        None, "Elevation of the ground above mean sea level, or of the water in a basin."
+    )
+    slope: Positive | None = key(
+        None, "Rise per metre from the shore of a beach or island up to height_m, and of the bottom in front of it."
+    )
+    crest_m: Annotated[float, Interval(ge=-20, le=200)] | None = key(
+        None, "Elevation of the dike around a polder, or of the wall around a basin."
+    )
+    relief_m: NotNegative | None = key(None, "Standard deviation of the undulation of the ground.")
+    ragged_m: NotNegative | None = key(None, "Standard deviation of the position of the shoreline.")
+    trees: Share | None = key(None, "Share of the ground under trees.")
+    houses: Share | None = key(None, "Share of the plots of 30 m with a house.")
+    reflectivity: Share | None = key(None, "Reflectivity of the ground at normal incidence.")
 
     @property
     def relief(self) -> "Relief":

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from annotated_types import Ge, Gt, Interval, Len
+from annotated_types import Ge, Interval, Len
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.airborne.land import LandParams
@@ -15,16 +15,19 @@ from seaclutter_cli.simulation.scene_file import KEYS, write_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.truth import OBJECT_CLASSES
 from seaclutter_cli.validation import (
+    NotNegative,
     OneOf,
+    Positive,
+    Share,
     build_list,
     build_sections,
     builtin_files,
     find_file,
+    key,
     kind_of,
     plain,
     raise_problems,
     read_yaml,
-    renamed,
 )
 
 _TRIES = 4000
@@ -34,117 +37,63 @@ _ACROSS = 9
 
 @dataclass(frozen=True, kw_only=True)
 class TileParams:
-    """Parameters of a tile.
+    """Parameters of a tile."""
 
-    Parameters
-    ----------
-    description : str
-        Description of the scene.
-    size_m : (float, float)
-        Extent along x and y.
-    origin_m : (float, float)
-        Corner in map coordinates.
-    seed : int
-        Seed of all random values.
-    gap_m : float
-        Minimum gap around objects at random positions.
-    """
-
-    description: str = renamed("", formerly="about")
-    size_m: Annotated[tuple[Annotated[float, Interval(ge=50, le=3000)], ...], Len(2, 2)] = (875.0, 695.0)
-    origin_m: Annotated[tuple[float, ...], Len(2, 2)] = (512_000.0, 3_458_000.0)
-    seed: Annotated[int, Ge(0)] = 1
-    gap_m: Annotated[float, Ge(0)] = 25.0
+    description: str = key("", "Description of the scene.", formerly="about")
+    size_m: Annotated[tuple[Annotated[float, Interval(ge=50, le=3000)], ...], Len(2, 2)] = key(
+        (875.0, 695.0), "Extent along x and y."
+    )
+    origin_m: Annotated[tuple[float, ...], Len(2, 2)] = key((512_000.0, 3_458_000.0), "Corner in map coordinates.")
+    seed: Annotated[int, Ge(0)] = key(1, "Seed of all random values.")
+    gap_m: NotNegative = key(25.0, "Minimum gap around objects at random positions.")
 
 
 @dataclass(frozen=True, kw_only=True)
 class AirborneParams:
-    """The lidar and its flight; flight lines run along x.
+    """The lidar and its flight; flight lines run along x."""
 
-    Parameters
-    ----------
-    height_m : float
-        Flying height.
-    scan_angle_deg : float
-        Full angle across the track; smaller if the tile is narrower than the swath.
-    overlap : float
-        Share of a strip that the next one covers again.
-    pulses_m2 : float
-        Pulses per square metre and strip; scan lines are as close to each other as the pulses on them.
-    divergence_mrad : float
-        Width of the beam.
-    max_returns : int
-        Maximum number of echoes per pulse.
-    gain : float
-        Digital number of an echo of reflectivity 1 at normal incidence.
-    range_noise_m : float
-        Standard deviation of the range.
-    """
-
-    height_m: Annotated[float, Interval(ge=200, le=3000)] = 500.0
-    scan_angle_deg: Annotated[float, Interval(gt=0, le=60)] = 50.0
-    overlap: Annotated[float, Interval(ge=0, le=0.8)] = 0.15
-    pulses_m2: Annotated[float, Interval(gt=0, le=50)] = 2.0
-    divergence_mrad: Annotated[float, Interval(gt=0, le=3)] = 0.4
-    max_returns: Annotated[int, Interval(ge=1, le=3)] = 3
-    gain: Annotated[float, Gt(0)] = 8000.0
-    range_noise_m: Annotated[float, Ge(0)] = 0.03
+    height_m: Annotated[float, Interval(ge=200, le=3000)] = key(500.0, "Flying height.")
+    scan_angle_deg: Annotated[float, Interval(gt=0, le=60)] = key(
+        50.0, "Full angle across the track; smaller if the tile is narrower than the swath."
+    )
+    overlap: Annotated[float, Interval(ge=0, le=0.8)] = key(0.15, "Share of a strip that the next one covers again.")
+    pulses_m2: Annotated[float, Interval(gt=0, le=50)] = key(
+        2.0, "Pulses per square metre and strip; scan lines are as close to each other as the pulses on them."
+    )
+    divergence_mrad: Annotated[float, Interval(gt=0, le=3)] = key(0.4, "Width of the beam.")
+    max_returns: Annotated[int, Interval(ge=1, le=3)] = key(3, "Maximum number of echoes per pulse.")
+    gain: Positive = key(8000.0, "Digital number of an echo of reflectivity 1 at normal incidence.")
+    range_noise_m: NotNegative = key(0.03, "Standard deviation of the range.")
 
 
 @dataclass(frozen=True, kw_only=True)
 class WaterParams:
-    """The water of a tile.
+    """The water of a tile."""
 
-    Parameters
-    ----------
-    wave_m : float
-        Significant wave height of the wind sea.
-    wave_period_s : float
-        Peak period of the wind sea.
-    swell_m : float
-        Significant wave height of the swell.
-    swell_period_s : float
-        Peak period of the swell.
-    direction_deg : float
-        Direction in which both travel, counter-clockwise from x.
-    reflectivity : float
-        Reflectivity of the surface at normal incidence.
-    stray_echo_share : float
-        Share of the echoes that are noise below or above the surface.
-    """
-
-    wave_m: Annotated[float, Interval(ge=0, le=3)] = 0.1
-    wave_period_s: Annotated[float, Interval(ge=1, le=10)] = 2.2
-    swell_m: Annotated[float, Interval(ge=0, le=5)] = 0.25
-    swell_period_s: Annotated[float, Interval(ge=5, le=20)] = 8.0
-    direction_deg: float = 40.0
-    reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.08
-    stray_echo_share: Annotated[float, Interval(ge=0, le=0.1)] = renamed(0.00004, formerly="stray")
+    wave_m: Annotated[float, Interval(ge=0, le=3)] = key(0.1, "Significant wave height of the wind sea.")
+    wave_period_s: Annotated[float, Interval(ge=1, le=10)] = key(2.2, "Peak period of the wind sea.")
+    swell_m: Annotated[float, Interval(ge=0, le=5)] = key(0.25, "Significant wave height of the swell.")
+    swell_period_s: Annotated[float, Interval(ge=5, le=20)] = key(8.0, "Peak period of the swell.")
+    direction_deg: float = key(40.0, "Direction in which both travel, counter-clockwise from x.")
+    reflectivity: Share = key(0.08, "Reflectivity of the surface at normal incidence.")
+    stray_echo_share: Annotated[float, Interval(ge=0, le=0.1)] = key(
+        0.00004, "Share of the echoes that are noise below or above the surface.", formerly="stray"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class TileObjectParams:
-    """An object in the water; values that are null are random.
+    """An object in the water; values that are null are random."""
 
-    Parameters
-    ----------
-    kind : str
-        Class.
-    position_m : (float, float) or None
-        Centre, from the corner of the tile.
-    heading_deg : float or None
-        Heading, counter-clockwise from x.
-    size_m : (float, float, float) or None
-        Length, width and height.
-    reflectivity : float or None
-        Reflectivity at normal incidence.
-    """
-
-    kind: Annotated[str, OneOf("class", tuple(KINDS))]
-    position_m: Annotated[tuple[float, ...], Len(2, 2)] | None = renamed(None, formerly="at_m")
-    heading_deg: float | None = None
-    size_m: Annotated[tuple[Annotated[float, Interval(gt=0, le=3000)], ...], Len(3, 3)] | None = None
-    reflectivity: Annotated[float, Interval(ge=0, le=1)] | None = None
+    kind: Annotated[str, OneOf("class", tuple(KINDS))] = key(meaning="Class.")
+    position_m: Annotated[tuple[float, ...], Len(2, 2)] | None = key(
+        None, "Centre, from the corner of the tile.", formerly="at_m"
+    )
+    heading_deg: float | None = key(None, "Heading, counter-clockwise from x.")
+    size_m: Annotated[tuple[Annotated[float, Interval(gt=0, le=3000)], ...], Len(3, 3)] | None = key(
+        None, "Length, width and height."
+    )
+    reflectivity: Share | None = key(None, "Reflectivity at normal incidence.")
 
 
 @dataclass(frozen=True)

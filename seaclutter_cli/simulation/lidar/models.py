@@ -3,36 +3,36 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
-from seaclutter_cli.validation import renamed
+from seaclutter_cli.validation import Positive, Share, key
 
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseParams:
     """False returns of a lidar.
 
-    Parameters
-    ----------
-    false_return_share : float
-        Share of the shots without an echo that report a nearby point anyway ("lost information" in [Bi]).
-    false_return_reach_m : float
-        Mean distance of these points beyond the minimum range.
-    mixed_pixel_share : float
-        Share of the shots across an edge that report a point between the two surfaces ("escape values" in [Bi]).
-
     Notes
     -----
     [Bi] shows both kinds but does not quantify them; the values for the lidars here are assumptions.
     """
 
-    false_return_share: Annotated[float, Interval(ge=0, le=1)] = renamed(0.0, formerly="lost_share")
-    false_return_reach_m: Annotated[float, Gt(0)] = renamed(0.6, formerly="lost_reach_m")
-    mixed_pixel_share: Annotated[float, Interval(ge=0, le=1)] = renamed(0.0, formerly="edge_share")
+    false_return_share: Share = key(
+        0.0,
+        'Share of the shots without an echo that report a nearby point anyway ("lost information" in [Bi]).',
+        formerly="lost_share",
+    )
+    false_return_reach_m: Positive = key(
+        0.6, "Mean distance of these points beyond the minimum range.", formerly="lost_reach_m"
+    )
+    mixed_pixel_share: Share = key(
+        0.0,
+        'Share of the shots across an edge that report a point between the two surfaces ("escape values" in [Bi]).',
+        formerly="edge_share",
+    )
 
 
 @dataclass(frozen=True)

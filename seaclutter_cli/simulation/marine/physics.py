@@ -4,11 +4,12 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Interval
 from numpy.typing import NDArray
 
+from seaclutter_cli.validation import NotNegative, Positive, Share, key
+
 Floats = NDArray[np.float64]
-Share = Annotated[float, Interval(ge=0, le=1)]
 
 DIVERGENCE_RAD = 0.003
 """Full width of a beam."""
@@ -21,87 +22,57 @@ _FOAM_WAVELENGTHS_NM, _FOAM = (440.0, 850.0, 1020.0, 1650.0), (1.0, 0.6, 0.5, 0.
 
 @dataclass(frozen=True, kw_only=True)
 class PhysicsParams:
-    """Physics of water, air and own motion; without this section, waves, foam and wakes only.
+    """Physics of water, air and own motion; without this section, waves, foam and wakes only."""
 
-    Parameters
-    ----------
-    families : tuple of str
-        What the scene is an example of, so that a benchmark can leave it out.
-    rate_hz : float or None
-        Frames per second; null is the lidar's own rate.
-    wind_ms : float
-        Wind speed, which ripples the water, tears off spray and makes whitecaps.
-    wind_deg : float
-        Direction to which the wind blows, counter-clockwise from the world's x.
-    shelter : float
-        Share of the slope variance of open water that the ripples of this water have; small under quays and in slicks.
-    backscatter : float
-        Backscattering coefficient of the water and what floats in it, in 1/m: 0.002 in the ocean, 0.3 in a port.
-    patch_m : float
-        Size of the patches in which the water is bright or dark.
-    patch_s : float
-        Time for which a patch stays as bright as it is.
-    whitecap_s : float
-        Time in which the foam of a whitecap decays to 1/e.
-    wake_m : float
-        Length of the turbulent wake behind each vessel under way.
-    wash_m : float
-        Reach of the wash of own propeller beyond the bow, when it stops own ship.
-    wake_height_m : float
-        Mean height of the echoes of a turbulent wake and of wash above the water.
-    wake_cover : float
-        Share of the shots into a fresh turbulent wake or wash that meet its froth.
-    wake_reflectivity : float
-        Mean reflectivity of the froth.
-    spray : float
-        Number of sheets of spray that the bow and breaking crests throw up per second.
-    rain_mm_h : float
-        Rain rate.
-    drop_reflectivity : float
-        Reflectivity of a drop of rain that fills the beam.
-    retro_tracks : tuple of int
-        Objects with a retro-reflector at their top.
-    bloom_deg : float
-        Angle at which the blooming around a retro-reflector has decayed to 1/e.
-    roll_deg : float
-        Amplitude of the rolling of own ship beyond its response to waves.
-    roll_s : float
-        Period of rolling.
-    pitch_deg : float
-        Amplitude of pitching, at twice the rate of rolling.
-    least_reflectivity : float
-        Reflectivity below which no echo is detected, however near: beam and receiver do not overlap at the lidar.
-    intensity_offset : float
-        Intensity that the lidar reports beyond its echo's.
-    intensity_exponent : float
-        Power of the echo to which reported intensities are proportional.
-    """
-
-    families: tuple[str, ...] = ()
-    rate_hz: Annotated[float, Interval(ge=1, le=50)] | None = None
-    wind_ms: Annotated[float, Interval(ge=0, le=30)] = 4.0
-    wind_deg: float = 0.0
-    shelter: Share = 1.0
-    backscatter: Annotated[float, Gt(0)] = 0.02
-    patch_m: Annotated[float, Gt(0)] = 0.5
-    patch_s: Annotated[float, Gt(0)] = 0.3
-    whitecap_s: Annotated[float, Gt(0)] = 3.5
-    wake_m: Annotated[float, Ge(0)] = 0.0
-    wash_m: Annotated[float, Ge(0)] = 0.0
-    wake_height_m: Annotated[float, Ge(0)] = 0.12
-    wake_cover: Share = 0.3
-    wake_reflectivity: Share = 0.05
-    spray: Annotated[float, Interval(ge=0, le=50)] = 0.0
-    rain_mm_h: Annotated[float, Interval(ge=0, le=200)] = 0.0
-    drop_reflectivity: Share = 0.17
-    retro_tracks: tuple[int, ...] = ()
-    bloom_deg: Annotated[float, Gt(0)] = 0.5
-    roll_deg: Annotated[float, Interval(ge=0, le=45)] = 0.0
-    roll_s: Annotated[float, Gt(0)] = 4.0
-    pitch_deg: Annotated[float, Interval(ge=0, le=30)] = 0.0
-    least_reflectivity: Annotated[float, Interval(gt=0, le=0.1)] = 0.001
-    intensity_offset: Annotated[float, Interval(ge=0, le=100)] = 0.0
-    intensity_exponent: Annotated[float, Interval(gt=0, le=1)] = 1.0
+    families: tuple[str, ...] = key((), "What the scene is an example of, so that a benchmark can leave it out.")
+    rate_hz: Annotated[float, Interval(ge=1, le=50)] | None = key(
+        None, "Frames per second; null is the lidar's own rate."
+    )
+    wind_ms: Annotated[float, Interval(ge=0, le=30)] = key(
+        4.0, "Wind speed, which ripples the water, tears off spray and makes whitecaps."
+    )
+    wind_deg: float = key(0.0, "Direction to which the wind blows, counter-clockwise from the world's x.")
+    shelter: Share = key(
+        1.0,
+        "Share of the slope variance of open water that the ripples of this water have; small under quays and in "
+        "slicks.",
+    )
+    backscatter: Positive = key(
+        0.02,
+        "Backscattering coefficient of the water and what floats in it, in 1/m: 0.002 in the ocean, 0.3 in a port.",
+    )
+    patch_m: Positive = key(0.5, "Size of the patches in which the water is bright or dark.")
+    patch_s: Positive = key(0.3, "Time for which a patch stays as bright as it is.")
+    whitecap_s: Positive = key(3.5, "Time in which the foam of a whitecap decays to 1/e.")
+    wake_m: NotNegative = key(0.0, "Length of the turbulent wake behind each vessel under way.")
+    wash_m: NotNegative = key(0.0, "Reach of the wash of own propeller beyond the bow, when it stops own ship.")
+    wake_height_m: NotNegative = key(0.12, "Mean height of the echoes of a turbulent wake and of wash above the water.")
+    wake_cover: Share = key(0.3, "Share of the shots into a fresh turbulent wake or wash that meet its froth.")
+    wake_reflectivity: Share = key(0.05, "Mean reflectivity of the froth.")
+    spray: Annotated[float, Interval(ge=0, le=50)] = key(
+        0.0, "Number of sheets of spray that the bow and breaking crests throw up per second."
+    )
+    rain_mm_h: Annotated[float, Interval(ge=0, le=200)] = key(0.0, "Rain rate.")
+    drop_reflectivity: Share = key(0.17, "Reflectivity of a drop of rain that fills the beam.")
+    retro_tracks: tuple[int, ...] = key((), "Objects with a retro-reflector at their top.")
+    bloom_deg: Positive = key(0.5, "Angle at which the blooming around a retro-reflector has decayed to 1/e.")
+    roll_deg: Annotated[float, Interval(ge=0, le=45)] = key(
+        0.0, "Amplitude of the rolling of own ship beyond its response to waves."
+    )
+    roll_s: Positive = key(4.0, "Period of rolling.")
+    pitch_deg: Annotated[float, Interval(ge=0, le=30)] = key(
+        0.0, "Amplitude of pitching, at twice the rate of rolling."
+    )
+    least_reflectivity: Annotated[float, Interval(gt=0, le=0.1)] = key(
+        0.001,
+        "Reflectivity below which no echo is detected, however near: beam and receiver do not overlap at the lidar.",
+    )
+    intensity_offset: Annotated[float, Interval(ge=0, le=100)] = key(
+        0.0, "Intensity that the lidar reports beyond its echo's."
+    )
+    intensity_exponent: Annotated[float, Interval(gt=0, le=1)] = key(
+        1.0, "Power of the echo to which reported intensities are proportional."
+    )
 
     @property
     def ripple_variance(self) -> float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from annotated_types import Ge, Gt, Interval, Len
+from annotated_types import Ge, Interval, Len
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.lidar.models import LIDARS, Lidar, NoiseParams
@@ -18,16 +18,19 @@ from seaclutter_cli.simulation.marine.terrain import TERRAINS, TerrainParams, te
 from seaclutter_cli.simulation.scene_file import KEYS, write_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.validation import (
+    NotNegative,
     OneOf,
+    Positive,
+    Share,
     build,
     build_list,
     build_sections,
     builtin_files,
     find_file,
+    key,
     plain,
     raise_problems,
     read_yaml,
-    renamed,
 )
 
 _OPTIONAL = {"noise": NoiseParams, "physics": PhysicsParams}
@@ -37,49 +40,23 @@ Path2 = Annotated[tuple[tuple[float, float], ...], Len(1)]
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingParams:
-    """Parameters of a recording.
+    """Parameters of a recording."""
 
-    Parameters
-    ----------
-    description : str
-        Description of the scene.
-    lidar : str
-        Name of a lidar.
-    frames : int
-        Number of frames.
-    seed : int
-        Seed of all random values.
-    dropout : float
-        Share of the echoes that are lost.
-    """
-
-    description: str = renamed("", formerly="about")
-    lidar: Annotated[str, OneOf("lidar", tuple(LIDARS))] = "RS-LiDAR-32"
-    frames: Annotated[int, Interval(ge=1, le=10**6)] = 100
-    seed: Annotated[int, Ge(0)] = 1
-    dropout: Annotated[float, Interval(ge=0, le=1)] = 0.01
+    description: str = key("", "Description of the scene.", formerly="about")
+    lidar: Annotated[str, OneOf("lidar", tuple(LIDARS))] = key("RS-LiDAR-32", "Name of a lidar.")
+    frames: Annotated[int, Interval(ge=1, le=10**6)] = key(100, "Number of frames.")
+    seed: Annotated[int, Ge(0)] = key(1, "Seed of all random values.")
+    dropout: Share = key(0.01, "Share of the echoes that are lost.")
 
 
 @dataclass(frozen=True, kw_only=True)
 class MovingParams:
-    """Position and motion of an object.
+    """Position and motion of an object."""
 
-    Parameters
-    ----------
-    path : tuple of (float, float)
-        Positions in metres in the world frame (x east, y north), one or more.
-    speed_ms : float
-        Speed along the path.
-    heading_deg : float
-        Heading of an object at rest, counter-clockwise from the world's x.
-    start_s : float
-        Start time of the path.
-    """
-
-    path: Path2 = ((0.0, 0.0),)
-    speed_ms: Annotated[float, Ge(0)] = 0.0
-    heading_deg: float = 0.0
-    start_s: float = 0.0
+    path: Path2 = key(((0.0, 0.0),), "Positions in metres in the world frame (x east, y north), one or more.")
+    speed_ms: NotNegative = key(0.0, "Speed along the path.")
+    heading_deg: float = key(0.0, "Heading of an object at rest, counter-clockwise from the world's x.")
+    start_s: float = key(0.0, "Start time of the path.")
 
     @property
     def track(self) -> Track:
@@ -89,25 +66,15 @@ class MovingParams:
 
 @dataclass(frozen=True, kw_only=True)
 class VesselParams(MovingParams):
-    """Own ship, or the vehicle on land, and the lidar on it.
+    """Own ship, or the vehicle on land, and the lidar on it."""
 
-    Parameters
-    ----------
-    length_m, width_m : float
-        Size of the hull.
-    lidar_height_m : float
-        Height of the lidar above the waterline or the ground.
-    lidar_forward_m : float
-        Distance of the lidar ahead of the vessel's centre.
-    wave_response : float
-        Share of the height and slope of waves or ground that the vessel follows, 0 to 1.
-    """
-
-    length_m: Annotated[float, Gt(0)] = 7.0
-    width_m: Annotated[float, Gt(0)] = 2.5
-    lidar_height_m: Annotated[float, Gt(0)] = 2.5
-    lidar_forward_m: float = 2.5
-    wave_response: Annotated[float, Interval(ge=0, le=1)] = renamed(0.6, formerly="sway")
+    length_m: Positive = key(7.0, "Size of the hull.")
+    width_m: Positive = key(2.5, "Size of the hull.")
+    lidar_height_m: Positive = key(2.5, "Height of the lidar above the waterline or the ground.")
+    lidar_forward_m: float = key(2.5, "Distance of the lidar ahead of the vessel's centre.")
+    wave_response: Share = key(
+        0.6, "Share of the height and slope of waves or ground that the vessel follows, 0 to 1.", formerly="sway"
+    )
 
     @property
     def smooth_track(self) -> SmoothTrack:
@@ -117,33 +84,19 @@ class VesselParams(MovingParams):
 
 @dataclass(frozen=True, kw_only=True)
 class SceneObjectParams(MovingParams):
-    """An object in the scene.
+    """An object in the scene."""
 
-    Parameters
-    ----------
-    track_id : int
-        Number in the labels; 1 to 65534.
-    class_name : str
-        Class in the labels; by default the shape.
-    shape : str
-        Name of a shape.
-    size_m : tuple of float
-        Length, width and height above the waterline or the ground.
-    reflectivity : float
-        Reflectivity of the brightest parts at normal incidence.
-    wave_response : float
-        Share of the waves' height and slope that the object follows, 0 to 1.
-    ignore : bool
-        Whether it is an area to ignore (land, a pier) instead of a target.
-    """
-
-    track_id: Annotated[int, Interval(ge=1, le=65534)]
-    class_name: str = ""
-    shape: Annotated[str, OneOf("shape", tuple(SHAPES))]
-    size_m: Annotated[tuple[Annotated[float, Gt(0)], ...], Len(3, 3)]
-    reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.5
-    wave_response: Annotated[float, Interval(ge=0, le=1)] = renamed(1.0, formerly="sway")
-    ignore: bool = False
+    track_id: Annotated[int, Interval(ge=1, le=65534)] = key(meaning="Number in the labels; 1 to 65534.")
+    class_name: str = key("", "Class in the labels; by default the shape.")
+    shape: Annotated[str, OneOf("shape", tuple(SHAPES))] = key(meaning="Name of a shape.")
+    size_m: Annotated[tuple[Positive, ...], Len(3, 3)] = key(
+        meaning="Length, width and height above the waterline or the ground."
+    )
+    reflectivity: Share = key(0.5, "Reflectivity of the brightest parts at normal incidence.")
+    wave_response: Share = key(
+        1.0, "Share of the waves' height and slope that the object follows, 0 to 1.", formerly="sway"
+    )
+    ignore: bool = key(False, "Whether it is an area to ignore (land, a pier) instead of a target.")
 
 
 @dataclass(frozen=True)

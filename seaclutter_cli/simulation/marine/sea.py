@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Gt, Interval
+from annotated_types import Interval
 from numpy.typing import NDArray
 from scipy import fft
 
-from seaclutter_cli.validation import renamed
+from seaclutter_cli.validation import Positive, Share, key
 
 GRAVITY = 9.81
 _CELLS = 256
@@ -20,39 +20,25 @@ _HEIGHTS_M = (0.0, 0.05, 0.3, 0.875, 1.875, 3.25, 5.0)
 
 @dataclass(frozen=True, kw_only=True)
 class SeaParams:
-    """The sea of a scene.
+    """The sea of a scene."""
 
-    Parameters
-    ----------
-    sea_state : float
-        Sea state on the WMO scale, 0 to 6; between whole numbers the wave height is interpolated.
-    peak_enhancement : float
-        Peak enhancement of the JONSWAP spectrum; 1 gives the Pierson-Moskowitz spectrum.
-    direction_deg : float
-        Direction in which the waves travel, counter-clockwise from the world's x.
-    spreading : int
-        Exponent s of the directional spread, the cosine of half the angle to the power of 2s.
-    reflectivity : float
-        Mean reflectivity of water at normal incidence.
-    spikiness : float
-        Shape of the texture that makes few facets bright and most dark; smaller values are spikier.
-    foam_reflectivity : float
-        Reflectivity of foam and spray at normal incidence.
-    foam_lifetime_s : float
-        Time in which the foam of a wake decays to 1/e.
-    visibility_km : float
-        Meteorological visibility, which determines the extinction in air.
-    """
-
-    sea_state: Annotated[float, Interval(ge=0, le=6)] = 2.0
-    peak_enhancement: Annotated[float, Interval(ge=1, le=10)] = 3.3
-    direction_deg: float = 0.0
-    spreading: Annotated[int, Interval(ge=1, le=50)] = 4
-    reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.002
-    spikiness: Annotated[float, Gt(0)] = 0.2
-    foam_reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.22
-    foam_lifetime_s: Annotated[float, Gt(0)] = renamed(8.0, formerly="foam_life_s")
-    visibility_km: Annotated[float, Gt(0)] = 10.0
+    sea_state: Annotated[float, Interval(ge=0, le=6)] = key(
+        2.0, "Sea state on the WMO scale, 0 to 6; between whole numbers the wave height is interpolated."
+    )
+    peak_enhancement: Annotated[float, Interval(ge=1, le=10)] = key(
+        3.3, "Peak enhancement of the JONSWAP spectrum; 1 gives the Pierson-Moskowitz spectrum."
+    )
+    direction_deg: float = key(0.0, "Direction in which the waves travel, counter-clockwise from the world's x.")
+    spreading: Annotated[int, Interval(ge=1, le=50)] = key(
+        4, "Exponent s of the directional spread, the cosine of half the angle to the power of 2s."
+    )
+    reflectivity: Share = key(0.002, "Mean reflectivity of water at normal incidence.")
+    spikiness: Positive = key(
+        0.2, "Shape of the texture that makes few facets bright and most dark; smaller values are spikier."
+    )
+    foam_reflectivity: Share = key(0.22, "Reflectivity of foam and spray at normal incidence.")
+    foam_lifetime_s: Positive = key(8.0, "Time in which the foam of a wake decays to 1/e.", formerly="foam_life_s")
+    visibility_km: Positive = key(10.0, "Meteorological visibility, which determines the extinction in air.")
 
     @property
     def significant_height_m(self) -> float:

@@ -2,10 +2,8 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
@@ -13,6 +11,7 @@ from seaclutter_cli.simulation.marine.motion import Pose
 from seaclutter_cli.simulation.marine.sea import SeaParams
 from seaclutter_cli.simulation.marine.water import MarineWater, SeaTerrain
 from seaclutter_cli.truth import IGNORED
+from seaclutter_cli.validation import NotNegative, Positive, Share, key
 
 Floats = NDArray[np.float64]
 _WAVES = 24
@@ -22,21 +21,11 @@ _BOX_M = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class GroundParams:
-    """The ground of a scene on land.
+    """The ground of a scene on land."""
 
-    Parameters
-    ----------
-    roughness_m : float
-        Standard deviation of the height.
-    reflectivity : float
-        Reflectivity of grass or earth at normal incidence.
-    visibility_km : float
-        Meteorological visibility, which determines the extinction in air.
-    """
-
-    roughness_m: Annotated[float, Ge(0)] = 0.015
-    reflectivity: Annotated[float, Interval(ge=0, le=1)] = 0.3
-    visibility_km: Annotated[float, Gt(0)] = 10.0
+    roughness_m: NotNegative = key(0.015, "Standard deviation of the height.")
+    reflectivity: Share = key(0.3, "Reflectivity of grass or earth at normal incidence.")
+    visibility_km: Positive = key(10.0, "Meteorological visibility, which determines the extinction in air.")
 
 
 class Ground:
