@@ -15,10 +15,9 @@ from seaclutter_cli.records import Damage
 from seaclutter_cli.sources.pcap import PCAP_MAGICS, PCAPNG_MAGIC
 from seaclutter_cli.sources.shared.log_file import LogFile, unpack
 
-_Row = tuple[int, int, int, int]
-"""Link type, offset and captured length of a packet, and its time in nanoseconds."""
+Record = tuple[int, int, int, int]
+"""Link type, offset and captured length of a packet, and its time in nanoseconds of Unix time."""
 
-_BATCH = 1024
 _MAX_PACKET = 262144
 """Maximum bytes of a captured packet: libpcap's own limit."""
 _DAY_S = 86400
@@ -36,16 +35,6 @@ _MIN_BLOCK, _MAX_BLOCK = 12, 2**24
 _LATEST_NS = 2**62
 
 
-@dataclass(frozen=True)
-class Records:
-    """Offsets, captured lengths, and times (ns of Unix time) of R packets of a link type; arrays of shape (R,)."""
-
-    link: int
-    offsets: NDArray[np.int64]
-    lengths: NDArray[np.int64]
-    times_ns: NDArray[np.int64]
-
-
 class RecordReader(ABC):
     """Reader for one pass over a capture, whose entries follow one another: records, or blocks of any kind."""
 
@@ -59,23 +48,14 @@ class RecordReader(ABC):
         self._order = "<"
         self.damage: list[Damage] = []
 
-    def batches(self) -> Iterator[Records]:
-        """Yield all records in order, in batches."""
-        rows: list[_Row] = []
+    def records(self) -> Iterator[Record]:
+        """Yield all records in order."""
         offset = self._first
         while offset < self._size:
-            length, row = self._entry(offset)
-            if not length:
-                offset = self._skip_damage(offset)
-                continue
-            if row is not None:
-                if rows and (row[0] != rows[0][0] or len(rows) == _BATCH):
-                    yield _records(rows)
-                    rows = []
-                rows.append(row)
-            offset += length
-        if rows:
-            yield _records(rows)
+            length, record = self._entry(offset)
+            if record is not None:
+                yield record
+            offset = offset + length if length else self._skip_damage(offset)
 
     def _skip_damage(self, offset: int) -> int:
         """Return the offset of the next valid entry, and report the damage before it; the file size without one."""
@@ -97,8 +77,8 @@ class RecordReader(ABC):
         self.damage.append(Damage(self._path, offset, problem, size))
 
     @abstractmethod
-    def _entry(self, offset: int) -> tuple[int, _Row | None]:
-        """Return the length of the entry at an offset, 0 if it is invalid, and the row of a record."""
+    def _entry(self, offset: int) -> tuple[int, Record | None]:
+        """Return the length of the entry at an offset, 0 if it is invalid, and its record."""
 
     @abstractmethod
     def _is_likely(self, words: NDArray[np.uint32]) -> NDArray[np.bool_]:
@@ -107,10 +87,6 @@ class RecordReader(ABC):
     @abstractmethod
     def _is_followed(self, offset: int) -> bool:
         """Return whether a likely entry is valid."""
-
-
-def _records(rows: list[_Row]) -> Records:
-    return Records(rows[0][0], *np.array(rows, np.int64)[:, 1:].T.copy())
 
 
 class PcapReader(RecordReader):
@@ -128,7 +104,7 @@ class PcapReader(RecordReader):
         self._link = int(struct.unpack(self._order + "I", file[20:24])[0]) & 0xFFFF
         self._seconds: int | None = None
 
-    def _entry(self, offset: int) -> tuple[int, _Row | None]:
+    def _entry(self, offset: int) -> tuple[int, Record | None]:
         start = offset + _RECORD_BYTES
         if start > self._size:
             return 0, None
@@ -185,7 +161,7 @@ class PcapngReader(RecordReader):
     def _unpack(self, layout: str, at: int) -> tuple[Any, ...]:
         return struct.unpack(self._order + layout, self._file[at : at + struct.calcsize("<" + layout)])
 
-    def _entry(self, offset: int) -> tuple[int, _Row | None]:
+    def _entry(self, offset: int) -> tuple[int, Record | None]:
         kind, length = self._block(offset)
         return length, self._packet(kind, offset, length) if length else None
 
@@ -203,8 +179,8 @@ class PcapngReader(RecordReader):
             return 0, 0
         return (kind, length) if self._unpack("I", offset + length - 4)[0] == length else (0, 0)
 
-    def _packet(self, kind: int, offset: int, length: int) -> _Row | None:
-        """Return the row of a block; None if it contains no valid packet."""
+    def _packet(self, kind: int, offset: int, length: int) -> Record | None:
+        """Return the record of a block; None if it contains no valid packet."""
         body, number = offset + 8, 0
         room = length - _MIN_BLOCK
         if kind in (_PACKET, _OLD_PACKET) and room >= 20:

@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.groups import group_starts
 from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
 from seaclutter_cli.sensors.families import PACKET_FAMILIES
 from seaclutter_cli.sensors.packets import Packets
-from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
+from seaclutter_cli.sources.pcap.udp import Kind, Udp, ends
 from seaclutter_cli.sources.shared.log_file import LogFile
 from seaclutter_cli.sources.shared.packet_streams import MAX_CALIBRATIONS, MAX_SAMPLES, Samples
 from seaclutter_cli.text import count
@@ -18,9 +17,6 @@ from seaclutter_cli.text import count
 _TRIED_AT_ONCE, _TRIED = 4, 256
 _MAX_FLOWS = 10_000
 _FEW = 10
-
-Kind = tuple[int, int]
-"""Flow and length of a payload."""
 
 
 @dataclass
@@ -59,49 +55,35 @@ class CapturedSensor:
     shares: bool = False
 
 
-def each_kind(datagrams: Datagrams) -> list[tuple[Kind, NDArray[np.int64]]]:
-    """Return the rows of each flow and length among datagrams, in ascending order."""
-    if not len(datagrams.flows):
-        return []
-    codes = datagrams.flows << 16 | datagrams.lengths
-    order = np.argsort(codes, kind="stable")
-    parts = np.split(order, group_starts(codes[order])[1:])
-    return [((int(datagrams.flows[rows[0]]), int(datagrams.lengths[rows[0]])), rows) for rows in parts]
-
-
 class SensorSearch:
-    """Search for sensors among the datagrams of a capture, whose parser gives access to the payloads."""
+    """Search for sensors among the datagrams of a capture."""
 
-    def __init__(self, udp: Udp) -> None:
-        self._udp = udp
+    def __init__(self) -> None:
         self.flows: dict[Kind, Flow] = {}
         self._calibrated: set[tuple[str, str]] = set()
 
-    def add(self, datagrams: Datagrams) -> None:
-        """Add datagrams to the search."""
-        for kind, rows in each_kind(datagrams):
-            flow = self.flows.get(kind) or Flow(*self._udp.ends(kind[0]), kind[1])
-            flow.count += len(rows)
-            if flow.family is None and flow.count - len(rows) < _TRIED:
-                payloads = datagrams.packets(rows[:_TRIED_AT_ONCE]).payloads
-                families = (name for name, one in PACKET_FAMILIES.items() if any(map(one.recognises, payloads)))
-                flow.family = next(families, None)
-                if flow.family is None:
-                    flow.unsupported = flow.unsupported or name_unsupported(payloads[0])
-            if flow.family is not None:
-                self._sample(flow, datagrams, rows)
-            if flow.family is not None or len(self.flows) < _MAX_FLOWS:
-                self.flows[kind] = flow
+    def add(self, kind: Kind, packets: Packets) -> None:
+        """Add datagrams of a kind to the search."""
+        flow = self.flows.get(kind) or Flow(*ends(kind[0]), kind[1])
+        if flow.family is None and flow.count < _TRIED:
+            payloads = packets.payloads[:_TRIED_AT_ONCE]
+            families = (name for name, one in PACKET_FAMILIES.items() if any(map(one.recognises, payloads)))
+            flow.family = next(families, None)
+            if flow.family is None:
+                flow.unsupported = flow.unsupported or name_unsupported(payloads[0])
+        flow.count += len(packets)
+        if flow.family is not None:
+            self._sample(flow, packets, flow.family)
+        if flow.family is not None or len(self.flows) < _MAX_FLOWS:
+            self.flows[kind] = flow
 
-    def _sample(self, flow: Flow, datagrams: Datagrams, rows: NDArray[np.int64]) -> None:
-        family, samples = PACKET_FAMILIES[flow.family or ""], flow.samples
-        sensor = (flow.family or "", flow.address)
+    def _sample(self, flow: Flow, packets: Packets, name: str) -> None:
+        family, samples, sensor = PACKET_FAMILIES[name], flow.samples, (name, flow.address)
         searched = family.calibrates and (sensor not in self._calibrated or not samples.data)
-        if len(samples.data) >= MAX_SAMPLES and not searched:
-            return
-        samples.add(datagrams.packets(rows), family)
-        if len(samples.calibrations) >= MAX_CALIBRATIONS:
-            self._calibrated.add(sensor)
+        if len(samples.data) < MAX_SAMPLES or searched:
+            samples.add(packets, family)
+            if len(samples.calibrations) >= MAX_CALIBRATIONS:
+                self._calibrated.add(sensor)
 
     def damaged_flows(self) -> list[Flow]:
         """Return flows of few packets, probably damaged ones of another flow: only address, or only length differs."""
@@ -114,13 +96,15 @@ class SensorSearch:
         like = [(flow, (flow.family, flow.length) if flow.samples.data else flow.ends) for flow in few]
         return [flow for flow, key in like if flow.count * 100 < most[key]]
 
-    def headless(self, file: LogFile) -> list[tuple[Flow, int]]:
+    def headless(self, file: LogFile, udp: Udp) -> list[tuple[Flow, int]]:
         """Return flows of sensors, each with the number of packets like its own whose headers are damaged."""
         like = {(flow.family, flow.length): flow for flow in self.flows.values() if flow.samples.data}
         found = []
         for (family, length), flow in like.items():
-            if length in self._udp.unread.shapes:  # not if it is sent in fragments
-                number = self._udp.unread.count(file, length, PACKET_FAMILIES[family or ""].recognises)
+            if length in udp.shapes:  # not if it is sent in fragments
+                size, start = udp.shapes[length]
+                records = (file[at + start : at + start + length] for at, other in udp.unread if other == size)
+                number = sum(PACKET_FAMILIES[family or ""].recognises(np.frombuffer(one, np.uint8)) for one in records)
                 found += [(flow, number)] if number else []
         return found
 

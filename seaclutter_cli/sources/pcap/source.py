@@ -1,22 +1,20 @@
 """Captures of lidar packets: PCAP and PCAPNG."""
 
-from collections import Counter, defaultdict, deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections import deque
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-
-import numpy as np
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message
 from seaclutter_cli.sensors.families import PACKET_FAMILIES
-from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions, PacketDecoder, PacketFrame, Packets
+from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions, PacketDecoder, PacketFrame
 from seaclutter_cli.sources.pcap import PCAP_MAGICS, PCAPNG_MAGIC, metadata_of
 from seaclutter_cli.sources.pcap.records import PcapngReader, PcapReader, RecordReader
-from seaclutter_cli.sources.pcap.sensors import CapturedSensor, Kind, SensorSearch, each_kind
-from seaclutter_cli.sources.pcap.udp import Datagrams, Udp
+from seaclutter_cli.sources.pcap.sensors import CapturedSensor, SensorSearch
+from seaclutter_cli.sources.pcap.udp import Udp
 from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
 from seaclutter_cli.sources.shared.packet_streams import CloudStream
 from seaclutter_cli.text import count
@@ -67,27 +65,24 @@ class CaptureSource(Source):
     def _search(self) -> SensorSearch:
         """Search the whole capture: a sensor's calibration may be anywhere in it."""
         reader, udp = self._reader(), Udp(self._file)
-        search = SensorSearch(udp)
-        cut = 0
-        for datagrams in udp.datagrams(reader):
-            search.add(datagrams)
-            if len(datagrams.times_ns):
-                first, last = int(datagrams.times_ns.min()), int(datagrams.times_ns.max())
-                known = self.span_ns or (first, last)
-                self.span_ns = (min(known[0], first), max(known[1], last))
-            cut += len(datagrams.cut)
+        search = SensorSearch()
+        for kind, packets in udp.packets(reader, lambda kind: kind):
+            search.add(kind, packets)
+            first, last = int(packets.times_ns.min()), int(packets.times_ns.max())
+            known = self.span_ns or (first, last)
+            self.span_ns = (min(known[0], first), max(known[1], last))
         udp.fragments.finish()
         self.damage += reader.damage
         for flow in search.damaged_flows():
             problem = f"{count(flow.count, 'packet')} from {flow.ends}, too few for a sensor"
             self.damage.append(Damage(self._path, None, problem, flow.count * flow.length))
-        for flow, number in search.headless(self._file):
+        for flow, number in search.headless(self._file, udp):
             problem = f"{count(number, 'packet')} like those from {flow.ends}, with damaged headers"
             self.damage.append(Damage(self._path, None, problem, number * flow.length))
         if udp.fragments.lost:
             self.warnings.append(f"fragments of {count(udp.fragments.lost, 'datagram')} are missing")
         if not search.sensors():
-            found = _found(search, cut, udp.other, self.damage)
+            found = _found(search, udp, self.damage)
             raise InputError(f"{self._path}: no packets of a supported lidar; {found}")
         self.warnings += [f"{flow} are not decoded" for flow in search.flows.values() if flow.unsupported]
         return search
@@ -120,16 +115,14 @@ class CaptureSource(Source):
         kinds = {kind: number for number, sensor in enumerate(self._sensors) for kind in sensor.kinds}
         flows = {flow: number for (flow, _), number in kinds.items()}
         merge = _Merge(streams)
-        udp, cut = Udp(self._file), Counter[int]()
+        udp = Udp(self._file)
         try:
-            for datagrams in udp.datagrams(self._reader()):
-                for number, packets in _packets(datagrams, kinds):
-                    for frame in streams[number].decoder.add(packets):
-                        yield from merge.add(number, frame)
+            for number, packets in udp.packets(self._reader(), kinds.get):
+                for frame in streams[number].decoder.add(packets):
+                    yield from merge.add(number, frame)
                 if end_ns is not None and merge.latest_ns >= end_ns:
                     yield from merge.finish()
                     return
-                cut.update(datagrams.cut.tolist())
         except LostDataError as error:
             self.add_damage(Damage(self._path, None, f"{error.problem}; the frames after this are missing"))
         for number, stream in enumerate(streams):
@@ -137,7 +130,7 @@ class CaptureSource(Source):
                 yield from merge.add(number, frame)
         yield from merge.finish()
         for number, stream in enumerate(streams):
-            own = sum(cut[flow] for flow, sensor in flows.items() if sensor == number)
+            own = sum(udp.cut[flow] for flow, sensor in flows.items() if sensor == number)
             stream.conclude(self._path, "where the capture begins or ends", own)
 
     def _start(self, decoders: Sequence[PacketDecoder]) -> list[CloudStream]:
@@ -151,17 +144,6 @@ class CaptureSource(Source):
     def close(self) -> None:
         """Close the file."""
         self._file.close()
-
-
-def _packets(datagrams: Datagrams, kinds: Mapping[Kind, int]) -> Iterator[tuple[int, Packets]]:
-    """Yield the packets of each sensor among datagrams; packets of equal length are in order of arrival."""
-    rows = defaultdict(list)
-    for kind, found in each_kind(datagrams):
-        if kind in kinds:
-            rows[kinds[kind], kind[1]].append(found)
-    for (number, _), parts in rows.items():
-        chosen = parts[0] if len(parts) == 1 else np.sort(np.concatenate(parts))
-        yield number, datagrams.packets(chosen)
 
 
 class _Merge:
@@ -199,17 +181,17 @@ class _Merge:
             yield message
 
 
-def _found(search: SensorSearch, cut: int, other: int, damage: Sequence[Damage]) -> str:
+def _found(search: SensorSearch, udp: Udp, damage: Sequence[Damage]) -> str:
     """Return a description of a capture without sensors, and advice."""
     flows = sorted(search.flows.values(), key=lambda flow: flow.count * flow.length, reverse=True)
     found = [str(flow) for flow in flows[:_SHOWN_FLOWS]]
     if len(flows) > _SHOWN_FLOWS:
         found.append(f"{count(len(flows) - _SHOWN_FLOWS, 'other flow')}")
     parts = [", ".join(found) or "no complete UDP datagrams"]
-    if cut:
+    if cut := udp.cut.total():
         parts.append(f"{count(cut, 'truncated datagram')}: capture whole packets (tcpdump -s 0)")
-    if other:
-        parts.append(f"{count(other, 'other packet')}")
+    if udp.other:
+        parts.append(f"{count(udp.other, 'other packet')}")
     parts += [str(item) for item in damage[:1]]
     titles = ", ".join(family.title for family in PACKET_FAMILIES.values())
     return f"found {'; '.join(parts)}. Supported sensors: {titles}"
