@@ -1,7 +1,6 @@
 """Decoder for RoboSense's rotating lidars."""
 
 from collections.abc import Collection, Iterator
-from copy import deepcopy
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,6 @@ from seaclutter_cli.sensors.robosense.packets import INFO_ID, Angles, data_packe
 from seaclutter_cli.sensors.robosense.points import BLIND, Geometry, block_dtype, second_returns, steps, valid_blocks
 
 _TOLERANCE = 100
-_MAX_WAITING = 512
 
 
 class RoboSense(PacketFamily):
@@ -74,9 +72,7 @@ def _are(payloads: NDArray[np.uint8], begin: bytes, lengths: Collection[int]) ->
 class RoboSenseDecoder:
     """Decoder for the packets of one sensor, with known angles; some of them show whether its clock is right.
 
-    State: the blocks of the current revolution (about 200 kB), packets that wait for its end (at most 640 kB), the
-    azimuth of the last block, and the clock. Packets that surely end no revolution wait, because a call for each few
-    of them costs as much as their points.
+    State: the blocks of the current revolution (about 200 kB), the azimuth of the last block, and the clock.
     """
 
     def __init__(self, device: Device, angles: Angles, warnings: list[str], sample: Packets) -> None:
@@ -85,8 +81,7 @@ class RoboSenseDecoder:
         self._is_utc = device.model.format.is_utc
         self._clock, self._losses = SensorClock(), LossCounter()
         self._parts: list[NDArray[np.void]] = []
-        self._waiting: list[Packets] = []
-        self._azimuth = self._last_azimuth = -1
+        self._azimuth = -1
         self._gaps_ns = 0
         self._is_first = True
         self.facts = SensorFacts(device.model.name, dict(device.details), warnings=warnings)
@@ -110,31 +105,12 @@ class RoboSenseDecoder:
             self.facts.bad_packets += int((~is_data & ~is_info).sum())
             packets = packets[is_data]
         if len(packets):
-            may_end = self._may_end(packets.payloads)
-            self._waiting.append(packets if may_end else deepcopy(packets))
-            if may_end:
-                yield from self._decode()
+            yield from self._frames_of(data_packets(model, packets.payloads), packets.times_ns)
 
     def finish(self) -> Iterator[PacketFrame]:
         """Yield the last revolution."""
-        yield from self._decode()
         if self._parts:
             yield self._frame(is_last=True)
-
-    def _may_end(self, payloads: NDArray[np.uint8]) -> bool:
-        """Return whether data packets may end a revolution, or make too many wait."""
-        azimuth = data_packets(self._device.model, payloads)["blocks"]["azimuth"].astype(np.int64).ravel()
-        before, self._last_azimuth = self._last_azimuth, int(azimuth[-1])
-        if azimuth[0] < before or (azimuth[1:] < azimuth[:-1]).any():
-            return True
-        return sum(map(len, self._waiting)) + len(payloads) > _MAX_WAITING
-
-    def _decode(self) -> Iterator[PacketFrame]:
-        """Yield the frames that the waiting packets complete."""
-        if self._waiting:
-            packets, self._waiting = Packets.joined(self._waiting), []
-            yield from self._frames_of(data_packets(self._device.model, packets.payloads), packets.times_ns)
-            self._last_azimuth = self._azimuth
 
     def _frames_of(self, packets: NDArray[Any], record_ns: NDArray[np.int64]) -> Iterator[PacketFrame]:
         valid = valid_blocks(packets["blocks"], self._device.model.format)
