@@ -13,7 +13,7 @@ from seaclutter_cli.sensors.catalog import SENSORS, name_unsupported, recognise
 from seaclutter_cli.sensors.families import PACKET_FAMILIES
 from seaclutter_cli.sensors.hesai import models as hesai_models
 from seaclutter_cli.sensors.robosense import models as robosense_models
-from seaclutter_cli.sensors.velodyne import packets as velodyne_packets
+from seaclutter_cli.sensors.velodyne import decoder as velodyne
 from seaclutter_cli.sources.formats import open_source
 from tests.sources.pcap import captures
 from tests.sources.shared.driver_topics import DRIVERS, write_topic
@@ -100,8 +100,8 @@ def test_limits_of_intensities(model, top):
 NAMES = [
     *robosense_models.MODELS,
     *(model.name for model in hesai_models.MODELS),
-    *(model.name for model in velodyne_packets.MODELS.values()),
-    velodyne_packets.VLP32B.name,
+    *(model.name for model in velodyne.MODELS.values()),
+    velodyne.VLP32B.name,
 ]
 
 

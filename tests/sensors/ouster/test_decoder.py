@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.sensors.ouster.decoder import Ouster
+from seaclutter_cli.sensors.ouster.decoder import Ouster, _is_damaged
 from seaclutter_cli.sensors.ouster.metadata import parse_metadata
 from seaclutter_cli.sensors.packets import DecoderOptions, Packets
 from tests.paths import shared
@@ -392,3 +392,27 @@ def test_imu_packets_are_not_counted_as_invalid(write_metadata):
 def test_revolutions_follow_one_another(write_metadata):
     frames, _ = decode(make_packets(frames=range(5)), write_metadata())
     assert all(one.stamp_ns < two.points["timestamp"][0] * 1e9 + 1000 for one, two in pairwise(frames))
+
+
+@pytest.mark.parametrize(
+    ("before", "place", "after", "expected"),
+    [
+        (7.3, 8.0, 8.1, False),
+        (7.0, 8.0, 9.0, False),
+        (7.0, 9.0, 12.0, False),
+        (65535.3, 0.0, 0.1, False),
+        (6.3, 7.0, 6.1, False),
+        (7.1, 300.2, 7.3, True),
+        (7.3, 300.0, 8.1, True),
+        (7.2, 300.3, 8.0, True),
+        (65535.3, 300.0, 0.1, True),
+        (8.0, 7.1, 8.2, True),
+        (8.0, 9.1, 8.2, True),
+        (7.2, 8.0, 7.3, True),
+        (7.0, 300.1, 301.2, False),
+    ],
+)
+def test_damaged_frame_ids(before, place, after, expected):
+    """A place is a frame id and a number in its revolution of four packets."""
+    before, place, after = (int(value) * 4 + round(value % 1 * 10) for value in (before, place, after))
+    assert _is_damaged(place, after, before=before, per_revolution=4) == expected

@@ -9,11 +9,10 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.packets import DecoderOptions, Packets
-from seaclutter_cli.sensors.robosense.decoder import RoboSense
+from seaclutter_cli.sensors.robosense.decoder import RoboSense, steps
 from seaclutter_cli.sensors.robosense.device import find_device, packet_angles
 from seaclutter_cli.sensors.robosense.models import BPEARL_4, MODELS, with_old_firmware
 from seaclutter_cli.sensors.robosense.packets import Columns, make_angles, temperature_degc
-from seaclutter_cli.sensors.robosense.points import steps
 from tests.sensors.robosense.packets import write_data, write_info
 from tests.sensors.robosense.reference import Reference
 

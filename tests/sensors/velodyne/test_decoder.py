@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.errors import InputError, MissingExtraError
 from seaclutter_cli.sensors.packets import DecoderOptions, Packets, point_dtype
-from seaclutter_cli.sensors.velodyne.decoder import Velodyne
-from seaclutter_cli.sensors.velodyne.packets import MODELS, PACKET
+from seaclutter_cli.sensors.velodyne.decoder import MODELS, PACKET, Velodyne
 from tests.paths import shared
 
 vd = pytest.importorskip("velodyne_decoder")
