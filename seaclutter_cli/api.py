@@ -36,9 +36,9 @@ class OpenOptions(Decoding):
 
     path: PathLike = option(
         "LOG",
-        kind=Anything(),
-        help="MCAP file, ROS 1 or ROS 2 bag, packet capture, folder of frames, single frame, or a folder or glob that "
+        "MCAP file, ROS 1 or ROS 2 bag, packet capture, folder of frames, single frame, or a folder or glob that "
         "contains one recording of several files.",
+        kind=Anything(),
         kw_only=False,
     )
 

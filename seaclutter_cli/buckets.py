@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 from weakref import WeakValueDictionary
 
 from seaclutter_cli.errors import SeaclutterError
+from seaclutter_cli.options import Group, Options, declared
 from seaclutter_cli.urls import Url, is_url, parse_url
 
 if TYPE_CHECKING:
@@ -116,8 +117,12 @@ def _argument(value: Any, local: Callable[[Url], Any]) -> Any:
         return type(value)(_argument(one, local) for one in value)
     if hasattr(value, "warn"):
         return _Naming(value)
-    if hasattr(value, "with_places"):
-        return value.with_places(lambda one: _argument(one, local))
+    if isinstance(value, Options):
+        other = copy(value)
+        for name, one in declared(type(value)).items():
+            if one.kind.is_place or isinstance(one.kind, Group):
+                vars(other)[name] = _argument(vars(value)[name], local)
+        return other
     return _converted(value, lambda leaf: local(leaf) if isinstance(leaf, Url) else leaf)
 
 

@@ -15,11 +15,10 @@ import operator
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from copy import copy
 from dataclasses import MISSING, dataclass, field, fields
 from functools import wraps
 from pathlib import Path
-from typing import Any, ClassVar, Generic, ParamSpec, Self, TypeVar, dataclass_transform
+from typing import Any, ClassVar, Generic, ParamSpec, TypeVar, dataclass_transform
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.text import named_folder
@@ -209,7 +208,6 @@ class Converted(Generic[Given, Stored]):
 
 OptionalPath = Converted[PathLike | None, Path | None]
 Grouped = Converted[T | None, T]
-_GIVEN = {"OptionalPath": "PathLike | None", "Logs": "PathLike | Sequence[PathLike]"}
 
 
 @dataclass(eq=False)
@@ -217,23 +215,21 @@ class Option:
     """Declaration of an option; as an attribute, the value, which is checked when it is set. See `option`."""
 
     text: str
-    default: Any
-    kind: Kind
     help: str
+    default: Any
+    kind: Any
     repeatable: bool
     required: bool
     of_command: Any
     kw_only: bool
     name: str = ""
+    annotation: str = ""
 
     def __post_init__(self) -> None:
         """Tell the flags from the name of the value."""
         words = self.text.split()
         self.flags = [word for word in words if word.startswith("-")] or words
-        self.metavar = next((word for word in words if word not in self.flags), self.kind.metavar)
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
+        self.metavar = next((word for word in words if word not in self.flags), None)
 
     def __get__(self, instance: object | None, owner: type) -> Any:
         return self if instance is None else vars(instance)[self.name]
@@ -248,17 +244,13 @@ class Option:
         check = self.kind.check_all if self.repeatable else self.kind.check
         return check(value, name or self.name)
 
-    def as_field(self) -> Any:
-        """Return the field of the dataclass."""
-        return field(default=self.default, kw_only=self.kw_only, metadata={Option: self})
-
 
 def option(  # noqa: PLR0913 - what there is to say about an option
     text: str = "",
+    help: str = "",  # noqa: A002 - as in click
     *,
     default: Any = MISSING,
     kind: Kind | None = None,
-    help: str,  # noqa: A002 - as in click
     repeatable: bool = False,
     required: bool = False,
     of_command: Any = MISSING,
@@ -267,45 +259,49 @@ def option(  # noqa: PLR0913 - what there is to say about an option
     """Declare an option as a field of a class of `Options`.
 
     ``text`` has the flags of the command line, and the name of the value in its help, or is the name of an argument;
-    without it, the option is for Python only. The ``kind`` of values is text, or a flag if the default is a Boolean. An
-    option that is ``repeatable``, as those with the default () are, takes a value or a sequence in Python. The command
-    line needs it if it is ``required``, and has the default ``of_command`` if it is another one.
+    without it, the option is for Python only. The ``kind`` of values follows from the annotation. An option that is
+    ``repeatable``, as those with the default () are, takes a value or a sequence in Python. The command line needs it
+    if it is ``required``, and has the default ``of_command`` if it is another one.
     """
-    found = kind or (Flag() if isinstance(default, bool) else Kind())
-    return Option(text, default, found, help, repeatable or default == (), required, of_command, kw_only)
+    return Option(text, help, default, kind, repeatable or default == (), required, of_command, kw_only)
+
+
+def _kind_of(annotation: str, *, remote: bool) -> Kind:
+    """Return the kind of values with an annotation: flags, names, files that are written, or else text."""
+    if found := re.search(r"Literal(\[.*?\])", annotation):
+        return Choice(ast.literal_eval(found[1]))
+    if annotation.startswith("bool"):
+        return Flag()
+    return Place(remote=remote, output=True) if annotation in ("OptionalPath", "Converted[PathLike, Path]") else Kind()
 
 
 def grouped(*left_out: str, default: Options, help: str = "", **words: str) -> Any:  # noqa: A002
     """Declare an object of another class of options as a field; see `Group`. Its help is the summary of the class."""
     summary = (type(default).__doc__ or "").partition("\n")[0]
-    return option(default=default, kind=Group(type(default), left_out, words), help=help or summary)
+    return option("", help or summary, default=default, kind=Group(type(default), left_out, words))
 
 
 # They are frozen, too; said here, mypy would give inherited options the type that is given instead of the one stored.
 @dataclass_transform(kw_only_default=True, field_specifiers=(option, grouped))
 class Options:
-    """Base of classes of options: frozen dataclasses whose fields are made by `option` and documented by its help."""
+    """Base of classes of options: frozen dataclasses whose fields are made by `option` and documented by its help.
+
+    If it ``writes_objects``, its output files may be in object storage.
+    """
+
+    writes_objects: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
         """Make a dataclass of a class."""
         own = {name: value for name, value in vars(cls).items() if isinstance(value, Option)}
         for name, value in own.items():
-            setattr(cls, name, value.as_field())
+            value.name, value.annotation = name, inspect.get_annotations(cls)[name]
+            value.kind = value.kind or _kind_of(value.annotation, remote=cls.writes_objects)
+            setattr(cls, name, field(default=value.default, kw_only=value.kw_only, metadata={Option: value}))
         dataclasses.dataclass(frozen=True)(cls)
         for name, value in own.items():
             setattr(cls, name, value)
         cls.__doc__ = documented(cls.__doc__, cls)
-
-    def with_places(self, change: Callable[[Any], Any]) -> Self:
-        """Return the options with what a function makes of their places: of paths, URLs and observers."""
-        other = copy(self)
-        for name, one in declared(type(self)).items():
-            value = vars(self)[name]
-            if one.kind.is_place:
-                vars(other)[name] = change(value)
-            elif isinstance(value, Options):
-                vars(other)[name] = value.with_places(change)
-        return other
 
 
 def declared(kind: type[Any]) -> dict[str, Option]:
@@ -325,10 +321,10 @@ def function_of(kind: Callable[P, T]) -> Callable[[Callable[[T], R]], Callable[P
             return run(kind(*args, **kwargs))
 
         signature = inspect.signature(kind)
-        options = declared(kind)  # type: ignore[arg-type]
-        defaults = {name: None for name, one in options.items() if isinstance(one.kind, Group)}
-        given = ((one := signature.parameters[name], defaults.get(name, one.default)) for name in options)
-        shown = [one.replace(annotation=_shown(one.annotation), default=default) for one, default in given]
+        shown = []
+        for name, one in declared(kind).items():  # type: ignore[arg-type]
+            known = signature.parameters[name].replace(annotation=_shown(one.annotation))
+            shown.append(known.replace(default=None) if isinstance(one.kind, Group) else known)
         returned = inspect.signature(run).return_annotation
         function.options = kind  # type: ignore[attr-defined]
         function.__signature__ = inspect.Signature(shown, return_annotation=returned)  # type: ignore[attr-defined]
@@ -343,13 +339,10 @@ RAISES = "Raises\n------\nSeaclutterError\n    If a log or an option cannot be u
 
 def documented(text: str | None, kind: Any, raises: str = "") -> str:
     """Return a docstring with the options of a class as its section of parameters, and one of errors, unless it has."""
-    hints: dict[str, str] = {}
-    for base in reversed(kind.__mro__):
-        hints |= inspect.get_annotations(base)
     lines = ["Parameters", "----------"]
     for name, one in declared(kind).items():
-        lines += [f"{name} : {_in_words(hints[name], one)}{'' if one.default is MISSING else ', optional'}"]
-        lines += [f"    {_in_python(one.help, kind)}"]
+        optional = "" if one.default is MISSING else ", optional"
+        lines += [f"{name} : {_in_words(one)}{optional}", f"    {_in_python(one.help, kind)}"]
     return with_sections(text, lines, raises)
 
 
@@ -365,12 +358,12 @@ def _shown(annotation: str) -> str:
     """Return the type of what is given for an option."""
     if annotation.startswith("Converted["):
         annotation = ast.unparse(ast.parse(annotation, mode="eval").body.slice.elts[0])  # type: ignore[attr-defined]
-    return re.sub(r"Grouped\[(\w+)\]", r"\1 | None", _GIVEN.get(annotation, annotation))
+    return re.sub(r"Grouped\[(\w+)\]", r"\1 | None", annotation.replace("OptionalPath", "PathLike | None"))
 
 
-def _in_words(annotation: str, one: Option) -> str:
+def _in_words(one: Option) -> str:
     """Return the type of what is given for an option, for the documentation."""
-    text = _shown(annotation).removesuffix("" if one.of_command is None else " | None")
+    text = _shown(one.annotation).removesuffix("" if one.of_command is None else " | None")
     for pattern, words in _WORDS.items():
         text = re.sub(pattern, words, text)
     return text

@@ -46,7 +46,7 @@ ALLOWED = {
     "paths": set(),
     "urls": {"errors"},
     "storage": {"errors", "parts", "urls"},
-    "buckets": {"errors", "storage", "urls"},
+    "buckets": {"errors", "options", "storage", "urls"},
     "options": {"text", "errors", "urls"},
     "records": {"text"},
     "limits": {"errors"},

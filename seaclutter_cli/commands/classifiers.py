@@ -42,7 +42,7 @@ _SCENE = [
         "scene predict",
         "runs.scene.classify:predict_scenes",
         {
-            "logs": option("LOGS...", kind=Anything(), help="Logs."),
+            "logs": option("LOGS...", "Logs.", kind=Anything()),
             "options": ClassifierOptions,
             "reading": ReadOptions,
         },
@@ -54,11 +54,11 @@ _SCENE = [
     ),
 ]
 
-_TILES = option("TILE...", kind=Anything(), help="Tiles.")
+_TILES = option("TILE...", "Tiles.", kind=Anything())
 _OUTPUT = option(
     "-o --output OUT",
+    "Output file for one tile; folder for several, or with a slash at its end: LAS, LAZ, PCD, PLY or MCAP.",
     kind=Place(output=True, or_folder=True),
-    help="Output file for one tile; folder for several, or with a slash at its end: LAS, LAZ, PCD, PLY or MCAP.",
 )
 
 _CLASSIFY = [

@@ -26,8 +26,8 @@ _KINDS = ("sensors", "methods", "formats", "configs", "scenes", "layouts", "tile
 class _ListOptions(Options):
     """What is listed."""
 
-    kinds: Sequence[str] = option("[KIND]...", default=(), kind=Choice(_KINDS), help="Kinds of items.")
-    text: str = option("--match TEXT", default="", help="List only names, makers and summaries that contain TEXT.")
+    kinds: Sequence[str] = option("[KIND]...", "Kinds of items.", default=(), kind=Choice(_KINDS))
+    text: str = option("--match TEXT", "List only names, makers and summaries that contain TEXT.", default="")
 
 
 def _show(console: Console, **sources: Any) -> None:
@@ -78,7 +78,7 @@ _CONFIG = [
     command(
         "config check",
         _check,
-        {"files": option("FILES...", kind=Anything(), help="Configuration files.")},
+        {"files": option("FILES...", "Configuration files.", kind=Anything())},
         "Check configuration files and list all errors.",
         messages=(),
     ),

@@ -44,16 +44,14 @@ _LOG_HEAD = b"# seaclutter log\n"
 class Console(Options):
     """Observer that prints to the terminal, and prints results at the end."""
 
-    dry_run: bool = option(
-        "--dry-run", default=False, help="Show what would be done with each recording, and do nothing."
-    )
-    as_json: bool = option("--json", default=False, help="Print results as JSON.")
+    dry_run: bool = option("--dry-run", "Show what would be done with each recording, and do nothing.", default=False)
+    as_json: bool = option("--json", "Print results as JSON.", default=False)
     quiet: bool = option(
-        "-q --quiet", default=False, help="Show no progress, no warnings, and no summary of what was written."
+        "-q --quiet", "Show no progress, no warnings, and no summary of what was written.", default=False
     )
-    verbose: bool = option("-v --verbose", default=False, help="Show details.")
+    verbose: bool = option("-v --verbose", "Show details.", default=False)
     log_file: OptionalPath = option(
-        "--log-file", default=None, kind=Place(), help="Append all messages to FILE, with times and details."
+        "--log-file", "Append all messages to FILE, with times and details.", default=None, kind=Place()
     )
 
     def __post_init__(self) -> None:

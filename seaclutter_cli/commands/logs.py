@@ -57,7 +57,7 @@ COMMANDS = (
     command(
         "view",
         "runs.view:view_logs",
-        {"logs": option("LOGS...", kind=Anything(), help="Logs."), "options": ViewOptions},
+        {"logs": option("LOGS...", "Logs.", kind=Anything()), "options": ViewOptions},
         """Show LOGS in the Rerun viewer: raw, removed and kept points, boxes, clusters and threshold curves.
 
         LOGS are raw logs, which are filtered first, or logs written by `filter --keep-raw --with-removed`. The viewer

@@ -140,7 +140,7 @@ def _parameter(name: str, one: Option, words: Mapping[str, str]) -> click.Parame
         keywords["callback"] = _of_working_folder
     return click.Option(
         [*one.flags, name],
-        metavar=one.metavar,
+        metavar=one.metavar or one.kind.metavar,
         multiple=one.repeatable,
         required=is_required,
         show_default=not isinstance(one.kind, Flag) and keywords.get("default") not in (None, "", ()),

@@ -46,15 +46,15 @@ class SceneParams:
 class TrainingParams(Options):
     """Parameters of the training."""
 
-    epochs: int = option("--epochs", default=30, kind=Whole(1), help="Passes over all training frames.")
-    batch: int = option("--batch", default=32, kind=Whole(2), help="Frames per step.")
+    epochs: int = option("--epochs", "Passes over all training frames.", default=30, kind=Whole(1))
+    batch: int = option("--batch", "Frames per step.", default=32, kind=Whole(2))
     learning_rate: float = option(
         "--learning-rate RATE",
+        "Initial learning rate of Adam; it falls to 0 along half a cosine.",
         default=0.005,
         kind=Number(0, above=True),
-        help="Initial learning rate of Adam; it falls to 0 along half a cosine.",
     )
-    seed: int = option("--seed", default=1, kind=Whole(0), help="Seed of split, initial weights, order and rotations.")
+    seed: int = option("--seed", "Seed of split, initial weights, order and rotations.", default=1, kind=Whole(0))
 
 
 def make_scene_tracker(params: SceneParams) -> SceneTracker:

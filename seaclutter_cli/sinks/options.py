@@ -125,56 +125,56 @@ class McapOptions(Options):
     """
 
     keep_raw: bool = option(
-        "--keep-raw", default=False, help="Keep the raw cloud on its topic; write the filtered one to TOPIC/filtered."
+        "--keep-raw", "Keep the raw cloud on its topic; write the filtered one to TOPIC/filtered.", default=False
     )
     with_removed: bool = option(
-        "--with-removed", default=False, help="Write removed points to TOPIC/removed, with the reason."
+        "--with-removed", "Write removed points to TOPIC/removed, with the reason.", default=False
     )
     keep_organized: bool = option(
-        "--keep-organized", default=False, help="Keep the shape of organised clouds; set removed points to NaN."
+        "--keep-organized", "Keep the shape of organised clouds; set removed points to NaN.", default=False
     )
     diagnostics: bool = option(
-        "--diagnostics/--no-diagnostics", default=True, help="Write the topic /seaclutter/diagnostics, or leave it out."
+        "--diagnostics/--no-diagnostics", "Write the topic /seaclutter/diagnostics, or leave it out.", default=True
     )
     compression: str | None = option(
         "--compression",
+        "Compression of the output; by default that of the input, or the usual one of the format.",
         default=None,
         kind=Choice({"zstd": "zstd", "lz4": "lz4", "none": ""}),
-        help="Compression of the output; by default that of the input, or the usual one of the format.",
     )
     split: Converted[Split | str | None, Split | None] = option(
         "--split LIMIT",
+        "Write parts of at most this size before compression (500MB, 2GiB) or duration (30s, 10min, 1h).",
         default=None,
         kind=Parsed(parse_split),
-        help="Write parts of at most this size before compression (500MB, 2GiB) or duration (30s, 10min, 1h).",
     )
     include: Converted[str | Sequence[str], tuple[str, ...]] = option(
         "--include REGEX",
+        "Of the other topics, write only those whose name contains a match; repeatable.",
         default=(),
         kind=Parsed(_pattern),
-        help="Of the other topics, write only those whose name contains a match; repeatable.",
     )
     exclude: Converted[str | Sequence[str], tuple[str, ...]] = option(
         "--exclude REGEX",
+        "Leave out other topics whose name contains a match; repeatable.",
         default=(),
         kind=Parsed(_pattern),
-        help="Leave out other topics whose name contains a match; repeatable.",
     )
     latched: Converted[str | Sequence[str], tuple[str, ...]] = option(
         "--latched TOPIC",
+        "Keep the last message of TOPIC before --start, as of /tf_static and other latched topics; repeatable.",
         default=(),
-        help="Keep the last message of TOPIC before --start, as of /tf_static and other latched topics; repeatable.",
     )
-    config: str = option(default="", help="Effective configuration as YAML; the run fills it in, and all below.")
-    water: bool = option(default=False, help="Whether the method estimates the water, for the diagnostics.")
+    config: str = option("", "Effective configuration as YAML; the run fills it in, and all below.", default="")
+    water: bool = option("", "Whether the method estimates the water, for the diagnostics.", default=False)
     scene: Callable[[FilterResult], SceneUpdate] | None = option(
-        default=None, kind=Anything(), help="Function that returns the boxes of a filtered frame."
+        "", "Function that returns the boxes of a filtered frame.", default=None, kind=Anything()
     )
     record: Callable[[], Metadata] | None = option(
-        default=None, kind=Anything(), help="Function that returns the record of the run when all frames are written."
+        "", "Function that returns the record of the run when all frames are written.", default=None, kind=Anything()
     )
-    method: str = option(default="", help="Name of the method.")
-    is_part: bool = option(default=False, help="Whether only a part of the recording is written.")
+    method: str = option("", "Name of the method.", default="")
+    is_part: bool = option("", "Whether only a part of the recording is written.", default=False)
 
     def takes(self, topic: str) -> bool:
         """Return whether one of the other topics is written."""

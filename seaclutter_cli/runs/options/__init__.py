@@ -11,9 +11,7 @@ from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.options import (
     RAISES,
     Anything,
-    Choice,
     Converted,
-    Flag,
     Grouped,
     Kind,
     Number,
@@ -36,9 +34,6 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 R = TypeVar("R")
-
-FILE, LOCAL = Place(remote=True, output=True), Place(output=True)
-"""Output files: also in object storage, or on this machine only."""
 
 Logs = PathLike | Sequence[PathLike]
 """One or several logs: files, folders or globs, or URLs of objects (``s3://``, ``gs://``, ``az://``)."""
@@ -76,28 +71,19 @@ class Decoding(Options):
     """How recordings are decoded."""
 
     rate_hz: float = option(
-        "--rate HZ",
-        default=10.0,
-        kind=Number(0, above=True),
-        help="Frames per second of recordings without time stamps.",
+        "--rate HZ", "Frames per second of recordings without time stamps.", default=10.0, kind=Number(0, above=True)
     )
     calibration: OptionalPath = option(
-        "--calibration",
-        default=None,
-        kind=Place(),
-        help="Angles or metadata of the sensor, for packets that lack them.",
+        "--calibration", "Angles or metadata of the sensor, for packets that lack them.", default=None, kind=Place()
     )
     sensor: str | None = option(
-        "--sensor MODEL",
-        default=None,
-        kind=Parsed(_known_sensor),
-        help="Sensor model, for packets that do not identify it.",
+        "--sensor MODEL", "Sensor model, for packets that do not identify it.", default=None, kind=Parsed(_known_sensor)
     )
     integrate_ms: float | None = option(
         "--integrate MS",
+        "Join the clouds of each MS milliseconds into one frame, for lidars whose scans do not repeat.",
         default=None,
         kind=Number(1, 2000),
-        help="Join the clouds of each MS milliseconds into one frame, for lidars whose scans do not repeat.",
     )
 
     def beside(self) -> tuple[Path, ...]:
@@ -118,27 +104,26 @@ class ReadOptions(Decoding):
     """
 
     topics: Converted[str | Sequence[str], tuple[str, ...]] = option(
-        "-t --topic NAME", default=(), help="Point-cloud topic, if there are several; repeatable."
+        "-t --topic NAME", "Point-cloud topic, if there are several; repeatable.", default=()
     )
     start_s: Moment | None = option(
         "--start TIME",
+        "Start at TIME: seconds from the start of the recording, ISO 8601 (UTC), or seconds since 1970.",
         default=None,
         kind=Parsed(_moment, _Time()),
-        help="Start at TIME: seconds from the start of the recording, ISO 8601 (UTC), or seconds since 1970.",
     )
-    end_s: Moment | None = option("--end TIME", default=None, kind=Parsed(_moment, _Time()), help="Stop before TIME.")
-    frames: int | None = option("-n --frames", default=None, kind=Whole(1), help="Stop after N frames of each topic.")
+    end_s: Moment | None = option("--end TIME", "Stop before TIME.", default=None, kind=Parsed(_moment, _Time()))
+    frames: int | None = option("-n --frames", "Stop after N frames of each topic.", default=None, kind=Whole(1))
     intensity_field: str | None = option(
-        "--intensity-field NAME", default=None, help="Intensity field, if it has no usual name."
+        "--intensity-field NAME", "Intensity field, if it has no usual name.", default=None
     )
     join: bool | None = option(
         "--join/--no-join",
-        default=None,
-        kind=Flag(),
-        help="Read the numbered files of a folder as one recording, or one by one. "
+        "Read the numbered files of a folder as one recording, or one by one. "
         "[default: as one if each begins where the one before ends]",
+        default=None,
     )
-    recursive: bool = option("--recursive", default=False, help="Also search subfolders for recordings.")
+    recursive: bool = option("--recursive", "Also search subfolders for recordings.", default=False)
 
     @property
     def selection(self) -> Selection:
@@ -157,18 +142,18 @@ class ReadOptions(Decoding):
 class OfLogs(Options):
     """What every function for logs takes."""
 
-    logs: Logs = option(
-        "LOGS...",
-        help="Files, folders or globs of logs, or URLs of objects.",
-        kind=Anything(is_place=True),
-        kw_only=False,
+    writes_objects = True
+
+    logs: PathLike | Sequence[PathLike] = option(
+        "LOGS...", "Files, folders or globs of logs, or URLs of objects.", kind=Anything(is_place=True), kw_only=False
     )
     reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
     keep_going: bool = option(
+        "",
+        "Store the error of a recording in its outcome and continue with the others, instead of raising it.",
         default=False,
-        help="Store the error of a recording in its outcome and continue with the others, instead of raising it.",
     )
-    observer: Observer = option(default=SILENT, kind=Anything(is_place=True), help="Receives progress and warnings.")
+    observer: Observer = option("", "Receives progress and warnings.", default=SILENT, kind=Anything(is_place=True))
 
     @property
     def watching(self) -> Observer:
@@ -204,30 +189,27 @@ class BatchOptions(Options):
 
     jobs: int | None = option(
         "-j --jobs N",
+        "Process N recordings at the same time. [default: as many as there are cores and memory for]",
         default=1,
         of_command=None,
         kind=Parsed(_jobs, Whole(1)),
-        help="Process N recordings at the same time. [default: as many as there are cores and memory for]",
     )
-    fail_fast: bool = option("--fail-fast", default=False, help="Stop after the first recording with an error.")
+    fail_fast: bool = option("--fail-fast", "Stop after the first recording with an error.", default=False)
     resume: bool = option(
         "--resume",
+        "Skip recordings whose output of the same run is complete; replace outputs of other runs.",
         default=False,
-        help="Skip recordings whose output of the same run is complete; replace outputs of other runs.",
     )
     manifest: OptionalPath = option(
-        "--manifest",
-        default=None,
-        kind=Place(output=True),
-        help="Write a table with a row for each recording (CSV or JSON).",
+        "--manifest", "Write a table with a row for each recording (CSV or JSON).", default=None
     )
     cluster: str | None = option(
         "--cluster ADDRESS",
+        "Process recordings on the workers of a Dask cluster: tls://HOST:PORT, or slurm to start -j N workers.",
         default=None,
-        help="Process recordings on the workers of a Dask cluster: tls://HOST:PORT, or slurm to start -j N workers.",
     )
     cluster_insecure: bool = option(
-        "--cluster-insecure", default=False, help="Allow a cluster without encryption, tcp://HOST:PORT."
+        "--cluster-insecure", "Allow a cluster without encryption, tcp://HOST:PORT.", default=False
     )
 
     def runs_here(self, recordings: int) -> bool:
@@ -242,7 +224,7 @@ class BatchOptions(Options):
 class Replacing(Options):
     """Whether outputs may replace files."""
 
-    force: bool = option("--force", default=False, help="Replace existing output files.")
+    force: bool = option("--force", "Replace existing output files.", default=False)
 
 
 WORKING_CONFIG = "seaclutter.yaml"
@@ -288,20 +270,20 @@ class _Configured(Options):
 
     config: Converted[PathLike | Mapping[str, Any] | Config | None, ConfigSource | None] = option(
         "-c --config FILE",
+        "Configuration file, or the name of a built-in one. "
+        f"[default: {WORKING_CONFIG} in the working folder, if there is one; - is standard input]",
         default=None,
         kind=ConfigFile(),
-        help="Configuration file, or the name of a built-in one. "
-        f"[default: {WORKING_CONFIG} in the working folder, if there is one; - is standard input]",
     )
     settings: Converted[Sequence[str] | Mapping[str, Any], tuple[str, ...]] = option(
-        "-s --set KEY=VALUE", default=(), kind=_Settings(), help="Set a key, such as filter.start_m=5; repeatable."
+        "-s --set KEY=VALUE", "Set a key, such as filter.start_m=5; repeatable.", default=(), kind=_Settings()
     )
 
 
 class ConfigOptions(_Configured):
     """Sources of the configuration of a run, in ascending precedence: file, method, single keys."""
 
-    method: str | None = option("-m --method NAME", default=None, help="Filter method; overrides the configuration.")
+    method: str | None = option("-m --method NAME", "Filter method; overrides the configuration.", default=None)
 
 
 class MethodOptions(_Configured):
@@ -309,16 +291,15 @@ class MethodOptions(_Configured):
 
     methods: Converted[str | Sequence[str], tuple[str, ...]] = option(
         "-m --method NAME",
+        "Filter method, by default that of the configuration; none leaves the logs unfiltered; repeatable.",
         default=(),
-        help="Filter method, by default that of the configuration; none leaves the logs unfiltered; repeatable.",
     )
     compare: Converted[
         Literal["paper", "peers", "all"] | Sequence[Literal["paper", "peers", "all"]], tuple[str, ...]
     ] = option(
         "--compare",
+        "Compare the stages of joint as in its paper; joint, confirmed and their peers; or all and none.",
         default=(),
-        kind=Choice(("paper", "peers", "all")),
-        help="Compare the stages of joint as in its paper; joint, confirmed and their peers; or all and none.",
     )
 
 
@@ -342,16 +323,16 @@ class LabelSources(Options):
     """Labels of recordings, and how to read them."""
 
     labels: Converted[PathLike | Sequence[PathLike] | None, tuple[Path, ...]] = option(
-        "--labels LABELS", default=(), kind=Place(remote=True), help=_LABELS_HELP
+        "--labels LABELS", _LABELS_HELP, default=(), kind=Place(remote=True)
     )
     clutter_ids: Converted[Sequence[int] | None, tuple[int, ...] | None] = option(
         "--clutter-ids IDS",
+        "Class ids of clutter in point labels, such as 110,111. [default: 110]",
         default=None,
         kind=_Ids(),
-        help="Class ids of clutter in point labels, such as 110,111. [default: 110]",
     )
     ignore_ids: Converted[Sequence[int] | None, tuple[int, ...] | None] = option(
-        "--ignore-ids IDS", default=None, kind=_Ids(), help="Class ids to ignore in point labels. [default: 0,99]"
+        "--ignore-ids IDS", "Class ids to ignore in point labels. [default: 0,99]", default=None, kind=_Ids()
     )
 
 
@@ -359,7 +340,7 @@ class OfLabelledLogs(LabelSources, OfLogs):
     """What every function for labelled logs takes."""
 
     labels: Converted[PathLike | Sequence[PathLike], tuple[Path, ...]] = option(
-        "--labels LABELS", kind=Place(remote=True), repeatable=True, help=_LABELS_HELP, kw_only=False
+        "--labels LABELS", _LABELS_HELP, kind=Place(remote=True), repeatable=True, kw_only=False
     )
 
 
@@ -376,7 +357,7 @@ def of_options(run: Callable[P, R]) -> Callable[P, R]:
     """Document what a function takes, objects of options among others, and the errors that it raises."""
     lines = ["Parameters", "----------"]
     for name, one in inspect.signature(run).parameters.items():
-        kinds = [kind for kind in (one.annotation, *get_args(one.annotation)) if hasattr(kind, "with_places")]
+        kinds = [kind for kind in (one.annotation, *get_args(one.annotation)) if hasattr(kind, "writes_objects")]
         optional = "" if one.default is one.empty else ", optional"
         known = [f"{kind.__name__}{optional}\n    {(kind.__doc__ or '').partition(chr(10))[0]}" for kind in kinds]
         lines.append(f"{name} : {known[0] if known else _GIVEN_BESIDE[name]}")

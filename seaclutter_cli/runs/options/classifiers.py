@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.options import (
-    Choice,
     Converted,
     Grouped,
     Kind,
@@ -18,7 +17,7 @@ from seaclutter_cli.options import (
     grouped,
     option,
 )
-from seaclutter_cli.runs.options import LOCAL, BatchOptions, ReadOptions, Replacing
+from seaclutter_cli.runs.options import BatchOptions, ReadOptions, Replacing
 from seaclutter_cli.scenes import TrainingParams
 
 if TYPE_CHECKING:
@@ -44,12 +43,12 @@ class LabelledLogs(Options):
 
     folders: Converted[PathLike | Sequence[PathLike], tuple[Path, ...]] = option(
         "FOLDERS",
+        "Folders that each contain a folder of recordings for each class, named after the class.",
         default=(),
         kind=Place(),
-        help="Folders that each contain a folder of recordings for each class, named after the class.",
     )
     scenes: Converted[str | Sequence[str], tuple[str, ...]] = option(
-        "--scene CLASS=LOGS", default=(), help="A class, and the file, folder or glob of its logs; repeatable."
+        "--scene CLASS=LOGS", "A class, and the file, folder or glob of its logs; repeatable.", default=()
     )
 
     def find(self) -> list[LabelledLog]:
@@ -70,18 +69,16 @@ class ClassifierOptions(Replacing):
     """
 
     model: str = option(
-        "--model FILE", default="open_confined", help="ONNX file of a classifier, or the name of a built-in one."
+        "--model FILE", "ONNX file of a classifier, or the name of a built-in one.", default="open_confined"
     )
-    every: int = option("--every", default=1, kind=Whole(1), help="Classify one frame in N; the others keep its scene.")
+    every: int = option("--every", "Classify one frame in N; the others keep its scene.", default=1, kind=Whole(1))
     hold: int = option(
         "--hold M",
+        "Change the scene only after M consecutive classifications agree on another one.",
         default=1,
         kind=Whole(1),
-        help="Change the scene only after M consecutive classifications agree on another one.",
     )
-    csv_file: OptionalPath = option(
-        "--csv", default=None, kind=LOCAL, help="Write a CSV table with a line for each frame."
-    )
+    csv_file: OptionalPath = option("--csv", "Write a CSV table with a line for each frame.", default=None)
 
 
 class TrainSceneOptions(Replacing):
@@ -94,15 +91,13 @@ class TrainSceneOptions(Replacing):
     30
     """
 
-    output: Converted[PathLike, Path] = option("-o --output MODEL.onnx", kind=LOCAL, help="Model file to write.")
-    plot_file: OptionalPath = option(
-        "--plot", default=None, kind=LOCAL, help="Draw loss and precision over the epochs, as PNG or SVG."
-    )
+    output: Converted[PathLike, Path] = option("-o --output MODEL.onnx", "Model file to write.")
+    plot_file: OptionalPath = option("--plot", "Draw loss and precision over the epochs, as PNG or SVG.", default=None)
     extent_m: float = option(
-        "--extent METRES", default=60.0, kind=Number(0, above=True), help="Half the side of the square in the top view."
+        "--extent METRES", "Half the side of the square in the top view.", default=60.0, kind=Number(0, above=True)
     )
     every: int = option(
-        "--every", default=1, kind=Whole(1), help="Use one frame in N; consecutive frames are nearly the same."
+        "--every", "Use one frame in N; consecutive frames are nearly the same.", default=1, kind=Whole(1)
     )
     training: Grouped[TrainingParams] = grouped(default=TrainingParams())
     reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
@@ -118,9 +113,9 @@ class TileSettingsOptions(Options):
     30
     """
 
-    file: OptionalPath = option("-c --config", default=None, kind=Place(), help="Settings file.")
+    file: OptionalPath = option("-c --config", "Settings file.", default=None, kind=Place())
     overrides: tuple[str, ...] = option(
-        "-s --set KEY=VALUE", default=(), help="Set a key, such as separation.window_m=30; repeatable."
+        "-s --set KEY=VALUE", "Set a key, such as separation.window_m=30; repeatable.", default=()
     )
 
     def load(self, base: TileSettings | None = None) -> TileSettings:
@@ -143,25 +138,13 @@ class MapOptions(Options):
     """
 
     plot_file: OptionalPath = option(
-        "--plot",
-        default=None,
-        kind=LOCAL,
-        help="Draw a map with water level, land and objects, as PNG or SVG.",
-        kw_only=False,
+        "--plot", "Draw a map with water level, land and objects, as PNG or SVG.", default=None, kw_only=False
     )
     geojson_file: OptionalPath = option(
-        "--geojson",
-        default=None,
-        kind=LOCAL,
-        help="Also write the shoreline and the boxes of objects as GeoJSON.",
-        kw_only=False,
+        "--geojson", "Also write the shoreline and the boxes of objects as GeoJSON.", default=None, kw_only=False
     )
     gpkg_file: OptionalPath = option(
-        "--gpkg",
-        default=None,
-        kind=LOCAL,
-        help="Also write the shoreline and the boxes of objects as GeoPackage.",
-        kw_only=False,
+        "--gpkg", "Also write the shoreline and the boxes of objects as GeoPackage.", default=None, kw_only=False
     )
 
     @property
@@ -200,34 +183,31 @@ class SeparateTilesOptions(Replacing):
     20.0
     """
 
-    with_height: bool = option(
-        "--with-height", default=False, help="Also write each point's height above the sea surface."
-    )
+    with_height: bool = option("--with-height", "Also write each point's height above the sea surface.", default=False)
     land: Literal["keep", "class2", "ignore"] | None = option(
         "--land",
-        default=None,
-        kind=Choice(("keep", "class2", "ignore")),
-        help="Low and flat land: non-sea points; ASPRS class 2 on the ground; or not looked for, so that it is sea."
+        "Low and flat land: non-sea points; ASPRS class 2 on the ground; or not looked for, so that it is sea."
         " [default: keep]",
+        default=None,
     )
     margin_m: float = option(
         "--margin METRES",
+        "Width of the margin in which points of neighbouring tiles count; 0 for none.",
         default=100.0,
         kind=Number(0, 1000),
-        help="Width of the margin in which points of neighbouring tiles count; 0 for none.",
     )
     trust_classes: tuple[Literal[2, 9], ...] | None = option(
         "--trust-classes CLASSES",
+        "Classes of the input that are right: 2 (ground), 9 (water), or 2,9. Their points keep them, and show"
+        " where land and water are. [default: none]",
         default=None,
         kind=_Classes(),
-        help="Classes of the input that are right: 2 (ground), 9 (water), or 2,9. Their points keep them, and show"
-        " where land and water are. [default: none]",
     )
     window_m: float | None = option(
         "--window METRES",
+        "Read COPC files in windows of this width, and write a tile for each; for files larger than memory.",
         default=None,
         kind=Number(50, 100_000),
-        help="Read COPC files in windows of this width, and write a tile for each; for files larger than memory.",
     )
     maps: Grouped[MapOptions] = grouped(
         default=MapOptions(), help="Picture, and geodata of the shoreline and the objects."
@@ -246,19 +226,11 @@ class ClassifyTilesOptions(Replacing):
     False
     """
 
-    model: Converted[PathLike, Path] = option("--model MODEL", kind=Place(), help="Model file from classify train.")
-    csv_file: OptionalPath = option(
-        "--csv", default=None, kind=LOCAL, help="Also write a CSV table with a line for each object."
-    )
-    geojson_file: OptionalPath = option(
-        "--geojson", default=None, kind=LOCAL, help="Also write the boxes of the objects as GeoJSON."
-    )
-    gpkg_file: OptionalPath = option(
-        "--gpkg", default=None, kind=LOCAL, help="Also write the boxes and the shoreline as GeoPackage."
-    )
-    plot_file: OptionalPath = option(
-        "--plot", default=None, kind=LOCAL, help="Draw a top view of the tile, as PNG or SVG."
-    )
+    model: Converted[PathLike, Path] = option("--model MODEL", "Model file from classify train.", kind=Place())
+    csv_file: OptionalPath = option("--csv", "Also write a CSV table with a line for each object.", default=None)
+    geojson_file: OptionalPath = option("--geojson", "Also write the boxes of the objects as GeoJSON.", default=None)
+    gpkg_file: OptionalPath = option("--gpkg", "Also write the boxes and the shoreline as GeoPackage.", default=None)
+    plot_file: OptionalPath = option("--plot", "Draw a top view of the tile, as PNG or SVG.", default=None)
     settings: Grouped[TileSettingsOptions] = grouped(
         default=TileSettingsOptions(), help="Settings that override those in the model, except for the features."
     )
@@ -280,18 +252,16 @@ class TrainForestOptions(Replacing):
     100
     """
 
-    output: Converted[PathLike, Path] = option("-o --output MODEL", kind=LOCAL, help="Model file to write.")
+    output: Converted[PathLike, Path] = option("-o --output MODEL", "Model file to write.")
     class_field: str = option(
-        "--class-field NAME", default="object_class", help="Field with the class of each point, 1 to 8; 0 for none."
+        "--class-field NAME", "Field with the class of each point, 1 to 8; 0 for none.", default="object_class"
     )
     object_field: str = option(
         "--object-field NAME",
+        "Field with object numbers; without it, clusters of a class are objects.",
         default="object_id",
-        help="Field with object numbers; without it, clusters of a class are objects.",
     )
-    plot_file: OptionalPath = option(
-        "--plot", default=None, kind=LOCAL, help="Draw the confusion matrix, as PNG or SVG."
-    )
+    plot_file: OptionalPath = option("--plot", "Draw the confusion matrix, as PNG or SVG.", default=None)
     settings: Grouped[TileSettingsOptions] = grouped(
         default=TileSettingsOptions(), help="Settings of separation, features and forest."
     )

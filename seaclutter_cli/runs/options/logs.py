@@ -6,8 +6,6 @@ from typing import TYPE_CHECKING
 
 from seaclutter_cli.options import Choice, Grouped, Number, OptionalPath, Place, Whole, grouped, option
 from seaclutter_cli.runs.options import (
-    FILE,
-    LOCAL,
     BatchOptions,
     ConfigOptions,
     LabelSources,
@@ -26,15 +24,12 @@ class WritingLogs(Replacing, OfLogs):
 
     output: PathLike = option(
         "-o --output OUT",
+        "Output of one recording; folder for several, or with a slash at its end.",
         kind=Place(remote=True, output=True, or_folder=True),
-        help="Output of one recording; folder for several, or with a slash at its end.",
         kw_only=False,
     )
     to: str | None = option(
-        "--to",
-        default=None,
-        kind=Choice(FORMATS),
-        help="Format of the output. [default: by the suffix of OUT, or mcap]",
+        "--to", "Format of the output. [default: by the suffix of OUT, or mcap]", default=None, kind=Choice(FORMATS)
     )
     written: Grouped[McapOptions] = grouped(default=McapOptions())
     batch: Grouped[BatchOptions] = grouped(default=BatchOptions())
@@ -43,13 +38,11 @@ class WritingLogs(Replacing, OfLogs):
 class FilterOptions(WritingLogs, LabelSources, ConfigOptions):
     """Options of a filter run."""
 
-    csv_file: OptionalPath = option(
-        "--csv", default=None, kind=FILE, help="Also write a table with a row for each frame."
-    )
+    csv_file: OptionalPath = option("--csv", "Also write a table with a row for each frame.", default=None)
     with_scene: bool = option(
         "--with-scene",
+        "Write boxes around clusters, and those of --labels, to /seaclutter/scene, for 3D panels.",
         default=False,
-        help="Write boxes around clusters, and those of --labels, to /seaclutter/scene, for 3D panels.",
     )
 
 
@@ -74,18 +67,14 @@ class MaskOptions(Replacing, OfLogs):
     """Options of the search for own ship's structure."""
 
     output: OptionalPath = option(
-        "-o --output MASK.csv",
-        default=None,
-        kind=FILE,
-        help="Write the mask, for the configuration key filter.mask.",
-        kw_only=False,
+        "-o --output MASK.csv", "Write the mask, for the configuration key filter.mask.", default=None, kw_only=False
     )
-    plot_file: OptionalPath = option("--plot", default=None, kind=FILE, help="Draw the mask (.png or .svg).")
+    plot_file: OptionalPath = option("--plot", "Draw the mask (.png or .svg).", default=None)
     reach_m: float = option(
         "--reach METRES",
+        "Range up to which structure is searched; somewhat more than own ship's length.",
         default=20.0,
         kind=Number(1, 100),
-        help="Range up to which structure is searched; somewhat more than own ship's length.",
     )
 
 
@@ -100,10 +89,7 @@ class ViewOptions(Replacing, LabelSources, ConfigOptions):
     """
 
     target: OptionalPath = option(
-        "--save FILE.rrd",
-        default=None,
-        kind=LOCAL,
-        help="Write a file for the viewer instead of opening it; needs no display.",
+        "--save FILE.rrd", "Write a file for the viewer instead of opening it; needs no display.", default=None
     )
-    port: int = option("--port", default=9876, kind=Whole(1, 65535), help="Port of the viewer.")
+    port: int = option("--port", "Port of the viewer.", default=9876, kind=Whole(1, 65535))
     reading: Grouped[ReadOptions] = grouped(default=ReadOptions())

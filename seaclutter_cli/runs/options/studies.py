@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Literal
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.options import (
     Anything,
-    Choice,
     Converted,
     Grouped,
     Number,
@@ -22,8 +21,6 @@ from seaclutter_cli.options import (
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import (
-    FILE,
-    LOCAL,
     BatchOptions,
     ConfigOptions,
     LabelSources,
@@ -47,36 +44,34 @@ class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
     """Options of a calibration."""
 
     output: OptionalPath = option(
-        "-o --output CONFIG", default=None, kind=FILE, required=True, help="Configuration to write, for filter -c."
+        "-o --output CONFIG", "Configuration to write, for filter -c.", default=None, required=True
     )
     filter_rate: float = option(
         "--filter-rate SHARE",
+        "Share of the clutter points in each range ring that its threshold must remove.",
         default=0.8,
         kind=Number(0, 1, above=True),
-        help="Share of the clutter points in each range ring that its threshold must remove.",
     )
     max_left: float | None = option(
         "--max-left POINTS",
+        "Raise the filter rate of a range ring until at most POINTS clutter points per frame are left.",
         default=None,
         kind=Number(0, above=True),
-        help="Raise the filter rate of a range ring until at most POINTS clutter points per frame are left.",
     )
     choose: bool = option(
         "--choose",
-        default=False,
-        help="With --labels: compare values of --filter-rate and --max-left on held-out frames, and use the one with "
+        "With --labels: compare values of --filter-rate and --max-left on held-out frames, and use the one with "
         "the fewest frames with an error.",
+        default=False,
     )
     trade_off: bool = option(
-        "--trade-off", default=False, help="With --labels: show what these values cost and gain, without choosing."
+        "--trade-off", "With --labels: show what these values cost and gain, without choosing.", default=False
     )
     keep_end: bool = option(
-        "--keep-end",
-        default=False,
-        help="Keep the far limit end_m of the configuration; implied by -s filter.end_m=METRES.",
+        "--keep-end", "Keep the far limit end_m of the configuration; implied by -s filter.end_m=METRES.", default=False
     )
     plot_file: OptionalPath = option(
-        "--plot", default=None, kind=FILE, help="Also plot clutter and thresholds over range (.png or .svg)."
+        "--plot", "Also plot clutter and thresholds over range (.png or .svg).", default=None
     )
     batch: Grouped[BatchOptions] = grouped("fail_fast", "resume", "manifest", default=BatchOptions())
 
@@ -91,16 +86,13 @@ class EvaluateOptions(Replacing, OfLabelledLogs, MethodOptions):
     """Options of an evaluation."""
 
     frames_file: OptionalPath = option(
-        "-o --output FRAMES.csv", default=None, kind=FILE, help="Write a table with a row for each frame and method."
+        "-o --output FRAMES.csv", "Write a table with a row for each frame and method.", default=None
     )
-    summary_file: OptionalPath = option(
-        "--summary FILE.json", default=None, kind=FILE, help="Write all results as JSON."
-    )
+    summary_file: OptionalPath = option("--summary FILE.json", "Write all results as JSON.", default=None)
     clustering: Literal["euclidean", "dbscan"] | None = option(
         "--clustering",
+        "Clustering algorithm; by default that of the configuration. With dbscan, also show its measures.",
         default=None,
-        kind=Choice(("euclidean", "dbscan")),
-        help="Clustering algorithm; by default that of the configuration. With dbscan, also show its measures.",
     )
     batch: Grouped[BatchOptions] = grouped("resume", default=BatchOptions())
 
@@ -133,38 +125,35 @@ class TuneOptions(Replacing, OfLabelledLogs, MethodOptions):
 
     sweeps: Converted[Mapping[str, Sequence[Any]] | Sequence[str], tuple[Sweep, ...]] = option(
         "--sweep KEY=VALUES",
+        "Filter key and values to try: V1,V2,... or START:STOP:STEP. Repeatable, for all combinations. Of several "
+        "methods, those that have the key; METHOD.KEY for one.",
         default=(),
         kind=_Sweeps(_sweep),
-        help="Filter key and values to try: V1,V2,... or START:STOP:STEP. Repeatable, for all combinations. Of several "
-        "methods, those that have the key; METHOD.KEY for one.",
         kw_only=False,
     )
     method: Converted[str | Sequence[str] | None, tuple[str, ...]] = option(
-        default=(), help="Another name of ``methods``."
+        "", "Another name of ``methods``.", default=()
     )
     hold_out: float = option(
         "--hold-out SHARE",
+        "Share of the recordings, or of fewer than four the last frames of each, on which the best combination is "
+        "judged but not chosen; 0 for none.",
         default=0.25,
         kind=Number(0, 1, below=True),
-        help="Share of the recordings, or of fewer than four the last frames of each, on which the best combination is "
-        "judged but not chosen; 0 for none.",
     )
     output: OptionalPath = option(
-        "-o --output CONFIG.yaml", default=None, kind=FILE, help="Write the configuration with the best values."
+        "-o --output CONFIG.yaml", "Write the configuration with the best values.", default=None
     )
-    csv_file: OptionalPath = option(
-        "--csv", default=None, kind=FILE, help="Write a table with a row for each combination."
-    )
+    csv_file: OptionalPath = option("--csv", "Write a table with a row for each combination.", default=None)
     curve_file: OptionalPath = option(
-        "--plot", default=None, kind=FILE, help="Plot the rates over the values of a single --sweep (.png or .svg)."
+        "--plot", "Plot the rates over the values of a single --sweep (.png or .svg).", default=None
     )
     thresholds_file: OptionalPath = option(
         "--plot-thresholds",
+        "Plot the threshold of a range ring over the frames for each combination and the ideal one (.png, .svg).",
         default=None,
-        kind=FILE,
-        help="Plot the threshold of a range ring over the frames for each combination and the ideal one (.png, .svg).",
     )
-    ring: int = option("--ring K", default=2, kind=Whole(1), help="Range ring of --plot-thresholds, from 1.")
+    ring: int = option("--ring K", "Range ring of --plot-thresholds, from 1.", default=2, kind=Whole(1))
     batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
 
     @property
@@ -182,27 +171,19 @@ class ReportOptions(Replacing, OfLogs, LabelSources, MethodOptions):
     """Options of a report."""
 
     output: Converted[PathLike, Path] = option(
-        "-o --output REPORT.html",
-        kind=FILE,
-        help="HTML page to write; one file that opens offline in any browser.",
-        kw_only=False,
+        "-o --output REPORT.html", "HTML page to write; one file that opens offline in any browser.", kw_only=False
     )
     figure_folder: OptionalPath = option(
-        "--figures DIR",
-        default=None,
-        kind=Place(remote=True),
-        help="Also write every figure as a separate file for print.",
+        "--figures DIR", "Also write every figure as a separate file for print.", default=None, kind=Place(remote=True)
     )
-    figure_format: Literal["svg", "png"] = option(
-        "--figure-format", default="svg", kind=Choice(("svg", "png")), help="Format of --figures."
-    )
+    figure_format: Literal["svg", "png"] = option("--figure-format", "Format of --figures.", default="svg")
     shown: int = option(
-        "--show", default=12, kind=Whole(1, 100), help="Number of frames whose points are included in the page."
+        "--show", "Number of frames whose points are included in the page.", default=12, kind=Whole(1, 100)
     )
     picks: Converted[int | Sequence[int], tuple[int, ...]] = option(
-        "--pick K", default=(), kind=Whole(0), help="Also show frame K; repeatable."
+        "--pick K", "Also show frame K; repeatable.", default=(), kind=Whole(0)
     )
-    command: str | None = option(default=None, help="Command line that the page shows.")
+    command: str | None = option("", "Command line that the page shows.", default=None)
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:
@@ -228,30 +209,23 @@ class SimulateOptions(Replacing):
     True
     """
 
-    frames: int | None = option(
-        "-n --frames", default=None, kind=Whole(1), help="Number of frames; overrides the scene."
-    )
+    frames: int | None = option("-n --frames", "Number of frames; overrides the scene.", default=None, kind=Whole(1))
     seed: int | None = option(
-        "--seed", default=None, kind=Whole(0), help="Random seed; overrides the scene. 1 by default for a layout."
+        "--seed", "Random seed; overrides the scene. 1 by default for a layout.", default=None, kind=Whole(0)
     )
     physics: Literal["wide"] | None = option(
         "--physics",
+        "Draw water, weather, lidar and own ship from ranges of published physics; with SCENE random, all of it.",
         default=None,
-        kind=Choice(("wide",)),
-        help="Draw water, weather, lidar and own ship from ranges of published physics; with SCENE random, all of it.",
     )
-    lidar: str | None = option("--lidar NAME", default=None, help="Lidar model; overrides the scene.")
+    lidar: str | None = option("--lidar NAME", "Lidar model; overrides the scene.", default=None)
     form: Literal["mcap", "pcap"] | None = option(
         "--format",
+        "MCAP with PointCloud2, or packets of a RoboSense lidar; by default from the suffix of LOG.",
         default=None,
-        kind=Choice(("mcap", "pcap")),
-        help="MCAP with PointCloud2, or packets of a RoboSense lidar; by default from the suffix of LOG.",
     )
     scene_file: OptionalPath = option(
-        "--scene-file YAML",
-        default=None,
-        kind=LOCAL,
-        help="Save the scene with all defaults and comments, for editing.",
+        "--scene-file YAML", "Save the scene with all defaults and comments, for editing.", default=None
     )
 
 
@@ -260,21 +234,21 @@ class SimulationOptions(SimulateOptions):
 
     scene: PathLike = option(
         "SCENE",
+        "Scene file (YAML), or the name of a built-in scene, layout or tile scene.",
         kind=Anything(),
-        help="Scene file (YAML), or the name of a built-in scene, layout or tile scene.",
         kw_only=False,
     )
     output: PathLike = option(
         "-o --output OUT",
+        "Recording to write; .las or .laz for a tile; with --seeds, a folder.",
         kind=Place(output=True, or_folder=True),
-        help="Recording to write; .las or .laz for a tile; with --seeds, a folder.",
         kw_only=False,
     )
     seeds: Converted[str | Sequence[int] | None, tuple[int, ...] | None] = option(
         "--seeds SEEDS",
+        "Simulate a recording for each seed, such as 1..5 or 1,2,7.",
         default=None,
         kind=Parsed(parse_seeds),
-        help="Simulate a recording for each seed, such as 1..5 or 1,2,7.",
     )
     batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
-    observer: Observer = option(default=SILENT, kind=Anything(is_place=True), help="Receives progress.")
+    observer: Observer = option("", "Receives progress.", default=SILENT, kind=Anything(is_place=True))
