@@ -128,7 +128,7 @@ class Calibration:
     """Clutter points of several recordings, from which thresholds are derived.
 
     A histogram is created when the first point appears in a range ring, for at most 250 range rings and up to 10 km.
-    A histogram takes at most 1 MB for whole-number intensities and at most 5 MB for others.
+    A histogram takes at most 5 MB.
 
     ``filter_rate`` is the share of the clutter points of each range ring to remove. Where more than ``max_left`` points
     per frame would be left, it is higher. With ``keep_end``, ``params.end_m`` is not derived.

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from seaclutter_cli.calibration import Calibration, ClutterSelector, FarLimit, few_points
 from seaclutter_cli.errors import FieldError, InputError
 from seaclutter_cli.filters import histogram as module
-from seaclutter_cli.filters.histogram import IntensityHistogram, QuantileSketch
+from seaclutter_cli.filters.histogram import IntensityHistogram
 from seaclutter_cli.filters.joint import JointParams
 from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
 from tests.filters.frames import make_frame, on_axis, sea_frame
@@ -43,6 +43,11 @@ def added(kind, recordings):
     for parts in recordings:
         total += fill(kind, parts)
     return total
+
+
+def nbytes(histogram):
+    arrays = (histogram._values, histogram._counts, *histogram._pending, *histogram._levels)
+    return sum(array.nbytes for array in arrays)
 
 
 def fill(kind, parts):
@@ -89,7 +94,7 @@ class TestHistogram:
         with pytest.MonkeyPatch.context() as patch:
             for name, value in (("_LEVEL", level), ("_DISTINCT", distinct), ("_PENDING", pending)):
                 patch.setattr(module, name, value)
-            sketch = fill(QuantileSketch, parts)
+            sketch = fill(IntensityHistogram, parts)
             values, counts = sketch.distribution()
         seen = np.sort(np.concatenate(parts))
         assert counts.sum() == len(seen)
@@ -123,19 +128,19 @@ class TestHistogram:
             last = math.nextafter(threshold, -math.inf)
             assert np.searchsorted(values, last, side="left") / len(values) <= rate + 0.001
             assert np.searchsorted(values, last, side="right") / len(values) >= rate - 0.001
-        assert histogram._others.nbytes < 5_000_000
+        assert nbytes(histogram) < 5_000_000
 
     def test_memory_does_not_grow_with_the_log(self):
         rng = np.random.default_rng(0)
-        sketch = QuantileSketch()
+        sketch = IntensityHistogram()
         sizes = []
         for _ in range(120):
             sketch.add(rng.random(60_000))
-            sizes.append(sketch.nbytes)
+            sizes.append(nbytes(sketch))
         assert max(sizes[60:]) <= max(sizes[:60]) + 8 * 2 * module._LEVEL
 
     def test_many_small_frames_do_not_pile_up(self):
-        sketch = QuantileSketch()
+        sketch = IntensityHistogram()
         for number in range(5000):
             sketch.add(np.array([number % 7 + 0.5]))
         assert len(sketch._pending) < 1100
@@ -162,7 +167,7 @@ class TestHistogram:
         with pytest.MonkeyPatch.context() as patch:
             for name, value in (("_LEVEL", level), ("_DISTINCT", distinct), ("_PENDING", pending)):
                 patch.setattr(module, name, value)
-            sketch, again = (added(QuantileSketch, recordings) for _ in range(2))
+            sketch, again = (added(IntensityHistogram, recordings) for _ in range(2))
             values, counts = sketch.distribution()
             np.testing.assert_array_equal(again.distribution(), (values, counts))
         seen = np.sort(np.concatenate([part for parts in recordings for part in parts]))
@@ -176,7 +181,7 @@ class TestHistogram:
         recordings = [[rng.random(40_000) for _ in range(5)] for _ in range(40)]
         histogram = added(IntensityHistogram, recordings)
         assert 0 < histogram.rank_error < 0.001 * 8_000_000
-        assert histogram._others.nbytes < 5e6
+        assert nbytes(histogram) < 5e6
 
     @pytest.mark.parametrize(
         ("values", "rate", "threshold"),

@@ -7,7 +7,6 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-_WHOLE_LIMIT = 1 << 16
 _DISTINCT = 1 << 16
 _PENDING = 1 << 16
 _BATCHES = 1 << 10
@@ -18,53 +17,70 @@ Distribution = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
 class IntensityHistogram:
-    """Histogram of intensities with bounded memory.
+    r"""Distribution of intensities in at most 5 MB: exact up to 65536 distinct ones, then with bounded rank error.
 
-    It is exact for whole numbers from 0 to 65535, and for up to 65536 distinct other values. Beyond that,
-    `QuantileSketch` keeps thresholds within 0.1 % of rank. Memory is at most 1 MB for whole numbers, 5 MB for others.
+    Excess values move to a hierarchy of levels, where a value of level h represents :math:`2^h` values. When a level
+    has 16384 values or more, they are sorted and every second one moves up a level [1]_. This changes a rank by at most
+    :math:`2^h`, up or down depending on whether the first or the second of each pair moves; the two alternate. For n
+    values the error is at most :math:`n \log_2(n / 2^{14}) / 2^{15}`, below 0.1 % for fewer than 10^13.
+
+    The summary is deterministic: the same values in the same order give the same summary.
+
+    References
+    ----------
+    .. [1] Manku, Rajagopalan, Lindsay (1998). "Approximate medians and other quantiles in one pass and with limited
+       memory". SIGMOD. doi:10.1145/276304.276342
     """
 
     def __init__(self) -> None:
-        self._whole = np.zeros(0, np.int64)
-        self._others = QuantileSketch()
+        self._values = np.zeros(0)
+        self._counts = np.zeros(0, np.int64)
+        self._pending: list[NDArray[np.float64]] = []
+        self._waiting = 0
+        self._levels: list[NDArray[np.float64]] = []
+        self._thinned: list[int] = []
+        self._added_error = 0
         self.all_whole = True
         """Whether every intensity so far is a whole number."""
 
-    def add(self, intensity: NDArray[np.float64]) -> None:
-        """Count finite intensities, shape (N,)."""
-        whole = intensity == np.floor(intensity)
-        self.all_whole = self.all_whole and bool(whole.all())
-        counted = whole & (intensity >= 0) & (intensity < _WHOLE_LIMIT)
-        counts = np.bincount(intensity[counted].astype(np.int64), minlength=len(self._whole))
-        counts[: len(self._whole)] += self._whole
-        self._whole = counts
-        self._others.add(intensity[~counted])
+    def add(self, values: NDArray[np.float64]) -> None:
+        """Count finite values, shape (N,)."""
+        self.all_whole = self.all_whole and bool((values == np.floor(values)).all())
+        if len(values):
+            self._pending.append(values)
+            self._waiting += len(values)
+        if self._waiting >= _PENDING or len(self._pending) >= _BATCHES:
+            self._count()
 
     def __iadd__(self, other: Self) -> Self:
-        """Add the counts of another histogram; exact as long as both together are."""
+        """Add the values of another histogram: exact if there are few distinct ones, otherwise the errors add up."""
         self.all_whole = self.all_whole and other.all_whole
-        counts = np.zeros(max(len(self._whole), len(other._whole)), np.int64)
-        for part in (self._whole, other._whole):
-            counts[: len(part)] += part
-        self._whole = counts
-        self._others += other._others
+        self._count()
+        other._count()
+        self._merge(other._values, other._counts)
+        self._added_error += other.rank_error
+        for level, values in enumerate(other._levels):
+            self._put(level, values)
+        self._thin_levels()
         return self
 
     @property
-    def points(self) -> int:
-        """Number of intensities."""
-        return int(self.distribution()[1].sum())
+    def rank_error(self) -> int:
+        """Maximum error of a rank in values."""
+        return self._added_error + sum((times + 1) // 2 << level for level, times in enumerate(self._thinned))
 
     @property
-    def rank_error(self) -> int:
-        """Maximum error of a rank in points; 0 while the histogram is exact."""
-        return self._others.rank_error
+    def points(self) -> int:
+        """Number of values."""
+        return int(self.distribution()[1].sum())
 
     def distribution(self) -> Distribution:
-        """Return the values and their counts; the sum of the counts is exact."""
-        seen = np.flatnonzero(self._whole)
-        values, counts = self._others.distribution()
-        return _ascending(np.append(seen, values), np.append(self._whole[seen], counts))
+        """Return the values and how many values each represents; the sum is exact."""
+        self._count()
+        weights = [np.full(len(values), 1 << level, np.int64) for level, values in enumerate(self._levels)]
+        values, counts = np.concatenate([self._values, *self._levels]), np.concatenate([self._counts, *weights])
+        order = np.argsort(values, kind="stable")
+        return values[order], counts[order]
 
     def threshold(self, filter_rate: float, *, whole: bool | None = None) -> float:
         """Return the smallest threshold T for which at least ``filter_rate`` of the intensities are below T.
@@ -90,71 +106,6 @@ class IntensityHistogram:
         last = float(values[np.searchsorted(below, needed)])
         following = math.nextafter(last, math.inf)
         return max(last + 1, following) if (self.all_whole if whole is None else whole) else following
-
-
-class QuantileSketch:
-    r"""Distribution of arbitrary values: exact up to 65536 distinct values, then a summary with bounded rank error.
-
-    Excess values move to a hierarchy of levels, where a value of level h represents :math:`2^h` values. When a level
-    has 16384 values or more, they are sorted and every second one moves up a level [1]_. This changes a rank by at most
-    :math:`2^h`, up or down depending on whether the first or the second of each pair moves; the two alternate. For n
-    values the error is at most :math:`n \log_2(n / 2^{14}) / 2^{15}`, below 0.1 % for fewer than 10^13.
-
-    The summary is deterministic: the same values in the same order give the same summary.
-
-    References
-    ----------
-    .. [1] Manku, Rajagopalan, Lindsay (1998). "Approximate medians and other quantiles in one pass and with limited
-       memory". SIGMOD. doi:10.1145/276304.276342
-    """
-
-    def __init__(self) -> None:
-        self._values = np.zeros(0)
-        self._counts = np.zeros(0, np.int64)
-        self._pending: list[NDArray[np.float64]] = []
-        self._waiting = 0
-        self._levels: list[NDArray[np.float64]] = []
-        self._thinned: list[int] = []
-        self._added_error = 0
-
-    def add(self, values: NDArray[np.float64]) -> None:
-        """Count finite values, shape (N,)."""
-        if len(values):
-            self._pending.append(values)
-            self._waiting += len(values)
-        if self._waiting >= _PENDING or len(self._pending) >= _BATCHES:
-            self._count()
-
-    def __iadd__(self, other: Self) -> Self:
-        """Add the values of another summary: exact if there are few distinct ones, otherwise the errors add up.
-
-        The same summaries in the same order give the same summary.
-        """
-        self._count()
-        other._count()
-        self._merge(other._values, other._counts)
-        self._added_error += other.rank_error
-        for level, values in enumerate(other._levels):
-            self._put(level, values)
-        self._thin_levels()
-        return self
-
-    @property
-    def rank_error(self) -> int:
-        """Maximum error of a rank in values."""
-        return self._added_error + sum((times + 1) // 2 << level for level, times in enumerate(self._thinned))
-
-    @property
-    def nbytes(self) -> int:
-        """Memory of the arrays in bytes."""
-        arrays = (self._values, self._counts, *self._pending, *self._levels)
-        return sum(array.nbytes for array in arrays)
-
-    def distribution(self) -> Distribution:
-        """Return the values and how many values each represents; the sum is exact."""
-        self._count()
-        weights = [np.full(len(values), 1 << level, np.int64) for level, values in enumerate(self._levels)]
-        return _ascending(np.concatenate([self._values, *self._levels]), np.concatenate([self._counts, *weights]))
 
     def _count(self) -> None:
         """Count the pending values; if there are too many distinct values, move them to the levels."""
@@ -195,8 +146,3 @@ class QuantileSketch:
             self._levels.append(np.zeros(0))
             self._thinned.append(0)
         self._levels[level] = np.append(self._levels[level], values)
-
-
-def _ascending(values: NDArray[np.float64], counts: NDArray[np.int64]) -> Distribution:
-    order = np.argsort(values, kind="stable")
-    return values[order], counts[order]
