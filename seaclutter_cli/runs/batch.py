@@ -2,21 +2,40 @@
 
 import itertools
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from seaclutter_cli.buckets import copies_removed, local, mirror_of, on_paths, shown
 from seaclutter_cli.errors import SeaclutterError, SelectionError
+from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.jobs.engine import Engine, Lost, Report, run_in_turn
+from seaclutter_cli.records import Channel
 from seaclutter_cli.runs.observer import Observer, Silent, Step
-from seaclutter_cli.runs.options import BatchOptions, ReadOptions
-from seaclutter_cli.runs.recordings import NOT_PROCESSED, LabelFile, Outcome
+from seaclutter_cli.runs.options import BatchOptions, Logs, OfLogs, ReadOptions
+from seaclutter_cli.runs.options.logs import ViewOptions
+from seaclutter_cli.runs.outputs import Paths, inputs_of, prepare_outputs
+from seaclutter_cli.runs.recordings import (
+    NOT_PROCESSED,
+    LabelFile,
+    Outcome,
+    assign_labels,
+    expand,
+    expected_frames,
+    opened,
+    require_frames,
+    require_selected,
+    storing_errors,
+)
+from seaclutter_cli.selection import cloud_channels, is_part
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count
+
+if TYPE_CHECKING:  # imports all filters, which tiles do not need
+    from seaclutter_cli.config import Config
 
 O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
 _MIB = 2**20
@@ -40,11 +59,6 @@ def _engine(options: BatchOptions, works: "Sequence[Work[Any]]", observer: Obser
     recordings = len(works)
     jobs = default_jobs(recordings) if options.jobs is None else options.jobs
     yield run_in_turn if min(jobs, recordings) <= 1 else partial(run_in_processes, jobs)
-
-
-def inputs_of_work(recording: Recording, reading: ReadOptions, labels: LabelFile | None) -> tuple[Path, ...]:
-    """Return the files and folders that work on a recording reads."""
-    return *recording.paths, *reading.beside(), *((labels.path,) if labels else ())
 
 
 class Work(ABC, Generic[O]):
@@ -74,8 +88,61 @@ class Work(ABC, Generic[O]):
         """Do the work; an error of the recording is stored in the outcome."""
 
     @abstractmethod
-    def without_result(self, reason: str) -> O:
-        """Return the outcome of work that did not come to an end."""
+    def without_result(self, reason: str | None) -> O:
+        """Return the outcome of work that has not begun, or did not come to an end."""
+
+
+@dataclass(frozen=True)
+class RecordingWork(Work[O]):
+    """Work on a part of one recording, with its labels if there are any."""
+
+    reading: ReadOptions
+    recording: Recording
+    labels: LabelFile | None
+
+    @property
+    def reads(self) -> Sequence[Path]:
+        """Files and folders that the work reads."""
+        return *self.recording.paths, *self.reading.beside(), *((self.labels.path,) if self.labels else ())
+
+    def run(self, observer: Observer) -> O:
+        """Do the work; store an error in the outcome."""
+        outcome = self.without_result(None)
+        with storing_errors(outcome, observer):
+            labels = self.labels.open() if self.labels else None
+            with opened(self.recording, self.reading, observer, outcome) as source:
+                self.study(source, labels, outcome, observer)
+        return outcome
+
+    @abstractmethod
+    def study(self, source: Source, labels: Labels | None, outcome: O, observer: Observer) -> None:
+        """Read the recording, and store what is found in the outcome."""
+
+    def progress(
+        self, source: Source, observer: Observer, clouds: Sequence[Channel] | None = None
+    ) -> AbstractContextManager[Step]:
+        """Show the progress over the selected frames, by default of the selected clouds; yield the function to call."""
+        selection = self.reading.selection
+        clouds = cloud_channels(source, selection.topics) if clouds is None else clouds
+        return observer.progress(source.name, expected_frames(source, clouds, selection))
+
+    def finish(self, source: Source, labels: Labels | None, frames: int) -> None:
+        """Raise an error if no frame was read, or if a complete recording lacks a frame that is labelled."""
+        selection = self.reading.selection
+        require_frames(source, frames, selection)
+        if labels and selection.is_whole and not source.damage and not is_part(source, selection.topics):
+            labels.finish()
+
+
+def prepared(
+    logs: Logs, options: OfLogs | ViewOptions, outputs: Paths, observer: Observer, configs: "Iterable[Config]" = ()
+) -> list[tuple[Recording, LabelFile | None]]:
+    """Return recordings with their labels, not yet read, after a check of the outputs against all inputs."""
+    recordings = expand(logs, options.reading, observer)
+    inputs = inputs_of(recordings, options.reading, getattr(options, "config", None), configs)
+    labels, force = getattr(options, "labels", ()), getattr(options, "force", False)
+    prepare_outputs(outputs, inputs, labels, force=force, observer=observer)
+    return list(zip(recordings, assign_labels(options, recordings), strict=True))
 
 
 _Message = tuple[str, str, dict[str, bool]]
@@ -157,6 +224,28 @@ def _outcome(work: Work[O], observer: Observer) -> O:
             outcome = work.without_result("")
             outcome.error, outcome.skipped, outcome.reason = None, True, str(error)
             return outcome
+
+
+def run_all(
+    works: Sequence[Work[O]],
+    batch: BatchOptions,
+    observer: Observer,
+    in_order: Callable[[O], object] = lambda _: None,
+    *,
+    together: bool = False,
+) -> list[O]:
+    """Return the outcome of each recording; raise `SelectionError` if none has a frame in the selected time.
+
+    The only recording of a run is processed in this process, with its progress and messages as they come; `run_batch`
+    describes several, and the last parameters.
+    """
+    if batch.runs_here(len(works)):
+        outcomes = [works[0].run(observer)]
+        in_order(outcomes[0])
+    else:
+        outcomes = run_batch(works, batch, observer, in_order, together=together)
+    require_selected(outcomes)
+    return outcomes
 
 
 def run_batch(

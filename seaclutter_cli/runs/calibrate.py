@@ -26,6 +26,7 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.clutter import draw_clutter
 from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.calibrate_result import CalibrationResult, Candidate, ClutterTally, TradeOff
 from seaclutter_cli.runs.evaluate import EvaluateWork
 from seaclutter_cli.runs.methods import Variant, configured
@@ -34,7 +35,6 @@ from seaclutter_cli.runs.options import ConfigOptions
 from seaclutter_cli.runs.options.studies import CalibrateOptions
 from seaclutter_cli.runs.outputs import write_files
 from seaclutter_cli.runs.recordings import Outcome, opened
-from seaclutter_cli.runs.studies import StudyWork, frame_progress, prepared, study_all
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.text import count
 
@@ -85,7 +85,7 @@ def calibrate(options: CalibrateOptions) -> CalibrationResult:
             tally += outcome.tally
         outcome.tally = None
 
-    outcomes = study_all(works, options.batch, observer, add, together=True)
+    outcomes = run_all(works, options.batch, observer, add, together=True)
     works = [work for work, outcome in zip(works, outcomes, strict=True) if not outcome.has_nothing]
     trade_off = _trade_off(works, tally, observer) if options.choose or options.trade_off else None
     result = _result(tally, config, options, trade_off)
@@ -221,7 +221,7 @@ class _Calibrated(Outcome):
 
 
 @dataclass(frozen=True)
-class _CalibrateWork(StudyWork[_Calibrated]):
+class _CalibrateWork(RecordingWork[_Calibrated]):
     """Sums over one recording, or over a range of its labelled frames, counted from 0."""
 
     config: Config
@@ -249,7 +249,7 @@ class _CalibrateWork(StudyWork[_Calibrated]):
             raise UsageError(f"{source.name}: labels apply to one topic; choose from: -t {' -t '.join(topics)}")
         selector = ClutterSelector(params, labels, self.config.evaluation.box_margin_m)
         search = None if labels else _TargetSearch(params, tally)
-        with frame_progress(source, selection, observer) as step:
+        with self.progress(source, observer) as step:
             for frame, clutter in map_frames(source, selection, selector.clutter):
                 if self.labelled_frames is not None and selector.frames - 1 not in self.labelled_frames:
                     continue

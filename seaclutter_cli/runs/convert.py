@@ -6,7 +6,7 @@ from time import perf_counter
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.interfaces import Source
+from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import TopicTally
@@ -16,7 +16,7 @@ from seaclutter_cli.runs.batch import input_bytes
 from seaclutter_cli.runs.log_work import LogOutcome, LogSummary, LogWork, log_run, warn_of_losses, warn_of_patterns
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ConvertOptions
-from seaclutter_cli.runs.recordings import expected_frames, require_frames, require_selected
+from seaclutter_cli.runs.recordings import require_frames
 from seaclutter_cli.runs.resume import RunIdentity, identity_of
 from seaclutter_cli.selection import Selection, cloud_channels
 from seaclutter_cli.sinks.atomic import OutputGroup
@@ -44,7 +44,6 @@ def convert_log(options: ConvertOptions) -> "ConvertSummary":
     started, observer = perf_counter(), options.watching
     run = log_run(options, observer, ConvertWork)
     outcomes = run.do(run.begin(observer), observer)
-    require_selected(outcomes)
     run.list_outputs(outcomes)
     return ConvertSummary(outcomes, perf_counter() - started)
 
@@ -69,7 +68,14 @@ class ConvertWork(LogWork["ConvertOutcome", ConvertOptions]):
         options, paths = self.options, self.recording.paths
         return identity_of(paths, None, options.reading, options.written, None, convert_to=self.form)
 
-    def stream(self, source: Source, outcome: "ConvertOutcome", observer: Observer, group: OutputGroup) -> None:
+    def stream(
+        self,
+        source: Source,
+        labels: Labels | None,  # noqa: ARG002 - there are none
+        outcome: "ConvertOutcome",
+        observer: Observer,
+        group: OutputGroup,
+    ) -> None:
         """Copy the records, and count the frames."""
         selection = replace(self.options.reading.selection, latched=self.options.written.latched)
         warn_of_patterns(source, self.options.written, observer)
@@ -78,7 +84,7 @@ class ConvertWork(LogWork["ConvertOutcome", ConvertOptions]):
         record = partial(self.record, source, outcome)
         written = replace(self.options.written, record=record, is_part=not selection.is_whole)
         with (
-            observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
+            self.progress(source, observer, clouds) as step,
             OUTPUT_FORMATS[self.form].make_sink(self.target, written, group, as_is=True) as sink,
         ):
             sink.begin(source, clouds)

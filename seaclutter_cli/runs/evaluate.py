@@ -1,11 +1,10 @@
 """Evaluation of several methods against labels, in one pass over the recordings, and tables of their scores."""
 
-import gzip
-import io
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from operator import attrgetter, methodcaller
 from tempfile import TemporaryFile
 from typing import IO, Literal, TypeVar
@@ -21,13 +20,13 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
+from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.methods import Variant, variants
 from seaclutter_cli.runs.observer import Observer, Step
 from seaclutter_cli.runs.options.studies import EvaluateOptions
-from seaclutter_cli.runs.outputs import may_appear, write_manifest
+from seaclutter_cli.runs.outputs import PackedRows, may_appear, write_manifest
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
-from seaclutter_cli.runs.studies import StudyWork, frame_progress, prepared, study_all
 from seaclutter_cli.selection import cloud_channels, filtered_by, first_frame, was_filtered
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import csv_line
@@ -62,7 +61,7 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
             table, summary = (stack.enter_context(AtomicFile(it, files)) if it else None for it in targets.values())
             if table and options.batch.runs_here(len(works)):
                 works = [replace(works[0], spool=stack.enter_context(TemporaryFile(dir=table.part.parent)))]
-            outcomes = study_all(works, options.batch, observer)
+            outcomes = run_all(works, options.batch, observer)
             comparison = Comparison(chosen, outcomes)
             if table:
                 table.stream.writelines(frame_table([one.rows for one in outcomes if one.rows and not one.error]))
@@ -180,22 +179,17 @@ def score_legend(text: str, columns: Iterable[Column], others: Mapping[str, str]
     return legend(lines)
 
 
-class FrameRows:
-    """Rows of the frames of one recording, compressed in a file, and whether the labels of points are known for any."""
+class FrameRows(PackedRows):
+    """Rows of the frames of one recording, and whether the labels of points are known for any."""
 
     def __init__(self, recording: str, packed: IO[bytes] | None = None) -> None:
-        self._recording, self.points_known, self.packed = recording, False, packed or io.BytesIO()
-        self._lines = gzip.GzipFile(fileobj=self.packed, mode="wb")
+        super().__init__(packed)
+        self._recording, self.points_known = recording, False
 
-    def write(self, method: str, frame: Frame, score: FrameScore) -> None:
-        """Write the row of a method; cells are empty for what the labels of the frame do not tell."""
+    def add(self, method: str, frame: Frame, score: FrameScore) -> None:
+        """Add the row of a method; cells are empty for what the labels of the frame do not tell."""
         self.points_known |= score.points is not None
-        self._lines.write(csv_line((self._recording, method, frame.index, frame.stamp_ns, *score.cells())))
-
-    def end(self) -> None:
-        """Complete the rows, which may then be passed to another process."""
-        self._lines.close()
-        del self._lines
+        self.write(csv_line((self._recording, method, frame.index, frame.stamp_ns, *score.cells())))
 
 
 def frame_table(recordings: Sequence[FrameRows]) -> Iterator[bytes]:
@@ -203,10 +197,8 @@ def frame_table(recordings: Sequence[FrameRows]) -> Iterator[bytes]:
     points_known = any(rows.points_known for rows in recordings)
     columns = (*ALARM_COLUMNS, *(POINT_COLUMNS if points_known else ()))
     yield csv_line(("recording", "method", "frame", "stamp_ns", *columns))
-    for rows in recordings:
-        rows.packed.seek(0)
-        for line in gzip.GzipFile(fileobj=rows.packed):
-            yield line if points_known else line.replace(_UNKNOWN_POINTS, b"\n")
+    for line in chain.from_iterable(recordings):
+        yield line if points_known else line.replace(_UNKNOWN_POINTS, b"\n")
 
 
 @dataclass(kw_only=True)
@@ -243,7 +235,7 @@ class Evaluated(Outcome):
 
 
 @dataclass(frozen=True)
-class EvaluateWork(StudyWork[Evaluated]):
+class EvaluateWork(RecordingWork[Evaluated]):
     """Evaluation of one recording; without labels, clusters are only counted.
 
     Listeners receive every frame in this process. ``tabulated`` and ``in_parts`` are what the outcome has besides sums;
@@ -266,10 +258,7 @@ class EvaluateWork(StudyWork[Evaluated]):
         """Evaluate the recording, also for the listeners; store an error in the outcome."""
         for listener in self.listeners:
             listener.begin(self.recording.name)
-        outcome = super().run(observer)
-        if outcome.rows:
-            outcome.rows.end()
-        return outcome
+        return super().run(observer)
 
     def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
         """Filter the recording with every method, and score each frame."""
@@ -287,7 +276,7 @@ class EvaluateWork(StudyWork[Evaluated]):
         # The threshold of a method that derives it from the log itself always fits.
         given = [variant for variant, method in zip(self.variants, filters, strict=True) if not method.needs_first_pass]
         checks = {variant.name: Checks(variant.config, source.facts, filtered=filtered) for variant in given}
-        with frame_progress(source, selection, observer) as step:
+        with self.progress(source, observer) as step:
             scorer = FrameScorer(self, labels, outcome, checks, observer, step)
             run_each(source, filters, selection, scorer.add)
         self.finish(source, labels, outcome.frames)
@@ -330,7 +319,7 @@ class FrameScorer:
                 continue
             self.outcome.methods[variant.name].add(found, spent)
             if self.outcome.rows:
-                self.outcome.rows.write(variant.name, frame, found)
+                self.outcome.rows.add(variant.name, frame, found)
             if variant.name in self.checks:
                 self._warn(self.checks[variant.name].add(result))
         self.step()

@@ -2,19 +2,18 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, replace
+from contextlib import ExitStack, closing
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from gzip import GzipFile
-from io import BytesIO
-from shutil import copyfileobj
+from tempfile import TemporaryFile
 from time import perf_counter
+from typing import IO, Any
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import InputError, UsageError
-from seaclutter_cli.frame import FilterResult, Reason
-from seaclutter_cli.interfaces import Labels, Sink, Source
+from seaclutter_cli.frame import FilterResult, Reason, Rings
+from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
 from seaclutter_cli.messages.pointcloud2 import rewrapped
 from seaclutter_cli.options import function_of
@@ -23,14 +22,21 @@ from seaclutter_cli.records import Channel, Message, Metadata
 from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.batch import input_bytes
 from seaclutter_cli.runs.checks import Checks
-from seaclutter_cli.runs.filter_result import FilterOutcome, FilterSummary
-from seaclutter_cli.runs.log_work import LogRun, LogWork, log_run, warn_of_losses, warn_of_patterns
+from seaclutter_cli.runs.log_work import (
+    LogOutcome,
+    LogRun,
+    LogSummary,
+    LogWork,
+    log_run,
+    warn_of_losses,
+    warn_of_patterns,
+)
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import FilterOptions
-from seaclutter_cli.runs.outputs import may_appear
-from seaclutter_cli.runs.recordings import expected_frames, open_recording, require_frames, require_selected
+from seaclutter_cli.runs.outputs import PackedRows, may_appear
+from seaclutter_cli.runs.recordings import open_recording, require_frames
 from seaclutter_cli.runs.resume import RunIdentity, identity_of
 from seaclutter_cli.selection import cloud_channels, filtered_by, was_filtered
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
@@ -38,12 +44,15 @@ from seaclutter_cli.sinks.csv import FrameTable
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources.recordings import Recording
-from seaclutter_cli.text import count, printable, share
+from seaclutter_cli.text import count, data_size, indented, printable, share, table
+
+_FEW_WATER = 0.05
+_MOST = 0.5
 
 
 @function_of(FilterOptions)
 @on_paths
-def filter_log(options: FilterOptions) -> FilterSummary:
+def filter_log(options: FilterOptions) -> "FilterSummary":
     """Filter one or several logs into drop-in logs.
 
     Returns
@@ -62,20 +71,18 @@ def filter_log(options: FilterOptions) -> FilterSummary:
     """
     started, observer = perf_counter(), options.watching
     run = filter_run(options, observer)
-    begun, csv_file = run.begin(observer), options.csv_file
+    works, csv_file = run.begin(observer), options.csv_file
     with OutputGroup(replace=run.works[0].replaces) as files:
         with ExitStack() as stack:
             # A single log appears together with the table, after it. Of several, each appears when it is complete.
             logs = stack.enter_context(OutputGroup(files))
             table = stack.enter_context(AtomicFile(csv_file, files)) if csv_file else None
             if table:
-                write = table.stream.write
-                _frame_table(run.works[0].config, write).write_header()
-                earlier = [one if isinstance(one, FilterOutcome) else None for one in begun]
-                pairs = zip(run.works, earlier, strict=True)
-                begun = [replace(work, complete=one, write=write if run.is_alone else None) for work, one in pairs]
-            outcomes = run.do(begun, observer, logs, partial(_append, table))
-            require_selected(outcomes)
+                _frame_table(works[0].config, table.stream).write_header()
+            if run.is_alone:
+                spool = stack.enter_context(TemporaryFile(dir=table.part.parent)) if table else None
+                works = [replace(works[0], group=logs, spool=spool)]
+            outcomes = run.do(works, observer, partial(_append, table))
         if not may_appear([csv_file], outcomes, observer):
             files.discard()
     run.list_outputs(outcomes)
@@ -93,48 +100,149 @@ def filter_run(options: FilterOptions, observer: Observer, *, ahead: bool = True
     return log_run(options, observer, partial(FilterWork, config=configured(options)), ahead=ahead)
 
 
+@dataclass(kw_only=True)
+class FilterOutcome(LogOutcome):
+    """Outcome of filtering one recording.
+
+    ``edges`` are those of the range rings of the method in metres, if it has any; ``has_water`` is whether it estimates
+    the water; ``rows`` are those of the table of frames, if there is one.
+    """
+
+    data = f"{LogOutcome.data} topics=sums"
+
+    edges: Sequence[float]
+    has_water: bool = False
+    rows: PackedRows | None = field(default=None, repr=False)
+
+    @property
+    def points_out(self) -> int:
+        """Number of points kept."""
+        return sum(int(tally.counts[Reason.KEPT]) for tally in self.topics.values())
+
+    def amounts(self) -> str:
+        """Return frames and the share of the points that were kept."""
+        return f"{count(self.frames, 'frame')}, {share(self.points_out, self.points_in)} of the points kept"
+
+    @property
+    def sums(self) -> dict[str, dict[str, Any]]:
+        """Sums of each topic as JSON-compatible data."""
+        return {topic: self._sums(tally) for topic, tally in self.topics.items()}
+
+    def as_text(self) -> str:
+        """Return the outcome as human-readable text."""
+        pace = f" ({self.frames / self.seconds:.0f} frames/s)" if self.frames and not self.skipped else ""
+        last = self.figures() if self.skipped else f"{count(self.frames, 'frame')} in {self.seconds:.1f} s{pace}"
+        topics = [self._topic_text(topic, tally) for topic, tally in self.topics.items()]
+        return "\n".join((printable(f"{self.recording} -> {self.output}"), *topics, last))
+
+    def _sums(self, tally: TopicTally) -> dict[str, Any]:
+        """Return the sums of a topic as JSON-compatible data; thresholds of range rings are means over the frames."""
+        water, rings = tally.mean_water, tally.rings
+        reasons = [reason for reason in Reason if reason and (reason != Reason.UNCONFIRMED or self.has_water)]
+        points, kept = rings.beyond.tolist() if rings else (0, 0)
+        return {
+            "frames": tally.frames,
+            "points_in": tally.points_in,
+            "points_out": int(tally.counts[Reason.KEPT]),
+            **{reason.name.lower(): int(tally.counts[reason]) for reason in reasons},
+            **({"water_frames": tally.water_frames} if self.has_water else {}),
+            **({"water": {name: round(value, 4) for name, value in asdict(water).items()}} if water else {}),
+            "rings": self._rings(rings, tally.frames) if rings else [],
+            **({"beyond": {"start_m": self.edges[-1], "points": points, "kept": kept}} if rings else {}),
+            **({"scenes": dict(sorted(tally.scenes.items()))} if tally.scenes else {}),
+            "filter_ms": round(1000 * tally.filter_s / max(tally.frames, 1), 3),
+        }
+
+    def _rings(self, rings: Rings, frames: int) -> list[dict[str, float]]:
+        counts = {name: getattr(rings, name).tolist() for name in ("points", "low_intensity", "outliers")}
+        thresholds = (rings.thresholds / frames).round(6).tolist()
+        columns = {"start_m": self.edges[:-1], "end_m": self.edges[1:], **counts, "mean_threshold": thresholds}
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+    def _topic_text(self, topic: str, tally: TopicTally) -> str:
+        sums, names, size = self._sums(tally), reason_names(self.edges), tally.points_in
+        kept = f"{sums['points_out']:,} out ({share(sums['points_out'], size)})"
+        blocks = [f"{printable(topic)}: {count(tally.frames, 'frame')}, {count(size, 'point')} in, {kept}"]
+        removed = {reason: int(tally.counts[reason]) for reason in Reason if reason and tally.counts[reason]}
+        if removed:
+            rows = [(names[reason], f"{points:,}", share(points, size)) for reason, points in removed.items()]
+            blocks.append(table(("reason", "removed", "share"), rows))
+        if tally.counts[Reason.NEAR] > _MOST * size:
+            blocks.append("Most points are nearer; if own ship ends sooner, lower filter.start_m.")
+        if sums["rings"]:
+            blocks.append(_ring_table(sums["rings"], sums["beyond"]))
+        if self.has_water:
+            blocks.append(_water_text(tally))
+        if tally.scenes:
+            scenes = (f"{printable(name)} {number:,}" for name, number in tally.scenes.items())
+            blocks.append(f"frames by scene: {', '.join(scenes)}")
+        return indented("\n".join(blocks))
+
+
+def _ring_table(rings: Sequence[Mapping[str, float]], beyond: Mapping[str, float]) -> str:
+    rows = []
+    for ring in rings:
+        points, low, outliers = (ring[name] for name in ("points", "low_intensity", "outliers"))
+        span, kept = f"{ring['start_m']:g} to {ring['end_m']:g} m", share(points - low - outliers, points)
+        rows.append((span, f"{points:,}", f"{low:,}", f"{outliers:,}", kept, f"{ring['mean_threshold']:.2f}"))
+    start, points = f"{beyond['start_m']:g} m on", beyond["points"]
+    rows.append((start, f"{points:,}", "-", "-", share(beyond["kept"], points), "-"))
+    return table(("range ring", "points", "low intensity", "outliers", "kept", "mean threshold"), rows)
+
+
+def _water_text(tally: TopicTally) -> str:
+    water, without = tally.mean_water, tally.frames - tally.water_frames
+    if water is None:
+        return "no water seen"
+    height = f"significant wave height {water.significant_wave_height_m:.2f} m"
+    missing = f"; none in {count(without, 'frame')}" if without else ""
+    return f"water {-water.level_m:.2f} m below the lidar, {height} (means){missing}"
+
+
+class FilterSummary(LogSummary[FilterOutcome]):
+    """Outcomes of filtering several recordings."""
+
+    def totals(self) -> str:
+        """Return how the recordings ended, sizes, and pace."""
+        read = sum(one.bytes_in for one in self.outcomes)
+        return super().totals() + (f"; {data_size(read / self.seconds * 60)}/min" if self.seconds else "")
+
+
 def _append(table: AtomicFile | None, outcome: FilterOutcome) -> None:
     """Append the rows of a recording to the table, unless they are there already."""
-    if table and outcome.rows:
-        with GzipFile(fileobj=BytesIO(outcome.rows)) as rows:
-            copyfileobj(rows, table.stream)
-    outcome.rows = b""
+    if table and outcome.rows and not outcome.error:
+        table.stream.writelines(outcome.rows)
+    outcome.rows = None
 
 
-def _frame_table(config: Config, write: Callable[[bytes], object]) -> FrameTable:
-    """Return the table for the frames of a recording, whose lines a function receives."""
-    return FrameTable(write, len(config.ring_edges[1:]), scenes=config.has_scenes, water=config.has_water)
-
-
-@contextmanager
-def _packed_rows(outcome: FilterOutcome) -> Iterator[Callable[[bytes], object]]:
-    """Yield a function that receives lines of the table, which are then in an outcome, compressed."""
-    packed = BytesIO()
-    with GzipFile(fileobj=packed, mode="wb") as rows:
-        yield rows.write
-    outcome.rows = packed.getvalue()
+def _frame_table(config: Config, rows: "PackedRows | IO[bytes]") -> FrameTable:
+    """Return the table for the frames of a recording, whose lines are written to ``rows``."""
+    return FrameTable(rows.write, len(config.ring_edges[1:]), scenes=config.has_scenes, water=config.has_water)
 
 
 @dataclass(frozen=True)
 class FilterWork(LogWork[FilterOutcome, FilterOptions]):
     """Filtering of one recording with a configuration; of a ``complete`` output, only rows of the table are read.
 
-    ``write`` receives the rows of the table as they come; by default they are in the outcome.
+    The rows of the table are in memory unless there is a file for them, ``spool``.
     """
 
     config: Config
-    complete: FilterOutcome | None = None
-    write: Callable[[bytes], object] | None = None
+    spool: IO[bytes] | None = None
 
-    def run(self, observer: Observer, group: OutputGroup | None = None) -> FilterOutcome:
+    @property
+    def is_done(self) -> bool:
+        """Whether nothing is left to do: rows of a table still have to be read."""
+        return super().is_done and not self.options.csv_file
+
+    def run(self, observer: Observer) -> FilterOutcome:
         """Filter the recording, unless its output is complete and has the diagnostics that the table needs."""
         if self.complete:
-            with _packed_rows(self.complete) as write:
-                has_all = _read_rows(self.complete, _frame_table(self.config, write))
-            if has_all:
+            self.complete.rows = PackedRows()
+            if _read_rows(self.complete, _frame_table(self.config, self.complete.rows)):
                 return self.complete
             observer.note("filtered again; the output lacks the diagnostics that the table needs")
-        return super().run(observer, group)
+        return super().run(observer)
 
     def clouds(self, source: Source) -> list[Channel]:
         """Return the channels of the clouds to filter."""
@@ -151,13 +259,14 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
             error=reason,
         )
 
-    def stream(self, source: Source, outcome: FilterOutcome, observer: Observer, group: OutputGroup) -> None:
+    def stream(
+        self, source: Source, labels: Labels | None, outcome: FilterOutcome, observer: Observer, group: OutputGroup
+    ) -> None:
         """Filter the frames of the recording."""
         selection = replace(self.options.reading.selection, latched=self.options.written.latched)
         clouds = cloud_channels(source, selection.topics)
         warn_of_patterns(source, self.options.written, observer)
         topics = list(dict.fromkeys(channel.topic for channel in clouds))
-        labels = self.labels.open() if self.labels else None
         if labels and len(topics) > 1:
             raise UsageError(f"{source.name}: labels apply to one topic; choose one with -t")
         if self.config.method != "none" and was_filtered(source, selection.topics):
@@ -166,9 +275,10 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         named = printable(", ".join(channel.topic for channel in clouds))
         observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
         fit = _FitWarnings(self.config, source, topics, observer)
+        outcome.rows = PackedRows(self.spool) if self.options.csv_file else None
+        tables = [_frame_table(self.config, outcome.rows)] if outcome.rows else []
         with (
-            self._table(outcome) as tables,
-            observer.progress(source.name, expected_frames(source, clouds, selection)) as step,
+            self.progress(source, observer, clouds) as step,
             OUTPUT_FORMATS[self.form].make_sink(
                 self.target, self._written(labels, partial(self.record, source, outcome)), group
             ) as sink,
@@ -182,17 +292,6 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
             require_frames(source, outcome.frames, selection)
         warn_of_losses(self.output, self.form, sink.lost, observer)
         fit.finish(outcome.topics)
-
-    @contextmanager
-    def _table(self, outcome: FilterOutcome) -> Iterator[Sequence[Sink]]:
-        """Yield the table, if there is one."""
-        if self.write:
-            yield [_frame_table(self.config, self.write)]
-        elif self.options.csv_file:
-            with _packed_rows(outcome) as write:
-                yield [_frame_table(self.config, write)]
-        else:
-            yield []
 
     def identity(self) -> RunIdentity:
         """Return what the filtered file depends on."""
@@ -232,9 +331,6 @@ def _read_rows(complete: FilterOutcome, table: FrameTable) -> bool:
     except InputError:
         return False
     return found == Counter({topic: tally.frames for topic, tally in complete.topics.items()})
-
-
-_FEW_WATER = 0.05
 
 
 class _FitWarnings:

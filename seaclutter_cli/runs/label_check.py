@@ -15,10 +15,10 @@ from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import run_each
+from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.studies import LabelCheckOptions
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
-from seaclutter_cli.runs.studies import StudyWork, frame_progress, prepared, study_all
 from seaclutter_cli.text import UNKNOWN, count, printable, table
 from seaclutter_cli.truth import Truth
 
@@ -41,7 +41,7 @@ def check_labels(options: LabelCheckOptions) -> "LabelCheckResult":
     observer = options.watching
     pairs = prepared(options.logs, options, {}, observer)
     works = [_LabelCheckWork(options.reading, *each) for each in pairs]
-    return LabelCheckResult(study_all(works, options.batch, observer))
+    return LabelCheckResult(run_all(works, options.batch, observer))
 
 
 @dataclass(kw_only=True)
@@ -124,7 +124,7 @@ class CheckedLabels(Outcome):
 
 
 @dataclass(frozen=True)
-class _LabelCheckWork(StudyWork[CheckedLabels]):
+class _LabelCheckWork(RecordingWork[CheckedLabels]):
     """Check of the labels of one recording."""
 
     def without_result(self, reason: str | None) -> CheckedLabels:
@@ -135,7 +135,7 @@ class _LabelCheckWork(StudyWork[CheckedLabels]):
         """Compare each frame with its labels."""
         unfiltered = load_config(None, method="none")
         check = LabelCheck(unfiltered.evaluation)
-        with frame_progress(source, self.reading.selection, observer) as step:
+        with self.progress(source, observer) as step:
 
             def on_frame(frame: Frame, *_: object) -> None:
                 truth = labels.truth(frame) if labels else None

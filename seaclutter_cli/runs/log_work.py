@@ -3,7 +3,7 @@
 import re
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from operator import truediv
 from pathlib import Path
@@ -11,22 +11,20 @@ from typing import Any, Generic, TypeVar
 
 from seaclutter_cli.buckets import mirror_of
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.interfaces import Source
+from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Channel, Metadata
-from seaclutter_cli.runs.batch import Work, inputs_of_work, run_batch, size_of
+from seaclutter_cli.runs.batch import RecordingWork, run_batch, size_of
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import WritingLogs
 from seaclutter_cli.runs.outputs import Paths, Root, inputs_of, is_file, is_folder, prepare_outputs, write_manifest
 from seaclutter_cli.runs.recordings import (
-    LabelFile,
     Outcome,
     RecordingsResult,
     assign_labels,
     expand,
-    opened,
+    require_selected,
     statuses,
-    storing_errors,
 )
 from seaclutter_cli.runs.resume import (
     NAME,
@@ -84,14 +82,18 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | No
 
 
 @dataclass(frozen=True)
-class LogWork(Work[L], Generic[L, O]):
-    """Work on one recording: its output, and the name of the output's format."""
+class LogWork(RecordingWork[L], Generic[L, O]):
+    """Work on one recording: its output, and the name of the output's format.
+
+    The output of a single recording appears with the files of a ``group``, others by themselves. ``complete`` is the
+    outcome of an earlier run that is resumed.
+    """
 
     options: O
-    recording: Recording
     target: Path
     form: str
-    labels: LabelFile | None
+    group: OutputGroup | None = field(default=None, kw_only=True)
+    complete: L | None = field(default=None, kw_only=True)
 
     @property
     def output(self) -> Path:
@@ -104,11 +106,6 @@ class LogWork(Work[L], Generic[L, O]):
         return self.options.written.split is not None and not OUTPUT_FORMATS[self.form].is_folder
 
     @property
-    def reads(self) -> Sequence[Path]:
-        """Files and folders that the work reads."""
-        return inputs_of_work(self.recording, self.options.reading, self.labels)
-
-    @property
     def writes(self) -> Sequence[Path]:
         """The output."""
         return (self.output,)
@@ -118,29 +115,23 @@ class LogWork(Work[L], Generic[L, O]):
         """Whether an output may be replaced."""
         return self.options.force or self.options.batch.resume
 
-    def run(self, observer: Observer, group: OutputGroup | None = None) -> L:
-        """Do the work; store an error in the outcome. The output appears with the files of the group, or by itself."""
-        outcome = self.without_result(None)
-        with (
-            storing_errors(outcome, observer),
-            same_output_accepted(self),
-            opened(self.recording, self.options.reading, observer, outcome) as source,
-            OutputGroup(group, replace=self.replaces) as files,
-        ):
-            self.stream(source, outcome, observer, files)
-        return outcome
+    @property
+    def is_done(self) -> bool:
+        """Whether nothing is left to do."""
+        return self.complete is not None
+
+    def study(self, source: Source, labels: Labels | None, outcome: L, observer: Observer) -> None:
+        """Write the output."""
+        with same_output_accepted(self), OutputGroup(self.group, replace=self.replaces) as files:
+            self.stream(source, labels, outcome, observer, files)
 
     @abstractmethod
-    def stream(self, source: Source, outcome: L, observer: Observer, group: OutputGroup) -> None:
+    def stream(self, source: Source, labels: Labels | None, outcome: L, observer: Observer, group: OutputGroup) -> None:
         """Write the output."""
 
     @abstractmethod
     def clouds(self, source: Source) -> list[Channel]:
         """Return the channels whose frames count."""
-
-    @abstractmethod
-    def without_result(self, reason: str | None) -> L:
-        """Return an outcome without frames."""
 
     @abstractmethod
     def identity(self) -> RunIdentity:
@@ -207,28 +198,29 @@ class LogRun(Generic[W]):
         prepare_outputs(outputs, self.inputs, labels, force=force, observer=observer, root=self.root, dry=dry)
         check_names(targets, self.options.to)
 
-    def begin(self, observer: Observer) -> "list[Work[Any] | LogOutcome]":
-        """Prepare the outputs; return the work on each recording, or its outcome of an earlier run that is resumed."""
+    def begin(self, observer: Observer) -> list[W]:
+        """Prepare the outputs; return the work on each recording, with its outcome of a run that is resumed."""
         self.prepare(observer)
-        earlier: list[Any] = earlier_outcomes(self.works, observer) if self.options.batch.resume else self.works
-        return [outcome or work for outcome, work in zip(earlier, self.works, strict=True)]
+        if not self.options.batch.resume:
+            return self.works
+        pairs = zip(self.works, earlier_outcomes(self.works, observer), strict=True)
+        return [replace(work, complete=outcome) for work, outcome in pairs]
 
     def do(
-        self,
-        begun: "Sequence[Work[Any] | LogOutcome]",
-        observer: Observer,
-        group: OutputGroup | None = None,
-        in_order: Callable[[Any], object] = lambda _: None,
+        self, works: Sequence[W], observer: Observer, in_order: Callable[[Any], object] = lambda _: None
     ) -> list[Any]:
-        """Do the work that is left, as `run_batch` does; the only output of a run appears with the ``group``."""
-        works = [one for one in begun if isinstance(one, Work)]
-        if self.is_alone and works and isinstance(works[0], LogWork):
-            outcome = works[0].run(observer, group)
-            in_order(outcome)
-            done = iter([outcome])
+        """Do the work that is left, as `run_all` does, and return all outcomes."""
+        left = [work for work in works if not work.is_done]
+        if self.is_alone:
+            outcomes = [work.run(observer) for work in left]
+            for outcome in outcomes:
+                in_order(outcome)
         else:
-            done = iter(run_batch(works, self.options.batch, observer, in_order))
-        return [next(done) if isinstance(one, Work) else one for one in begun]
+            outcomes = run_batch(left, self.options.batch, observer, in_order)
+        done = iter(outcomes)
+        outcomes = [work.complete if work.is_done else next(done) for work in works]
+        require_selected(outcomes)
+        return outcomes
 
     def list_outputs(self, outcomes: "Sequence[LogOutcome]") -> None:
         """Store the sizes of the outputs, and write the manifest."""
@@ -248,7 +240,7 @@ def log_run(options: WritingLogs, observer: Observer, make: Callable[..., W], *,
     form, targets = plan_outputs(recordings, options.output, options.to)
     check_options(form, options.written, with_scene=getattr(options, "with_scene", False))
     each = zip(recordings, targets, assign_labels(options, recordings), strict=True)
-    works = [make(options, recording, target, form, labels) for recording, target, labels in each]
+    works = [make(options.reading, recording, labels, options, target, form) for recording, target, labels in each]
     configs = [work.config for work in works[:1] if hasattr(work, "config")]
     return LogRun(options, works, inputs_of(recordings, options.reading, getattr(options, "config", None), configs))
 

@@ -12,11 +12,11 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.structure import draw_mask
+from seaclutter_cli.runs.batch import RecordingWork, prepared
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import MaskOptions
 from seaclutter_cli.runs.outputs import may_appear, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
-from seaclutter_cli.runs.studies import StudyWork, frame_progress, prepared
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.structure.search import MIN_FRAMES, FoundStructure, StructureSearch
 from seaclutter_cli.text import count
@@ -61,7 +61,7 @@ def find_mask(options: MaskOptions) -> "MaskResult":
 
 
 @dataclass(frozen=True)
-class _MaskWork(StudyWork[Outcome]):
+class _MaskWork(RecordingWork[Outcome]):
     """Search of one recording, which adds to that of the others in this process."""
 
     search: StructureSearch
@@ -75,7 +75,7 @@ class _MaskWork(StudyWork[Outcome]):
         if len({channel.topic for channel in cloud_channels(source, selection.topics)}) > 1:
             raise UsageError(f"{source.name}: each lidar needs a mask of its own; choose one topic with -t")
         number = 0
-        with frame_progress(source, selection, observer) as step:
+        with self.progress(source, observer) as step:
             for _ in map_frames(source, selection, self.search.add):
                 number += 1
                 step()

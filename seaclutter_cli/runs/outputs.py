@@ -1,6 +1,7 @@
 """Output files of a run: checking them against each other and the input, and writing them; the manifest."""
 
 import csv
+import gzip
 import io
 import json
 import os
@@ -10,7 +11,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 from seaclutter_cli.buckets import look, mirror_of, shown
 from seaclutter_cli.errors import OutputError, UsageError
@@ -269,6 +270,30 @@ def write_files(files: Mapping[Path, bytes], group: OutputGroup | None = None, *
         for path, data in reversed(list(files.items())):
             with AtomicFile(path, together) as file:
                 file.stream.write(data)
+
+
+class PackedRows:
+    """Lines of a table about one recording, compressed: in memory, unless there is a file for them."""
+
+    def __init__(self, packed: IO[bytes] | None = None) -> None:
+        self.packed = packed or io.BytesIO()
+        self._lines = gzip.GzipFile(fileobj=self.packed, mode="wb")
+
+    def write(self, line: bytes) -> None:
+        """Add a line."""
+        self._lines.write(line)
+
+    def __iter__(self) -> Iterator[bytes]:
+        """Yield the lines, to which none can be added any more."""
+        self.__getstate__()
+        self.packed.seek(0)
+        return gzip.GzipFile(fileobj=self.packed)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Complete the rows, and return them for another process."""
+        if lines := vars(self).pop("_lines", None):
+            lines.close()
+        return vars(self)
 
 
 def write_manifest(

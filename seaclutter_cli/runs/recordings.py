@@ -19,7 +19,7 @@ from seaclutter_cli.options import Options
 from seaclutter_cli.records import Channel, Damage, SensorFacts
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import Decoding, LabelSources, Logs, ReadOptions
-from seaclutter_cli.selection import Selection, is_part
+from seaclutter_cli.selection import Selection
 from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions
 from seaclutter_cli.sources.recordings import (
     Recording,
@@ -302,8 +302,12 @@ def open_recording(recording: Recording, reading: Decoding) -> Source:
 def opened(recording: Recording, reading: ReadOptions, observer: Observer, outcome: Outcome) -> Iterator[Source]:
     """Open a recording; report its warnings and damage, and store the damage in the outcome."""
     with closing(open_recording(recording, reading)) as source:
-        with warnings_of(source, observer):
-            yield source
+        shown = len(source.warnings)
+        for text in source.warnings:
+            observer.warn(text)
+        yield source
+        for text in source.warnings[shown:]:
+            observer.warn(text)
         outcome.damage, outcome.facts = source.damage, dict(source.facts)
         observer.damage(source.damage)
 
@@ -325,17 +329,6 @@ def storing_errors(outcome: Outcome, observer: Observer) -> Iterator[None]:
         outcome.error = str(error)
         observer.fail(error)
     outcome.seconds = perf_counter() - started
-
-
-@contextmanager
-def warnings_of(source: Source, observer: Observer) -> Iterator[None]:
-    """Report the warnings of a source: those from opening it, then those from reading it."""
-    shown = len(source.warnings)
-    for text in source.warnings:
-        observer.warn(text)
-    yield
-    for text in source.warnings[shown:]:
-        observer.warn(text)
 
 
 def expected_frames(source: Source, clouds: Sequence[Channel], selection: Selection) -> int | None:
@@ -363,9 +356,3 @@ def require_selected(outcomes: Sequence[Outcome]) -> None:
     """Raise `SelectionError` if none of several recordings has a frame in the selected period."""
     if outcomes and all(outcome.has_nothing for outcome in outcomes):
         raise SelectionError("no recording has a frame in the selected time")
-
-
-def finish_labels(labels: Labels | None, source: Source, selection: Selection) -> None:
-    """Raise `LabelError` if a recording that was read completely and without damage lacks a frame for a label."""
-    if labels and selection.is_whole and not source.damage and not is_part(source, selection.topics):
-        labels.finish()

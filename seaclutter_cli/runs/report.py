@@ -21,6 +21,7 @@ from seaclutter_cli.reporting.collector import Collector, Method
 from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
 from seaclutter_cli.reporting.page import render_page, report_data
 from seaclutter_cli.reporting.replay import filtered_topics, recorded_config, replay
+from seaclutter_cli.runs.batch import prepared
 from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork, FrameScorer
 from seaclutter_cli.runs.methods import Variant, is_default
 from seaclutter_cli.runs.methods import variants as variants_of
@@ -28,8 +29,7 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import MethodOptions, ReadOptions
 from seaclutter_cli.runs.options.studies import ReportOptions
 from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
-from seaclutter_cli.runs.recordings import Outcome, expected_frames, open_recording, require_frames
-from seaclutter_cli.runs.studies import LabelledRecordings, prepared
+from seaclutter_cli.runs.recordings import LabelFile, Outcome, open_recording, require_frames
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.selection import was_filtered
 from seaclutter_cli.sources.recordings import Recording
@@ -211,7 +211,7 @@ L = TypeVar("L", bound=FrameListener)
 
 
 def filter_or_replay(
-    pairs: LabelledRecordings,
+    pairs: Sequence[tuple[Recording, LabelFile | None]],
     methods: MethodOptions,
     reading: ReadOptions,
     observer: Observer,
@@ -277,7 +277,7 @@ class _ReplayWork(EvaluateWork):
         """Read all frames."""
         selection = self.reading.selection
         clouds = [channel for channel in source.channels if channel.topic == self.topic]
-        with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
+        with self.progress(source, observer, clouds) as step:
             scorer = FrameScorer(self, labels, outcome, {}, observer, step)
             for result in replay(source, self.topic, selection):
                 scorer.add(result.frame, [result], [None])

@@ -17,13 +17,13 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.curves import draw_rates, draw_thresholds
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
+from seaclutter_cli.runs.batch import prepared, run_all
 from seaclutter_cli.runs.evaluate import FRAME_ERRORS, FRAMES, Evaluated, EvaluateWork, score_cells, score_legend
 from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.options.studies import TuneOptions
 from seaclutter_cli.runs.outputs import may_appear, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, data_of
-from seaclutter_cli.runs.studies import prepared, study_all
 from seaclutter_cli.runs.sweep import Combination, Sweep, grid, shown
 from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.text import count, printable, table
@@ -57,7 +57,7 @@ def tune(options: TuneOptions) -> "TuningResult":
     listeners = [history] if history else []
     works = [EvaluateWork(options.reading, *each, variants, listeners, in_parts=True) for each in pairs]
     batch = BatchOptions() if history else options.batch  # frames reach listeners in this process only
-    outcomes = study_all(works, batch, observer)
+    outcomes = run_all(works, batch, observer)
     split = _split_scores(outcomes, [one.name for one in variants], options.hold_out)
     result = TuningResult(options.sweeps, combinations, outcomes, split)
     if may_appear(options.targets.values(), result.outcomes, observer):

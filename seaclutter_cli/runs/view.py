@@ -7,6 +7,7 @@ from pathlib import Path
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.runs.batch import prepared
 from seaclutter_cli.runs.evaluate import Comparison
 from seaclutter_cli.runs.methods import Variant
 from seaclutter_cli.runs.observer import SILENT, Observer
@@ -14,7 +15,6 @@ from seaclutter_cli.runs.options import Logs, MethodOptions, of_options
 from seaclutter_cli.runs.options.logs import ViewOptions
 from seaclutter_cli.runs.outputs import may_appear
 from seaclutter_cli.runs.report import filter_or_replay
-from seaclutter_cli.runs.studies import prepared
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.text import printable
 from seaclutter_cli.viewing import FrameStream, check_target, require_rerun, viewer

@@ -385,8 +385,7 @@ def test_columns_for_points_only_if_any_frame_has_labels_of_points():
     packed = []
     for name, score in (("a, b", plain), ("c", replace(plain, points=PointCounts(1, 1, 1, 1)))):
         written = FrameRows(name)
-        written.write("none", frame_of(lump_at(20)), score)
-        written.end()
+        written.add("none", frame_of(lump_at(20)), score)
         packed.append(written)
     for chosen, columns in ((packed, (*ALARM_COLUMNS, *POINT_COLUMNS)), (packed[:1], ALARM_COLUMNS)):
         table = list(csv.DictReader(b"".join(frame_table(chosen)).decode().splitlines()))

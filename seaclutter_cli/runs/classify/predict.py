@@ -22,6 +22,7 @@ from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.parts import part_path, release
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
+from seaclutter_cli.runs.batch import run_all
 from seaclutter_cli.runs.classify.maps import MappedTile, check_maps, geojson_of, geopackage_of, shoreline_in
 from seaclutter_cli.runs.classify.tiles import (
     TileOutcome,
@@ -39,7 +40,6 @@ from seaclutter_cli.runs.options import Logs, of_options
 from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions
 from seaclutter_cli.runs.outputs import write_files
 from seaclutter_cli.runs.recordings import Result
-from seaclutter_cli.runs.studies import study_all
 from seaclutter_cli.sinks.atomic import CompleteFile, OutputGroup
 from seaclutter_cli.sources.crs import Crs
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, find_tiles, open_tile
@@ -88,7 +88,7 @@ def classify_tiles(
         pairs = zip(heads, targets, staged, strict=True)
         suffix = plot_file.suffix if plot_file else ""
         works = [_PredictWork(*each, model, suffix, with_shoreline=package) for each in pairs]
-        found = study_all(works, jobs_for(options.batch, len(works)), observer, together=True)
+        found = run_all(works, jobs_for(options.batch, len(works)), observer, together=True)
         with OutputGroup(files) as written:
             for part, target in zip(staged, targets, strict=True):
                 written.add(CompleteFile(part, target))
