@@ -37,16 +37,23 @@ class TextRecord:
     description: str
 
 
+def import_laspy(*, packed: bool = False) -> Any:
+    """Return laspy; raise `MissingExtraError` if it, or its backend for ``packed`` files, is not installed."""
+    try:
+        import laspy  # optional dependency
+    except ImportError as error:
+        raise MissingExtraError("LAS/LAZ", "las") from error
+    if packed and not laspy.LazBackend.LazrsParallel.is_available():
+        raise MissingExtraError("LAZ", "las")
+    return laspy
+
+
 def with_texts(header: Any, texts: Mapping[TextRecord, str]) -> Any:
     """Return a copy of a header with text records; they replace those of an earlier run."""
-    import laspy  # optional dependency
-
-    changed = deepcopy(header)
+    changed, vlr = deepcopy(header), import_laspy().VLR
     own = {record.number for record in texts}
     changed.vlrs[:] = [one for one in changed.vlrs if one.user_id != _USER or one.record_id not in own]
-    changed.vlrs.extend(
-        laspy.VLR(_USER, record.number, record.description, text.encode()) for record, text in texts.items()
-    )
+    changed.vlrs.extend(vlr(_USER, record.number, record.description, text.encode()) for record, text in texts.items())
     return changed
 
 
@@ -69,7 +76,7 @@ def _add(laspy: Any, header: Any, added: ExtraDims) -> None:
     header.vlrs[:] = [described if one is old else one for one in records] + ([described] if old is None else [])
 
 
-def _checked(laspy: Any, path: Path, header: Any, *, packed: bool) -> Any:
+def _checked(laspy: Any, path: Path, header: Any) -> Any:
     """Return a header that can be written; LAS 1.0 becomes LAS 1.2, which gives four reserved bytes a meaning."""
     for records in (header.vlrs, getattr(header, "evlrs", None)):
         if records:  # the index of a COPC file is of chunks that an output does not have
@@ -80,8 +87,6 @@ def _checked(laspy: Any, path: Path, header: Any, *, packed: bool) -> Any:
         header.global_encoding = laspy.header.GlobalEncoding()
     if str(header.version) not in laspy.supported_versions():
         raise OutputError(f"{path}: LAS {header.version} cannot be written; convert the source to LAS 1.4 or earlier")
-    if packed and not laspy.LazBackend.LazrsParallel.is_available():
-        raise MissingExtraError("LAZ", "las")
     if header.global_encoding.waveform_data_packets_internal:
         raise OutputError(f"{path}: internal waveform packets cannot be copied; store them in a separate file")
     return header
@@ -101,12 +106,9 @@ def las_writer(
     `MissingExtraError` if laspy or its LAZ backend is not installed; `OutputError` if the file cannot be written, or
     waveform packets of the source would be lost or changed.
     """
-    try:
-        import laspy  # optional dependency
-    except ImportError as error:
-        raise MissingExtraError("LAS/LAZ", "las") from error
     packed = path.suffix.lower() == ".laz"
-    own = _checked(laspy, path, deepcopy(header), packed=packed)
+    laspy = import_laspy(packed=packed)
+    own = _checked(laspy, path, deepcopy(header))
     known = set(header.point_format.dimension_names)
     added = {name: spec for name, spec in extra.items() if name not in known}
     if added:

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import Cloud, from_array
-from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+from seaclutter_cli.sinks.las import import_laspy
 from seaclutter_cli.sinks.mcap_writer import McapWriter
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
@@ -122,12 +122,7 @@ def _write_las(stream: BinaryIO, cloud: Cloud, *, packed: bool) -> int:
 
     `MissingExtraError` if laspy or its LAZ backend is not installed.
     """
-    try:
-        import laspy  # optional dependency
-    except ImportError as error:
-        raise MissingExtraError("LAS/LAZ", "las") from error
-    if packed and not laspy.LazBackend.LazrsParallel.is_available():
-        raise MissingExtraError("LAZ", "las")
+    laspy = import_laspy(packed=packed)
     points = _packed(cloud).points
     names = points.dtype.names or ()
     xyz = np.array([points[axis] if axis in names else np.zeros(len(points)) for axis in "xyz"], np.float64)

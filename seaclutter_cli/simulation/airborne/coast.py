@@ -10,7 +10,7 @@ from scipy import fft, ndimage
 
 from seaclutter_cli.simulation.airborne.land import LANDS, LandParams, Map
 from seaclutter_cli.simulation.airborne.scene import WaterParams
-from seaclutter_cli.simulation.marine.sea import GRAVITY, jonswap
+from seaclutter_cli.simulation.marine.sea import directional_variance
 
 Floats = NDArray[np.float64]
 
@@ -82,18 +82,11 @@ def _field(
     cells: int, height_m: float, period_s: float, direction_deg: float, kind: str, rng: np.random.Generator
 ) -> NDArray[np.float64]:
     wave = 2 * np.pi * fft.fftfreq(cells)
-    kx, ky = wave[:, None], wave[None, :]
-    k = np.hypot(kx, ky)
     noise = rng.standard_normal((2, cells, cells))
     if not height_m:
         return np.zeros((cells, cells))
-    some = k > 0
-    omega = np.sqrt(GRAVITY * k[some])
-    theta = np.arctan2(*np.broadcast_arrays(ky, kx))[some] - np.radians(direction_deg)
-    spread = np.cos(theta / 2) ** (2 * _SPREAD[kind])
-    density = jonswap(omega, height_m, 2 * np.pi / period_s, _ENHANCEMENT[kind]) * spread * GRAVITY / (2 * omega)
-    variance = np.zeros_like(k)
-    variance[some] = density / k[some]
+    spectrum = height_m, 2 * np.pi / period_s, _ENHANCEMENT[kind]
+    variance = directional_variance((wave[:, None], wave[None, :]), spectrum, direction_deg, _SPREAD[kind])
     heights = fft.ifft2(np.sqrt(variance) * (noise[0] + 1j * noise[1]), workers=1).real
     # The grid truncates the spectrum, so the remainder is scaled to the wave height.
     return np.asarray(heights * (height_m / 4) / max(float(heights.std()), 1e-12))

@@ -10,11 +10,10 @@ from uuid import UUID
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.simulation.airborne.render import POINT, TileRenderer
 from seaclutter_cli.simulation.airborne.scene import TileScene
 from seaclutter_cli.sinks.atomic import OutputGroup
-from seaclutter_cli.sinks.las import las_writer
+from seaclutter_cli.sinks.las import import_laspy, las_writer
 from seaclutter_cli.threads import in_order, threads
 
 TRUTH = {"object_class": ("u1", "0 none, 1 ship ... 8 garbage"), "object_id": ("u2", "number of the object, 0 none")}
@@ -40,19 +39,10 @@ def record_tile(
 ) -> None:
     """Write a scene to a LAS or LAZ file with point format 6.
 
-    It appears, together with the files of the group, when it is complete.
-
-    Raises
-    ------
-    MissingExtraError
-        If laspy, or its LAZ backend, is not installed.
-    OutputError
-        If the file cannot be written.
+    It appears, together with the files of the group, when it is complete. Raise `MissingExtraError` if laspy or its LAZ
+    backend is not installed, `OutputError` if the file cannot be written.
     """
-    try:
-        import laspy  # an extra
-    except ImportError as error:
-        raise MissingExtraError("LAS/LAZ", "las") from error
+    laspy = import_laspy()
     header = laspy.LasHeader(point_format=6, version="1.4")
     header.scales = np.full(3, _SCALE_M)
     header.offsets = np.array([*scene.tile.origin_m, 0.0])

@@ -64,21 +64,11 @@ RANDOM = "random"
 
 
 def find_scene(name: str, seed: int | None = None, *, wide: bool = False) -> Scene:
-    """Return the scene in a file, a built-in scene, or a random scene of a layout.
+    """Return the scene in a file, a built-in scene, or a random scene of a layout; see `RANDOM`.
 
-    Parameters
-    ----------
-    name : str
-        Path of a scene file, or name of a built-in scene, of a layout, or `RANDOM`.
-    seed : int, optional
-        Replaces the seed of the scene. A layout draws the whole scene from it; its default there is 1.
-    wide : bool, optional
-        Draw water, weather, lidar and own ship from the ranges of wide physics.
-
-    Raises
-    ------
-    ConfigError
-        If the scene does not exist or is not valid.
+    ``seed`` replaces that of the scene. A layout draws the whole scene from it; its default there is 1. If ``wide``,
+    water, weather, lidar and own ship are drawn from the ranges of wide physics. Raise `ConfigError` if the scene does
+    not exist or is not valid.
     """
     if wide and name == RANDOM:
         return draw_world(1 if seed is None else seed)

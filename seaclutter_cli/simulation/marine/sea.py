@@ -79,6 +79,27 @@ def jonswap(omega: NDArray[np.float64], height_m: float, peak: float, enhancemen
     return np.asarray(scale / omega**5 * np.exp(-1.25 * (peak / omega) ** 4) * bump)
 
 
+def directional_variance(
+    wave: tuple[NDArray[np.float64], NDArray[np.float64]],
+    spectrum: tuple[float, float, float],
+    direction_deg: float,
+    spreading: int,
+    norm: float = 1.0,
+) -> NDArray[np.float64]:
+    """Return the density of the variance of each wave vector, with components that broadcast to (M, M); 0 at 0.
+
+    ``spectrum`` is height, peak and enhancement of `jonswap`. The directional spread is divided by ``norm``.
+    """
+    kx, ky = np.broadcast_arrays(*wave)
+    k = np.hypot(kx, ky)
+    out, some = np.zeros_like(k), k > 0
+    omega = np.sqrt(GRAVITY * k[some])
+    spread = np.cos((np.arctan2(ky, kx)[some] - np.radians(direction_deg)) / 2) ** (2 * spreading) / norm
+    # S(omega) D(theta) d omega d theta by wave vector: d omega / d k = g / (2 omega), dk k dtheta = dkx dky.
+    out[some] = jonswap(omega, *spectrum) * spread * GRAVITY / (2 * omega) / k[some]
+    return out
+
+
 @dataclass(frozen=True)
 class WaveSurface:
     """The sea at one moment: a periodic tile of elevations in metres by x and y, shape (M, M), in cells of a width."""
@@ -128,24 +149,13 @@ class Sea:
         self.cell_m = self.tile_m / _CELLS
         wave = 2 * np.pi * fft.fftfreq(_CELLS, self.cell_m)
         self._kx, self._ky = wave[:, None], wave[None, :]
-        k = np.hypot(self._kx, self._ky)
-        self._omega = np.sqrt(GRAVITY * k)
+        self._omega = np.sqrt(GRAVITY * np.hypot(self._kx, self._ky))
         noise = rng.standard_normal((2, _CELLS, _CELLS))
-        self._amplitude = np.sqrt(self._variance(k, peak)) * (noise[0] + 1j * noise[1])
-
-    def _variance(self, k: NDArray[np.float64], peak: float) -> NDArray[np.float64]:
-        """Return the variance of each wave vector in m², shape (M, M)."""
-        out = np.zeros_like(k)
-        some = k > 0
-        omega = self._omega[some]
-        spectrum = jonswap(omega, self.params.significant_height_m, peak, self.params.peak_enhancement)
-        theta = np.arctan2(*np.broadcast_arrays(self._ky, self._kx))[some] - np.radians(self.params.direction_deg)
-        spread = np.cos(theta / 2) ** (2 * self.params.spreading)
         angles = np.linspace(-np.pi, np.pi, 720, endpoint=False)
-        spread /= np.mean(np.cos(angles / 2) ** (2 * self.params.spreading)) * 2 * np.pi
-        # S(omega) D(theta) d omega d theta by wave vector: d omega / d k = g / (2 omega), dk k dtheta = dkx dky.
-        out[some] = spectrum * spread * GRAVITY / (2 * omega) / k[some] * (2 * np.pi / self.tile_m) ** 2
-        return out
+        norm = np.mean(np.cos(angles / 2) ** (2 * params.spreading)) * 2 * np.pi
+        spectrum = params.significant_height_m, peak, params.peak_enhancement
+        density = directional_variance((self._kx, self._ky), spectrum, params.direction_deg, params.spreading, norm)
+        self._amplitude = np.sqrt(density * (2 * np.pi / self.tile_m) ** 2) * (noise[0] + 1j * noise[1])
 
     def at(self, time_s: float) -> WaveSurface:
         """Return the surface at a time."""
