@@ -2,8 +2,7 @@
 
 import csv
 import io
-import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Annotated, Any, Self
@@ -268,31 +267,3 @@ def as_csv(tiles: Sequence[tuple[str, Sequence[FoundObject]]]) -> str:
             last = [f"{one.yaw:.4f}", f"{one.height_m:.2f}", f"{one.area_m2:.1f}"]
             writer.writerow((tile, one.number, one.name, f"{one.probability:.3f}", one.points, *numbers, *last))
     return text.getvalue()
-
-
-Place = tuple[float, Callable[[Values], Values] | None]
-"""Unit of a tile's positions in metres, and their conversion to longitude and latitude; None if it is unknown."""
-
-
-def as_geojson(
-    tiles: Sequence[tuple[str, Sequence[FoundObject]]],
-    places: Sequence[Place] | None = None,
-    more: Sequence[Mapping[str, Any]] = (),
-) -> str:
-    """Return the boxes as a GeoJSON feature collection, in WGS 84 where a conversion is given.
-
-    ``tiles``: name and objects of each tile; centres in its coordinates; ``places``, optional: unit and conversion of
-    each tile; by default metres, and none; ``more``, optional: further features.
-    """
-    where = places or [(1.0, None)] * len(tiles)
-    features = [_feature(name, one, *place) for (name, own), place in zip(tiles, where, strict=True) for one in own]
-    return json.dumps({"type": "FeatureCollection", "features": [*features, *more]})
-
-
-def _feature(tile: str, one: FoundObject, unit_m: float, convert: Callable[[Values], Values] | None) -> dict[str, Any]:
-    corners = one.corners_in(unit_m)
-    digits = 3 if convert is None else 8
-    ring = corners if convert is None else convert(corners)
-    outline = [[round(float(x), digits), round(float(y), digits)] for x, y in (*ring, ring[0])]
-    properties = {"coordinates": "tile" if convert is None else "WGS 84", "tile": tile, **one.attributes}
-    return {"type": "Feature", "geometry": {"type": "Polygon", "coordinates": [outline]}, "properties": properties}

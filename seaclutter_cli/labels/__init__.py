@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.interfaces import Labels
@@ -15,30 +16,28 @@ __all__ = ["LABELS", "LabelFormat", "LabelOptions", "open_labels"]
 
 @dataclass(frozen=True)
 class LabelFormat:
-    """Label format: its description, whether the content of an existing path has it, and its reader."""
+    """Label format: its description, what of an existing path has it (None for nothing), and its reader."""
 
     title: str
-    matches: Callable[[Path], bool]
-    open: Callable[[Path, LabelOptions], Labels]
+    find: Callable[[Path], Any]
+    open: Callable[[Any, LabelOptions], Labels]
 
 
 LABELS: Mapping[str, LabelFormat] = {
-    "csv": LabelFormat(f"a CSV file with the columns {','.join(csv.COLUMNS)}", csv.matches, csv.open_csv),
-    "seepersea": LabelFormat("a SeePerSea sequence with annotations/*.json", SEEPERSEA.matches, SEEPERSEA.open),
-    "sustechpoints": LabelFormat("a SUSTechPOINTS scene with label/*.json", SUSTECHPOINTS.matches, SUSTECHPOINTS.open),
+    "csv": LabelFormat(f"a CSV file with the columns {','.join(csv.COLUMNS)}", csv.find, csv.CsvLabels),
+    "seepersea": LabelFormat("a SeePerSea sequence with annotations/*.json", SEEPERSEA.find, SEEPERSEA.open),
+    "sustechpoints": LabelFormat("a SUSTechPOINTS scene with label/*.json", SUSTECHPOINTS.find, SUSTECHPOINTS.open),
     "semantickitti": LabelFormat(
-        "a SemanticKITTI folder of .label files",
-        lambda path: point_labels.find_semantickitti(path) is not None,
-        point_labels.open_semantickitti,
+        "a SemanticKITTI folder of .label files", point_labels.find_semantickitti, point_labels.open_semantickitti
     ),
     "autoferry": LabelFormat(
         "a scenario of the Autoferry sensor fusion data set with *_groundTruth.json and *_detections.json",
-        autoferry.matches,
-        autoferry.open_autoferry,
+        autoferry.find,
+        autoferry.AutoferryLabels,
     ),
     "cloud": LabelFormat(
         "a log whose clouds have a field 'label' (.mcap, .bag, rosbag2)",
-        point_labels.may_have_labels,
+        point_labels.find_log,
         point_labels.CloudLabels,
     ),
 }
@@ -54,12 +53,13 @@ def open_labels(path: Path, options: LabelOptions = LabelOptions()) -> Labels:  
     try:
         if not path.exists():
             raise LabelError(f"{path}: no such file or folder")
-        matching = {name: known for name, known in LABELS.items() if known.matches(path)}
-        if len(matching) > 1:  # labels in the folder of a log take precedence over those in its clouds
-            matching.pop("cloud", None)
-        found = list(matching.values())
+        places = {name: known.find(path) for name, known in LABELS.items()}
+        found = {LABELS[name]: place for name, place in places.items() if place is not None}
+        if len(found) > 1:  # labels in the folder of a log take precedence over those in its clouds
+            found.pop(LABELS["cloud"], None)
         if len(found) == 1:
-            return found[0].open(path, options)
+            ((known, place),) = found.items()
+            return known.open(place, options)
     except OSError as error:
         raise LabelError(f"{path}: {error.strerror}") from error
     if found:

@@ -19,10 +19,23 @@ _SENSORS = {"/lidar/detections": 1, "/radar/detections": 2}
 
 
 class AutoferryLabels:
-    """Truth by sensor and time: detections and targets by ``sensorID`` and stamp in nanoseconds."""
+    """Labels of a scenario in its files of truth and of detections: targets by ``sensorID`` and time of a detection.
 
-    def __init__(self, path: Path, targets: Mapping[tuple[int, int], tuple[Any, Any]]) -> None:
-        self._path, self._targets = path, targets
+    `LabelError` if the files are not valid or do not belong together.
+    """
+
+    def __init__(self, files: tuple[Path, Path], _: LabelOptions) -> None:
+        self._path, other = files
+        truth, detections = map(_read, files)
+        if not (isinstance(truth, list) and isinstance(detections, list) and len(truth) == len(detections)):
+            raise LabelError(f"{self._path}: must be a list with an entry for each detection in {other.name}")
+        try:
+            keys = [(int(number(item, "sensorID")), round(number(item, "time") * 1e6) * 1000) for item in detections]
+        except LabelError as error:
+            raise LabelError(f"{other}: {error}") from error
+        # MATLAB writes a list of one target as the target itself.
+        targets = [[item] if isinstance(item, Mapping) else item for item in truth]
+        self._targets = dict(zip(keys, zip(detections, targets, strict=True), strict=True))
 
     def truth(self, frame: Frame) -> Truth | None:
         """Return the targets relative to own ship; None if a frame has none, `LabelError` if they are not valid."""
@@ -40,28 +53,6 @@ class AutoferryLabels:
         """Do nothing: the times of other sensors have no frames."""
 
 
-def matches(path: Path) -> bool:
-    """Return whether a path is a file of ground truth with its detections beside it, or a folder with one."""
-    return _pair(path) is not None
-
-
-def open_autoferry(path: Path, _: LabelOptions) -> AutoferryLabels:
-    """Return the labels of a scenario; `LabelError` if the files are not valid or do not belong together."""
-    pair = _pair(path)
-    if pair is None:
-        raise LabelError(f"{path}: contains no ground truth of a scenario")
-    truth, detections = map(_read, pair)
-    if not (isinstance(truth, list) and isinstance(detections, list) and len(truth) == len(detections)):
-        raise LabelError(f"{pair[0]}: must be a list with an entry for each detection in {pair[1].name}")
-    try:
-        keys = [(int(number(item, "sensorID")), round(number(item, "time") * 1e6) * 1000) for item in detections]
-    except LabelError as error:
-        raise LabelError(f"{pair[1]}: {error}") from error
-    # MATLAB writes a list of one target as the target itself.
-    targets = [[item] if isinstance(item, Mapping) else item for item in truth]
-    return AutoferryLabels(pair[0], dict(zip(keys, zip(detections, targets, strict=True), strict=True)))
-
-
 def _read(path: Path) -> Any:
     try:
         return read_json(path)
@@ -69,8 +60,8 @@ def _read(path: Path) -> Any:
         raise LabelError(f"{path}: {error}") from error
 
 
-def _pair(path: Path) -> tuple[Path, Path] | None:
-    """Return the file of the truth and that of the detections."""
+def find(path: Path) -> tuple[Path, Path] | None:
+    """Return the file of the truth, which the path is or contains, and that of the detections beside it."""
     files = sorted(path.glob(f"*{_TRUTH}")) if path.is_dir() else [path]
     if len(files) != 1 or not files[0].name.endswith(_TRUTH):
         return None

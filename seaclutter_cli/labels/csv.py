@@ -40,40 +40,13 @@ class _Row(NamedTuple):
     line: int
 
 
-def matches(path: Path) -> bool:
-    """Return whether a file starts with a header that has at least three of the label columns."""
+def find(path: Path) -> Path | None:
+    """Return the path if it is a file that starts with a header that has at least three of the label columns."""
     if not path.is_file():
-        return False
+        return None
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES).decode("utf-8-sig", "replace")
-    names = _names(head.partition("\n")[0])
-    return len(_DISTINCTIVE.intersection(names)) >= 3
-
-
-def open_csv(path: Path, options: LabelOptions) -> "CsvLabels":
-    """Return the labels of a CSV file, which is read completely; `LabelError` names the line.
-
-    Columns may be in any order; additional columns are ignored. If both ``frame`` and ``stamp_ns`` are present, the
-    former is used. Class ``none`` marks a frame as labelled and empty, class ``ignore`` an area to ignore. A target
-    without a ``track_id`` gets a new one in each frame.
-    """
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = _lines(file)
-            first = next(lines, "")
-            names = _names(first)
-            key = _check_header(path, names)
-            rows = list(_rows(path, names, key, lines, _delimiter(first)))
-    except OSError as error:
-        raise LabelError(f"{path}: {error.strerror}") from error
-    except csv.Error as error:
-        raise LabelError(f"{path}: line 1: {error}") from error
-    except UnicodeDecodeError as error:
-        raise LabelError(f"{path}: not valid UTF-8 text") from error
-    frames = _by_key(path, rows)
-    if not frames:
-        raise LabelError(f"{path}: contains no labels")
-    return CsvLabels(path, frames, options, None if key == "frame" else StampMatcher(frames))
+    return path if len(_DISTINCTIVE.intersection(_names(head.partition("\n")[0]))) >= 3 else None
 
 
 def _delimiter(header: str) -> str:
@@ -165,13 +138,32 @@ def _by_key(path: Path, rows: Sequence[_Row]) -> dict[int, list[_Row]]:
 
 
 class CsvLabels:
-    """Labels from a CSV file, by frame number or, if there is a matcher of stamps, by stamp."""
+    """Labels of a CSV file, which is read completely; `LabelError` names the line.
 
-    def __init__(
-        self, path: Path, frames: Mapping[int, list[_Row]], options: LabelOptions, matcher: "StampMatcher | None" = None
-    ) -> None:
-        self._path, self._frames, self._matcher = path, frames, matcher
-        self._number = options.number
+    Columns may be in any order; additional columns are ignored. If both ``frame`` and ``stamp_ns`` are present, the
+    former is used. Class ``none`` marks a frame as labelled and empty, class ``ignore`` an area to ignore. A target
+    without a ``track_id`` gets a new one in each frame.
+    """
+
+    def __init__(self, path: Path, options: LabelOptions) -> None:
+        self._path, self._number = path, options.number
+        try:
+            with path.open(encoding="utf-8-sig", newline="") as file:
+                lines = _lines(file)
+                first = next(lines, "")
+                names = _names(first)
+                key = _check_header(path, names)
+                rows = list(_rows(path, names, key, lines, _delimiter(first)))
+        except OSError as error:
+            raise LabelError(f"{path}: {error.strerror}") from error
+        except csv.Error as error:
+            raise LabelError(f"{path}: line 1: {error}") from error
+        except UnicodeDecodeError as error:
+            raise LabelError(f"{path}: not valid UTF-8 text") from error
+        self._frames = _by_key(path, rows)
+        if not self._frames:
+            raise LabelError(f"{path}: contains no labels")
+        self._matcher = None if key == "frame" else StampMatcher(self._frames)
         self._last = -1
         self._labelled = False
 

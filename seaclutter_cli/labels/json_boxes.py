@@ -26,7 +26,6 @@ class JsonForm:
     file, or None if the frame is not labelled.
     """
 
-    title: str
     folder: str
     clouds: str
     mark: bytes
@@ -35,18 +34,11 @@ class JsonForm:
     objects: Callable[[Any], list[Any] | None]
     parse: Callable[[Any], Labelled]
 
-    def matches(self, path: Path) -> bool:
-        """Return whether a path is a scene or its label folder, with files of this form."""
-        return self._find(path) is not None
-
-    def open(self, path: Path, options: LabelOptions) -> FileLabels:
-        """Return the labels of a scene or its label folder; `LabelError` if clouds and labels do not match."""
-        folder = self._find(path)
-        if folder is None:
-            raise LabelError(f"{path}: contains no {self.title}")
+    def open(self, folder: Path, options: LabelOptions) -> FileLabels:
+        """Return the labels in a folder of label files; `LabelError` if clouds and labels do not match."""
         return FileLabels(folder, ".json", self.clouds, self._read, options, complete=self.complete)
 
-    def _find(self, path: Path) -> Path | None:
+    def find(self, path: Path) -> Path | None:
         """Return the folder of label files: the subfolder of this name or the path itself; None if neither fits.
 
         A folder of the right name needs no typical file, because all files may be empty or broken, but no file may
@@ -147,7 +139,6 @@ def _seepersea_object(item: Any) -> Labelled:
 
 
 SEEPERSEA = JsonForm(
-    title="SeePerSea annotations",
     folder="annotations",
     clouds="point_clouds",
     mark=b"{",
@@ -177,7 +168,6 @@ def _sustechpoints_object(item: Any) -> Labelled:
 
 
 SUSTECHPOINTS = JsonForm(
-    title="SUSTechPOINTS labels",
     folder="label",
     clouds="lidar",
     mark=b"[",

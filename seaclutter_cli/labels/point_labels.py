@@ -20,12 +20,13 @@ _MAGIC = (b"\x89MCAP0\r\n", b"#ROSBAG V", b"SQLite format 3\0")
 _SUFFIXES = (".mcap", ".bag", ".bag.active", ".db3", ".mcap.zstd", ".db3.zstd")
 
 
-def may_have_labels(path: Path) -> bool:
-    """Return whether a path is a log (MCAP, ROS 1 bag or rosbag2), whose clouds may have labels."""
+def find_log(path: Path) -> Path | None:
+    """Return the path if it is a log (MCAP, ROS 1 bag or rosbag2), whose clouds may have labels."""
     if path.is_dir():
-        return (path / "metadata.yaml").is_file() or any(_is_log(file) for file in path.iterdir())
+        found = (path / "metadata.yaml").is_file() or any(_is_log(file) for file in path.iterdir())
+        return path if found else None
     with path.open("rb") as file:
-        return file.read(16).startswith(_MAGIC) or _is_log(path)
+        return path if file.read(16).startswith(_MAGIC) or _is_log(path) else None
 
 
 def _is_log(path: Path) -> bool:
@@ -71,15 +72,12 @@ def find_semantickitti(path: Path) -> Path | None:
     return label_folder(path, "labels", ".label")
 
 
-def open_semantickitti(path: Path, options: LabelOptions) -> FileLabels:
-    """Return the labels of a folder of ``.label`` files or of the sequence that contains it.
+def open_semantickitti(folder: Path, options: LabelOptions) -> FileLabels:
+    """Return the labels in a folder of ``.label`` files.
 
     Each frame has one file. If the sequence has a folder ``velodyne``, both folders must have the same file names;
     otherwise label files are assigned to frames by order.
     """
-    folder = find_semantickitti(path)
-    if folder is None:
-        raise LabelError(f"{path}: contains no .label files")
     return FileLabels(folder, ".label", "velodyne", partial(_read, options=options), options, complete=True)
 
 

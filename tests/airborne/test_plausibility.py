@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from seaclutter_cli.airborne.objects import FoundObject, as_csv, as_geojson
+from seaclutter_cli.airborne.objects import FoundObject, as_csv
 from seaclutter_cli.airborne.plausibility import doubts_about_objects, doubts_about_sea
 from seaclutter_cli.airborne.separation import OTHER, WATER, SeaState, Separation
 from seaclutter_cli.commands import cli
+from seaclutter_cli.runs.classify.maps import MappedTile, geojson_of
+from seaclutter_cli.runs.observer import SILENT
+from seaclutter_cli.sources.crs import Crs
 from tests.paths import ROOT, shared
 
 SHIP = FoundObject(1, 1, 0.9, 500, (1000.0, 2000.0), (120.0, 20.0), 0.0, 25.0, 2000.0)
@@ -66,17 +69,14 @@ def test_ships_of_a_kilometre():
     assert text.startswith("2 ships of implausible size, up to 1156 by 492 by 88 m")
 
 
-def test_boxes_in_feet_and_in_degrees():
+def test_boxes_in_feet():
     feet = SHIP.placed(0.3048)
     assert feet.center == pytest.approx((1000 / 0.3048, 2000 / 0.3048))
     assert ",3280.840,6561.680,120.000,20.000," in as_csv([("t", [feet])])
-    (feature,) = json.loads(as_geojson([("t", [feet])], [(0.3048, None)]))["features"]
+    (feature,) = json.loads(geojson_of([MappedTile("t", Crs(unit_m=0.3048), objects=[feet])], SILENT))["features"]
     ring = np.array(feature["geometry"]["coordinates"][0][:4])
     np.testing.assert_allclose(ring * 0.3048, SHIP.corners, atol=1e-3)
     assert feature["properties"]["coordinates"] == "tile"
-    (feature,) = json.loads(as_geojson([("t", [SHIP])], [(1.0, lambda xy: xy / 1e5)]))["features"]
-    np.testing.assert_allclose(feature["geometry"]["coordinates"][0][:4], SHIP.corners / 1e5, atol=1e-8)
-    assert feature["properties"]["coordinates"] == "WGS 84"
 
 
 def separate(tile, out):

@@ -35,7 +35,7 @@ def test_columns_in_any_order_with_additional_ones(tmp_path, bom, mark, end):
     header = "yaw,Note,height,width,length,z,y,x,class,track_id,frame"
     content = f"{bom}{header}{end}0.5, hi ,6,5,4,3,2,1,ship,17,0{end}{end},,,,,,,,,,{end}"
     path = put(tmp_path / "labels.txt", content.replace(",", mark))
-    assert LABELS["csv"].matches(path)
+    assert LABELS["csv"].find(path)
     targets = open_labels(path).truth(frame()).targets
     assert (targets.tracks, targets.classes) == (("17",), ("ship",))
     assert targets.centers.tolist() == [[1, 2, 3]]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.errors import LabelError
-from seaclutter_cli.labels import LABELS, LabelOptions, open_labels
+from seaclutter_cli.labels import open_labels
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.sources.frame_files.folder import FolderSource
 from tests.labels.frames import boxes, frame, put, seepersea_json, sustechpoints_json, write
@@ -187,9 +187,3 @@ def test_a_file_removed_before_its_frame(tmp_path):
     (path / "annotations/000001.json").unlink()
     with pytest.raises(LabelError, match=r"000001\.json: No such file"):
         labels.truth(frames[1])
-
-
-@pytest.mark.parametrize("name", ["seepersea", "sustechpoints", "semantickitti"])
-def test_opening_a_folder_that_does_not_match(tmp_path, name):
-    with pytest.raises(LabelError, match="contains no"):
-        LABELS[name].open(tmp_path, LabelOptions())

@@ -1,8 +1,9 @@
 """Maps of tiles: pictures, and shoreline and objects as GeoJSON and GeoPackage."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,6 @@ from seaclutter_cli.airborne.map import IS_LAND, IS_OBJECT, map_of, shoreline_of
 from seaclutter_cli.airborne.objects import (
     FoundObject,
     ObjectFindingParams,
-    as_geojson,
     geodata_fields,
     unclassified_objects,
 )
@@ -149,29 +149,38 @@ def _conversions(tiles: Sequence[MappedTile], what: str, observer: Observer) -> 
     return found
 
 
+_Feature = tuple[str, NDArray[np.float64], dict[str, Any]]
+"""Layer, ``objects`` or ``shoreline``, with positions of shape (N, 2), those of objects closed, and attributes."""
+
+
+def _features(tile: MappedTile, convert: ToLongitudeLatitude | None) -> Iterator[_Feature]:
+    """Yield objects and shorelines in the coordinates of a tile, or converted."""
+    for one in tile.objects:
+        corners = one.corners_in(tile.crs.unit_m)
+        ring = np.concatenate((corners, corners[:1]))
+        yield "objects", ring if convert is None else convert(ring), one.attributes
+    for line in tile.shoreline:
+        places = line / tile.crs.unit_m
+        length = {"length_m": round(total_length_m([line]), 1)}
+        yield "shoreline", places if convert is None else convert(places), length
+
+
 def geojson_of(tiles: Sequence[MappedTile], observer: Observer) -> bytes:
     """Return objects, then shorelines, as GeoJSON: in WGS 84, or in the coordinates of a tile without a known CRS."""
-    ways = _conversions(tiles, "GeoJSON is in the coordinates of the tile, not in WGS 84", observer)
-    lines = chain.from_iterable(_line_features(*pair) for pair in zip(tiles, ways, strict=True))
-    places = [(tile.crs.unit_m, way) for tile, way in zip(tiles, ways, strict=True)]
-    return as_geojson([(tile.name, tile.objects) for tile in tiles], places, list(lines)).encode()
-
-
-def _line_features(tile: MappedTile, convert: ToLongitudeLatitude | None) -> list[dict[str, Any]]:
-    digits, known = (3, "tile") if convert is None else (8, "WGS 84")
     features = []
-    for line in tile.shoreline:
-        places = [[round(x, digits), round(y, digits)] for x, y in _placed(line, tile.crs, convert)]
-        length_m = round(total_length_m([line]), 1)
-        properties = {"coordinates": known, "tile": tile.name, "kind": "shoreline", "length_m": length_m}
-        geometry = {"type": "LineString", "coordinates": places}
-        features.append({"type": "Feature", "geometry": geometry, "properties": properties})
-    return features
-
-
-def _placed(line: NDArray[np.float64], crs: Crs, convert: ToLongitudeLatitude | None) -> list[tuple[float, float]]:
-    own = line / crs.unit_m
-    return [(float(x), float(y)) for x, y in (own if convert is None else convert(own))]
+    ways = _conversions(tiles, "GeoJSON is in the coordinates of the tile, not in WGS 84", observer)
+    for tile, convert in zip(tiles, ways, strict=True):
+        digits, known = (3, "tile") if convert is None else (8, "WGS 84")
+        for layer, positions, values in _features(tile, convert):
+            places = [[round(x, digits), round(y, digits)] for x, y in positions.tolist()]
+            geometry = {"type": "Polygon", "coordinates": [places]}
+            properties = {"coordinates": known, "tile": tile.name, **values}
+            if layer == "shoreline":
+                geometry = {"type": "LineString", "coordinates": places}
+                properties = {"coordinates": known, "tile": tile.name, "kind": layer, **values}
+            features.append((layer, {"type": "Feature", "geometry": geometry, "properties": properties}))
+    ordered = [feature for _, feature in sorted(features, key=itemgetter(0))]
+    return json.dumps({"type": "FeatureCollection", "features": ordered}).encode()
 
 
 def geopackage_of(tiles: Sequence[MappedTile], observer: Observer, *, classified: bool) -> bytes:
@@ -179,21 +188,14 @@ def geopackage_of(tiles: Sequence[MappedTile], observer: Observer, *, classified
 
     ``classified`` is whether the objects have classes.
     """
-    lines: list[Feature] = []
-    boxes: list[Feature] = []
+    layers: dict[str, list[Feature]] = {"shoreline": [], "objects": []}
     ways = _conversions(tiles, "left out of the GeoPackage, which is in WGS 84", observer)
     for tile, convert in zip(tiles, ways, strict=True):
-        if convert is None:
-            continue
-        lines += [
-            (_placed(line, tile.crs, convert), (tile.name, round(total_length_m([line]), 1))) for line in tile.shoreline
-        ]
-        for one in tile.objects:
-            ring = convert(one.corners_in(tile.crs.unit_m)).tolist()
-            boxes.append(([*ring, ring[0]], (tile.name, *one.attributes.values())))
+        for layer, positions, values in _features(tile, convert) if convert else ():
+            layers[layer].append((positions.tolist(), (tile.name, *values.values())))
     return geopackage(
         [
-            Layer("shoreline", "LINESTRING", {"tile": str, "length_m": float}, lines),
-            Layer("objects", "POLYGON", {"tile": str, **geodata_fields(classified=classified)}, boxes),
+            Layer("shoreline", "LINESTRING", {"tile": str, "length_m": float}, layers["shoreline"]),
+            Layer("objects", "POLYGON", {"tile": str, **geodata_fields(classified=classified)}, layers["objects"]),
         ]
     )

@@ -92,7 +92,8 @@ def directional_variance(
     """
     kx, ky = np.broadcast_arrays(*wave)
     k = np.hypot(kx, ky)
-    out, some = np.zeros_like(k), k > 0
+    out: NDArray[np.float64] = np.zeros_like(k)
+    some = k > 0
     omega = np.sqrt(GRAVITY * k[some])
     spread = np.cos((np.arctan2(ky, kx)[some] - np.radians(direction_deg)) / 2) ** (2 * spreading) / norm
     # S(omega) D(theta) d omega d theta by wave vector: d omega / d k = g / (2 omega), dk k dtheta = dkx dky.
