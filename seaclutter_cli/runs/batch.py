@@ -14,7 +14,7 @@ from seaclutter_cli.errors import SeaclutterError, SelectionError
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.jobs.engine import Engine, Lost, Report, run_in_turn
 from seaclutter_cli.records import Channel
-from seaclutter_cli.runs.observer import Observer, Silent, Step
+from seaclutter_cli.runs.observer import Observer, Silent, Step, raising
 from seaclutter_cli.runs.options import BatchOptions, Logs, OfLogs, ReadOptions
 from seaclutter_cli.runs.options.logs import ViewOptions
 from seaclutter_cli.runs.outputs import Paths, inputs_of, prepare_outputs
@@ -240,7 +240,7 @@ def run_all(
     describes several, and the last parameters.
     """
     if batch.runs_here(len(works)):
-        outcomes = [works[0].run(observer)]
+        outcomes = [works[0].run(raising(observer) if together else observer)]
         in_order(outcomes[0])
     else:
         outcomes = run_batch(works, batch, observer, in_order, together=together)

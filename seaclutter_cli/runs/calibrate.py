@@ -1,19 +1,17 @@
 """Calibration: thresholds and the far limit of clutter, from recordings that contain clutter."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from seaclutter_cli.buckets import on_paths
-from seaclutter_cli.calibration import ClutterSelector
+from seaclutter_cli.calibration import Calibration, ClutterSelector
 from seaclutter_cli.config import Config
-from seaclutter_cli.errors import InputError, LabelError, UsageError
+from seaclutter_cli.errors import LabelError, UsageError
 from seaclutter_cli.evaluation.scores import Summary
 from seaclutter_cli.evaluation.tuning import Parts
 from seaclutter_cli.filters import FILTERS
@@ -27,15 +25,15 @@ from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.clutter import draw_clutter
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
-from seaclutter_cli.runs.calibrate_result import CalibrationResult, Candidate, ClutterTally, TradeOff
+from seaclutter_cli.runs.calibrate_result import Calibrated, CalibrationResult, Candidate, Clutter, TradeOff
 from seaclutter_cli.runs.evaluate import EvaluateWork
 from seaclutter_cli.runs.methods import Variant, configured
-from seaclutter_cli.runs.observer import Observer, Silent, Step
+from seaclutter_cli.runs.observer import Observer, Silent, raising
 from seaclutter_cli.runs.options import ConfigOptions
 from seaclutter_cli.runs.options.studies import CalibrateOptions
 from seaclutter_cli.runs.outputs import write_files
-from seaclutter_cli.runs.recordings import Outcome, opened
 from seaclutter_cli.selection import cloud_channels
+from seaclutter_cli.sensors.catalog import RecognisedSensor
 from seaclutter_cli.text import count
 
 _RATES = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
@@ -77,22 +75,24 @@ def calibrate(options: CalibrateOptions) -> CalibrationResult:
     outputs = {"-o": options.output, "--plot": options.plot_file}
     pairs = prepared(options.logs, options, outputs, observer, [config])
     works = [_CalibrateWork(options.reading, *each, config, options) for each in pairs]
-    tally = ClutterTally(config.filter, options)
+    clutter, sensors = Clutter(config.filter, options), dict[str, RecognisedSensor]()
 
-    def add(outcome: _Calibrated) -> None:
-        nonlocal tally
-        if outcome.tally:
-            tally += outcome.tally
-        outcome.tally = None
+    def add(outcome: Calibrated) -> None:
+        nonlocal clutter
+        outcome.check_sensors(sensors)
+        sensors.update(outcome.sensors)
+        if outcome.clutter:
+            clutter += outcome.clutter
+        outcome.clutter = None
 
     outcomes = run_all(works, options.batch, observer, add, together=True)
-    works = [work for work, outcome in zip(works, outcomes, strict=True) if not outcome.has_nothing]
-    trade_off = _trade_off(works, tally, observer) if options.choose or options.trade_off else None
-    result = _result(tally, config, options, trade_off)
+    read = [pair for pair in zip(works, outcomes, strict=True) if not pair[1].has_nothing]
+    trade_off = _trade_off(read, clutter.calibration, observer) if options.choose or options.trade_off else None
+    result = _result(outcomes, clutter, config, options, trade_off)
     for text in result.warnings:
         observer.warn(text)
     files = {options.output: result.config_text().encode()} if options.output else {}
-    if options.plot_file and (density := tally.density):
+    if options.plot_file and (density := clutter.density):
         draw = partial(draw_clutter, density=density, found=result.found)
         files[options.plot_file] = render(draw, options.plot_file.suffix)
     write_files(files, replace=options.force)
@@ -114,19 +114,26 @@ def _starting_config(options: ConfigOptions) -> Config:
 
 
 def _result(
-    tally: ClutterTally, config: Config, options: CalibrateOptions, trade_off: TradeOff | None
+    outcomes: Sequence[Calibrated],
+    clutter: Clutter,
+    config: Config,
+    options: CalibrateOptions,
+    trade_off: TradeOff | None,
 ) -> CalibrationResult:
-    if tally.unlabelled and not tally.frames:
-        frames = count(tally.unlabelled, "frame")
+    unlabelled = sum(one.unlabelled for one in outcomes)
+    if unlabelled and not any(one.frames for one in outcomes):
+        frames = count(unlabelled, "frame")
         raise LabelError(f"{frames} read, none of them labelled; choose frames with labels, or leave out --labels")
-    mounting = tally.search.found() if tally.search is not None else None
-    labelled = bool(options.labels)
+    mounting = clutter.search.found() if clutter.search is not None else None
+    found, labelled = clutter.calibration.thresholds(), bool(options.labels)
     return CalibrationResult(
-        config, tally.calibration.thresholds(), tally, labelled, options.output, mounting, trade_off
+        outcomes, config, clutter.calibration, found, labelled, options.output, mounting, trade_off
     )
 
 
-def _trade_off(works: Sequence["_CalibrateWork"], found: ClutterTally, observer: Observer) -> TradeOff:
+def _trade_off(
+    pairs: Sequence[tuple["_CalibrateWork", Calibrated]], found: Calibration, observer: Observer
+) -> TradeOff:
     """Return the scores of several filter rates and limits on held-out frames; with ``choose``, use the best one.
 
     One filter rate for all range rings leaves many points where clutter is dense, which cluster to false alarms, and
@@ -134,17 +141,19 @@ def _trade_off(works: Sequence["_CalibrateWork"], found: ClutterTally, observer:
     neither. Each half of the labelled frames is judged with thresholds from the other half. A fifth of the frames, in
     the middle, gives no thresholds: neighbouring frames are alike.
     """
-    config, options, frames = works[0].config, works[0].options, found.frames_each
-    if sum(frames) < _MIN_FRAMES:
-        raise LabelError(f"{count(sum(frames), 'labelled frame')}: too few to compare filter rates")
+    works = [work for work, _ in pairs]
+    config, options, frames = works[0].config, works[0].options, sum(outcome.frames for _, outcome in pairs)
+    if frames < _MIN_FRAMES:
+        raise LabelError(f"{count(frames, 'labelled frame')}: too few to compare filter rates")
+    observer = raising(_OnlyProgress(observer))
     used = Candidate(options.filter_rate, options.max_left)
     compared = candidates(used)
     variants = []
     for half in (0, 1):
-        training = ClutterTally(config.filter, options)
-        for work, number in zip(works, frames, strict=True):
-            part = replace(work, labelled_frames=training_frames(number)[half]).run(_OnlyProgress(observer))
-            training += part.tally or ClutterTally(config.filter, options)
+        training = Clutter(config.filter, options)
+        for work, outcome in pairs:
+            part = replace(work, labelled_frames=training_frames(outcome.frames)[half]).run(observer)
+            training += part.clutter or Clutter(config.filter, options)
         for one in compared:
             training.calibration.filter_rate, training.calibration.max_left = one
             params = training.calibration.thresholds().applied_to(config.filter)
@@ -153,7 +162,7 @@ def _trade_off(works: Sequence["_CalibrateWork"], found: ClutterTally, observer:
     trade_off = TradeOff(dict(zip(compared, _held_out_scores(judged, observer), strict=True)), used)
     if not options.choose:
         return trade_off
-    found.calibration.filter_rate, found.calibration.max_left = trade_off.best
+    found.filter_rate, found.max_left = trade_off.best
     return replace(trade_off, used=trade_off.best)
 
 
@@ -185,10 +194,7 @@ def _held_out_scores(works: Sequence[EvaluateWork], observer: Observer) -> list[
     number = len(works[0].variants)
     scores = [Summary() for _ in range(number // 2)]
     for work in works:
-        outcome = work.run(_OnlyProgress(observer))
-        if outcome.error:
-            raise InputError(outcome.error)
-        first, last = (outcome.parts or Parts(number)).split(_HELD_OUT)
+        first, last = (work.run(observer).parts or Parts(number)).split(_HELD_OUT)
         for total, *halves in zip(scores, last[: number // 2], first[number // 2 :], strict=True):
             for summary in halves:
                 total.update(summary)
@@ -199,69 +205,42 @@ class _OnlyProgress(Silent):
     """Observer that shows progress only: warnings and damage were reported when the log was read before."""
 
     def __init__(self, observer: Observer) -> None:
-        self._observer = observer
-
-    @contextmanager
-    def progress(self, title: str, total: int | None, unit: str = "frame") -> Iterator[Step]:
-        """Show the progress."""
-        with self._observer.progress(title, total, unit) as step:
-            yield step
-
-
-@dataclass(kw_only=True)
-class _Calibrated(Outcome):
-    """Outcome of one of several recordings, with its tally until they are added to the others."""
-
-    tally: ClutterTally | None = field(default=None, repr=False)
-
-    def figures(self) -> str:
-        """Return the main figures, for a line about the outcome."""
-        frames, points = (self.tally.frames, self.tally.calibration.points) if self.tally else (0, 0)
-        return f"{count(frames, 'frame')}, {count(points, 'clutter point')}, {self.seconds:.1f} s"
+        self.progress = observer.progress  # type: ignore[assignment,method-assign]
 
 
 @dataclass(frozen=True)
-class _CalibrateWork(RecordingWork[_Calibrated]):
+class _CalibrateWork(RecordingWork[Calibrated]):
     """Sums over one recording, or over a range of its labelled frames, counted from 0."""
 
     config: Config
     options: CalibrateOptions
     labelled_frames: range | None = None
 
-    def without_result(self, reason: str | None) -> _Calibrated:
-        return _Calibrated(recording=self.recording.name, error=reason)
+    def without_result(self, reason: str | None) -> Calibrated:
+        return Calibrated(recording=self.recording.name, error=reason)
 
-    def run(self, observer: Observer) -> _Calibrated:
-        """Return the tally; an error ends the whole run."""
-        started, outcome = perf_counter(), self.without_result(None)
-        labels = self.labels.open() if self.labels else None
-        with opened(self.recording, self.reading, observer, outcome) as source:
-            self.study(source, labels, outcome, observer)
-        outcome.seconds = perf_counter() - started
-        return outcome
-
-    def study(self, source: Source, labels: Labels | None, outcome: _Calibrated, observer: Observer) -> None:
+    def study(self, source: Source, labels: Labels | None, outcome: Calibrated, observer: Observer) -> None:
         """Read the recording."""
         selection, params = self.reading.selection, self.config.filter
-        tally = ClutterTally(params, self.options)
+        found = outcome.clutter = Clutter(params, self.options)
         topics = sorted({channel.topic for channel in cloud_channels(source, selection.topics)})
         if labels and len(topics) > 1:
             raise UsageError(f"{source.name}: labels apply to one topic; choose from: -t {' -t '.join(topics)}")
         selector = ClutterSelector(params, labels, self.config.evaluation.box_margin_m)
-        search = None if labels else _TargetSearch(params, tally)
+        search = None if labels else _TargetSearch(params, outcome)
         with self.progress(source, observer) as step:
             for frame, clutter in map_frames(source, selection, selector.clutter):
                 if self.labelled_frames is not None and selector.frames - 1 not in self.labelled_frames:
                     continue
-                tally.add(frame, clutter)
+                found.add(frame, clutter)
+                outcome.note(frame)
                 if search:
                     search.add(frame)
                 step()
         if search:
             search.finish()
         self.finish(source, labels, selector.frames + selector.unlabelled)
-        tally.finish(source, selector)
-        outcome.tally = tally
+        outcome.frames, outcome.unlabelled, outcome.marked = selector.frames, selector.unlabelled, selector.marked
 
 
 class _TargetSearch:
@@ -271,11 +250,11 @@ class _TargetSearch:
     are not counted, since objects cannot be distinguished from land there.
     """
 
-    def __init__(self, params: RingIntensityParams, tally: ClutterTally) -> None:
+    def __init__(self, params: RingIntensityParams, outcome: Calibrated) -> None:
         end_m = params.start_m + params.ring_width_m  # without thresholds, one range ring is enough
         given: dict[str, Any] = {name: getattr(params, name) for name in _OF_TARGETS if hasattr(params, name)}
         self._params = ConfirmedParams(**given, end_m=end_m, initial_thresholds=(0,), use_intensity=False)
-        self._tally = tally
+        self._outcome = outcome
         self._topics: dict[str, tuple[float, Confirmed]] = {}
 
     def add(self, frame: Frame) -> None:
@@ -298,5 +277,5 @@ class _TargetSearch:
             if result.water is None:
                 continue
             kept = np.count_nonzero(result.keep & (result.frame.range_m >= self._params.start_m))
-            self._tally.examined += 1
-            self._tally.with_targets += bool(kept >= _MIN_TARGET_POINTS)
+            self._outcome.examined += 1
+            self._outcome.with_targets += bool(kept >= _MIN_TARGET_POINTS)

@@ -1,7 +1,7 @@
 """Sums of a calibration over recordings, and its result: as a configuration, as text and as data."""
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.calibration import Calibration, ClutterSelector, RingCalibration, Thresholds, few_points
+from seaclutter_cli.calibration import Calibration, Thresholds, few_points
 from seaclutter_cli.config import Config, SensorParams
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation.scores import Summary
@@ -18,12 +18,11 @@ from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import MAX_RINGS
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.interfaces import Source
 from seaclutter_cli.plots.clutter import ClutterDensity
 from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.evaluate import F1, FALSE_ALARMS, N_FN, N_FP, POINTS, score_cells, score_legend
 from seaclutter_cli.runs.options.studies import CalibrateOptions
-from seaclutter_cli.runs.recordings import Result, data_of
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, data_of
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.sensors.catalog import RecognisedSensor
 from seaclutter_cli.text import count, printable, share, table
@@ -33,42 +32,22 @@ _COLUMNS = (N_FP, N_FN, F1, FALSE_ALARMS, POINTS[1])
 _BEST, _USED = "<", "used"
 _COMMENT_WIDTH = 100
 _OF_RING = "start_m end_m points threshold below filter_rate few_points=few source_rings=source saturated"
-_ADDED = ("frames_each", "recordings", "damage", "unlabelled", "marked", "examined", "with_targets")
+_COUNTED = ("frames", "unlabelled", "marked", "examined", "with_targets")
 _TEXT_WIDTH = 79
 _NOTED_FRAMES = 20
 _MIN_SHARE = 0.2
 
 
-@dataclass
-class ClutterTally:
-    """Sums over recordings, from a single pass over each, and facts about their sensors.
+class Clutter:
+    """Clutter points of recordings: intensities by range ring and, if they are asked for, a mounting and a plot."""
 
-    Frames and points that labels leave out are ``unlabelled`` and ``marked``. Without labels, ``examined`` frames with
-    water were searched for objects that rise out of it. ``seen`` has each topic, as ``recording, topic``, with its
-    sensor.
-    """
-
-    params: RingIntensityParams
-    options: CalibrateOptions
-    unlabelled: int = 0
-    marked: int = 0
-    examined: int = 0
-    with_targets: int = 0
-    frames_each: list[int] = field(default_factory=list)
-    recordings: list[str] = field(default_factory=list)
-    damage: list[Damage] = field(default_factory=list)
-    seen: list[tuple[str, RecognisedSensor]] = field(default_factory=list)
-    intensity_fields: list[str] = field(default_factory=list)
-    _topics: dict[str, TopicStatistics] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        params, given = self.params, self.options
+    def __init__(self, params: RingIntensityParams, options: CalibrateOptions) -> None:
         self.calibration = Calibration(
-            params, filter_rate=given.filter_rate, max_left=given.max_left, keep_end=given.keeps_end
+            params, filter_rate=options.filter_rate, max_left=options.max_left, keep_end=options.keeps_end
         )
         self.search = MountingSearch(params.mounting) if isinstance(params, ConfirmedParams) else None
         width_m = params.ring_width_m
-        self.density = ClutterDensity(params.start_m, width_m, MAX_RINGS) if given.plot_file else None
+        self.density = ClutterDensity(params.start_m, width_m, MAX_RINGS) if options.plot_file else None
 
     def add(self, frame: Frame, clutter: NDArray[np.intp]) -> None:
         """Add a frame with the indices of its clutter points."""
@@ -80,65 +59,59 @@ class ClutterTally:
         time_s = frame.stamp_ns / 1e9
         if self.search is not None and self.search.wants(time_s):
             self.search.add(frame.coordinates[:, clutter], time_s)
-        cloud = self._topics.setdefault(frame.topic, TopicStatistics())
-        if cloud.frames < _NOTED_FRAMES:
-            cloud.add(frame)
-
-    def finish(self, source: Source, selector: ClutterSelector) -> None:
-        """Add what is known at the end of the only recording."""
-        for topic, cloud in self._topics.items():
-            self.seen.append((f"{source.name}, {topic}", cloud.sensor(source.facts.get(topic))))
-            self.intensity_fields += [cloud.intensity_name] if cloud.intensity_name else []
-        self._topics.clear()
-        self.recordings, self.damage, self.frames_each = [source.name], source.damage, [selector.frames]
-        self.unlabelled, self.marked = selector.unlabelled, selector.marked
 
     def __iadd__(self, other: Self) -> Self:
-        """Add the tally over later recordings, which must not be used afterwards.
-
-        Raise `InputError` if a topic is known to be of another sensor than one before, or another intensity mode.
-        """
-        for where, sensor in other.seen:
-            for earlier, known in self.seen:
-                if sensor.differs_from(known):
-                    raise InputError(
-                        f"{where}: sensor {sensor.described}, but {known.described} in {earlier}; thresholds are valid "
-                        "for one sensor and intensity mode, so calibrate each by itself"
-                    )
-            self.seen.append((where, sensor))
+        """Add the points of later recordings, which must not be used afterwards."""
         self.calibration += other.calibration
         if self.search is not None and other.search is not None:
             self.search += other.search
         if self.density is not None and other.density is not None:
             self.density += other.density
-        for name in _ADDED:
-            setattr(self, name, getattr(self, name) + getattr(other, name))
-        self.intensity_fields = list(dict.fromkeys((*self.intensity_fields, *other.intensity_fields)))
         return self
 
-    @property
-    def frames(self) -> int:
-        """Number of frames that were used."""
-        return sum(self.frames_each)
+
+@dataclass(kw_only=True)
+class Calibrated(Outcome):
+    """Outcome of one recording: numbers of frames and points, and its clutter, until it is added to that of others.
+
+    Frames and points that labels leave out are ``unlabelled`` and ``marked``. Without labels, ``examined`` frames with
+    water were searched for objects that rise out of it. The first frames of each topic show its sensor.
+    """
+
+    frames: int = 0
+    unlabelled: int = 0
+    marked: int = 0
+    examined: int = 0
+    with_targets: int = 0
+    topics: dict[str, TopicStatistics] = field(default_factory=dict, repr=False)
+    clutter: Clutter | None = field(default=None, repr=False)
+
+    def note(self, frame: Frame) -> None:
+        """Note the sensor that one of the first frames shows."""
+        cloud = self.topics.setdefault(frame.topic, TopicStatistics())
+        if cloud.frames < _NOTED_FRAMES:
+            cloud.add(frame)
 
     @property
-    def sensors(self) -> list[str]:
-        """Sensors that the recordings state or, without one, resemble."""
-        stated = [name for _, sensor in self.seen for name in sensor.models if sensor.is_stated]
-        return list(dict.fromkeys(stated or [name for _, sensor in self.seen for name in sensor.models]))
+    def sensors(self) -> dict[str, RecognisedSensor]:
+        """Sensor of each topic, as ``recording, topic``."""
+        clouds = self.topics.items()
+        return {f"{self.recording}, {topic}": cloud.sensor(self.facts.get(topic)) for topic, cloud in clouds}
 
-    @property
-    def described_sensor(self) -> str:
-        """The sensor in a few words."""
-        likely = f"resembles {' or '.join(self.sensors)}" if self.sensors else "not recognised"
-        return self.sensor.model or likely
+    def check_sensors(self, others: Mapping[str, RecognisedSensor]) -> None:
+        """Raise `InputError` if a topic is known to be of another sensor than one before, or another intensity mode."""
+        for where, sensor in self.sensors.items():
+            for earlier, known in others.items():
+                if sensor.differs_from(known):
+                    raise InputError(
+                        f"{where}: sensor {sensor.described}, but {known.described} in {earlier}; thresholds are valid "
+                        "for one sensor and intensity mode, so calibrate each by itself"
+                    )
 
-    @property
-    def sensor(self) -> SensorParams:
-        """Sensor model and intensity mode, if a recording states them."""
-        models = (name for _, sensor in self.seen for name in sensor.models if sensor.is_stated)
-        modes = (sensor.intensity for _, sensor in self.seen if sensor.intensity)
-        return SensorParams(model=next(models, None), intensity=next(modes, None))
+    def figures(self) -> str:
+        """Return the main figures, for a line about the outcome."""
+        points = self.clutter.calibration.points if self.clutter else 0
+        return f"{count(self.frames, 'frame')}, {count(points, 'clutter point')}, {self.seconds:.1f} s"
 
 
 class Candidate(NamedTuple):
@@ -189,8 +162,8 @@ class TradeOff:
 
 
 @dataclass(frozen=True)
-class CalibrationResult(Result):
-    """Result of a calibration, which started from a configuration, and the sums over its input.
+class CalibrationResult(RecordingsResult):
+    """Result of a calibration, which started from a configuration: thresholds and far limit.
 
     It is ``labelled`` if labels separated clutter from targets. There is a ``mounting`` of the lidar if the water shows
     another one than the start configuration, a ``trade_off`` if filter rates were compared.
@@ -198,30 +171,61 @@ class CalibrationResult(Result):
 
     is_summary = True
     data = (
-        "output recordings=tally.recordings frames=tally.frames unlabelled_frames=tally.unlabelled labelled "
-        "labelled_points=tally.marked filter_rate=calibration.filter_rate max_left=calibration.max_left "
-        "sensors=tally.sensors intensity_fields=tally.intensity_fields intensity=calibration.intensity "
-        "clutter_points=calibration.points points_beyond=found.beyond last_m=found.last_m start_m=found.start_m "
-        "end_m=found.end_m end_kept=calibration.keep_end rings mounting trade_off warnings damage=tally.damage"
+        "output recordings frames=total.frames unlabelled_frames=total.unlabelled labelled "
+        "labelled_points=total.marked filter_rate=calibration.filter_rate max_left=calibration.max_left sensors "
+        "intensity_fields intensity=calibration.intensity clutter_points=calibration.points "
+        "points_beyond=found.beyond last_m=found.last_m start_m=found.start_m end_m=found.end_m "
+        "end_kept=calibration.keep_end rings mounting trade_off warnings damage"
     )
 
+    outcomes: Sequence[Calibrated]
     start: Config
+    calibration: Calibration
     found: Thresholds
-    tally: ClutterTally
     labelled: bool
     output: Path | None = None
     mounting: Mounting | None = None
     trade_off: TradeOff | None = None
 
     @property
-    def calibration(self) -> Calibration:
-        """Statistics of the clutter in all recordings."""
-        return self.tally.calibration
+    def total(self) -> Calibrated:
+        """Numbers of frames and points of all recordings."""
+        sums: dict[str, Any] = {name: sum(getattr(one, name) for one in self.outcomes) for name in _COUNTED}
+        return Calibrated(recording=", ".join(self.recordings), **sums)
 
     @property
-    def damaged(self) -> bool:
-        """Whether parts of the input were damaged and left out."""
-        return bool(self.tally.damage)
+    def recordings(self) -> list[str]:
+        """Names of the recordings with frames in the selected time."""
+        return [one.recording for one in self.outcomes if not one.has_nothing]
+
+    @property
+    def damage(self) -> list[Damage]:
+        """Parts of the input that were damaged and left out."""
+        return [item for one in self.outcomes for item in one.damage]
+
+    @property
+    def seen(self) -> list[RecognisedSensor]:
+        """Sensor of each topic."""
+        return [sensor for one in self.outcomes for sensor in one.sensors.values()]
+
+    @property
+    def sensors(self) -> list[str]:
+        """Sensors that the recordings state or, without one, resemble."""
+        stated = [name for sensor in self.seen for name in sensor.models if sensor.is_stated]
+        return list(dict.fromkeys(stated or [name for sensor in self.seen for name in sensor.models]))
+
+    @property
+    def sensor(self) -> SensorParams:
+        """Sensor model and intensity mode, if a recording states them."""
+        models = (name for sensor in self.seen for name in sensor.models if sensor.is_stated)
+        modes = (sensor.intensity for sensor in self.seen if sensor.intensity)
+        return SensorParams(model=next(models, None), intensity=next(modes, None))
+
+    @property
+    def intensity_fields(self) -> list[str]:
+        """Names of the fields with intensities."""
+        names = (cloud.intensity_name for one in self.outcomes for cloud in one.topics.values())
+        return list(dict.fromkeys(filter(None, names)))
 
     @property
     def config(self) -> Config:
@@ -230,17 +234,17 @@ class CalibrationResult(Result):
         if self.mounting:
             roll, pitch = self.mounting.roll_deg, self.mounting.pitch_deg
             params = replace(params, mounting_roll_deg=roll, mounting_pitch_deg=pitch)
-        return replace(self.start, filter=params, sensor=self.tally.sensor)
+        return replace(self.start, filter=params, sensor=self.sensor)
 
     @property
     def warnings(self) -> list[str]:
         """Reasons to doubt the thresholds, one sentence each."""
-        rings, tally = self.found.rings, self.tally
+        rings, total = self.found.rings, self.total
         used = sum(ring.points for ring in rings)
         found = []
-        if tally.with_targets > _MIN_SHARE * tally.examined:
+        if total.with_targets > _MIN_SHARE * total.examined:
             found.append(
-                f"objects rise out of the water in {tally.with_targets:,} of {count(tally.examined, 'examined frame')},"
+                f"objects rise out of the water in {total.with_targets:,} of {count(total.examined, 'examined frame')},"
                 " and raise the thresholds; label them (--labels), or choose a log without targets"
             )
         if used < few_points(self.calibration.filter_rate):
@@ -256,23 +260,23 @@ class CalibrationResult(Result):
 
     def config_text(self) -> str:
         """Return the configuration as YAML, with comments that describe its origin."""
-        head = [
-            f"Thresholds found by seaclutter calibrate with a filter rate of {self._rate}",
-            f"in {', '.join(map(printable, self.tally.recordings))}.",
-        ]
-        lines = [*_wrapped(" ".join(head)), *(line for text in self._sentences() for line in _wrapped(text))]
-        comments = [*lines, *self._table().splitlines()]
-        body = self.config.to_yaml(comments=True)
-        return "".join(f"# {line}".rstrip() + "\n" for line in comments) + body
+        left = self.calibration.max_left
+        rate = f"{self.calibration.filter_rate:g}"
+        rate += "" if left is None else f" and at most {left:g} clutter points per frame left in a range ring"
+        names = ", ".join(map(printable, self.recordings))
+        head = f"Thresholds found by seaclutter calibrate with a filter rate of {rate} in {names}."
+        form = textwrap.TextWrapper(_COMMENT_WIDTH - 2, break_on_hyphens=False, break_long_words=False)
+        lines = [line for text in (head, *self._sentences()) for line in form.wrap(text)]
+        comments = "".join(f"# {line}".rstrip() + "\n" for line in (*lines, *self._table()))
+        return comments + self.config.to_yaml(comments=True)
 
     def as_text(self) -> str:
         """Return the result as human-readable text."""
-        sentences = [line for text in self._sentences() for line in textwrap.wrap(text, _TEXT_WIDTH - 2)]
-        body = [*sentences, *self._table().splitlines()]
-        title = printable(", ".join(self.tally.recordings))
+        body = [line for text in self._sentences() for line in textwrap.wrap(text, _TEXT_WIDTH - 2)]
+        title = printable(self.total.recording)
         if self.output:
             title += f" -> {printable(str(self.output))}"
-        text = "\n".join((title, *(f"  {line}" for line in body)))
+        text = "\n".join((title, *(f"  {line}" for line in (*body, *self._table()))))
         return f"{text}\n\n{self.trade_off.as_text()}" if self.trade_off else text
 
     def as_dict(self) -> dict[str, Any]:
@@ -284,22 +288,17 @@ class CalibrationResult(Result):
         pairs = zip(self.found.rings, self.found.initial_thresholds, strict=True)
         return [{**data_of(ring, _OF_RING), "threshold": threshold} for ring, threshold in pairs]
 
-    @property
-    def _rate(self) -> str:
-        left = self.calibration.max_left
-        limit = "" if left is None else f" and at most {left:g} clutter points per frame left in a range ring"
-        return f"{self.calibration.filter_rate:g}{limit}"
-
     def _sentences(self) -> list[str]:
         """Return sentences about the input and the far limit of clutter."""
-        found, tally = self.found, self.tally
+        found, total = self.found, self.total
         least, most = self.calibration.intensity
-        without = f" ({count(tally.unlabelled, 'unlabelled frame')} left out)" if tally.unlabelled else ""
-        left_out = f"{count(tally.marked, 'labelled point')} left out"
+        without = f" ({count(total.unlabelled, 'unlabelled frame')} left out)" if total.unlabelled else ""
+        left_out = f"{count(total.marked, 'labelled point')} left out"
         labels = left_out if self.labelled else "no labels: all treated as clutter"
-        name = printable(" or ".join(tally.intensity_fields)) or "none"
+        name = printable(" or ".join(self.intensity_fields)) or "none"
         points = f"{count(self.calibration.points, 'clutter point')} from {found.start_m:g} m outwards"
-        frames = f"{count(tally.frames, 'frame')}{without}"
+        frames = f"{count(total.frames, 'frame')}{without}"
+        likely = f"resembles {' or '.join(self.sensors)}" if self.sensors else "not recognised"
         limit = f"in whole range rings, clutter ends at {found.end_m:g} m."
         if self.calibration.keep_end:
             limit = f"the given far limit of {found.end_m:g} m is kept."
@@ -311,32 +310,23 @@ class CalibrationResult(Result):
             )
         return [
             f"{frames}; {points} ({labels}), {found.beyond:,} of them beyond {found.end_m:g} m.",
-            f"Sensor {tally.described_sensor}; intensity field {name}, {least:g} to {most:g} in clutter.",
+            f"Sensor {self.sensor.model or likely}; intensity field {name}, {least:g} to {most:g} in clutter.",
             f"Beyond {found.last_m:.2f} m, consecutive clutter points are more than 1 m apart in range; {limit}",
             *mounted,
         ]
 
-    def _table(self) -> str:
-        rows = [_ring_row(ring) for ring in self.found.rings]
+    def _table(self) -> Iterator[str]:
+        """Yield the lines of the table of range rings, with notes behind them."""
+        rows, notes = [], [""]
+        for ring in self.found.rings:
+            below = share(ring.below, ring.points)
+            span = f"{ring.start_m:g} to {ring.end_m:g} m"
+            rows.append((span, f"{ring.points:,}", f"{ring.threshold:.9g}", below))
+            note = "saturated" if ring.saturated else ""
+            if ring.few:
+                first, last = ring.source
+                rings = f"rings {first} to {last}" if first < last else f"ring {last}"
+                note = f"{note or ('few points' if ring.points else 'no points')}: {rings}"
+            notes.append(note or "no point passes" * (self.calibration.filter_rate == 1))
         lines = table(("range ring", "clutter points", "threshold", "below"), rows).splitlines()
-        rate = self.calibration.filter_rate
-        notes = ["", *(_note(ring, rate) for ring in self.found.rings)]
-        return "\n".join(f"{line}  {note}".rstrip() for line, note in zip(lines, notes, strict=True))
-
-
-def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(text, _COMMENT_WIDTH - 2, break_on_hyphens=False, break_long_words=False)
-
-
-def _ring_row(ring: RingCalibration) -> tuple[str, ...]:
-    span = f"{ring.start_m:g} to {ring.end_m:g} m"
-    return span, f"{ring.points:,}", f"{ring.threshold:.9g}", share(ring.below, ring.points)
-
-
-def _note(ring: RingCalibration, filter_rate: float) -> str:
-    note = "saturated" if ring.saturated else ""
-    if ring.few:
-        first, last = ring.source
-        rings = f"rings {first} to {last}" if first < last else f"ring {last}"
-        note = f"{note or ('few points' if ring.points else 'no points')}: {rings}"
-    return note or "no point passes" * (filter_rate == 1)
+        yield from (f"{line}  {note}".rstrip() for line, note in zip(lines, notes, strict=True))
