@@ -9,7 +9,7 @@ from fractions import Fraction
 from seaclutter_cli.errors import InputError, SelectionError, UsageError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import diagnostics, find_codec, main_clouds
-from seaclutter_cli.messages.metadata import FILTERED, REMOVED, recorded_topics
+from seaclutter_cli.messages.metadata import FILTERED, REMOVED, RecordedTopic, recorded_topics
 from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.text import suggestion
 
@@ -85,10 +85,6 @@ def _shown(moment: Moment) -> str:
     return f"{moment:g} s"
 
 
-def _nanoseconds(time: datetime) -> int:
-    return (_in_utc(time) - _EPOCH) // timedelta(microseconds=1) * 1000
-
-
 def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel]:
     """Return the channels of the selected cloud topics.
 
@@ -119,35 +115,27 @@ def main_topics(source: Source) -> list[str]:
     return list(dict.fromkeys(channel.topic for channel in main_clouds(source.channels)))
 
 
-def was_filtered(source: Source, topics: Collection[str] = ()) -> bool:
-    """Return whether the selected cloud topics, by default all, contain only filtered clouds of an earlier run."""
-    recorded = recorded_topics(source.metadata)
+def filtered_by(source: Source, topics: Collection[str] = ()) -> str | None:
+    """Return by which methods an earlier run filtered all selected cloud topics, as in " by joint"; None if it did not.
+
+    By default, these are the topics that are meant if none is named. The text is empty if the methods are unknown.
+    """
+    recorded, named = recorded_topics(source.metadata), topics or main_topics(source)
     if recorded:
-        named = topics or main_topics(source)
-        return all(topic in recorded and recorded[topic].content in (FILTERED, REMOVED) for topic in named)
-    names = {channel.topic for channel in source.channels}
-    clouds = topics or main_topics(source)
-    return diagnostics.TOPIC in names and not any(f"{topic}/filtered" in names for topic in clouds)
-
-
-def filtered_by(source: Source, topics: Collection[str] = ()) -> str:
-    """Return the methods that filtered the selected cloud topics before, as in " by joint"; empty if unknown."""
-    recorded = recorded_topics(source.metadata)
-    named = topics or main_topics(source)
+        if any(topic not in recorded or recorded[topic].content not in (FILTERED, REMOVED) for topic in named):
+            return None
+    else:
+        names = {channel.topic for channel in source.channels}
+        if diagnostics.TOPIC not in names or any(f"{topic}/filtered" in names for topic in named):
+            return None
     methods = dict.fromkeys(name for topic in named if topic in recorded for name in recorded[topic].methods)
     return f" by {', '.join(methods)}" if methods else ""
 
 
-def is_part(source: Source, topics: Collection[str] = ()) -> bool:
-    """Return whether a log was made from a part of a recording, so that labels may be of other frames."""
+def recorded_of(source: Source, topics: Collection[str] = ()) -> list[RecordedTopic]:
+    """Return what a log that this program wrote says about the selected topics, by default about all."""
     recorded = recorded_topics(source.metadata)
-    return any(one.is_part for name, one in recorded.items() if not topics or name in topics)
-
-
-def first_frame(source: Source, topics: Collection[str] = ()) -> int:
-    """Return the number of the first frame of the selected topics in the recording from which a log was made."""
-    recorded = recorded_topics(source.metadata)
-    return min((one.first_frame for name, one in recorded.items() if not topics or name in topics), default=0)
+    return [one for name, one in recorded.items() if not topics or name in topics]
 
 
 class Window:
@@ -165,23 +153,12 @@ class Window:
         self._index = {topic: recorded[topic].first_frame - 1 if topic in recorded else -1 for topic in topics}
         self._selected = dict.fromkeys(topics, 0)
         if selection.start_s is not None or selection.end_s is not None:
-            self._begin(source, clouds)
-
-    def _begin(self, source: Source, clouds: Sequence[Channel]) -> None:
-        """Find the bounds in log time and the index of the first frame of each topic within them."""
-        self._first_ns = _first_log_time(source)
-        self.start_ns, self.end_ns = self._bound(self._selection.start_s, -1), self._bound(self._selection.end_s, 1)
+            first_ns = _first_log_time(source)
+            self.start_ns, self.end_ns = _bound(selection.start_s, first_ns), _bound(selection.end_s, first_ns)
         if self.start_ns is not None:
             skipped = source.skipped(self.start_ns)
             for channel in clouds:
                 self._index[channel.topic] += skipped.get(channel.id, 0)
-
-    def _bound(self, moment: Moment | None, margin_ns: int) -> int | None:
-        """Return a limit as log time; a float of seconds may be off by less than a nanosecond, `contains` decides."""
-        if moment is None or isinstance(moment, datetime):
-            return None if moment is None else _nanoseconds(moment)
-        exact_ns = moment * _NANO
-        return self._first_ns + (math.ceil(exact_ns) if margin_ns > 0 else math.floor(exact_ns)) + margin_ns
 
     def count(self, message: Message) -> int:
         """Return the index of the next cloud message within its topic."""
@@ -200,17 +177,19 @@ class Window:
 
     def contains(self, message: Message) -> bool:
         """Return whether a message is selected."""
-        start, end, frames = self._selection.start_s, self._selection.end_s, self._selection.frames
-        if (start is not None and self._is_before(message, start)) or (
-            end is not None and not self._is_before(message, end)
-        ):
+        if self.start_ns is not None and message.log_time_ns < self.start_ns:
             return False
+        if self.end_ns is not None and message.log_time_ns >= self.end_ns:
+            return False
+        frames = self._selection.frames
         return frames is None or self._selected.get(message.channel.topic, -1) < frames
 
-    def _is_before(self, message: Message, moment: Moment) -> bool:
-        if isinstance(moment, datetime):
-            return message.log_time_ns < _nanoseconds(moment)
-        return (message.log_time_ns - self._first_ns) / _NANO < moment
+
+def _bound(moment: Moment | None, first_ns: int) -> int | None:
+    """Return a limit as log time, given that of the first message."""
+    if moment is None or isinstance(moment, datetime):
+        return None if moment is None else (_in_utc(moment) - _EPOCH) // timedelta(microseconds=1) * 1000
+    return first_ns + round(moment * _NANO)
 
 
 def _first_log_time(source: Source) -> int:

@@ -30,7 +30,7 @@ from seaclutter_cli.runs.recordings import (
     require_selected,
     storing_errors,
 )
-from seaclutter_cli.selection import cloud_channels, is_part
+from seaclutter_cli.selection import cloud_channels, recorded_of
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count
 
@@ -130,7 +130,8 @@ class RecordingWork(Work[O]):
         """Raise an error if no frame was read, or if a complete recording lacks a frame that is labelled."""
         selection = self.reading.selection
         require_frames(source, frames, selection)
-        if labels and selection.is_whole and not source.damage and not is_part(source, selection.topics):
+        is_part = any(one.is_part for one in recorded_of(source, selection.topics))
+        if labels and selection.is_whole and not source.damage and not is_part:
             labels.finish()
 
 

@@ -27,7 +27,7 @@ from seaclutter_cli.runs.observer import Observer, Step
 from seaclutter_cli.runs.options.studies import EvaluateOptions
 from seaclutter_cli.runs.outputs import PackedRows, may_appear, write_manifest
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
-from seaclutter_cli.selection import cloud_channels, filtered_by, first_frame, was_filtered
+from seaclutter_cli.selection import cloud_channels, filtered_by, recorded_of
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.text import UNKNOWN, count, legend, printable, table
@@ -264,9 +264,8 @@ class EvaluateWork(RecordingWork[Evaluated]):
         """Filter the recording with every method, and score each frame."""
         outcome.rows = FrameRows(self.recording.name, self.spool) if self.tabulated else None
         selection = self.reading.selection
-        filtered = was_filtered(source, selection.topics)
-        if filtered and any(variant.config.method != "none" for variant in self.variants):
-            by = filtered_by(source, selection.topics)
+        by = filtered_by(source, selection.topics)
+        if by is not None and any(variant.config.method != "none" for variant in self.variants):
             text = "this run only filters the remaining points, and lost targets count as not visible"
             observer.warn(f"{source.name}: already filtered{by}; {text}")
         methods = ", ".join(variant.name for variant in self.variants)
@@ -275,13 +274,14 @@ class EvaluateWork(RecordingWork[Evaluated]):
         filters = [variant.config.make_filter() for variant in self.variants]
         # The threshold of a method that derives it from the log itself always fits.
         given = [variant for variant, method in zip(self.variants, filters, strict=True) if not method.needs_first_pass]
-        checks = {variant.name: Checks(variant.config, source.facts, filtered=filtered) for variant in given}
+        checks = {variant.name: Checks(variant.config, source.facts, filtered=by is not None) for variant in given}
         with self.progress(source, observer) as step:
             scorer = FrameScorer(self, labels, outcome, checks, observer, step)
             run_each(source, filters, selection, scorer.add)
         self.finish(source, labels, outcome.frames)
         if labels and outcome.frames and not any(summary.frames for summary in outcome.methods.values()):
-            if first := first_frame(source, self.reading.topics):
+            recorded = recorded_of(source, selection.topics)
+            if first := min((one.first_frame for one in recorded), default=0):
                 text = f"it is a part of a recording, with frames from {first} on"
                 raise LabelError(f"{source.name}: no frame is labelled; {text}")
             observer.warn(f"{source.name}: no frame is labelled; check that the labels belong to this recording")

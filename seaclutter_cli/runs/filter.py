@@ -1,7 +1,7 @@
 """Filtering of recordings into drop-in logs."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
@@ -38,7 +38,7 @@ from seaclutter_cli.runs.options.logs import FilterOptions
 from seaclutter_cli.runs.outputs import PackedRows, may_appear
 from seaclutter_cli.runs.recordings import open_recording, require_frames
 from seaclutter_cli.runs.resume import RunIdentity, identity_of
-from seaclutter_cli.selection import cloud_channels, filtered_by, was_filtered
+from seaclutter_cli.selection import cloud_channels, filtered_by
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import FrameTable
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
@@ -269,12 +269,11 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         topics = list(dict.fromkeys(channel.topic for channel in clouds))
         if labels and len(topics) > 1:
             raise UsageError(f"{source.name}: labels apply to one topic; choose one with -t")
-        if self.config.method != "none" and was_filtered(source, selection.topics):
-            by = filtered_by(source, selection.topics)
+        if self.config.method != "none" and (by := filtered_by(source, selection.topics)) is not None:
             observer.warn(f"{source.name}: already filtered{by}; this run only filters the remaining points")
         named = printable(", ".join(channel.topic for channel in clouds))
         observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
-        fit = _FitWarnings(self.config, source, topics, observer)
+        checks = {topic: _FitChecks(self.config, source, topic, observer) for topic in topics}
         outcome.rows = PackedRows(self.spool) if self.options.csv_file else None
         tables = [_frame_table(self.config, outcome.rows)] if outcome.rows else []
         with (
@@ -286,12 +285,13 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
 
             def on_result(result: FilterResult) -> None:
                 step()
-                fit.add(result)
+                checks[result.frame.topic].see(result)
 
             run(source, self.config.make_filter, [sink, *tables], selection, on_result, outcome.topics)
             require_frames(source, outcome.frames, selection)
         warn_of_losses(self.output, self.form, sink.lost, observer)
-        fit.finish(outcome.topics)
+        for topic, tally in outcome.topics.items():
+            checks[topic].end(tally)
 
     def identity(self) -> RunIdentity:
         """Return what the filtered file depends on."""
@@ -333,30 +333,26 @@ def _read_rows(complete: FilterOutcome, table: FrameTable) -> bool:
     return found == Counter({topic: tally.frames for topic, tally in complete.topics.items()})
 
 
-class _FitWarnings:
-    """Warnings about settings that do not fit the frames of a recording."""
+class _FitChecks(Checks):
+    """Checks of the frames of a topic, and of the sums over them; an observer receives the warnings."""
 
-    def __init__(self, config: Config, source: Source, topics: Sequence[str], observer: Observer) -> None:
-        self._config, self._observer = config, observer
-        self._written_anew: set[str] = set()
-        self._checks = {topic: Checks(config, source.facts, filtered=was_filtered(source, [topic])) for topic in topics}
+    def __init__(self, config: Config, source: Source, topic: str, observer: Observer) -> None:
+        super().__init__(config, source.facts, filtered=filtered_by(source, [topic]) is not None)
+        self._config, self._topic, self._observer = config, topic, observer
+        self._written_anew: str | None = None
 
-    def add(self, result: FilterResult) -> None:
+    def see(self, result: FilterResult) -> None:
         """Check a frame."""
-        for warning in self._checks[result.frame.topic].add(result):
-            self._warn(result.frame.topic, warning)
-        if result.frame.topic not in self._written_anew and (change := rewrapped(result.frame.cloud)):
-            self._written_anew.add(result.frame.topic)
-            self._warn(result.frame.topic, change)
+        self._warn(self.add(result))
+        if not self._written_anew and (change := rewrapped(result.frame.cloud)):
+            self._written_anew = change
+            self._warn([change])
 
-    def finish(self, tallies: Mapping[str, TopicTally]) -> None:
-        """Check the sums over all frames."""
-        for topic, tally in tallies.items():
-            for warning in self._checks[topic].finish() or (self._of_sums(tally) if tally.points_in else ()):
-                self._warn(topic, warning)
+    def end(self, tally: TopicTally) -> None:
+        """Check whether a point was kept, and whether nearly all frames are without the water that a method needs."""
+        self._warn(self.finish() or (self._of_sums(tally) if tally.points_in else ()))
 
     def _of_sums(self, tally: TopicTally) -> Iterator[str]:
-        """Yield a warning if no point was kept, or nearly all frames are without the water that the method needs."""
         most, without = Reason(int(tally.counts.argmax())), tally.frames - tally.water_frames
         if not tally.counts[Reason.KEPT]:
             removed = f"{share(int(tally.counts[most]), tally.points_in)} were removed"
@@ -365,5 +361,6 @@ class _FitWarnings:
             frames = f"{without:,} of {count(tally.frames, 'frame')}"
             yield f"no water seen in {frames}; heights are then unknown, and every object that stays is kept"
 
-    def _warn(self, topic: str, text: str) -> None:
-        self._observer.warn(f"{topic}: {text}")
+    def _warn(self, texts: Iterable[str]) -> None:
+        for text in texts:
+            self._observer.warn(f"{self._topic}: {text}")

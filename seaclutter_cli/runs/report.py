@@ -31,7 +31,7 @@ from seaclutter_cli.runs.options.studies import ReportOptions
 from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
 from seaclutter_cli.runs.recordings import LabelFile, Outcome, open_recording, require_frames
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
-from seaclutter_cli.selection import was_filtered
+from seaclutter_cli.selection import filtered_by
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import UNKNOWN, count, printable
 
@@ -256,7 +256,7 @@ def _recorded(recording: Recording, reading: ReadOptions) -> tuple[str, str] | N
     with closing(open_recording(recording, reading)) as source:
         topics = [topic for topic in filtered_topics(source) if not reading.topics or topic in reading.topics]
         if not topics:
-            if was_filtered(source, reading.topics):
+            if filtered_by(source, reading.topics) is not None:
                 raise InputError(
                     f"{source.name}: already filtered, and the log lacks the removed points; use the raw log or one "
                     "filtered with --keep-raw --with-removed, or show the remaining points with -m none"
