@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from seaclutter_cli import viewing
 from seaclutter_cli.commands import cli
-from seaclutter_cli.runs import view as runs_view
+from seaclutter_cli.runs import report as runs_report
 from tests.reporting.runs import make_labels, make_log
 from tests.sinks.runs import filter_log
 
@@ -69,7 +69,7 @@ def test_an_error_leaves_nothing(tmp_path):
 
 
 def test_an_existing_file_is_kept(log, tmp_path, monkeypatch):
-    monkeypatch.setattr(runs_view, "require_rerun", lambda: None)
+    monkeypatch.setattr(runs_report, "require_rerun", lambda: None)
     (tmp_path / "a.rrd").write_text("mine")
     assert "--force" in view(log, "--save", tmp_path / "a.rrd", status=2).stderr
     assert ".rrd" in view(log, "--save", tmp_path / "a.txt", status=2).stderr

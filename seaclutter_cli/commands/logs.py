@@ -56,7 +56,7 @@ COMMANDS = (
     ),
     command(
         "view",
-        "runs.view:view_logs",
+        "runs.report:view_logs",
         {"logs": option("LOGS...", "Logs.", kind=Anything()), "options": ViewOptions},
         """Show LOGS in the Rerun viewer: raw, removed and kept points, boxes, clusters and threshold curves.
 

@@ -1,7 +1,7 @@
-"""Reports on the effect and quality of a filter: a page that opens offline, and figures for print."""
+"""What shows the effect of a filter: a page that opens offline, figures for print, and the Rerun viewer."""
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import partial
@@ -25,15 +25,19 @@ from seaclutter_cli.runs.batch import prepared
 from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork, FrameScorer
 from seaclutter_cli.runs.methods import Variant, is_default
 from seaclutter_cli.runs.methods import variants as variants_of
-from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options import MethodOptions, ReadOptions
+from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.options import Logs, MethodOptions, ReadOptions, of_options
+from seaclutter_cli.runs.options.logs import ViewOptions
 from seaclutter_cli.runs.options.studies import ReportOptions
 from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
 from seaclutter_cli.runs.recordings import LabelFile, Outcome, open_recording, require_frames
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.selection import filtered_by
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import UNKNOWN, count, printable
+from seaclutter_cli.viewing import FrameStream, require_rerun, viewer
+from seaclutter_cli.viewing import check_target as check_rerun_file
 
 _DESCRIBED_FRAMES = 10
 _NANO = 1_000_000_000
@@ -130,6 +134,55 @@ class ReportResult(Comparison):
 
 def _size(size: int) -> str:
     return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{max(round(size / 1e3), 1)} kB"
+
+
+@on_paths
+@of_options
+def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> "ViewResult":
+    """Show recordings in the Rerun viewer, or write a file for it.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> options = seaclutter.ViewOptions(target=folder / "trial.rrd")
+    >>> seaclutter.view_logs("samples/sea.mcap", options).target.name  # doctest: +SKIP
+    'trial.rrd'
+    """
+    require_rerun()
+    if options.target:
+        check_rerun_file(options.target)
+    pairs = prepared(logs, options, {"--save": options.target}, observer)
+    methods = MethodOptions(config=options.config, methods=options.method or (), settings=options.settings)
+    with OutputGroup(replace=options.force) as files, ExitStack() as stack:
+
+        def open_stream(variants: Sequence[Variant]) -> FrameStream:
+            if options.target:
+                part = stack.enter_context(AtomicFile(options.target, files)).part
+                return FrameStream(variants[0].config.evaluation, lambda recording: recording.save(part))
+            return FrameStream(variants[0].config.evaluation, stack.enter_context(viewer(options.port)))
+
+        comparison, stream = filter_or_replay(pairs, methods, options.reading, observer, open_stream)
+        stream.finish()
+        if all(outcome.error for outcome in comparison.outcomes):
+            raise InputError("nothing to show: no recording could be read")
+        stack.close()
+        if not may_appear([options.target], comparison.outcomes, observer):
+            files.discard()
+    return ViewResult(comparison.variants, comparison.outcomes, options.target)
+
+
+@dataclass(frozen=True)
+class ViewResult(Comparison):
+    """Scores of recordings that were shown, and the file that was written, if it is not the viewer that showed them."""
+
+    is_summary = True
+    data = f"output=target {Comparison.data}"
+
+    target: Path | None
+
+    def as_text(self) -> str:
+        """Return the file and its size as text; empty for the viewer."""
+        return printable(f"{self.target}: {self.target.stat().st_size / 1e6:.1f} MB") if self.target else ""
 
 
 @dataclass

@@ -59,18 +59,10 @@ def simulate(options: SimulationOptions) -> "SimulationResult | TileSimulationRe
     if options.seeds is None and named_folder(options.output):
         raise UsageError(f"{output}: names a folder by the slash at its end; -o takes a file, or a folder with --seeds")
     if options.seeds is None:
-        return _simulate_scene(options.scene, Path(output), scene, options.observer)
+        return _SimulateWork(Recording((Path(output),)), str(options.scene), scene).simulate(options.observer)
     if options.seed is not None:
         raise UsageError("--seed and --seeds: give one of them")
     return simulate_seeds(options.scene, options.output, options.seeds, scene, options.batch, options.observer)
-
-
-def _simulate_scene(
-    scene: PathLike, output: Path, options: SimulateOptions, observer: Observer
-) -> "SimulationResult | TileSimulationResult":
-    """Simulate a labelled recording of a scene, or a tile if the output is a LAS or LAZ file."""
-    simulate_one = _simulate_tile if output.suffix.lower() in _TILE_SUFFIXES else _simulate_recording
-    return simulate_one(str(scene), output, options, observer)
 
 
 def _simulate_recording(name: str, output: Path, options: SimulateOptions, observer: Observer) -> "SimulationResult":
@@ -102,10 +94,9 @@ def _simulate_recording(name: str, output: Path, options: SimulateOptions, obser
 def _check_name(output: Path, chosen: str | None) -> None:
     from seaclutter_cli.simulation.marine.recording import FORMATS
 
-    form = chosen or output.suffix.removeprefix(".")
-    if form not in FORMATS or output.suffix != f".{form}":
-        endings = " or ".join(f".{name}" for name in ([form] if chosen else FORMATS))
-        raise UsageError(f"{output}: the name of the recording must end in {endings}")
+    endings = [f".{name}" for name in ([chosen] if chosen else FORMATS)]
+    if output.suffix not in endings:
+        raise UsageError(f"{output}: the name of the recording must end in {' or '.join(endings)}")
 
 
 def _simulate_tile(name: str, output: Path, options: SimulateOptions, observer: Observer) -> "TileSimulationResult":
@@ -164,7 +155,7 @@ class SimulationResult(Result):
     labels: Path
     seconds: float
 
-    def _rows(self) -> list[tuple[str, int]]:
+    def listed(self) -> list[dict[str, Any]]:
         """Return the points by label; those of many targets by class."""
         targets = [item for item in self.scene.objects if not item.ignore]
         names = [item.class_name or item.shape for item in targets]
@@ -175,16 +166,13 @@ class SimulationResult(Result):
             for name, item in zip(names, targets, strict=True):
                 points[name] += self.tally.points[item.track_id]
             rows = [(f"{name} ({count(number, 'object')})", points[name]) for name, number in sorted(objects.items())]
-        return [("clutter", self.tally.points[CLUTTER]), *rows, ("own ship or ignored", self.tally.points[IGNORED])]
-
-    def listed(self) -> list[dict[str, Any]]:
-        """Return the points by label."""
-        return [{"label": name, "points": points} for name, points in self._rows()]
+        rows = [("clutter", self.tally.points[CLUTTER]), *rows, ("own ship or ignored", self.tally.points[IGNORED])]
+        return [{"label": name, "points": points} for name, points in rows]
 
     def as_text(self) -> str:
         """Return the result as human-readable text."""
         frames = self.tally.frames
-        rows = [(name, f"{points / frames:,.0f}") for name, points in self._rows()]
+        rows = [(one["label"], f"{one['points'] / frames:,.0f}") for one in self.listed()]
         pace = f"{count(frames, 'frame')} in {self.seconds:.1f} s ({frames / self.seconds:.0f} frames/s)"
         files = printable(f"{self.log}, {self.labels}")
         return f"{files}\n{indented(table(('label', 'points per frame'), rows))}\n{pace}"
@@ -203,11 +191,6 @@ class TileSimulationResult(Result):
     output: Path
     seconds: float
 
-    def _rows(self) -> list[tuple[str, int, int]]:
-        objects = Counter(item.kind for item in self.scene.objects)
-        named = enumerate(OBJECT_CLASSES, 1)
-        return [(name, objects[name], self.points[code]) for code, name in named if objects[name]]
-
     @property
     def sea(self) -> int:
         """Number of points of the sea."""
@@ -215,11 +198,13 @@ class TileSimulationResult(Result):
 
     def listed(self) -> list[dict[str, Any]]:
         """Return objects and points by class."""
-        return [{"class": name, "objects": objects, "points": points} for name, objects, points in self._rows()]
+        objects, named = Counter(item.kind for item in self.scene.objects), enumerate(OBJECT_CLASSES, 1)
+        rows = ((name, objects[name], self.points[code]) for code, name in named if objects[name])
+        return [dict(zip(("class", "objects", "points"), row, strict=True)) for row in rows]
 
     def as_text(self) -> str:
         """Return the result as human-readable text."""
-        rows = [(name, objects, f"{points:,}") for name, objects, points in self._rows()]
+        rows = [(one["class"], one["objects"], f"{one['points']:,}") for one in self.listed()]
         land = [("land", "", f"{self.land:,}")] if self.scene.land else []
         shown = table(("class", "objects", "points"), [("sea", "", f"{self.sea:,}"), *land, *rows])
         output, total = printable(str(self.output)), self.points.total() + self.land
@@ -276,7 +261,8 @@ def simulate_seeds(
     labels = [] if suffix in _TILE_SUFFIXES else [log.with_suffix(".labels.csv") for log in logs]
     targets = {"-o": logs, "the labels of -o": labels}
     prepare_outputs(targets, {"SCENE": Path(scene)}, force=options.force, observer=observer)
-    works = [_SimulateWork(str(scene), log, replace(options, seed=seed)) for seed, log in zip(seeds, logs, strict=True)]
+    pairs = zip(seeds, logs, strict=True)
+    works = [_SimulateWork(Recording((log,)), str(scene), replace(options, seed=seed)) for seed, log in pairs]
     return SeedsResult(run_batch(works, batch or BatchOptions(), observer))
 
 
@@ -285,13 +271,12 @@ class _Simulated(Outcome):
     """Outcome of a simulation; without a result after an error."""
 
     seed: int
+    output: Path
     result: SimulationResult | TileSimulationResult | None = None
 
     def figures(self) -> str:
         """Return output and duration, for a line about the outcome."""
-        done = self.result
-        path = done.log if isinstance(done, SimulationResult) else done.output if done else ""
-        return f"{self.seconds:.1f} s -> {printable(str(path))}"
+        return f"{self.seconds:.1f} s -> {printable(str(self.output))}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the outcome as JSON-compatible data."""
@@ -304,15 +289,11 @@ class _Simulated(Outcome):
 
 @dataclass(frozen=True)
 class _SimulateWork(Work[_Simulated]):
-    """Simulation with the seed of the options."""
+    """Simulation of a recording with the seed of the options."""
 
+    recording: Recording
     scene: str
-    output: Path
     options: SimulateOptions
-
-    @property
-    def recording(self) -> Recording:  # type: ignore[override]
-        return Recording((self.output,))
 
     @property
     def reads(self) -> Sequence[Path]:
@@ -320,17 +301,24 @@ class _SimulateWork(Work[_Simulated]):
 
     @property
     def writes(self) -> Sequence[Path]:
-        return (self.output,)
+        return self.recording.paths
 
     def run(self, observer: Observer) -> _Simulated:
         """Simulate; store an error in the outcome."""
         outcome = self.without_result(None)
         with storing_errors(outcome, observer):
-            outcome.result = _simulate_scene(self.scene, self.output, self.options, observer)
+            outcome.result = self.simulate(observer)
         return outcome
 
+    def simulate(self, observer: Observer) -> SimulationResult | TileSimulationResult:
+        """Simulate a labelled recording, or a tile if the output is a LAS or LAZ file."""
+        (output,) = self.recording.paths
+        simulate_one = _simulate_tile if output.suffix.lower() in _TILE_SUFFIXES else _simulate_recording
+        return simulate_one(self.scene, output, self.options, observer)
+
     def without_result(self, reason: str | None) -> _Simulated:
-        return _Simulated(recording=self.output.stem, seed=self.options.seed or 0, error=reason)
+        (output,) = self.recording.paths
+        return _Simulated(recording=output.stem, seed=self.options.seed or 0, output=output, error=reason)
 
 
 @dataclass(frozen=True)
