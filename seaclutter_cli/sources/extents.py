@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import CloudError, InputError
 from seaclutter_cli.sources.crs import Crs
 from seaclutter_cli.sources.frame_files.las import is_copc, read_chunks, read_index
-from seaclutter_cli.sources.tiles import CloudTile, LasTile, Tile, TilePointReader, open_tile, read_columns
+from seaclutter_cli.sources.tiles import CloudTile, LasTile, Tile, open_tile
 
 _REPEATED = 0.5
 LEAST_M = 600.0
@@ -27,6 +27,12 @@ class Extent:
     low: tuple[float, float]
     high: tuple[float, float]
 
+    @classmethod
+    def of(cls, low: NDArray[np.float64], high: NDArray[np.float64]) -> "Extent":
+        """Return the rectangle between two corners, shape (2,)."""
+        (west, south), (east, north) = low.tolist(), high.tolist()
+        return cls((west, south), (east, north))
+
     @property
     def area(self) -> float:
         """Area in square metres."""
@@ -36,13 +42,11 @@ class Extent:
         """Return the rectangle with a margin on all sides, which makes each side at least ``least_m`` long."""
         low, high = np.array(self.low), np.array(self.high)
         margin = np.maximum(by_m, (least_m - (high - low)) / 2)
-        (west, south), (east, north) = (low - margin).tolist(), (high + margin).tolist()
-        return Extent((west, south), (east, north))
+        return Extent.of(low - margin, high + margin)
 
     def clipped(self, other: "Extent") -> "Extent":
         """Return what two rectangles that overlap have in common."""
-        (west, south), (east, north) = np.maximum(self.low, other.low), np.minimum(self.high, other.high)
-        return Extent((float(west), float(south)), (float(east), float(north)))
+        return Extent.of(np.maximum(self.low, other.low), np.minimum(self.high, other.high))
 
     def overlap(self, other: "Extent") -> float:
         """Return the area that two rectangles have in common; negative if they are apart."""
@@ -96,8 +100,7 @@ def extent_of(tile: LasTile) -> Extent | None:
     low, high = (np.asarray(bounds[:2], np.float64) * unit for bounds in (tile.header.mins, tile.header.maxs))
     if tile.crs.is_geographic or not tile.size or not np.isfinite([low, high]).all() or (low > high).any():
         return None
-    (west, south), (east, north) = low.tolist(), high.tolist()
-    return Extent((west, south), (east, north))
+    return Extent.of(low, high)
 
 
 def region_of(tile: TileHead, margin_m: float) -> Extent | None:
@@ -180,8 +183,7 @@ def windows_of(path: Path, side_m: float) -> list[TileHead]:
         low = np.array(cell) * side_m
         chunks = index.within(low / tile.crs.unit_m, (low + side_m) / tile.crs.unit_m)
         if chunks:
-            (west, south), (east, north) = low.tolist(), (low + side_m).tolist()
-            window = Extent((west, south), (east, north))
+            window = Extent.of(low, low + side_m)
             size = sum(size for _, size, _ in chunks)
             found.append(TileHead(path, tile.crs, window.clipped(extent), window, size))
     return found
@@ -196,24 +198,23 @@ class Margin:
     window: Extent | None = None
 
 
-class PointsWithMargin(TilePointReader):
+class PointsWithMargin:
     """The points of a tile, followed by those of its neighbours in a margin around it."""
 
     def __init__(self, tile: Tile, margin: Sequence[TilePart]) -> None:
-        super().__init__(tile)
-        self._margin = [own for own in margin if own.size]
+        self._tile, self._margin = tile, [own for own in margin if own.size]
 
     def __iter__(self) -> Iterator[NDArray[np.float64]]:
         """Yield coordinates in metres, shape (3, n), of each part of the tile, then of each part of the margin."""
-        return chain(super().__iter__(), (tile.xyz(part) for tile in self._margin for part in tile.parts()))
+        return chain(self._tile, (tile.xyz(part) for tile in self._margin for part in tile.parts()))
 
     def column(self, name: str) -> NDArray[Any] | None:
         """Return an attribute of all points by its LAS name, shape (N,); None if the tile does not have it."""
-        own = super().column(name)
+        own = self._tile.column(name)
         if own is None or not self._margin:
             return own
         # NaN where a neighbour does not have the attribute.
-        others = (read_columns(tile, [name]).get(name, np.full(tile.size, np.nan)) for tile in self._margin)
+        others = (tile.columns([name]).get(name, np.full(tile.size, np.nan)) for tile in self._margin)
         return np.concatenate([own, *others])
 
 

@@ -32,7 +32,7 @@ _EPT = "ept.json"
 
 
 class Tile(ABC):
-    """The points of one file, in a fixed order."""
+    """The points of one file, in a fixed order: `seaclutter_cli.interfaces.TilePoints`."""
 
     path: Path
     size: int
@@ -53,6 +53,29 @@ class Tile(ABC):
         if (self.crs.unit_m, self.crs.height_unit_m) != (1.0, 1.0):
             xyz *= np.array([[self.crs.unit_m], [self.crs.unit_m], [self.crs.height_unit_m]])
         return xyz
+
+    def __iter__(self) -> Iterator[NDArray[np.float64]]:
+        """Yield coordinates in metres, shape (3, n), of pieces that are small enough for a processor's cache."""
+        for part in self.parts():
+            for start in range(0, len(part), _PIECE_POINTS):
+                yield self.xyz(part[start : start + _PIECE_POINTS])
+
+    def columns(self, names: Iterable[str]) -> Columns:
+        """Return whole fields, shape (N,) each; missing names are left out."""
+        wanted = [name for name in names if name in self.names]
+        parts = [[np.asarray(part[name]) for name in wanted] for part in self.parts()]
+        return {name: np.concatenate([part[index] for part in parts]) for index, name in enumerate(wanted) if parts}
+
+    def column(self, name: str) -> NDArray[Any] | None:
+        """Return an attribute of all points by its LAS name, shape (N,); None if the tile does not have it."""
+        own = self.intensity_name if name == "intensity" else name
+        return self.columns([own]).get(own) if own else None
+
+    @property
+    def intensity_name(self) -> str | None:
+        """Name of the intensity field; None without."""
+        folded = {name.lower(): name for name in reversed(self.names)}
+        return next((folded[usual] for usual in INTENSITY_NAMES if usual in folded), None)
 
 
 class LasTile(Tile):
@@ -109,24 +132,6 @@ class CloudTile(Tile):
             yield self.cloud.points[start : start + CHUNK_POINTS]
 
 
-class TilePointReader:
-    """The points of a tile in the form that classification reads (`seaclutter_cli.interfaces.TilePoints`)."""
-
-    def __init__(self, tile: Tile) -> None:
-        self._tile = tile
-
-    def __iter__(self) -> Iterator[NDArray[np.float64]]:
-        """Yield coordinates in metres, shape (3, n), of pieces that are small enough for a processor's cache."""
-        for part in self._tile.parts():
-            for start in range(0, len(part), _PIECE_POINTS):
-                yield self._tile.xyz(part[start : start + _PIECE_POINTS])
-
-    def column(self, name: str) -> NDArray[Any] | None:
-        """Return an attribute of all points by its LAS name, shape (N,); None if the tile does not have it."""
-        own = intensity_name(self._tile) if name == "intensity" else name
-        return read_columns(self._tile, [own]).get(own) if own else None
-
-
 def open_tile(path: Path) -> LasTile | CloudTile:
     """Open a tile of any format in `FRAME_READERS`; `InputError` if it cannot be read."""
     make: Callable[[Path], LasTile | CloudTile] = LasTile if path.suffix.lower() in (".las", ".laz") else CloudTile
@@ -136,19 +141,6 @@ def open_tile(path: Path) -> LasTile | CloudTile:
         raise InputError(f"{path}: {error}") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-
-
-def read_columns(tile: Tile, names: Iterable[str]) -> Columns:
-    """Return whole fields of a tile, shape (N,) each; missing names are left out."""
-    wanted = [name for name in names if name in tile.names]
-    parts = [[np.asarray(part[name]) for name in wanted] for part in tile.parts()]
-    return {name: np.concatenate([part[index] for part in parts]) for index, name in enumerate(wanted) if parts}
-
-
-def intensity_name(tile: Tile) -> str | None:
-    """Return the name of a tile's intensity field; None if it has none."""
-    folded = {name.lower(): name for name in reversed(tile.names)}
-    return next((folded[usual] for usual in INTENSITY_NAMES if usual in folded), None)
 
 
 def find_tiles(tiles: PathLike | Iterable[PathLike]) -> list[Path]:

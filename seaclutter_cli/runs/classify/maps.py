@@ -26,7 +26,7 @@ from seaclutter_cli.runs.options.classifiers import MapOptions
 from seaclutter_cli.sinks.geopackage import Feature, Layer, geopackage
 from seaclutter_cli.sources.crs import Crs, ToLongitudeLatitude
 from seaclutter_cli.sources.extents import TileHead
-from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader
+from seaclutter_cli.sources.tiles import CloudTile, LasTile
 from seaclutter_cli.text import listed
 
 _PIXELS = 1000
@@ -71,7 +71,7 @@ class MappedTile:
 
 def shoreline_in(tile: LasTile | CloudTile, found: Separation) -> list[NDArray[np.float64]]:
     """Return the shoreline of a separated tile in metres."""
-    return shoreline_of(map_of(TilePointReader(tile), found, found.land.cell_m))
+    return shoreline_of(map_of(tile, found, found.land.cell_m))
 
 
 def mapped(
@@ -81,10 +81,9 @@ def mapped(
 
     ``params`` are those of the search for objects; None: they are not searched for.
     """
-    points = TilePointReader(tile)
-    fine = map_of(points, found, found.land.cell_m)
+    fine = map_of(tile, found, found.land.cell_m)
     lines = shoreline_of(fine)
-    objects = [] if params is None else unclassified_objects(points, found, fine, params)
+    objects = [] if params is None else unclassified_objects(tile, found, fine, params)
     placed = [one.placed(tile.crs.unit_m) for one in objects]
     drawn = fine.coarser(pixel_m or max(fine.kind.shape) * fine.cell_m / _PIXELS)
     low = np.array(drawn.first) * drawn.cell_m

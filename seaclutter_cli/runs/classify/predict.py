@@ -42,7 +42,7 @@ from seaclutter_cli.runs.outputs import write_files
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.sinks.atomic import CompleteFile, OutputGroup
 from seaclutter_cli.sources.crs import Crs
-from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, find_tiles, open_tile
+from seaclutter_cli.sources.tiles import CloudTile, LasTile, find_tiles, open_tile
 from seaclutter_cli.text import count, printable, table
 from seaclutter_cli.urls import PathLike
 
@@ -115,7 +115,7 @@ class _PredictWork(TileWork["ClassifiedTile"]):
         started, tile = perf_counter(), open_tile(self.path)
         warn_of_missing(tile, self.model.settings, observer)
         with errors_of(self.path):
-            found = classify_points(TilePointReader(tile), self.model)
+            found = classify_points(tile, self.model)
         warn_of_doubts(tile, found.tile.separation, observer)
         for text in doubts_about_objects(found.objects):
             observer.warn(f"{tile.path.stem}: {text}")
@@ -176,7 +176,7 @@ def _load(options: ClassifyTilesOptions, observer: Observer) -> ObjectModel:
 
 
 def _picture(tile: LasTile | CloudTile, found: ClassifiedPoints, suffix: str) -> bytes:
-    positions = np.concatenate([xyz[:2] for xyz in TilePointReader(tile)], axis=1)
+    positions = np.concatenate([xyz[:2] for xyz in tile], axis=1)
     sea = positions[:, found.tile.separation.classification == WATER]
     xy = found.tile.points.xy
     code = np.array([0, *(one.code for one in found.objects)])[found.number]

@@ -39,7 +39,7 @@ from seaclutter_cli.runs.resume import RunIdentity, digest_of, digest_of_paths, 
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import TextRecord, text_in
 from seaclutter_cli.sources.extents import Margin, open_tile_or_window
-from seaclutter_cli.sources.tiles import CloudTile, LasTile, find_tiles, read_columns
+from seaclutter_cli.sources.tiles import CloudTile, LasTile, find_tiles
 from seaclutter_cli.text import UNKNOWN, count, share, table
 from seaclutter_cli.urls import PathLike
 from seaclutter_cli.validation import plain
@@ -216,7 +216,7 @@ class _SeparateWork(TileWork["SeparatedTile"]):
             try:
                 tile = LasTile(self.target)
                 land = LandCells.from_text(text_in(tile.header, _LAND) or "")
-                classes = read_columns(tile, ["classification"]).get("classification", np.empty(0, np.uint8))
+                classes = tile.columns(["classification"]).get("classification", np.empty(0, np.uint8))
                 outcome.map = self._mapped(tile, Separation(classes, np.empty(0, np.float32), 0, sea, land))
             except (CloudError, OSError, ValueError) as error:
                 return f"a run that recorded no land for the maps ({error})"

@@ -12,6 +12,7 @@ from seaclutter_cli.airborne.plausibility import doubts_about_sea
 from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.errors import InputError, UsageError
+from seaclutter_cli.interfaces import TilePoints
 from seaclutter_cli.jobs.processes import default_jobs
 from seaclutter_cli.runs.batch import Work
 from seaclutter_cli.runs.observer import Observer
@@ -35,7 +36,7 @@ from seaclutter_cli.sources.extents import (
 )
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.recordings import Recording
-from seaclutter_cli.sources.tiles import CloudTile, LasTile, TilePointReader, intensity_name, read_columns
+from seaclutter_cli.sources.tiles import CloudTile, LasTile
 from seaclutter_cli.text import count
 from seaclutter_cli.threads import in_threads
 from seaclutter_cli.urls import PathLike
@@ -83,10 +84,10 @@ def margins_of(heads: Sequence[TileHead], margin_m: float, observer: Observer) -
     return margins
 
 
-def points_of(tile: LasTile | CloudTile, margin: Margin | None, observer: Observer) -> TilePointReader:
+def points_of(tile: LasTile | CloudTile, margin: Margin | None, observer: Observer) -> TilePoints:
     """Return the points of a tile, followed by those in its margin; warn of neighbours that cannot be read."""
     if margin is None:
-        return TilePointReader(tile)
+        return tile
     found, failed = read_margin(tile.path, margin)
     for path, reason in failed.items():
         observer.warn(f"{tile.path.stem}: no margin from {path.name}, which cannot be read ({reason})")
@@ -106,11 +107,11 @@ def warn_of_missing(
     tile: LasTile | CloudTile, settings: TileSettings, observer: Observer, *, intensity: bool = True
 ) -> None:
     """Warn if a tile lacks the ``intensity`` that features need, or points of the classes that are to be trusted."""
-    if intensity and settings.features.features == "full" and intensity_name(tile) is None:
+    if intensity and settings.features.features == "full" and tile.intensity_name is None:
         observer.warn(f"{tile.path}: no intensity field; intensities count as 0")
     if not (trusted := settings.separation.trust_classes):
         return
-    given = read_columns(tile, ["classification"]).get("classification")
+    given = tile.columns(["classification"]).get("classification")
     missing = [code for code in trusted if given is None or not (given == code).any()]
     if missing:
         observer.warn(f"{tile.path.stem}: no points of {' and '.join(f'class {code}' for code in missing)} to trust")
@@ -123,7 +124,7 @@ def warn_of_doubts(tile: LasTile | CloudTile, found: Separation, observer: Obser
         return
     if tile.crs.unit_m != 1:
         observer.note(f"{tile.path.stem}: the unit of its CRS is {tile.crs.unit_m:.6g} m; lengths are in metres")
-    for text in doubts_about_sea(TilePointReader(tile), found):
+    for text in doubts_about_sea(tile, found):
         observer.warn(f"{tile.path.stem}: {text}")
 
 

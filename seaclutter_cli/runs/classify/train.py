@@ -23,7 +23,7 @@ from seaclutter_cli.runs.options import Logs, of_options
 from seaclutter_cli.runs.options.classifiers import TrainForestOptions
 from seaclutter_cli.runs.outputs import prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Result
-from seaclutter_cli.sources.tiles import TilePointReader, find_tiles, open_tile, read_columns
+from seaclutter_cli.sources.tiles import find_tiles, open_tile
 from seaclutter_cli.text import UNKNOWN, count, table
 from seaclutter_cli.truth import OBJECT_CLASSES
 
@@ -70,8 +70,8 @@ def _samples(
         raise InputError(f"{path}: no field {class_field!r} with ground truth; the tile has {found}")
     warn_of_missing(tile, settings, observer)
     with errors_of(path):
-        found_points = tile_features(TilePointReader(tile), settings)
-    truth = read_columns(tile, (class_field, object_field))
+        found_points = tile_features(tile, settings)
+    truth = tile.columns((class_field, object_field))
     other = found_points.separation.other
     code = truth[class_field][other].astype(np.int64)
     if ((code < 0) | (code > len(OBJECT_CLASSES))).any():
