@@ -1,5 +1,6 @@
 """Definitions for messages that the program creates and for bags without message definitions."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache, lru_cache
 from typing import Any
@@ -79,9 +80,14 @@ def points_channel(channel: Channel) -> Channel:
 
 @cache
 def _typestore() -> Any:
+    return make_typestore(_PACKET_MESSAGES | _CLOUD_MESSAGES | _LIVOX_MESSAGES)
+
+
+def make_typestore(definitions: Mapping[str, str], base: str = "LATEST") -> Any:
+    """Return a type store of rosbags with the messages of a release, or of ``EMPTY``, and others by their names."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # takes 0.1 s, which most runs do not need
 
-    store = get_typestore(Stores.LATEST)
-    for name, text in (_PACKET_MESSAGES | _CLOUD_MESSAGES | _LIVOX_MESSAGES).items():
+    store = get_typestore(Stores[base])
+    for name, text in definitions.items():
         store.register(get_types_from_msg(text, name))
     return store

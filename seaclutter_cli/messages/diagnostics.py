@@ -13,6 +13,7 @@ from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, Rings, WaterState
 from seaclutter_cli.messages.companion import Content, Time, companion_format
+from seaclutter_cli.messages.definitions import make_typestore
 from seaclutter_cli.messages.serialisation import NANO
 from seaclutter_cli.records import Buffer, Schema
 
@@ -117,13 +118,8 @@ def _definition(layout: Layout) -> str:
 
 @cache
 def _typestore() -> Any:
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    store = get_typestore(Stores.EMPTY)
-    store.register(get_types_from_msg("int32 sec\nuint32 nanosec\n", "builtin_interfaces/msg/Time"))
-    for layout in (PLAIN, WATER):
-        store.register(get_types_from_msg(_definition(layout), layout.type))
-    return store
+    time = {"builtin_interfaces/msg/Time": "int32 sec\nuint32 nanosec\n"}
+    return make_typestore(time | {layout.type: _definition(layout) for layout in (PLAIN, WATER)}, "EMPTY")
 
 
 def _json_schema(layout: Layout) -> Content:

@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any
 
 from seaclutter_cli.messages.companion import Content, Time, companion_format
+from seaclutter_cli.messages.definitions import make_typestore
 from seaclutter_cli.records import Schema
 
 TOPIC = "/seaclutter/scene"
@@ -87,12 +88,7 @@ def scene_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[Content], 
 
 @cache
 def _typestore() -> Any:
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    store = get_typestore(Stores.LATEST)
-    for name, text in _DEFINITIONS.items():
-        store.register(get_types_from_msg(text + "\n", f"foxglove_msgs/msg/{name}"))
-    return store
+    return make_typestore({f"foxglove_msgs/msg/{name}": f"{text}\n" for name, text in _DEFINITIONS.items()})
 
 
 def _cube(box: SceneBox) -> dict[str, Any]:

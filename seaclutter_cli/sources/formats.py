@@ -1,6 +1,6 @@
 """Formats of logs: which files are in one, and how they are opened."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
@@ -26,27 +26,24 @@ class Format:
     title: str
     suffixes: tuple[str, ...]
     magics: tuple[bytes, ...]
-    open: Callable[[Path, DecoderOptions], Source]
+    source: str
+    """Module and class of the source, which is imported to open the first file, so that the start of a run is fast."""
+    decodes: bool = False
+
+    def open(self, path: Path, decoding: DecoderOptions) -> Source:
+        """Open a file of the format."""
+        module, _, name = self.source.rpartition(".")
+        make = getattr(import_module(f"seaclutter_cli.sources.{module}"), name)
+        source: Source = make(path, decoding) if self.decodes else make(path)
+        return source
 
 
-def _opener(module: str, source: str, *, decodes: bool = False) -> Callable[[Path, DecoderOptions], Source]:
-    """Return a function that imports a source when it opens its first file, so that the start of a run is fast."""
-
-    def open_log(path: Path, decoding: DecoderOptions) -> Source:
-        make = getattr(import_module(f"seaclutter_cli.sources.{module}"), source)
-        opened: Source = make(path, decoding) if decodes else make(path)
-        return opened
-
-    return open_log
-
-
-_OF_CAPTURES = _opener("pcap.source", "CaptureSource", decodes=True)
 SOURCES: Mapping[str, Format] = {
-    "mcap": Format("MCAP", (".mcap",), (b"\x89MCAP0\r\n",), _opener("mcap.source", "McapSource")),
-    "bag": Format("ROS 1 bag", (".bag", ".bag.active"), (b"#ROSBAG V2.0\n",), _opener("rosbag1.source", "BagSource")),
-    "db3": Format("ROS 2 sqlite3", (".db3", ".db3.zstd"), (b"SQLite format 3\0",), _opener("rosbag2.db3", "Db3Source")),
-    "detections": Format("Autoferry detections", ("_detections.json",), (), _opener("detections", "DetectionSource")),
-    "capture": Format("PCAP", (".pcap", ".pcapng", ".cap"), CAPTURE_MAGICS, _OF_CAPTURES),
+    "mcap": Format("MCAP", (".mcap",), (b"\x89MCAP0\r\n",), "mcap.source.McapSource"),
+    "bag": Format("ROS 1 bag", (".bag", ".bag.active"), (b"#ROSBAG V2.0\n",), "rosbag1.source.BagSource"),
+    "db3": Format("ROS 2 sqlite3", (".db3", ".db3.zstd"), (b"SQLite format 3\0",), "rosbag2.db3.Db3Source"),
+    "detections": Format("Autoferry detections", ("_detections.json",), (), "detections.DetectionSource"),
+    "capture": Format("PCAP", (".pcap", ".pcapng", ".cap"), CAPTURE_MAGICS, "pcap.source.CaptureSource", decodes=True),
 }
 """Formats of log files. Add a new format here; formats of single frames are in `FRAME_READERS`."""
 

@@ -9,7 +9,7 @@ from seaclutter_cli.documents import MAX_YAML_CHARACTERS, DocumentError, load_ya
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Damage
-from seaclutter_cli.sources.shared.split import NUMBERED, SplitSource
+from seaclutter_cli.sources.shared.split import SplitSource, numbered
 
 METADATA = "metadata.yaml"
 
@@ -25,8 +25,7 @@ def is_rosbag2_folder(path: Path) -> bool:
     if (path / METADATA).is_file():
         return bool(files) or _KEY in _read_text(path / METADATA)
     name = path.resolve().name
-    matches = [NUMBERED.fullmatch(file.name) for file in files]
-    return bool(files) and all(match is not None and match[1] == name for match in matches)
+    return bool(files) and all(prefix == name and number >= 0 for prefix, number in map(numbered, files))
 
 
 def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
@@ -71,12 +70,8 @@ def _storage_files(folder: Path) -> list[Path]:
     except OSError as error:
         raise InputError(f"{folder}: {error.strerror}") from error
     unpacked = {file for file in files if file.suffix.lower() != ".zstd"}
-    return sorted((file for file in files if file in unpacked or file.with_suffix("") not in unpacked), key=_natural)
-
-
-def _natural(file: Path) -> tuple[str, int, str]:
-    match = NUMBERED.fullmatch(file.name)
-    return (match[1], int(match[2]), file.name) if match else (file.name, -1, "")
+    chosen = (file for file in files if file in unpacked or file.with_suffix("") not in unpacked)
+    return sorted(chosen, key=lambda file: (*numbered(file), file.name))
 
 
 def _unnamed(folder: Path, named: list[Path]) -> list[Path]:
@@ -84,11 +79,9 @@ def _unnamed(folder: Path, named: list[Path]) -> list[Path]:
     files = _storage_files(folder)
     if not named:
         return files
-    last = NUMBERED.fullmatch(named[-1].name)
-    if last is None:
-        return []
-    matches = [(file, NUMBERED.fullmatch(file.name)) for file in files if file not in named]
-    return [file for file, match in matches if match and match[1] == last[1] and int(match[2]) > int(last[2])]
+    prefix, last = numbered(named[-1])
+    left = [file for file in files if file not in named and last >= 0]
+    return [file for file in left if numbered(file)[0] == prefix and numbered(file)[1] > last]
 
 
 def _read_text(path: Path) -> str:

@@ -199,23 +199,24 @@ def split_groups(files: Sequence[Path]) -> list[list[Path]]:
     """Return files in groups of equal names with consecutive numbers from 0; other files are groups of one."""
     groups: list[list[Path]] = []
     growing: dict[tuple[Path, str, str], list[Path]] = {}
-    for file in sorted(files, key=_number):
+    for file in sorted(files, key=lambda file: numbered(file)[1]):
         match = NUMBERED.fullmatch(file.name)
         key = (file.parent, match[1], match[3].lower()) if match else (file.parent, file.name, "")
         group = growing.get(key)
-        if group is not None and len(group) == _number(file):
+        if group is not None and len(group) == numbered(file)[1]:
             group.append(file)
             continue
         groups.append([file])
-        if _number(file) == 0:
+        if numbered(file)[1] == 0:
             growing[key] = groups[-1]
     order = {file: index for index, file in enumerate(files)}
     return sorted(groups, key=lambda group: order[group[0]])
 
 
-def _number(file: Path) -> int:
+def numbered(file: Path) -> tuple[str, int]:
+    """Return the name of a file before its number, and the number; -1 without one."""
     match = NUMBERED.fullmatch(file.name)
-    return int(match[2]) if match else -1
+    return (match[1], int(match[2])) if match else (file.name, -1)
 
 
 @dataclass(frozen=True)
