@@ -3,18 +3,16 @@
 import ipaddress
 from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Callable, Hashable, Iterator
-from itertools import islice
 from struct import Struct
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from seaclutter_cli.records import Buffer
 from seaclutter_cli.sensors.packets import Packets
-from seaclutter_cli.sources.pcap.records import RecordReader
+from seaclutter_cli.sources.pcap.records import RecordReader, Records
 from seaclutter_cli.sources.shared.log_file import LogFile
 
-_BATCH = 1024
 _HEAD = 128
 _COOKED_2, _RAW, _LOOPBACK = 276, (12, 14, 101, 228, 229), (0, 108)
 _KIND_AT = {1: 12, 113: 14, _COOKED_2: 0}
@@ -23,7 +21,7 @@ _VLAN = (b"\x81\x00", b"\x88\xa8", b"\x91\x00")
 _VERSIONS = {b"\x08\x00": 4, b"\x86\xdd": 6}
 _MAX_TAGS = 4
 _UDP, _HEADER = 17, Struct(">IHxx")
-_MAX_OTHERS = 10_000
+_MAX_OTHERS, _MAX_HEADERS = 10_000, 64
 _MAX_OPEN, _MAX_BYTES = 64, 2**17
 
 Flow = tuple[bytes, int]
@@ -32,12 +30,23 @@ Flow = tuple[bytes, int]
 Kind = tuple[Flow, int]
 """Flow and length of a payload."""
 
+_Payloads = NDArray[np.uint8]
+
 K = TypeVar("K", bound=Hashable)
 
 
 def ends(flow: Flow) -> tuple[str, int, int]:
     """Return the address of the sender, its port, and the port of the receiver."""
     return str(ipaddress.ip_address(flow[0])), flow[1] >> 16, flow[1] & 0xFFFF
+
+
+class _Header(NamedTuple):
+    """Header of a datagram: its payload in the record, and bytes that vary between datagrams of a flow."""
+
+    flow: Flow
+    start: int
+    size: int
+    varying: list[int]
 
 
 class _Fragments:
@@ -98,27 +107,58 @@ class Udp:
 
     def packets(self, reader: RecordReader, key: Callable[[Kind], K | None]) -> Iterator[tuple[K, Packets]]:
         """Yield the datagrams of kinds with a key, those of equal keys and lengths together, for some records each."""
-        records = reader.records()
-        while batch := list(islice(records, _BATCH)):
-            groups: dict[tuple[K, int], tuple[list[int], list[Buffer]]] = defaultdict(lambda: ([], []))
-            for link, offset, length, time_ns in batch:
-                flow, payload = self._datagram(link, offset, length) or (None, b"")
-                if flow is not None and (group := key((flow, len(payload)))) is not None:
-                    times_ns, payloads = groups[group, len(payload)]
-                    times_ns.append(time_ns)
-                    payloads.append(payload)
-            for (group, size), (times_ns, payloads) in groups.items():
-                data = np.frombuffer(b"".join(payloads), np.uint8).reshape(len(payloads), size)
-                yield group, Packets(np.array(times_ns, np.int64), data)
+        for records in reader.batches():
+            groups: dict[tuple[K, int], list[tuple[NDArray[np.int64], _Payloads]]] = defaultdict(list)
+            for flow, rows, payloads in self._datagrams(records):
+                if (group := key((flow, payloads.shape[1]))) is not None:
+                    groups[group, payloads.shape[1]].append((rows, payloads))
+            for (group, _), parts in groups.items():
+                rows, payloads = parts[0]
+                if len(parts) > 1:
+                    order = np.argsort(np.concatenate([one for one, _ in parts]))
+                    rows, payloads = (np.concatenate(one)[order] for one in zip(*parts, strict=True))
+                yield group, Packets(records.times_ns[rows], payloads)
 
-    def _datagram(self, link: int, offset: int, length: int) -> tuple[Flow, Buffer] | None:
-        """Return flow and payload of the datagram that a record contains or completes; None if there is none."""
-        data: Buffer = self._file[offset : offset + length]
-        head = bytes(data[:_HEAD]).ljust(_HEAD, b"\0")
-        at, version = _network(link, head)
-        begin, sender = -1, b""
+    def _datagrams(self, records: Records) -> Iterator[tuple[Flow, NDArray[np.int64], _Payloads]]:
+        """Yield flow, rows, shape (D,), and payloads, shape (D, L), of datagrams in records with equal headers."""
+        heads, headers = self._heads(records), 0
+        left = np.arange(len(heads))
+        while len(left):
+            row, alike = int(left[0]), np.arange(len(left)) == 0
+            found = self._datagram(records, row, heads[row].tobytes())
+            if isinstance(found, _Header):
+                headers += 1
+                if headers < _MAX_HEADERS:
+                    differs = heads[left, : found.start] != heads[row, : found.start]
+                    differs[:, found.varying] = False
+                    alike = ~differs.any(axis=1) & (records.lengths[left] >= found.start + found.size)
+                rows = left[alike]
+                yield found.flow, rows, _gather(self._file, records.offsets[rows] + found.start, found.size)
+            elif found is not None:
+                yield found[0], left[:1], np.frombuffer(found[1], np.uint8)[None]
+            left = left[~alike]
+
+    def _heads(self, records: Records) -> NDArray[np.uint8]:
+        """Return the first bytes of each record, shape (R, 128), padded with zeros after its end."""
+        heads = np.zeros((len(records.offsets), _HEAD), np.uint8)
+        inside = records.offsets + _HEAD <= len(self._file)
+        if inside.any():
+            heads[inside] = _gather(self._file, records.offsets[inside], _HEAD)
+        for row in np.flatnonzero(~inside).tolist():
+            rest = self._file[int(records.offsets[row]) : len(self._file)]
+            heads[row, : len(rest)] = np.frombuffer(rest, np.uint8)
+        short = np.flatnonzero(records.lengths < _HEAD)
+        heads[short] *= np.arange(_HEAD) < records.lengths[short, None]
+        return heads
+
+    def _datagram(self, records: Records, row: int, head: bytes) -> _Header | tuple[Flow, bytes] | None:
+        """Return the header of the datagram in a record, or flow and payload of one that its fragment completes."""
+        offset, length = int(records.offsets[row]), int(records.lengths[row])
+        at, version = _network(records.link, head)
+        begin, sender, varying = -1, b"", list[int]()
         if version == 4 and head[at + 9] == _UDP and head[at] & 0x0F >= 5:
             begin, sender = at + (head[at] & 0x0F) * 4, head[at + 12 : at + 16]
+            varying = [at + 4, at + 5, at + 10, at + 11]  # identification and checksum
         elif version == 6 and head[at + 6] == _UDP:
             begin, sender = at + 40, head[at + 8 : at + 24]
         if begin < 0:
@@ -126,30 +166,36 @@ class Udp:
             if len(self.unread) < _MAX_OTHERS:
                 self.unread.append((offset, length))
             return None
-        is_part = version == 4 and (head[at + 6] & 0x3F or head[at + 7])
-        if is_part:
-            data, begin = self._join(data, head, at, begin), 0
-        start = begin + _HEADER.size
-        if start > len(data):
+        if version == 4 and (head[at + 6] & 0x3F or head[at + 7]):
+            data = self._join(offset, length, head, at)
+            ports, size = _HEADER.unpack_from(data.ljust(_HEADER.size, b"\0"))
+            return ((sender, ports), data[_HEADER.size : size]) if _HEADER.size <= size <= len(data) else None
+        ports, size = _HEADER.unpack_from(head, begin)
+        flow, start = (sender, ports), begin + _HEADER.size
+        if size < _HEADER.size or start > length:
             return None
-        ports, size = _HEADER.unpack_from(data, begin)
-        flow, end = (sender, ports), begin + size
-        if end > len(data):
-            self.cut[flow] += not is_part
+        if begin + size > length:
+            self.cut[flow] += 1
             return None
-        if not is_part and end >= start:
-            self.shapes.setdefault(end - start, (length, start))
-        return (flow, data[start:end]) if end >= start else None
+        self.shapes.setdefault(size - _HEADER.size, (length, start))
+        return _Header(flow, start, size - _HEADER.size, [*varying, start - 2, start - 1])
 
-    def _join(self, data: Buffer, head: bytes, at: int, begin: int) -> bytes:
+    def _join(self, offset: int, length: int, head: bytes, at: int) -> bytes:
         """Return the datagram that a fragment completes; empty if it is still incomplete."""
-        end = at + int.from_bytes(head[at + 2 : at + 4], "big")
-        if not begin < end <= len(data):
+        begin, end = at + (head[at] & 0x0F) * 4, at + int.from_bytes(head[at + 2 : at + 4], "big")
+        if not begin < end <= length:
             return b""  # truncated: its datagram remains incomplete, and is counted as lost
         position = int.from_bytes(head[at + 6 : at + 8], "big")
         key = head[at + 12 : at + 20] + head[at + 4 : at + 6]
-        piece = bytes(data[begin:end])
+        piece = bytes(self._file[offset + begin : offset + end])
         return self.fragments.add(key, (position & 0x1FFF) * 8, bool(position & 0x2000), piece) or b""
+
+
+def _gather(file: LogFile, offsets: NDArray[np.int64], size: int) -> _Payloads:
+    """Return the bytes at offsets in a file, shape (D, size)."""
+    start, stop = int(offsets.min()), int(offsets.max()) + size
+    block = file[start:stop]
+    return np.ndarray((stop - start - size + 1, size), np.uint8, block, strides=(1, 1))[offsets - start]
 
 
 def _network(link: int, head: bytes) -> tuple[int, int]:

@@ -277,7 +277,7 @@ class TestDamage:
             left = int(size - ends[whole])
             path.write_bytes(data[:size])
             reader = (PcapReader if form == "pcap" else PcapngReader)(LogFile(path), path)
-            assert len(list(reader.records())) == whole
+            assert sum(len(records.offsets) for records in reader.batches()) == whole
             assert [item.lost_bytes for item in reader.damage] == ([left] if left else [])
             if size % 41 == 0:
                 source, clouds = read(path)
