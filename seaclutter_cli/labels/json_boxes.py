@@ -23,7 +23,8 @@ class JsonForm:
 
     Every JSON file starts with ``mark``, and contains ``key`` near its start. In a ``complete`` form, every frame must
     have a file; in others, frames without a file are unlabelled. ``objects`` returns the objects in the content of a
-    file, or None if the frame is not labelled.
+    file, or None if the frame is not labelled. The first of the keys ``tracks`` that has a text names an object, the
+    key ``kind`` its class; below ``box`` are position, size along x, y and z, and yaw, each a key with keys.
     """
 
     folder: str
@@ -32,7 +33,12 @@ class JsonForm:
     key: bytes
     complete: bool
     objects: Callable[[Any], list[Any] | None]
-    parse: Callable[[Any], Labelled]
+    tracks: tuple[str, ...]
+    kind: str
+    box: str
+    position: str
+    size: tuple[str, tuple[str, str, str]]
+    yaw: tuple[str, str]
 
     def open(self, folder: Path, options: LabelOptions) -> FileLabels:
         """Return the labels in a folder of label files; `LabelError` if clouds and labels do not match."""
@@ -56,7 +62,17 @@ class JsonForm:
 
     def _read(self, path: Path, _: Frame) -> Truth | None:
         objects = self.objects(read_json(path))
-        return None if objects is None else truth_from(objects, self.parse)
+        return None if objects is None else truth_from(objects, self._labelled)
+
+    def _labelled(self, item: Any) -> Labelled:
+        box = part(item, self.box)
+        return Labelled(
+            next(filter(None, (text(item, key) for key in self.tracks)), ""),
+            text(item, self.kind),
+            _numbers(part(box, self.position), ("x", "y", "z")),
+            _numbers(part(box, self.size[0]), self.size[1]),
+            number(part(box, self.yaw[0]), self.yaw[1]),
+        )
 
 
 def _head(path: Path) -> bytes:
@@ -127,17 +143,6 @@ def _seepersea_objects(content: Any) -> list[Any] | None:
     return labels
 
 
-def _seepersea_object(item: Any) -> Labelled:
-    box = part(item, "box3d")
-    return Labelled(
-        text(item, "trackId") or text(item, "id"),
-        text(item, "category"),
-        _numbers(part(box, "location"), ("x", "y", "z")),
-        _numbers(part(box, "dimension"), ("width", "length", "height")),  # in 3D BAT, the width is along x
-        number(part(box, "orientation"), "rotationYaw"),
-    )
-
-
 SEEPERSEA = JsonForm(
     folder="annotations",
     clouds="point_clouds",
@@ -145,7 +150,12 @@ SEEPERSEA = JsonForm(
     key=b'"labels"',
     complete=True,
     objects=_seepersea_objects,
-    parse=_seepersea_object,
+    tracks=("trackId", "id"),
+    kind="category",
+    box="box3d",
+    position="location",
+    size=("dimension", ("width", "length", "height")),  # in 3D BAT, the width is along x
+    yaw=("orientation", "rotationYaw"),
 )
 """Sequences of https://github.com/dartmouthrobotics/SeePerSea, in the format of 3D BAT."""
 
@@ -156,17 +166,6 @@ def _sustechpoints_objects(content: Any) -> list[Any] | None:
     return content
 
 
-def _sustechpoints_object(item: Any) -> Labelled:
-    psr = part(item, "psr")
-    return Labelled(
-        text(item, "obj_id"),
-        text(item, "obj_type"),
-        _numbers(part(psr, "position"), ("x", "y", "z")),
-        _numbers(part(psr, "scale"), ("x", "y", "z")),
-        number(part(psr, "rotation"), "z"),  # boxes are upright here; the tool can also tilt them by a few degrees
-    )
-
-
 SUSTECHPOINTS = JsonForm(
     folder="label",
     clouds="lidar",
@@ -174,6 +173,11 @@ SUSTECHPOINTS = JsonForm(
     key=b'"psr"',
     complete=False,  # the tool writes a file once a frame has been edited
     objects=_sustechpoints_objects,
-    parse=_sustechpoints_object,
+    tracks=("obj_id",),
+    kind="obj_type",
+    box="psr",
+    position="position",
+    size=("scale", ("x", "y", "z")),
+    yaw=("rotation", "z"),  # boxes are upright here; the tool can also tilt them by a few degrees
 )
 """Scenes of https://github.com/naurril/SUSTechPOINTS."""

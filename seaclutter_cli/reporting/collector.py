@@ -3,7 +3,9 @@
 from bisect import insort
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
-from typing import Generic, Literal, NamedTuple, TypeVar
+from functools import cached_property
+from operator import itemgetter
+from typing import Generic, Literal, TypeVar
 
 import numpy as np
 
@@ -35,18 +37,25 @@ class Chosen(Generic[T]):
     item: T
 
 
-@dataclass(frozen=True)
 class _Item(Generic[T]):
-    """Data of a frame, created on first use."""
+    """A frame and its data, created on first use."""
 
-    row: int
-    make: list[Callable[[], T]]
-    made: list[T]
+    def __init__(self, row: int, make: Callable[[], T]) -> None:
+        self.row, self._make = row, make
 
-    def get(self) -> T:
-        if not self.made:
-            self.made.append(self.make.pop()())
-        return self.made[0]
+    @cached_property
+    def data(self) -> T:
+        made = self._make()
+        del self._make  # with the frame that it holds
+        return made
+
+    @property
+    def is_made(self) -> bool:
+        return "data" in vars(self)
+
+
+_Ranked = tuple[float, int, _Item[T]]
+"""A frame among the worst or the best; the smallest key comes first, equal keys in pseudo-random order."""
 
 
 class Choice(Generic[T]):
@@ -80,7 +89,7 @@ class Choice(Generic[T]):
         A frame with a badness of 0 or None is never among the worst, one with a merit of None never among the best.
         ``make`` returns the data to store; it is called if the frame is still selected a few frames later.
         """
-        item = _Item[T](row, [make], [])
+        item = _Item(row, make)
         self._pending.append(item)
         if badness:
             _insert(self._worst, -badness, self._bad, item)
@@ -95,44 +104,36 @@ class Choice(Generic[T]):
 
     def _make_pending(self, row: int) -> None:
         """Create the data of pending frames that are old enough; drop those that are no longer selected."""
-        kept = {id(one.item) for one in (*self._worst, *self._best)} | {id(item) for item in self._spread.values()}
-        self._pending = [item for item in self._pending if id(item) in kept]
-        for item in self._pending:
+        kept = {*(item for *_, item in (*self._worst, *self._best)), *self._spread.values()}
+        for item in kept.intersection(self._pending):
             if row - item.row >= _MIN_SPACING:
-                item.get()
-        self._pending = [item for item in self._pending if not item.made]
+                item.data  # noqa: B018 - makes them
+        self._pending = [item for item in self._pending if item in kept and not item.is_made]
 
     def chosen(self) -> list[Chosen[T]]:
         """Return the selected frames, each once: the worst first, then the best, then the others by row."""
-        found = {one.item.row: Chosen(one.item.row, "worst", one.item.get()) for one in self._worst}
-        for one in self._best:
-            found.setdefault(one.item.row, Chosen(one.item.row, "best", one.item.get()))
-        others = [Chosen(row, "even", item) for row, item in self.spread() if row not in found]
+        found = {item.row: Chosen(item.row, "worst", item.data) for *_, item in self._worst}
+        for *_, item in self._best:
+            found.setdefault(item.row, Chosen(item.row, "best", item.data))
+        others = [Chosen(row, "even", data) for row, data in self.spread() if row not in found]
         room = min(self._bad + self._good + self._even - len(found), len(others))
         return [*found.values(), *(others[number * len(others) // room] for number in range(room))]
 
     def spread(self) -> list[tuple[int, T]]:
         """Return all evenly spaced frames that are stored, with their rows."""
-        return [(row, item.get()) for row, item in sorted(self._spread.items(), key=lambda pair: pair[0])]
-
-
-class _Ranked(NamedTuple, Generic[T]):
-    """A frame among the worst or the best; the smallest key comes first, equal keys in pseudo-random order."""
-
-    rank: tuple[float, int]
-    item: _Item[T]
+        return [(row, self._spread[row].data) for row in sorted(self._spread)]
 
 
 def _insert(ranked: list[_Ranked[T]], key: float, size: int, item: _Item[T]) -> None:
     """Insert a frame into a ranked list; it replaces a frame close to it, if there is one."""
-    entry = _Ranked((key, item.row * 2654435761 % 2**32), item)  # spreads equal frames over the whole recording
-    close = next((number for number, one in enumerate(ranked) if item.row - one.item.row < _MIN_SPACING), None)
+    entry = key, item.row * 2654435761 % 2**32, item  # spreads equal frames over the whole recording
+    close = next((number for number, (*_, one) in enumerate(ranked) if item.row - one.row < _MIN_SPACING), None)
     rival = close if close is not None else len(ranked) - 1 if len(ranked) == size else None
-    if not size or (rival is not None and entry.rank >= ranked[rival].rank):
+    if not size or (rival is not None and entry[:2] >= ranked[rival][:2]):
         return
     if rival is not None:
         del ranked[rival]
-    insort(ranked, entry, key=lambda one: one.rank)
+    insort(ranked, entry, key=itemgetter(0, 1))
 
 
 @dataclass(frozen=True)
