@@ -7,9 +7,9 @@ from typing import Any
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.interfaces import Labels
-from seaclutter_cli.labels import autoferry, csv, point_labels
+from seaclutter_cli.labels import csv, point_labels
 from seaclutter_cli.labels.boxes import LabelOptions
-from seaclutter_cli.labels.json_boxes import SEEPERSEA, SUSTECHPOINTS
+from seaclutter_cli.labels.json_boxes import SEEPERSEA, SUSTECHPOINTS, AutoferryLabels, find_scenario
 
 __all__ = ["LABELS", "LabelFormat", "LabelOptions", "open_labels"]
 
@@ -32,8 +32,8 @@ LABELS: Mapping[str, LabelFormat] = {
     ),
     "autoferry": LabelFormat(
         "a scenario of the Autoferry sensor fusion data set with *_groundTruth.json and *_detections.json",
-        autoferry.find,
-        autoferry.AutoferryLabels,
+        find_scenario,
+        AutoferryLabels,
     ),
     "cloud": LabelFormat(
         "a log whose clouds have a field 'label' (.mcap, .bag, rosbag2)",

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from seaclutter_cli.airborne.settings import TileSettings
-    from seaclutter_cli.runs.scene.classify import LabelledLog
+    from seaclutter_cli.runs.scene.logs import LabelledLog
     from seaclutter_cli.urls import PathLike
 
 _BATCH_HELP = "How several tiles are processed."
@@ -53,7 +53,7 @@ class LabelledLogs(Options):
 
     def find(self) -> list[LabelledLog]:
         """Return the recordings with their true classes; raise `UsageError` if there are none, or one has two."""
-        from seaclutter_cli.runs.scene.classify import find_labelled
+        from seaclutter_cli.runs.scene.logs import find_labelled
 
         return find_labelled(self.folders, self.scenes)
 

@@ -18,7 +18,8 @@ from seaclutter_cli.runs.options import of_options
 from seaclutter_cli.runs.options.classifiers import LabelledLogs, TrainSceneOptions
 from seaclutter_cli.runs.outputs import inputs_of, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Outcome, Result
-from seaclutter_cli.runs.scene.classify import LabelledLog, read_frames
+from seaclutter_cli.runs.scene.classify import read_frames
+from seaclutter_cli.runs.scene.logs import LabelledLog
 from seaclutter_cli.scenes import TrainingParams
 from seaclutter_cli.scenes.network import to_onnx
 from seaclutter_cli.scenes.training import Epoch, Examples, Trained, check_torch, train

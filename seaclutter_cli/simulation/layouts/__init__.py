@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.simulation.layouts import confined_water, open_water
+from seaclutter_cli.simulation.layouts import water
 from seaclutter_cli.simulation.layouts.plan import Plan
 from seaclutter_cli.simulation.layouts.plantations import APPLE, POPLAR, WILLOW, plantation
 from seaclutter_cli.simulation.layouts.rule import scene_class
@@ -40,18 +40,18 @@ class Layout:
 
 
 LAYOUTS: Mapping[str, Layout] = {
-    "open_sea": Layout("open", open_water.open_sea),
-    "anchorage": Layout("open", open_water.anchorage),
-    "fairway": Layout("open", open_water.fairway),
-    "regatta": Layout("open", open_water.regatta),
-    "coast": Layout("open", open_water.coast),
-    "rough_sea": Layout("open", open_water.rough_sea),
-    "pile_field": Layout("open", open_water.pile_field),
-    "harbour_basin": Layout("confined", confined_water.harbour_basin),
-    "moored_boats": Layout("confined", confined_water.moored_rows),
-    "channel": Layout("confined", confined_water.narrow_channel),
-    "lock_chamber": Layout("confined", confined_water.lock),
-    "river": Layout("confined", confined_water.river),
+    "open_sea": Layout("open", water.open_sea),
+    "anchorage": Layout("open", water.anchorage),
+    "fairway": Layout("open", water.fairway),
+    "regatta": Layout("open", water.regatta),
+    "coast": Layout("open", water.coast),
+    "rough_sea": Layout("open", water.rough_sea),
+    "pile_field": Layout("open", water.pile_field),
+    "harbour_basin": Layout("confined", water.harbour_basin),
+    "moored_boats": Layout("confined", water.moored_rows),
+    "channel": Layout("confined", water.narrow_channel),
+    "lock_chamber": Layout("confined", water.lock),
+    "river": Layout("confined", water.river),
     "apple_rows": Layout("dense", partial(plantation, APPLE)),
     "poplar_grove": Layout("sparse", partial(plantation, POPLAR)),
     "willow_grove": Layout("sparse", partial(plantation, WILLOW)),

@@ -8,8 +8,8 @@ from scipy.spatial import cKDTree
 
 from seaclutter_cli.simulation.lidar.models import LIDARS
 from seaclutter_cli.simulation.marine.motion import Pose
-from seaclutter_cli.simulation.marine.rays import intersect_box
 from seaclutter_cli.simulation.marine.scene import Scene, SceneObjectParams
+from seaclutter_cli.simulation.marine.shapes import intersect_box
 from seaclutter_cli.simulation.marine.terrain import GroundParams
 
 Floats = NDArray[np.float64]

@@ -6,9 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.simulation.layouts.confined_water import harbour_basin, lock, moored_rows, narrow_channel, river
-from seaclutter_cli.simulation.layouts.open_water import anchorage, fairway, open_sea, pile_field
 from seaclutter_cli.simulation.layouts.plan import Plan, Position
+from seaclutter_cli.simulation.layouts.water import (
+    anchorage,
+    fairway,
+    harbour_basin,
+    lock,
+    moored_rows,
+    narrow_channel,
+    open_sea,
+    pile_field,
+    river,
+)
 from seaclutter_cli.simulation.lidar.models import LIDARS, NoiseParams
 from seaclutter_cli.simulation.marine.physics import PhysicsParams
 from seaclutter_cli.simulation.marine.scene import Scene, SceneObjectParams, VesselParams

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.lidar.models import Lidar
 from seaclutter_cli.simulation.marine.motion import Pose, Ride, Tracks, rotations
-from seaclutter_cli.simulation.marine.rays import intersect_box, intersect_triangles
 from seaclutter_cli.simulation.marine.scene import SceneObjectParams
-from seaclutter_cli.simulation.marine.shapes import SHAPES, Mesh
+from seaclutter_cli.simulation.marine.shapes import SHAPES, Mesh, intersect_box, intersect_triangles
 from seaclutter_cli.simulation.marine.terrain import Moment
 from seaclutter_cli.truth import IGNORED
 

@@ -12,8 +12,7 @@ from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody, add_body
 from seaclutter_cli.simulation.marine.motion import Pose, Ride
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.simulation.marine.shapes import SHAPES
-from seaclutter_cli.simulation.marine.terrain import Ground, GroundParams, Terrain
-from seaclutter_cli.simulation.marine.water import SeaTerrain
+from seaclutter_cli.simulation.marine.terrain import Ground, GroundParams, SeaTerrain, Terrain
 from seaclutter_cli.simulation.marine.wide import WideSea, WideWater
 from seaclutter_cli.truth import IGNORED, Boxes
 

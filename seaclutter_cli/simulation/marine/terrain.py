@@ -1,19 +1,138 @@
-"""The ground or the sea of a scene: its effect on vessels, and its echoes."""
+"""The sea or the ground of a scene: its effect on vessels, and its echoes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.marine.motion import Pose
-from seaclutter_cli.simulation.marine.sea import SeaParams
-from seaclutter_cli.simulation.marine.water import MarineWater, SeaTerrain
-from seaclutter_cli.truth import IGNORED
+from seaclutter_cli.simulation.marine.physics import DIVERGENCE_RAD, PULSE_M, whitecap_share
+from seaclutter_cli.simulation.marine.sea import Sea, SeaParams
+from seaclutter_cli.simulation.marine.wake import Wake, patches
+from seaclutter_cli.truth import CLUTTER, IGNORED
 from seaclutter_cli.validation import NotNegative, Positive, Share, key
 
 Floats = NDArray[np.float64]
+
+_RADII_M = np.geomspace(1.5, 130.0, 220)
+_ROWS = 1800
+_ROW_GAP = 16.0
+_MAX_TANGENT = 7.0
+
+
+class MarineWater:
+    r"""The sea at one moment, as a lidar sees it: waves, wakes, and foam in patches that depend on a seed.
+
+    Notes
+    -----
+    *Position.* Heights are sampled along radii around the lidar. From the lidar, at height h, a point of the surface at
+    distance r and height :math:`\eta` is at the tangent :math:`(\eta - h)/r`. The running maximum of the tangent along
+    a radius is the horizon of the waves up to there, and a shot hits the first wave whose horizon reaches the tangent
+    of the shot. Crests therefore hide troughs.
+
+    *Strength.* A smooth sea reflects a shot away from the lidar. The echo at a grazing angle comes from the few facets,
+    droplets and bubbles in the beam that happen to face the lidar. As in radar [1]_, the mean falls with the grazing
+    angle (constant-gamma model: :math:`\rho \cos\theta` with :math:`\theta` the incidence on the local slope of the
+    wave), and the distribution around the mean is compound: exponential speckle whose mean is modulated by
+    gamma-distributed texture (K distribution). Foam is diffuse, with an effective reflectivity of 0.22 [2]_ on facets
+    of any direction. If the beam, 3 mrad wide, lights water over a depth greater than the pulse length, the echo is
+    spread in time and its peak is lower. The mean and the texture of water were set from [Li2023]: as many points of
+    clutter as in Table 3, most of them weak and in concentric rings around own ship (section 2.2).
+
+    References
+    ----------
+    .. [1] Ward, Tough, Watts (2013). "Sea Clutter: Scattering, the K Distribution and Radar Performance". IET.
+    .. [2] Koepke (1984). "Effective reflectance of oceanic whitecaps". Applied Optics 23(11).
+    """
+
+    def __init__(self, sea: "SeaTerrain", time_s: float) -> None:
+        self._params, self._wakes, self._seed, self.time_s = sea.params, sea.wakes, sea.seed, time_s
+        self._surface = sea.waves.at(time_s)
+        spread = self._surface.heights[::4, ::4].astype(np.float64)
+        # Waves break at their crests, so whitecaps cover the highest part of the surface.
+        share = whitecap_share(sea.params.wind_ms)
+        self._crest = float(np.quantile(spread, 1 - share)) if share else np.inf
+
+    def height_and_slopes(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return height in metres and slopes along x and y at given positions, shape (N,) each."""
+        slope_x, slope_y = self._surface.slope(x, y)
+        return self._surface.height(x, y).astype(np.float64), slope_x.astype(np.float64), slope_y.astype(np.float64)
+
+    def add_echoes(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
+        """Add the echoes of the water and of spray."""
+        hit, distance = self._intersect(shots)
+        rays = shots.directions[hit]
+        positions = shots.origins[hit] + distance[:, None] * rays
+        x, y = positions[:, 0], positions[:, 1]
+        slope_x, slope_y = self._surface.slope(x, y)
+        facing = (rays[:, 0] * slope_x + rays[:, 1] * slope_y - rays[:, 2]) / np.sqrt(slope_x**2 + slope_y**2 + 1)
+        shape = self._params.spikiness
+        speckle = rng.gamma(shape, 1 / shape, len(hit)) * rng.standard_exponential(len(hit))
+        reflectance = self._params.reflectivity * np.clip(facing, 0.0, 1.0) * speckle
+        cover = (self._surface.height(x, y) >= self._crest).astype(np.float64)
+        for wake in self._wakes:
+            cover = np.maximum(cover, wake.foam(x, y, self.time_s))
+        foamy = cover > patches(x, y, self._seed)
+        foam = self._params.foam_reflectivity * rng.random(len(hit)) * rng.standard_exponential(len(hit))
+        depth = DIVERGENCE_RAD * distance / np.maximum(-rays[:, 2], 1e-6)  # of the water that a beam lights
+        echoes.add(hit, distance, np.where(foamy, foam, reflectance) * np.minimum(1.0, PULSE_M / depth), CLUTTER)
+        for wake in self._wakes:
+            wake.add_spray_echoes(shots, echoes, self.time_s, self._params.foam_reflectivity, rng)
+
+    def _intersect(self, shots: Shots) -> tuple[NDArray[np.int64], Floats]:
+        """Return the shots that hit the water, and their distances in metres."""
+        origin = shots.origins.mean(axis=0)
+        angles = 2 * np.pi / _ROWS * np.arange(_ROWS)
+        x = origin[0] + np.outer(np.cos(angles), _RADII_M)
+        y = origin[1] + np.outer(np.sin(angles), _RADII_M)
+        heights = self._surface.height(x, y).astype(np.float64)
+        for wake in self._wakes:
+            heights += wake.height(x.reshape(-1), y.reshape(-1), self.time_s).reshape(x.shape)
+        row = np.floor(shots.azimuths / (2 * np.pi) * _ROWS + 0.5).astype(np.int64) % _ROWS
+        mast = np.full(_ROWS, origin[2])
+        mast[row] = shots.origins[:, 2]
+        horizon = np.maximum.accumulate((heights - mast[:, None]) / _RADII_M, axis=1)
+
+        flat = np.hypot(shots.directions[:, 0], shots.directions[:, 1])
+        tangent = np.clip(shots.directions[:, 2] / flat, -_MAX_TANGENT, _MAX_TANGENT)
+        hit = np.flatnonzero(tangent < horizon[row, -1])
+        row, tangent = row[hit], tangent[hit]
+        # One search for all rows: each row has its own interval of keys.
+        keys = (np.clip(horizon, -_MAX_TANGENT, _MAX_TANGENT) + _ROW_GAP * np.arange(_ROWS)[:, None]).reshape(-1)
+        first = np.searchsorted(keys, tangent + _ROW_GAP * row) - row * len(_RADII_M)
+        first = np.clip(first, 1, len(_RADII_M) - 1)
+        above = tangent * _RADII_M[first - 1] + mast[row] - heights[row, first - 1]
+        below = tangent * _RADII_M[first] + mast[row] - heights[row, first]
+        share = np.clip(above / np.where(above > below, above - below, 1.0), 0.0, 1.0)
+        radius = _RADII_M[first - 1] + share * (_RADII_M[first] - _RADII_M[first - 1])
+        return hit, radius / flat[hit]
+
+
+class SeaTerrain:
+    """The sea of a scene and the wakes on it.
+
+    ``hulls`` are the path, length and width of each hull that leaves a wake. Waves longer than twice the length of own
+    ship move it.
+    """
+
+    def __init__(self, params: SeaParams, hulls: Sequence[Any], own_length_m: float, seed: int) -> None:
+        self.params, self.seed = params, seed
+        self.waves = Sea(params, np.random.default_rng([seed, 0]))
+        self._swell = self.waves.swell(2 * own_length_m)
+        self.wakes = [Wake(track, length, width, params.foam_lifetime_s) for track, length, width in hulls]
+
+    def motion(self, x: Floats, y: Floats, times_s: Floats) -> Floats:
+        """Return height in metres and slopes along x and y of the long waves, shape (3, T)."""
+        return self._swell.at(x, y, times_s)
+
+    def at(self, time_s: float) -> MarineWater:
+        """Return the sea at a time."""
+        return MarineWater(self, time_s)
+
+
 _WAVES = 24
 _SHORTEST_M, _LONGEST_M = 2.0, 20.0
 _BOX_M = 0.05

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.marine.motion import Leg, Pose, Track
-from seaclutter_cli.simulation.marine.rays import intersect_box
 from seaclutter_cli.simulation.marine.sea import GRAVITY
+from seaclutter_cli.simulation.marine.shapes import intersect_box
 from seaclutter_cli.truth import CLUTTER
 
 Floats = NDArray[np.float64]

@@ -13,7 +13,9 @@ from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody
 from seaclutter_cli.simulation.marine.motion import Pose
 from seaclutter_cli.simulation.marine.physics import (
     DIVERGENCE_RAD,
+    PULSE_M,
     PhysicsParams,
+    Weather,
     facet_reflectance,
     foam_share,
     fresnel,
@@ -24,9 +26,8 @@ from seaclutter_cli.simulation.marine.physics import (
 )
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.simulation.marine.sea import GRAVITY, SeaParams
+from seaclutter_cli.simulation.marine.terrain import MarineWater, SeaTerrain
 from seaclutter_cli.simulation.marine.wake import add_droplet_echoes, patches
-from seaclutter_cli.simulation.marine.water import PULSE_M, MarineWater, SeaTerrain
-from seaclutter_cli.simulation.marine.weather import Weather
 from seaclutter_cli.truth import CLUTTER
 
 Floats = NDArray[np.float64]

@@ -3,7 +3,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from seaclutter_cli.simulation.marine.rays import intersect_box, intersect_triangles, unit_transforms
+from seaclutter_cli.simulation.marine.shapes import intersect_box, intersect_triangles, unit_transforms
 
 NUMBER = st.floats(-10, 10).map(lambda value: round(value, 3))
 
