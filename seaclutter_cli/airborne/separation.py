@@ -19,8 +19,7 @@ from seaclutter_cli.airborne.water_model import water_model
 from seaclutter_cli.airborne.waves import Waves, WindowWaves, estimate_waves, window_waves
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.grids.land_cells import LandCells
-from seaclutter_cli.grids.opening import SurfaceParams, open_grid
-from seaclutter_cli.grids.pits import without_pits
+from seaclutter_cli.grids.opening import SurfaceParams, open_grid, without_pits
 from seaclutter_cli.grids.points import NOWHERE, GriddedPoints
 
 __all__ = ["GROUND", "NEVER", "OTHER", "WATER", "SeaState", "Separation", "separate"]

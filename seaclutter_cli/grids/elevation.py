@@ -30,11 +30,6 @@ class ElevationGrid:
     with points exist: an outlying point far away costs one block. Points may be in up to 800 blocks, and in no more
     than 128 and one for each 500 points.
 
-    Parameters
-    ----------
-    cell_m : float
-        Width of a cell in metres.
-
     Examples
     --------
     >>> grid = ElevationGrid(1.0)
@@ -86,16 +81,10 @@ class ElevationGrid:
         return self._flat(x, y, grow=False)
 
     def padded(self, values: NDArray[np.floating[Any]], halo: int) -> Iterator[tuple[int, Cells, tuple[slice, slice]]]:
-        """Yield the index of each block, its values padded by ``halo`` cells, and slices to the cells in use.
+        """Yield the index of each block, its values padded by ``halo`` cells on each side, and slices to cells in use.
 
-        Padding without a block is plus infinity. The slices select the cells in the bounding rectangle of all points.
-
-        Parameters
-        ----------
-        values : ndarray, shape (S, 256, 256), float32 or float64
-            A value for each cell.
-        halo : int
-            Number of cells on each side.
+        Values have the shape (S, 256, 256). Padding without a block is plus infinity. The slices select the cells in
+        the bounding rectangle of all points.
         """
         reach = -(-halo // BLOCK)
         for (column, row), slot in self._slots.items():
@@ -157,14 +146,13 @@ def _distinct(column: NDArray[np.int64], row: NDArray[np.int64]) -> tuple[list[t
     if not len(column):
         return [], np.empty(0, np.int64)
     low = int(column.min()), int(row.min())
-    spans = int(column.max()) - low[0] + 1, int(row.max()) - low[1] + 1
-    if spans[0] * spans[1] <= _FEW:
-        key = (column - low[0]) * spans[1] + (row - low[1])
-        taken = np.zeros(spans[0] * spans[1], np.bool_)
+    span = int(row.max()) - low[1] + 1
+    key = (column - low[0]) * span + (row - low[1])
+    most = int(key.max()) + 1
+    if most <= _FEW:
+        taken = np.zeros(most, np.bool_)
         taken[key] = True
-        found = np.flatnonzero(taken)
-        number = np.empty(len(taken), np.int64)
-        number[found] = np.arange(len(found))
-        return [(k // spans[1] + low[0], k % spans[1] + low[1]) for k in found.tolist()], number[key]
-    pairs, which = np.unique(np.stack((column, row), 1), axis=0, return_inverse=True)
-    return [(a, b) for a, b in pairs.tolist()], which.reshape(-1)
+        found, which = np.flatnonzero(taken), (np.cumsum(taken) - 1)[key]
+    else:
+        found, which = np.unique(key, return_inverse=True)
+    return [(k // span + low[0], k % span + low[1]) for k in found.tolist()], which.reshape(-1)

@@ -1,4 +1,4 @@
-"""Morphological opening of a grid of elevations with empty cells ([Shi2022], section 1.1)."""
+"""Morphological opening of a grid of elevations with empty cells ([Shi2022], section 1.1), and pits in the grid."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -12,6 +12,7 @@ from seaclutter_cli.grids.elevation import BLOCK, ElevationGrid
 Cells = NDArray[np.float64]
 
 MAX_WINDOW_CELLS = 1000
+_AROUND, _LEAST_CELLS, _LOWER, _SHALLOW, _PASSES = 2, 5, 0.2, 0.25, 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,11 +32,6 @@ class SurfaceParams:
     cell_m: Annotated[float, Gt(0)] = 1.0
     window_m: Annotated[float, Gt(0)] = 20.0
     height_m: Annotated[float, Gt(0)] = 0.5
-
-    @property
-    def threshold_m(self) -> float:
-        """Height above the opened surface that separates objects from water that needs no other surface."""
-        return self.height_m
 
     def __post_init__(self) -> None:
         """Check that the window can be computed."""
@@ -60,21 +56,9 @@ def opened(lowest: Cells, half: int) -> Cells:
     .. math:: (f \ominus w)(i, j) = \min_{(s, t) \in w} f(s, t), \quad
         (f \oplus w)(i, j) = \max_{(s, t) \in w} f(s, t), \quad f \circ w = (f \ominus w) \oplus w
 
-    Parameters
-    ----------
-    lowest : ndarray, shape (I, J), float64
-        Elevations in metres; plus infinity in empty cells.
-    half : int
-        Half width of the window in cells; less where the grid is narrower than the window.
+    ``lowest``, shape (I, J), has plus infinity in empty cells, the result minus infinity where the windows around a
+    cell contain no value. ``half`` is the half width of the window in cells; less where the grid is narrower.
 
-    Returns
-    -------
-    ndarray, shape (I, J), float64
-        Elevation of the opened surface, at most the value of the cell. Minus infinity where the windows around a cell
-        contain no value.
-
-    Notes
-    -----
     Only windows inside the grid count, so an object cut by the edge is seen in whole windows, too. Empty cells are
     neither low nor high. Without empty cells, the result equals ``scipy.ndimage.grey_opening`` with minus infinity
     beyond the edge.
@@ -93,17 +77,8 @@ def opened(lowest: Cells, half: int) -> Cells:
 
 
 def filled(lowest: Cells, reach: int) -> Cells:
-    """Return a grid whose empty cells have the lowest of the nearest values in four directions.
+    """Return a grid whose empty cells, plus infinity, have the lowest of the values in four directions in reach.
 
-    Parameters
-    ----------
-    lowest : ndarray, shape (I, J), float64
-        Elevations in metres; plus infinity in empty cells.
-    reach : int
-        Distance in cells up to which a value counts; a cell without any remains empty.
-
-    Notes
-    -----
     A ship hides the water behind it from an oblique beam, and calm water often returns nothing. With the lowest value,
     such a gap is water if there is water on any side, and does not widen the ship.
 
@@ -193,3 +168,43 @@ def heights_above_opening(xyz: NDArray[np.float64], params: SurfaceParams) -> ND
     grid = ElevationGrid(params.cell_m)
     cell = grid.add(xyz)
     return np.asarray(xyz[2] - open_grid(grid, params.window_m).reshape(-1)[cell])
+
+
+def without_pits(grid: ElevationGrid, depth_m: float) -> Cells:
+    """Return the lowest elevations, shape (S, 256, 256), without pits.
+
+    A cell below the closing over three cells, the opening upside down, may contain an echo from below the surface. It
+    is a pit if it is lower than all but a fifth of the five by five cells around it, of which five must have points, by
+    a quarter of ``depth_m`` and twice the upper quarter of them spans; it gets the value of the lowest of these.
+    A ditch or a gap between ships has more cells as low. Where pits are many, those that are filled show others.
+
+    Elsewhere an opening confines such a cell to itself, but near the edge of a tile, where no window avoids it, it
+    would lower the surface along its whole row.
+    """
+    lowest = grid.lowest
+    for _ in range(_PASSES):
+        found = _filled_once(grid, lowest, _SHALLOW * depth_m)
+        if (found == lowest).all():
+            break
+        lowest = found
+    return lowest
+
+
+def _filled_once(grid: ElevationGrid, lowest: Cells, depth_m: float) -> Cells:
+    from scipy import ndimage
+
+    out = lowest.copy()
+    for slot, wide, _ in grid.padded(lowest, _AROUND):
+        known = np.isfinite(wide)
+        highest = ndimage.maximum_filter(np.where(known, wide, -np.inf), 3)
+        closed = ndimage.minimum_filter(np.where(np.isfinite(highest), highest, np.inf), 3)
+        inner = (slice(_AROUND, _AROUND + BLOCK),) * 2
+        at = np.argwhere((known & (wide < closed - depth_m))[inner]).T
+        window = np.indices((2 * _AROUND + 1,) * 2).reshape(2, -1, 1)
+        around = np.sort(wide[tuple(window + at[:, None])], axis=0)
+        number = np.isfinite(around).sum(axis=0)
+        rank = (np.maximum(number * share, 1).astype(np.intp) - 1 for share in (_LOWER, 0.5, 0.75))
+        value, middle, high = (around[row, np.arange(at.shape[1])] for row in rank)
+        pits = (number >= _LEAST_CELLS) & (out[slot][tuple(at)] < value - depth_m - 2 * (high - middle))
+        out[slot][tuple(at[:, pits])] = value[pits]
+    return out

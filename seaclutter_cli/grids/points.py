@@ -1,8 +1,8 @@
 """Points of a tile with the cell of each, which is found once."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,11 +55,11 @@ class GriddedPoints:
 
     def chosen(self, own: NDArray[np.bool_]) -> "GriddedPoints":
         """Return the points of a mask, shape (N,), with a grid of their own."""
-        return GriddedPoints.of(_Chosen(self.parts, own), self.grid.cell_m)
+        return GriddedPoints.of(_Changed(_chosen, self.parts, own), self.grid.cell_m)
 
     def lowered(self, by_m: NDArray[np.float64]) -> "GriddedPoints":
         """Return the points, each lower by as much as ``by_m``, shape (N,), says."""
-        return GriddedPoints.of(_Lowered(self.parts, by_m), self.grid.cell_m)
+        return GriddedPoints.of(_Changed(_lowered, self.parts, by_m), self.grid.cell_m)
 
     def lowest_of(self, own: NDArray[np.bool_]) -> Cells:
         """Return the lowest elevations of the points of a mask, shape (S, 256, 256)."""
@@ -71,33 +71,26 @@ class GriddedPoints:
 
 
 @dataclass(frozen=True)
-class _Chosen:
-    """Chosen points of each part."""
+class _Changed:
+    """What a function makes of each part, with the values of its points."""
 
+    change: Callable[[NDArray[np.float64], NDArray[Any]], NDArray[np.float64]]
     parts: Iterable[NDArray[np.float64]]
-    own: NDArray[np.bool_]
+    values: NDArray[Any]
 
     def __iter__(self) -> Iterator[NDArray[np.float64]]:
         start = 0
         for xyz in self.parts:
-            yield xyz[:, self.own[start : start + xyz.shape[1]]]
+            yield self.change(xyz, self.values[start : start + xyz.shape[1]])
             start += xyz.shape[1]
 
 
-@dataclass(frozen=True)
-class _Lowered:
-    """Points of each part, lowered."""
+def _chosen(xyz: NDArray[np.float64], own: NDArray[np.bool_]) -> NDArray[np.float64]:
+    return xyz[:, own]
 
-    parts: Iterable[NDArray[np.float64]]
-    by_m: NDArray[np.float64]
 
-    def __iter__(self) -> Iterator[NDArray[np.float64]]:
-        start = 0
-        for xyz in self.parts:
-            lowered = xyz.copy()
-            lowered[2] -= self.by_m[start : start + xyz.shape[1]]
-            start += xyz.shape[1]
-            yield lowered
+def _lowered(xyz: NDArray[np.float64], by_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.stack((xyz[0], xyz[1], xyz[2] - by_m))
 
 
 def _located(xyz: NDArray[np.float64]) -> NDArray[np.bool_] | slice:

@@ -10,8 +10,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.grids import elevation as grids
 from seaclutter_cli.grids import opening as openings
 from seaclutter_cli.grids.elevation import ElevationGrid
-from seaclutter_cli.grids.opening import filled, half_window, open_grid, opened
-from seaclutter_cli.grids.pits import without_pits
+from seaclutter_cli.grids.opening import filled, half_window, open_grid, opened, without_pits
 from tests.filters.reference import Opening
 
 GRIDS = st.builds(
