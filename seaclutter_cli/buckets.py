@@ -41,7 +41,9 @@ def on_paths(use_case: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(use_case)
     def with_objects(*args: P.args, **kwargs: P.kwargs) -> R:
-        if not any(map(_has_urls, (*args, *kwargs.values()))):
+        found: list[Url] = []
+        _argument([*args, *kwargs.values()], found.append)
+        if not found:
             return use_case(*args, **kwargs)
         with _objects() as mirror:
             token = _current.set(mirror)
@@ -93,17 +95,6 @@ def naming() -> Iterator[None]:
     except BaseException as error:
         shown(error)
         raise
-
-
-def _has_urls(value: Any) -> bool:
-    found: list[Url] = []
-
-    def note(url: Url) -> Url:
-        found.append(url)
-        return url
-
-    _argument(value, note)
-    return bool(found)
 
 
 def _argument(value: Any, local: Callable[[Url], Any]) -> Any:
@@ -203,8 +194,5 @@ def fetch(*paths: Path, at_most: int | None = None) -> None:
 
 def copies_removed() -> AbstractContextManager[None]:
     """Remove the copies that are made within the context, at its end."""
-    if not _mirrors:
-        return nullcontext()
-    from seaclutter_cli.storage.mirrors import copies_removed
-
-    return copies_removed()
+    mirror = _current.get()
+    return mirror.copies_removed() if mirror else nullcontext()

@@ -264,7 +264,7 @@ def _output_size(outcome: "LogOutcome") -> int:
     if outcome.error:
         return 0
     mirror = mirror_of(outcome.output)
-    return mirror.size(outcome.output) if mirror else size_of(outcome.output)
+    return sum(one.size for one in mirror.look_below(outcome.output)) if mirror else size_of(outcome.output)
 
 
 @dataclass(kw_only=True)

@@ -7,7 +7,6 @@ import tempfile
 import weakref
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from contextvars import ContextVar
 from fnmatch import fnmatchcase
 from functools import partial
 from glob import escape
@@ -35,21 +34,6 @@ _HEAD_BYTES = 4096
 _END_BYTES = 2**20
 _TOLD_BY_CONTENT = (".csv", ".yaml")
 _WORTH_AN_EXCERPT = 16 * 2**20
-
-_copies: "ContextVar[list[tuple[Mirror, Path]] | None]" = ContextVar("copies", default=None)
-
-
-@contextmanager
-def copies_removed() -> Iterator[None]:
-    """Remove the content of copies that are made within the context."""
-    copies: list[tuple[Mirror, Path]] = []
-    token = _copies.set(copies)
-    try:
-        yield
-    finally:
-        _copies.reset(token)
-        for mirror, path in copies:
-            mirror.remove(path)
 
 
 class Mirror:
@@ -166,10 +150,6 @@ class Mirror:
         if path not in self._objects:
             self.list_folder(path.parent)
 
-    def size(self, path: Path) -> int:
-        """Return the bytes of the objects at a path; 0 if there are none."""
-        return sum(one.size for one in self.look_below(path))
-
     def know(self, path: Path) -> None:
         """Look below a path, unless that was done."""
         if path not in self._objects and self._known_below.isdisjoint((path, *path.parents)):
@@ -249,14 +229,7 @@ class Mirror:
             download.stop()
             self._reset(files)
             raise
-        self._note(path for _, path in files)
-
-    def _note(self, paths: Iterable[Path]) -> None:
-        """Note that copies are complete."""
-        for path in paths:
-            self._complete.add(path)
-            if (copies := _copies.get()) is not None:
-                copies.append((self, path))
+        self._complete.update(path for _, path in files)
 
     def _fetch_ahead(self, paths: Sequence[Path]) -> None:
         files = self._missing(paths)
@@ -300,7 +273,17 @@ class Mirror:
     def fill(self, path: Path, data: bytes) -> None:
         """Let a file have other content than its object, as a copy."""
         path.write_bytes(data)
-        self._note([path])
+        self._complete.add(path)
+
+    @contextmanager
+    def copies_removed(self) -> Iterator[None]:
+        """Remove the content of copies that are made within the context."""
+        before = set(self._complete)
+        try:
+            yield
+        finally:
+            for path in self._complete - before:
+                self.remove(path)
 
     def remove(self, path: Path) -> None:
         """Remove the content of a copy."""

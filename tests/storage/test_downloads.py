@@ -10,7 +10,7 @@ import pytest
 
 from seaclutter_cli.errors import InputError, OutputError
 from seaclutter_cli.storage import downloads
-from seaclutter_cli.storage.mirrors import Mirror, copies_removed
+from seaclutter_cli.storage.mirrors import Mirror
 from seaclutter_cli.storage.objects import StoredObject
 from tests.storage.buckets import put
 from tests.storage.proxy import Action
@@ -130,7 +130,7 @@ def test_nothing_is_fetched_ahead_without_space(mirror, recordings, monkeypatch)
 
 def test_copies_are_removed_when_they_are_read(mirror, recordings):
     mirror.fetch(recordings[:1])
-    with copies_removed():
+    with mirror.copies_removed():
         mirror.fetch(recordings)
         assert recordings[2].read_bytes() == b"c" * 600
     assert [path.read_bytes()[:1] for path in recordings] == [b"a", bytes(1), bytes(1)]
