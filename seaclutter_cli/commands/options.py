@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import math
-import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from seaclutter_cli.commands.console import DEBUG, NOTES, Console
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.options import Choice, Flag, Group, Kind, Number, Option, Options, Whole, declared
-from seaclutter_cli.parts import SCRATCH
+from seaclutter_cli.options import Choice, Flag, Group, Kind, Number, Option, Options, Whole, declared, option
 from seaclutter_cli.runs.options import WORKING_CONFIG, ConfigFile
 
-Takes = type[Options] | Mapping[str, Option | type[Options]]
-"""Options of a command: a class, or several objects by the names of the parameters that take them."""
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
+_BELONGS_TO = {"parents": "force", "scratch": "recursive"}
+"""Options of the console that commands with another option have."""
 
 _GROUPS = {
     "Input": "rate calibration sensor integrate intensity-field join recursive scratch clutter-ids ignore-ids",
@@ -149,77 +148,38 @@ def _parameter(name: str, one: Option, words: Mapping[str, str]) -> click.Parame
     )
 
 
-def _use_scratch(context: click.Context, _: click.Parameter, value: str | None) -> None:
-    """Set the folder for this process and those that it starts, until the command ends."""
-    if value is not None:
-        before = os.environ.get(SCRATCH)
-        os.environ[SCRATCH] = value
-        restored = {} if before is None else {SCRATCH: before}
-        context.call_on_close(lambda: (os.environ.pop(SCRATCH), os.environ.update(restored)))
-
-
-def _make_parents(context: click.Context, _: click.Parameter, value: bool) -> None:
-    if value:
-        from seaclutter_cli.runs.outputs import making_parents
-
-        context.with_resource(making_parents())
-
-
 def _remember_debug(context: click.Context, _: click.Parameter, value: bool) -> None:
     if value:
         context.meta[DEBUG] = True
 
 
-def _debug() -> click.Parameter:
-    return click.Option(
-        ["--debug"],
-        is_flag=True,
-        is_eager=True,
-        expose_value=False,
-        callback=_remember_debug,
-        help="Show the traceback of an error.",
-    )
+_DEBUG = click.Option(
+    ["--debug"],
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_remember_debug,
+    help="Show the traceback of an error.",
+)
 
 
-def _beside(name: str) -> Sequence[click.Parameter]:
-    """Return the options of the command line only that belong to an option."""
-    if name == "force":
-        text = "Create all missing folders of outputs, not only the last of a path."
-        return [click.Option(["--parents"], is_flag=True, expose_value=False, callback=_make_parents, help=text)]
-    if name == "recursive":
-        text = "Folder for copies of logs and outputs in object storage. [default: the system's for temporary files]"
-        flags = ["--scratch"]
-        return [click.Option(flags, metavar="FOLDER", expose_value=False, callback=_use_scratch, help=text)]
-    return []
-
-
-def _declared(takes: Takes) -> Mapping[str, Option | type[Options]]:
-    return declared(takes) if isinstance(takes, type) else takes
-
-
-def _members(one: Option | type[Options]) -> Group | None:
-    """Return what an object of options consists of; None if it is a single option."""
-    if isinstance(one, Option):
-        return one.kind if isinstance(one.kind, Group) else None
-    return Group(one)
-
-
-def _parameters(takes: Takes, left_out: Sequence[str] = (), words: Mapping[str, str] = {}) -> Iterator[click.Parameter]:
-    for name, one in _declared(takes).items():
-        if group := _members(one):
-            yield from _parameters(group.members, group.left_out, group.words)
-        elif isinstance(one, Option) and one.flags and name not in left_out:
+def _parameters(
+    options: Mapping[str, Option], left_out: Sequence[str] = (), words: Mapping[str, str] = {}
+) -> Iterator[click.Parameter]:
+    for name, one in options.items():
+        if isinstance(one.kind, Group):
+            yield from _parameters(declared(one.kind.members), one.kind.left_out, one.kind.words)
+        elif one.flags and name not in left_out:
             yield _parameter(name, one, words)
-            yield from _beside(name)
 
 
-def _taken(takes: Takes, values: Mapping[str, Any], left_out: Sequence[str] = ()) -> dict[str, Any]:
+def _taken(options: Mapping[str, Option], values: Mapping[str, Any], left_out: Sequence[str] = ()) -> dict[str, Any]:
     """Return the arguments of a function from the values of parameters, those of groups as objects."""
     taken = {}
-    for name, one in _declared(takes).items():
-        if group := _members(one):
-            taken[name] = group.members(**_taken(group.members, values, group.left_out))
-        elif isinstance(one, Option) and one.flags and name not in left_out:
+    for name, one in options.items():
+        if isinstance(one.kind, Group):
+            taken[name] = one.kind.members(**_taken(declared(one.kind.members), values, one.kind.left_out))
+        elif one.flags and name not in left_out:
             taken[name] = values[name]
     return taken
 
@@ -227,7 +187,7 @@ def _taken(takes: Takes, values: Mapping[str, Any], left_out: Sequence[str] = ()
 def command(  # noqa: PLR0913 - what makes a command
     name: str,
     function: str | Callable[..., Any],
-    takes: Takes,
+    takes: type[Options] | Mapping[str, Option | type[Options]],
     text: str,
     *,
     short_help: str | None = None,
@@ -238,27 +198,31 @@ def command(  # noqa: PLR0913 - what makes a command
     """Return a command that calls a function and prints its result; ``name`` has that of its group, too.
 
     The function is ``module:name`` in the package ``seaclutter_cli``, which is imported when it is called; or one of
-    the console, which prints. It takes options, and ``others``, by functions that return them; ``plan`` is the one for
-    ``--dry-run``. ``messages`` are options of the console that the command has.
+    the console, which prints. It takes the options of a class, or several objects, and ``others``, by functions that
+    return them; ``plan`` is the one for ``--dry-run``. ``messages`` are options of the console that the command has.
     """
-    silenced = [key for key in declared(Console) if key not in (*messages, "dry_run" if plan else "")]
+    given = declared(takes) if isinstance(takes, type) else takes
+    options = {key: option(kind=Group(one)) if isinstance(one, type) else one for key, one in given.items()}
+    parameters = [*_parameters(options)]
+    has = [*messages, *(["dry_run"] if plan else []), *(parameter.name for parameter in parameters)]
+    silenced = [key for key in declared(Console) if key not in has and _BELONGS_TO.get(key) not in has]
+    parameters += _parameters(declared(Console), silenced)
 
     def run(**values: Any) -> None:
-        console = Console(**_taken(Console, values, silenced))
-        taken = _taken(takes, values)
+        console = Console(**_taken(declared(Console), values, silenced))
+        taken = _taken(options, values)
         if callable(function):
             function(console, **taken)
             return
         taken |= {key: make() for key, make in others.items()}
-        if "keep_going" in _declared(takes):
+        if "keep_going" in options:
             taken["keep_going"] = True
         module, _, called = (plan if plan and console.dry_run else function).partition(":")
         console.finish(getattr(import_module(f"seaclutter_cli.{module}"), called)(**taken, observer=console))
 
-    parameters = [*_parameters(takes), *_parameters(Console, silenced)]
     for parameter in parameters:
         if isinstance(parameter, click.Option) and parameter.expose_value:
             longest = max(parameter.opts, key=len).strip("-")
             parameter.envvar = re.sub("[ -]", "_", f"seaclutter {name} {longest}").upper()
     own = name.rpartition(" ")[2]
-    return _Command(own, callback=run, params=[*parameters, _debug()], help=text, short_help=short_help)
+    return _Command(own, callback=run, params=[*parameters, _DEBUG], help=text, short_help=short_help)
