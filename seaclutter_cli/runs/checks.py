@@ -5,19 +5,24 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from seaclutter_cli.config import Config, SensorParams
-from seaclutter_cli.filters.threshold_check import ThresholdCheck
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.sensors.catalog import SENSORS
+from seaclutter_cli.text import count
 
 if TYPE_CHECKING:
     from seaclutter_cli.filters.confirmation import ConfirmedParams
 
 _FARTHEST_M = 10_000.0  # no lidar on a vessel measures farther
-_SENSOR_FRAMES = 20
+_FRAMES = 20
+_MIN_POINTS, _MIN_RING_POINTS = 200, 500
+_REMEDY = "find suitable thresholds with: seaclutter calibrate"
 
 
 class _Check(ABC):
@@ -40,14 +45,11 @@ class Checks:
 
     def __init__(self, config: Config, facts: Mapping[str, SensorFacts], *, filtered: bool = False) -> None:
         sensor = config.threshold_sensor
-        model = sensor.model if sensor else None
-        top = SENSORS[model].max_intensity if model and model in SENSORS else None
         # Another sensor explains thresholds that do not fit, so the first of these that warns is enough.
-        thresholds: list[_Check | ThresholdCheck] = [_SensorCheck(sensor, facts)] if sensor else []
+        thresholds: list[_Check] = [_SensorCheck(sensor, facts)] if sensor else []
         if not filtered:
-            fit = ThresholdCheck(config.ring_edges, sensor=model, max_intensity=top, needs_water=config.has_water)
-            thresholds.append(fit)
-        self._waiting: list[list[_Check | ThresholdCheck]] = [thresholds, [_RangeCheck(config.ring_edges)]]
+            thresholds.append(_ThresholdCheck(config, sensor.model if sensor else None))
+        self._waiting: list[list[_Check]] = [thresholds, [_RangeCheck(config.ring_edges)]]
         if config.needs_height:
             self._waiting.append([_PlaneCheck(config.method)])
         if config.has_water:
@@ -61,7 +63,7 @@ class Checks:
         """Return the warnings about the frames so far, without those that were already returned."""
         return self._warnings(lambda check: check.warning())
 
-    def _warnings(self, ask: "Callable[[_Check | ThresholdCheck], str | None]") -> list[str]:
+    def _warnings(self, ask: "Callable[[_Check], str | None]") -> list[str]:
         """Return the first warning of each group of checks, and end the groups that warn."""
         found = []
         for checks in self._waiting:
@@ -79,11 +81,11 @@ class _SensorCheck(_Check):
         self._seen, self._topic = TopicStatistics(), ""
 
     def add(self, result: FilterResult) -> str | None:
-        if self._seen.frames >= _SENSOR_FRAMES:
+        if self._seen.frames >= _FRAMES:
             return None
         self._topic = result.frame.topic
         self._seen.add(result.frame)
-        return self.warning() if self._seen.frames == _SENSOR_FRAMES else None
+        return self.warning() if self._seen.frames == _FRAMES else None
 
     def warning(self) -> str | None:
         if not self._seen.frames:
@@ -99,6 +101,76 @@ class _SensorCheck(_Check):
                 f"'{found.intensity}'; {remedy}"
             )
         return None
+
+
+class _ThresholdCheck(_Check):
+    """Check whether the thresholds of the range rings suit the intensities; a threshold of 30 is useless up to 1.
+
+    A method that estimates the water compares points with thresholds only where it sees some; other frames do not
+    count.
+    """
+
+    def __init__(self, config: Config, sensor: str | None) -> None:
+        self._edges, self._needs_water = np.asarray(config.ring_edges, np.float64), config.has_water
+        top = SENSORS[sensor].max_intensity if sensor and sensor in SENSORS else None
+        self._sensor, self._top = sensor, np.inf if top is None else top
+        rings = max(0, len(self._edges) - 1)
+        self._frames = 0
+        self._points, self._low = np.zeros(rings, np.int64), np.zeros(rings, np.int64)
+        self._ring_least, self._ring_most = np.full(rings, np.inf), np.full(rings, -np.inf)
+        self._least, self._most = np.inf, -np.inf
+        self._warned = False
+
+    def add(self, result: FilterResult) -> str | None:
+        if self._warned or result.rings is None or not result.rings.points.any():
+            return None
+        if self._needs_water and result.water is None:
+            return None
+        if self._frames == 0:
+            self._thresholds = result.rings.thresholds  # later ones are corrected, and fit the log
+        self._frames += 1
+        frame = result.frame
+        intensity = frame.intensity[frame.valid]
+        self._least, self._most = min(self._least, intensity.min()), max(self._most, intensity.max())
+        ring = np.searchsorted(self._edges, frame.range_m[frame.valid], side="right") - 1
+        inside = (ring >= 0) & (ring < len(self._points))
+        ring, intensity = ring[inside], intensity[inside]
+        self._points += np.bincount(ring, minlength=len(self._points))
+        self._low += np.bincount(ring[intensity < self._thresholds[ring]], minlength=len(self._points))
+        np.minimum.at(self._ring_least, ring, intensity)
+        np.maximum.at(self._ring_most, ring, intensity)
+        return self.warning() if self._frames >= _FRAMES else None
+
+    def warning(self) -> str | None:
+        if self._warned or not self._frames:
+            return None
+        self._warned = self._frames >= _FRAMES
+        least, most = float(self._thresholds.min()), float(self._thresholds.max())
+        ranges = f"intensities are {self._least:g} to {self._most:g}, thresholds {least:g} to {most:g}"
+        if self._most > self._top:
+            return (
+                f"the thresholds are for {self._sensor}, whose intensities end at {self._top:g}, but those of the log "
+                f"reach {self._most:g}; find thresholds for this sensor with: seaclutter calibrate"
+            )
+        if self._most < least:
+            return f"no point can pass: {ranges}; find thresholds for this sensor with: seaclutter calibrate"
+        if not self._low.any() and self._points.sum() >= _MIN_POINTS:
+            return f"no point is below its threshold: {ranges}; {_REMEDY}"
+        many = self._points >= _MIN_RING_POINTS
+        useless = many & (self._low == 0)
+        blind = many & (2 * self._ring_most < self._thresholds)
+        if useless.any():
+            return self._in_ring(useless, "is below the threshold")
+        return self._in_ring(blind, "can pass") if blind.any() else None
+
+    def _in_ring(self, rings: NDArray[np.bool_], problem: str) -> str:
+        """Return a warning about the first of some range rings."""
+        k = int(np.flatnonzero(rings)[0])
+        others = int(np.count_nonzero(rings)) - 1
+        more = f" (and {count(others, 'other range ring')})" if others else ""
+        start, end, threshold = self._edges[k], self._edges[k + 1], self._thresholds[k]
+        ranges = f"intensities are {self._ring_least[k]:g} to {self._ring_most[k]:g}, the threshold {threshold:g}"
+        return f"no point from {start:g} to {end:g} m{more} {problem}: {ranges}; {_REMEDY}"
 
 
 class _RangeCheck(_Check):
