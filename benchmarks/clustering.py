@@ -13,7 +13,7 @@ from logs import BEAMS, COLUMNS, POINTS, SHARES, frame
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from seaclutter_cli.clustering.clusters import DbscanFinder, euclidean_clusters
+from seaclutter_cli.clustering import DbscanFinder, euclidean_clusters
 
 try:
     from sklearn.cluster import DBSCAN

@@ -127,7 +127,7 @@ def find_objects(
     The class of a point is its most probable one. The class of an object is the most frequent class of its points; in a
     tie, the first.
     """
-    from seaclutter_cli.clustering.clusters import euclidean_clusters  # slow to import, not needed for settings
+    from seaclutter_cli.clustering import euclidean_clusters  # slow to import, not needed for settings
 
     flat = np.vstack((points.xy, np.zeros(points.xy.shape[1])))
     number = euclidean_clusters(flat, params.tolerance_m, params.min_points) + 1
@@ -170,7 +170,7 @@ def unclassified_objects(
     as the output of an earlier run has none. They are above the mean elevation of the sea up to ten metres around the
     object, or in the tile where there is none; for the probability, above that of the nearest cell.
     """
-    from seaclutter_cli.clustering.clusters import euclidean_clusters  # slow to import, only for geodata
+    from seaclutter_cli.clustering import euclidean_clusters  # slow to import, only for geodata
 
     xyz = _off_land(parts, found)
     if not xyz.shape[1] or not (tile.kind == IS_WATER).any():

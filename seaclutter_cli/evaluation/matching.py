@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.clustering.clusters import ClusterFinder, DbscanFinder
+from seaclutter_cli.clustering import ClusterFinder, DbscanFinder
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.frame import Frame

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.clustering.clusters import euclidean_clusters
+from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.beams import Beams
 from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights

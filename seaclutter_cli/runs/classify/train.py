@@ -12,7 +12,7 @@ from seaclutter_cli.airborne.classification import tile_features
 from seaclutter_cli.airborne.forest import Samples, class_name, join, predict, split_samples, train
 from seaclutter_cli.airborne.model import ObjectModel
 from seaclutter_cli.airborne.settings import TileSettings
-from seaclutter_cli.clustering.clusters import euclidean_clusters
+from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.plots.figure import check_target, render

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from seaclutter_cli.clustering import cells, clusters
-from seaclutter_cli.clustering.clusters import ClusterFinder, euclidean_clusters
+from seaclutter_cli import clustering
+from seaclutter_cli.clustering import ClusterFinder, euclidean_clusters
 
 TOLERANCES = st.sampled_from([1.5, 1.0, 0.1, 0.7, 1e-6, 1e6])
 
@@ -42,10 +42,10 @@ def check(xyz, tolerance_m, min_points):
 @pytest.fixture(params=["as it is", "shortened gaps", "every pair of cells by itself"])
 def implementations(request, monkeypatch):
     if request.param == "shortened gaps":
-        monkeypatch.setattr(cells, "_FEW_CELLS", 0)
+        monkeypatch.setattr(clustering, "_FEW_CELLS", 0)
     elif request.param == "every pair of cells by itself":
-        monkeypatch.setattr(cells, "_ALL_PAIRED", 0)
-        monkeypatch.setattr(clusters, "_BLOCK", 1)
+        monkeypatch.setattr(clustering, "_ALL_PAIRED", 0)
+        monkeypatch.setattr(clustering, "_BLOCK", 1)
 
 
 SEARCH = settings(max_examples=60, deadline=None)
@@ -167,14 +167,14 @@ def balls(count, distance, seed=0):
 @given(distance=st.floats(1.499, 1.502), seed=st.integers(0, 1000))
 def test_dense_components_that_almost_touch_with_a_tree(distance, seed):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(clusters, "_BLOCK", 1)
+        patch.setattr(clustering, "_BLOCK", 1)
         check(balls(20, distance, seed), 1.5, 1)
 
 
 @given(xyz=arrays(float, (3, 30), elements=st.integers(0, 4).map(float)))
 def test_distances_equal_to_the_tolerance_with_a_tree(xyz):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(clusters, "_BLOCK", 1)
+        patch.setattr(clustering, "_BLOCK", 1)
         check(xyz, 2.0, 1)
 
 

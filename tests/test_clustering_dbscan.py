@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from seaclutter_cli.clustering.clusters import DbscanFinder
+from seaclutter_cli.clustering import DbscanFinder
 
 RNG = np.random.default_rng(5)
 SEARCH = settings(max_examples=80, deadline=None)

@@ -1,1 +1,0 @@
-"""Euclidean and density-based clusters of points, exact and in bounded memory."""
