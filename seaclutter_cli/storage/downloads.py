@@ -7,8 +7,7 @@ from threading import Thread
 from typing import IO
 
 from seaclutter_cli.errors import InputError, SeaclutterError
-from seaclutter_cli.storage.objects import StoredObject, range_options
-from seaclutter_cli.storage.stores import explained, store_of
+from seaclutter_cli.storage.objects import StoredObject, explained, range_options, store_of
 
 _RANGE = 32 * 2**20
 _PIECE = 4 * 2**20

@@ -1,6 +1,6 @@
 """Objects of tests, written and read without the program."""
 
-from seaclutter_cli.storage.stores import store_of
+from seaclutter_cli.storage.objects import store_of
 
 
 def put(url, data):

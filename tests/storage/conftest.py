@@ -6,7 +6,7 @@ import os
 import pytest
 
 from seaclutter_cli import buckets
-from seaclutter_cli.storage import stores
+from seaclutter_cli.storage import objects
 from seaclutter_cli.urls import Url
 from tests.storage.proxy import Proxy
 from tests.storage.server import KEYS, Server, program
@@ -74,7 +74,7 @@ def local(scratch):
 @pytest.fixture
 def few_retries(monkeypatch):
     """Let a server that fails be an error soon."""
-    monkeypatch.setattr(stores, "RETRIES", {"max_retries": 1})
-    stores.open_store.cache_clear()
+    monkeypatch.setattr(objects, "RETRIES", {"max_retries": 1})
+    objects.open_store.cache_clear()
     yield
-    stores.open_store.cache_clear()
+    objects.open_store.cache_clear()

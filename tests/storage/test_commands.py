@@ -280,8 +280,8 @@ def test_scratch_is_an_option(logs, tmp_path, monkeypatch):
 
 IMPATIENT = """
 from seaclutter_cli.commands import main
-from seaclutter_cli.storage import stores
-stores.RETRIES = {"max_retries": 3}
+from seaclutter_cli.storage import objects
+objects.RETRIES = {"max_retries": 3}
 main()
 """
 

@@ -6,14 +6,14 @@ import sys
 import pytest
 
 from seaclutter_cli.errors import InputError, MissingExtraError, SeaclutterError, UsageError
-from seaclutter_cli.storage import stores
+from seaclutter_cli.storage import objects
 from seaclutter_cli.storage.objects import (
+    cause,
     find_object,
     list_folder,
     list_objects,
     read_range,
 )
-from seaclutter_cli.storage.stores import cause
 from seaclutter_cli.urls import Url
 from tests.storage.buckets import put
 from tests.storage.proxy import Action
@@ -84,7 +84,7 @@ def test_no_credentials(proxy, few_retries, monkeypatch, tmp_path, has_boto3):
         monkeypatch.setenv("AWS_SHARED_CREDENTIALS_FILE", str(tmp_path / "none"))
         monkeypatch.setenv("AWS_CONFIG_FILE", str(tmp_path / "none"))
     else:
-        monkeypatch.setattr(stores, "find_spec", lambda _: None)
+        monkeypatch.setattr(objects, "find_spec", lambda _: None)
     monkeypatch.setenv("AWS_METADATA_ENDPOINT", "http://169.254.169.254.invalid")
     with pytest.raises(SeaclutterError, match="no credentials found; set AWS_ACCESS_KEY_ID"):
         find_object(Url("s3", "trial", "log.mcap"))
@@ -105,7 +105,7 @@ def test_a_profile(bucket, tmp_path, monkeypatch):
     monkeypatch.setenv("AWS_PROFILE", "other")
     with pytest.raises(UsageError, match="AWS_PROFILE=other: cannot be used"):
         find_object(url)
-    monkeypatch.setattr(stores, "find_spec", lambda _: None)
+    monkeypatch.setattr(objects, "find_spec", lambda _: None)
     monkeypatch.setenv("AWS_PROFILE", "third")
     with pytest.raises(UsageError, match="profiles need boto3"):
         find_object(url)
@@ -155,7 +155,7 @@ def test_other_services_need_settings_too(monkeypatch):
 
 @pytest.mark.parametrize("ask", [find_object, list_folder])
 def test_the_error_names_the_extra(monkeypatch, ask):
-    stores.open_store.cache_clear()
+    objects.open_store.cache_clear()
     for module in ("obstore", "obstore.store", "obstore.exceptions"):
         monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(MissingExtraError, match=r"^s3:// requires .* pip install 'seaclutter\[cloud\]'$"):
