@@ -15,7 +15,7 @@ from logs import SHARES, frame
 
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.filters import FILTERS
-from seaclutter_cli.filters.adaptive_radius import PRESETS, AdaptiveRadiusParams, Preset
+from seaclutter_cli.filters.radius import PRESETS, AdaptiveRadiusParams, Preset
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Filter
 

@@ -23,7 +23,7 @@ from seaclutter_cli.airborne.separation import LeveledTile
 from seaclutter_cli.airborne.squares import Squares, square_of, squares_in
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.airborne.water_model import UNIT, Trees, around
-from seaclutter_cli.grids.points import NOWHERE, GriddedPoints
+from seaclutter_cli.grids.elevation import NOWHERE, GriddedPoints
 
 VERSION = 1
 OBJECT, DRY = (1,), (2, 3, 4, 5, 6, 11, 14, 17, 26, 31, 65)

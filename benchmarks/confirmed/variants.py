@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.config import load_config
 from seaclutter_cli.filters import FILTERS, confirmed
-from seaclutter_cli.filters.adaptive_radius import PresetParams
 from seaclutter_cli.filters.confirmation.echoes import Heights, measure
 from seaclutter_cli.filters.confirmation.objects import DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 from seaclutter_cli.filters.joint import RingIntensityParams
+from seaclutter_cli.filters.radius import PresetParams
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.water import WaterSurface
 from seaclutter_cli.water.surface import GridCells

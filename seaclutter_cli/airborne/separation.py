@@ -18,9 +18,9 @@ from seaclutter_cli.airborne.tides import strip_levels
 from seaclutter_cli.airborne.water_model import water_model
 from seaclutter_cli.airborne.waves import Waves, WindowWaves, estimate_waves, window_waves
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.grids.elevation import NOWHERE, GriddedPoints
 from seaclutter_cli.grids.land_cells import LandCells
 from seaclutter_cli.grids.opening import SurfaceParams, open_grid, without_pits
-from seaclutter_cli.grids.points import NOWHERE, GriddedPoints
 
 __all__ = ["GROUND", "NEVER", "OTHER", "WATER", "SeaState", "Separation", "separate"]
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.classes import GROUND, WATER
 from seaclutter_cli.airborne.strips import Column
 from seaclutter_cli.airborne.waves import WindowWaves
-from seaclutter_cli.grids.elevation import BLOCK, ElevationGrid
-from seaclutter_cli.grids.points import NOWHERE, GriddedPoints
+from seaclutter_cli.grids.elevation import BLOCK, NOWHERE, ElevationGrid, GriddedPoints
 
 Values = NDArray[np.float64]
 Cells = NDArray[np.float64]

@@ -8,8 +8,8 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.classes import GROUND, NEVER, OTHER, WATER
+from seaclutter_cli.grids.elevation import NOWHERE, GriddedPoints
 from seaclutter_cli.grids.opening import SurfaceParams
-from seaclutter_cli.grids.points import NOWHERE, GriddedPoints
 
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]

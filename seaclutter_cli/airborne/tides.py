@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.squares import square_of, squares_in
-from seaclutter_cli.grids.points import NOWHERE, GriddedPoints
+from seaclutter_cli.grids.elevation import NOWHERE, GriddedPoints
 
 _LEAST_ECHOES, _FLAT_M = 6, 0.3
 _STEP_M = 0.1

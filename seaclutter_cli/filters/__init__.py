@@ -37,7 +37,7 @@ FILTERS: Mapping[str, type[Filter]] = _Methods(
         "sor": "statistical.StatisticalOutlierRemoval",
         "ror": "radius.RadiusOutlierRemoval",
         "dror": "radius.DynamicRadiusOutlierRemoval",
-        "adaptive_radius": "adaptive_radius.AdaptiveRadius",
+        "adaptive_radius": "radius.AdaptiveRadius",
         "dsor": "statistical.DynamicStatisticalOutlierRemoval",
         "lior": "radius.LowIntensityOutlierRemoval",
         "lidsor": "statistical.LowIntensityDynamicStatisticalOutlierRemoval",

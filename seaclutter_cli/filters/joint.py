@@ -8,8 +8,8 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval, Len
 from numpy.typing import NDArray
 
-from seaclutter_cli.filters.adaptive_radius import Preset, isolated_by_range
 from seaclutter_cli.filters.base import BaseFilter
+from seaclutter_cli.filters.radius import Preset, isolated_by_range
 from seaclutter_cli.filters.statistical import outliers
 from seaclutter_cli.filters.zones import ZoneParams, Zones, ring_edges
 from seaclutter_cli.frame import FilterResult, Frame, Reason

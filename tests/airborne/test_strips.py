@@ -7,7 +7,7 @@ from seaclutter_cli.airborne.separation import OTHER, separate
 from seaclutter_cli.airborne.strips import looks_of, strips_of
 from seaclutter_cli.airborne.surface import SeparationParams
 from seaclutter_cli.airborne.tides import strip_levels
-from seaclutter_cli.grids.points import GriddedPoints
+from seaclutter_cli.grids.elevation import GriddedPoints
 
 SPEED_M_S, RADIUS_M = 60.0, 120.0
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.filters import FILTERS, adaptive_radius
-from seaclutter_cli.filters.adaptive_radius import (
+from seaclutter_cli.filters.radius import (
     PRESETS,
     AdaptiveRadius,
     AdaptiveRadiusParams,

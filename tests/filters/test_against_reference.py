@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.filters import FILTERS, neighbors
-from seaclutter_cli.filters.adaptive_radius import Preset
+from seaclutter_cli.filters.radius import Preset
 from seaclutter_cli.reading import frames
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sources.formats import open_source
