@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.filters import FILTERS, adaptive_radius
+from seaclutter_cli.filters import FILTERS, radius
 from seaclutter_cli.filters.radius import (
     PRESETS,
     AdaptiveRadius,
@@ -167,7 +167,7 @@ class TestScenes:
             requested.append(params)
             return SceneSequence("confined")
 
-        monkeypatch.setattr(adaptive_radius, "make_scene_tracker", make_scene_tracker)
+        monkeypatch.setattr(radius, "make_scene_tracker", make_scene_tracker)
         params = AdaptiveRadiusParams(scene="auto", scene_every=3)
         assert AdaptiveRadius(params).step(self.FRAME).scene == "confined"
         assert [one.scene_every for one in requested] == [3]
