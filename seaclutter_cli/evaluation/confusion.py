@@ -16,14 +16,7 @@ class Confusion:
 
     @staticmethod
     def of(truth: NDArray[Any], found: NDArray[Any], codes: Sequence[int]) -> "Confusion":
-        """Return the matrix of true and predicted class codes, each of shape (N,); other codes are ignored.
-
-        Examples
-        --------
-        >>> Confusion.of(np.array([1, 1, 9, 5]), np.array([1, 9, 9, 9]), (1, 9)).counts
-        array([[1, 1],
-               [0, 1]])
-        """
+        """Return the matrix of true and predicted class codes, each of shape (N,); other codes are ignored."""
         index = np.full(int(max(codes)) + 1, -1)
         index[list(codes)] = np.arange(len(codes))
         known = np.isin(truth, codes) & np.isin(found, codes)
@@ -58,13 +51,7 @@ class Confusion:
 
     @property
     def kappa(self) -> float:
-        r"""Cohen's kappa: :math:`(p_o - p_e) / (1 - p_e)`.
-
-        Examples
-        --------
-        >>> round(Confusion(np.array([[20, 5], [10, 15]])).kappa, 3)
-        0.4
-        """
+        r"""Cohen's kappa: :math:`(p_o - p_e) / (1 - p_e)`."""
         total = self.counts.sum()
         expected = float(_share(self.counts.sum(axis=0) @ self.counts.sum(axis=1), total.astype(float) ** 2))
         return (self.accuracy - expected) / (1 - expected) if expected < 1 else float("nan")

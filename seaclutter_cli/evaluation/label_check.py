@@ -150,11 +150,5 @@ def _resembles(kind: str, name: str) -> bool:
 
 
 def _limit_m(kind: str) -> float:
-    """Return the length that no target of a class exceeds, in metres.
-
-    Examples
-    --------
-    >>> _limit_m("Sailing boat"), _limit_m("tanker")
-    (150, 500.0)
-    """
+    """Return the length that no target of a class exceeds, in metres."""
     return next((limit for word, limit in _LONGEST_M.items() if word in kind.lower()), LARGEST_M)

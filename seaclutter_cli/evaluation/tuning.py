@@ -34,11 +34,6 @@ def ideal_threshold(intensity: NDArray[np.float64], points: NDArray[np.int64]) -
     It is the lowest target intensity T that maximises the sum of the share of clutter below T and the share of target
     points at or above T, which is Youden's index plus one; None without clutter or without target points. [Li2023]
     marks it by hand (Fig. 7). The labels of the points are those of `Truth.points`; both arrays have shape (N,).
-
-    Examples
-    --------
-    >>> ideal_threshold(np.array([1.0, 2, 3, 9, 4, 8, 20]), np.array([0, 0, 0, 0, 5, 5, 5]))
-    4.0
     """
     clutter = np.sort(intensity[points == CLUTTER])
     target = np.sort(intensity[(points != CLUTTER) & (points != IGNORED)])

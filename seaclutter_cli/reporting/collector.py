@@ -64,14 +64,6 @@ class Choice(Generic[T]):
     Half of the frames are the worst, a sixth the best. Every n-th frame is stored as evenly spaced; n doubles when
     there are four times too many. The data of a frame is created some frames later: while frames get worse and worse,
     each replaces the previous one and needs no data.
-
-    Examples
-    --------
-    >>> choice = Choice(6)
-    >>> for row in range(100):
-    ...     choice.offer(row, badness=float(row == 42), merit=0.0, make=lambda row=row: f"frame {row}")
-    >>> [(chosen.row, chosen.why) for chosen in choice.chosen()]
-    [(42, 'worst'), (0, 'best'), (16, 'even'), (32, 'even'), (64, 'even'), (80, 'even')]
     """
 
     def __init__(self, frames: int) -> None:

@@ -92,12 +92,6 @@ def binned(values: Series, starts: NDArray[np.int64]) -> tuple[Series, Series, S
     """Return mean, minimum and maximum of each of B bins, shape (B, K) each; NaN for bins without known values.
 
     The series, shape (frames, K), are NaN where unknown; a bin begins at each of the frames ``starts``.
-
-    Examples
-    --------
-    >>> mean, low, high = binned(np.array([[1.0], [3], [np.nan]], np.float32), np.array([0, 2]))
-    >>> mean.ravel(), low.ravel(), high.ravel()
-    (array([ 2., nan], dtype=float32), array([ 1., nan], dtype=float32), array([ 3., nan], dtype=float32))
     """
     if not len(starts):
         empty = np.empty((0, values.shape[1]), np.float32)

@@ -30,13 +30,7 @@ REASON_NAMES: Mapping[Reason, str] = {
 
 
 def reason_names(edges: Sequence[float]) -> dict[Reason, str]:
-    """Return the name of each reason for a method with these edges of range rings; empty if it has none.
-
-    Examples
-    --------
-    >>> reason_names([10.0, 25.0])[Reason.NEAR]
-    'nearer than 10 m (filter.start_m)'
-    """
+    """Return the name of each reason for a method with these edges of range rings; empty if it has none."""
     if not len(edges):
         return dict(REASON_NAMES)
     near, far = f"nearer than {edges[0]:g} m (filter.start_m)", f"from {edges[-1]:g} m on (filter.end_m)"

@@ -75,13 +75,7 @@ def _rays(z: Floats, reflectivity: Floats, code: NDArray[np.uint8] | int) -> NDA
 
 
 def strips(lidar: AirborneParams, size_m: tuple[float, ...]) -> list[float]:
-    """Return the y of each strip's flight line.
-
-    Examples
-    --------
-    >>> strips(AirborneParams(height_m=300, scan_angle_deg=60, overlap=0), (875.0, 695.0))
-    [115.83333333333333, 347.5, 579.1666666666666]
-    """
+    """Return the y of each strip's flight line."""
     swath = 2 * lidar.height_m * np.tan(np.radians(lidar.scan_angle_deg / 2)) * (1 - lidar.overlap)
     count = max(1, int(np.ceil(size_m[1] / swath - 1e-9)))
     return [float(size_m[1] * (k + 0.5) / count) for k in range(count)]

@@ -229,11 +229,5 @@ def false_returns(
 
 
 def extinction(visibility_km: float) -> float:
-    r"""Return the extinction coefficient :math:`\alpha` of air in 1/m for a meteorological visibility (Koschmieder).
-
-    Examples
-    --------
-    >>> extinction(3.912)
-    0.001
-    """
+    r"""Return the extinction coefficient :math:`\alpha` of air in 1/m for a meteorological visibility (Koschmieder)."""
     return 3.912 / (1000 * visibility_km)

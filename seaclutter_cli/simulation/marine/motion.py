@@ -92,13 +92,7 @@ def _along(legs: Floats, times_s: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def rotations(yaw: Floats, pitch: Floats, roll: Floats) -> Floats:
-    """Return rotation matrices from body (x forward, y left, z up) to world, shape (T, 3, 3); angles in radians.
-
-    Examples
-    --------
-    >>> rotations(np.array([np.pi / 2]), np.zeros(1), np.zeros(1)).round(3)[0] @ [1, 0, 0]
-    array([0., 1., 0.])
-    """
+    """Return rotation matrices from body (x forward, y left, z up) to world, shape (T, 3, 3); angles in radians."""
     cy, sy, cp, sp, cr, sr = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll)
     rows = (
         (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),

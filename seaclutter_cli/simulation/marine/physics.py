@@ -86,24 +86,12 @@ class PhysicsParams:
 
 
 def slope_variance(wind_ms: float) -> float:
-    r"""Return the variance of the slopes of open water: :math:`0.003 + 0.00512 U` (Cox and Munk 1954).
-
-    References
-    ----------
-    .. [1] Cox, Munk (1954). "Measurement of the roughness of the sea surface from photographs of the sun's glitter".
-       JOSA 44(11).
-    """
+    """Return the variance of the slopes of open water: 0.003 + 0.00512 U (Cox and Munk 1954, JOSA 44(11))."""
     return 0.003 + 0.00512 * wind_ms
 
 
 def whitecap_share(wind_ms: float) -> float:
-    r"""Return the share of open water under whitecaps: :math:`3.84 \cdot 10^{-6} U^{3.41}`.
-
-    References
-    ----------
-    .. [1] Monahan, O'Muircheartaigh (1980). "Optimal power-law description of oceanic whitecap coverage dependence on
-       wind speed". JPO 10(12).
-    """
+    """Return the share of open water under whitecaps (Monahan and O'Muircheartaigh 1980, JPO 10(12))."""
     return float(min(1.0, 3.84e-6 * wind_ms**3.41))
 
 
@@ -115,35 +103,18 @@ def refractive_index(wavelength_nm: float) -> float:
 def absorption(wavelength_nm: float) -> float:
     """Return the absorption of light in water in 1/m.
 
-    References
-    ----------
-    .. [1] Hale, Querry (1973). "Optical constants of water in the 200-nm to 200-µm wavelength region". Applied Optics
-       12(3).
-    .. [2] Kou, Labrie, Chylek (1993). "Refractive indices of water and ice in the 0.65- to 2.5-µm spectral range".
-       Applied Optics 32(19).
+    Visible light: Hale and Querry (1973, Applied Optics 12(3)); infrared: Kou et al. (1993, Applied Optics 32(19)).
     """
     return float(np.exp(np.interp(wavelength_nm, _WAVELENGTHS_NM, np.log(_ABSORPTION))))
 
 
 def foam_share(wavelength_nm: float) -> float:
-    """Return the reflectivity of foam relative to that in visible light.
-
-    References
-    ----------
-    .. [1] Frouin, Schwindling, Deschamps (1996). "Spectral reflectance of sea foam in the visible and near-infrared: In
-       situ measurements and remote sensing implications". JGR 101(C6).
-    """
+    """Return the reflectivity of foam relative to that in visible light (Frouin et al. 1996, JGR 101(C6))."""
     return float(np.interp(wavelength_nm, _FOAM_WAVELENGTHS_NM, _FOAM))
 
 
 def fresnel(cosine: Floats, index: float) -> Floats:
-    """Return the share of unpolarised light that water reflects, for cosines of incidence from 0 to 1, shape (N,).
-
-    Examples
-    --------
-    >>> fresnel(np.array([1.0, 0.0]), 1.33).round(3)
-    array([0.02, 1.  ])
-    """
+    """Return the share of unpolarised light that water reflects, for cosines of incidence from 0 to 1, shape (N,)."""
     inside = np.sqrt(1 - (1 - cosine**2) / index**2)
     across = (cosine - index * inside) / (cosine + index * inside)
     along = (index * cosine - inside) / (index * cosine + inside)
@@ -157,12 +128,7 @@ def water_reflectance(cosine: Floats, wavelength_nm: float, backscatter: float) 
 
     The light passes the surface twice. Since :math:`1 - F` and :math:`\cos\theta` fall with the grazing angle h/R, the
     echo of water falls nearly with :math:`h^3 / R^5`, and the range at which it is lost grows with :math:`h^{3/5}`:
-    from 17 m for a lidar 1.2 m up to just below 40 m for one 5 m up.
-
-    References
-    ----------
-    .. [1] Gordon, Brown, Jacobs (1975). "Computed relationships between the inherent and apparent optical properties of
-       a flat homogeneous ocean". Applied Optics 14(2).
+    from 17 m for a lidar 1.2 m up to just below 40 m for one 5 m up (Gordon et al. 1975, Applied Optics 14(2)).
     """
     albedo = 0.33 * backscatter / (absorption(wavelength_nm) + backscatter)
     return np.asarray((1 - fresnel(cosine, refractive_index(wavelength_nm))) ** 2 * albedo * cosine)
@@ -173,10 +139,7 @@ def facet_reflectance(cosine: Floats, wavelength_nm: float, variance: float) -> 
 
     .. math:: \frac{F(0)}{4 s^2 \cos^5\theta} \exp\!\left(-\tan^2\theta / s^2\right)
 
-    References
-    ----------
-    .. [1] Bufton, Hoge, Swift (1983). "Airborne measurements of laser backscatter from the ocean surface". Applied
-       Optics 22(17).
+    Bufton, Hoge, Swift (1983, Applied Optics 22(17)).
     """
     normal = float(fresnel(np.ones(1), refractive_index(wavelength_nm))[0])
     cosine, variance = np.maximum(cosine, 0.05), max(variance, 1e-6)

@@ -66,12 +66,6 @@ def jonswap(omega: NDArray[np.float64], height_m: float, peak: float, enhancemen
     .. [1] Hasselmann et al. (1973). "Measurements of wind-wave growth and swell decay during the Joint North Sea Wave
        Project (JONSWAP)". Deutsche Hydrographische Zeitschrift A8(12).
     .. [2] Pierson, Moskowitz (1964). "A proposed spectral form for fully developed wind seas". JGR 69(24).
-
-    Examples
-    --------
-    >>> omega = np.linspace(0.01, 40, 400_000)
-    >>> 4 * np.sqrt(np.trapezoid(jonswap(omega, 0.3, 2.3, 1.0), omega)).round(3)
-    np.float64(0.3)
     """
     sigma = np.where(omega <= peak, 0.07, 0.09)
     bump = enhancement ** np.exp(-((omega / peak - 1) ** 2) / (2 * sigma**2))

@@ -15,11 +15,6 @@ def intersect_box(origins: Floats, directions: Floats, lower: Floats, upper: Flo
     """Return the distances at which rays enter and leave a box between two corners, shape (N,) each.
 
     A ray misses the box unless it leaves at a larger distance than it enters.
-
-    Examples
-    --------
-    >>> intersect_box(np.zeros((1, 3)), np.array([[1.0, 0, 0]]), np.array([2.0, -1, -1]), np.array([3.0, 1, 1]))
-    (array([2.]), array([3.]))
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         first = (lower - origins) / directions

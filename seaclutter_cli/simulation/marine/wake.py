@@ -182,11 +182,6 @@ def patches(x: Floats, y: Floats, seed: int) -> Floats:
     """Return a number from 0 to 1 for each patch of water, shape (N,), which is constant over time.
 
     A patch is foam while its number is below the share of foam, so it remains foam until it fades.
-
-    Examples
-    --------
-    >>> patches(np.array([0.1, 0.2, 5.0]), np.zeros(3), 1).round(2).tolist()
-    [0.82, 0.82, 0.04]
     """
     column = np.floor(x / _PATCH_M).astype(np.int64).view(np.uint64)
     row = np.floor(y / _PATCH_M).astype(np.int64).view(np.uint64)
