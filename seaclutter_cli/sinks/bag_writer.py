@@ -14,7 +14,7 @@ from seaclutter_cli.errors import OutputError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages.metadata import METADATA_TOPIC, STRING, to_message
 from seaclutter_cli.records import Buffer, Channel, Schema
-from seaclutter_cli.sinks.log_output import Chunk, ChunkedWriter, LogFiles, MessagesOnly
+from seaclutter_cli.sinks.log_output import Chunk, ChunkedWriter, LogFiles
 
 _MAGIC = b"#ROSBAG V2.0\n"
 _HEADER_BYTES = 4096
@@ -50,7 +50,7 @@ class BagOutput(LogFiles):
         return BagWriter(stream, compression=compression)
 
 
-class BagWriter(ChunkedWriter, MessagesOnly):
+class BagWriter(ChunkedWriter):
     """Writer for one ROS 1 bag, whose header is written again at the end; ``compression`` is ``lz4`` or empty."""
 
     chunk_size = 768 * 2**10
@@ -82,14 +82,14 @@ class BagWriter(ChunkedWriter, MessagesOnly):
         self._connections[channel.id] = head + data
         self._undeclared.add(channel.id)
 
-    def put(self, channel: int, log_time_ns: int, data: Buffer) -> None:
+    def put(self, channel: int, times_ns: tuple[int, int], sequence: int, data: Buffer) -> None:  # noqa: ARG002
         """Write a message of a declared channel; `OutputError` if its time does not fit into a bag."""
         if channel in self._undeclared:
             self._chunk.data += self._connections[channel]
             self._undeclared.remove(channel)
         number = self._numbers[channel]
-        head = _fields(op=bytes((_MESSAGE,)), conn=_U32.pack(number), time=_time(log_time_ns))
-        self.add(number, log_time_ns, head, _U32.pack(len(data)), data)
+        head = _fields(op=bytes((_MESSAGE,)), conn=_U32.pack(number), time=_time(times_ns[0]))
+        self.add(number, times_ns[0], head, _U32.pack(len(data)), data)
 
     def finish(self) -> None:
         """Write the metadata records as a message, pending chunks, the index, and the header."""
@@ -98,7 +98,7 @@ class BagWriter(ChunkedWriter, MessagesOnly):
             schema = Schema(STRING, "ros1msg", b"string data\n")
             header = (("latching", "1"), ("md5sum", _STRING_MD5))
             self.add_channel(Channel(number, METADATA_TOPIC, "ros1", schema, header))
-            self.put(number, self.end_ns, to_message(self.metadata))
+            self.put(number, (self.end_ns, 0), 0, to_message(self.metadata))
         self.finish_chunks()
         index = self._offset
         self.write_bytes(*self._connections.values(), self._infos)

@@ -23,17 +23,18 @@ _MAX_THREADS = 4
 
 
 class LogWriter(ABC):
-    """Writer for the records of a log: its channels by id, messages by channel, and log times of the messages."""
+    """Writer for the records of a log: its channels by id, messages by channel, and log times of the messages.
+
+    By default, the log has neither publish times nor attachments, and its ``metadata`` records are kept for the end.
+    """
 
     def __init__(self) -> None:
         self.channels: dict[int, Channel] = {}
         self.counts: Counter[int] = Counter()
         self.start_ns, self.end_ns = 2**64 - 1, 0
-
-    def count(self, channel: int, log_time_ns: int) -> None:
-        """Count a message."""
-        self.counts[channel] += 1
-        self.start_ns, self.end_ns = min(self.start_ns, log_time_ns), max(self.end_ns, log_time_ns)
+        self.metadata: list[Metadata] = []
+        self._attachments = 0
+        self._has_publish_times = self._has_sequences = False
 
     @property
     def messages(self) -> int:
@@ -43,45 +44,6 @@ class LogWriter(ABC):
     @property
     def lost(self) -> Sequence[str]:
         """What the log cannot keep of the records so far, in words."""
-        return ()
-
-    @abstractmethod
-    def add_channel(self, channel: Channel) -> None:
-        """Declare a channel under its own id, before its first message."""
-
-    @abstractmethod
-    def write(self, channel: int, log_time_ns: int, publish_time_ns: int, sequence: int, data: Buffer) -> None:
-        """Write a message of a declared channel."""
-
-    @abstractmethod
-    def attach(self, attachment: Attachment) -> None:
-        """Write an attachment."""
-
-    @abstractmethod
-    def add_metadata(self, metadata: Metadata) -> None:
-        """Write a metadata record."""
-
-    @abstractmethod
-    def finish(self) -> None:
-        """Complete the log."""
-
-    @abstractmethod
-    def abort(self) -> None:
-        """Free resources and leave the log incomplete."""
-
-
-class MessagesOnly(LogWriter):
-    """Writer of a log without publish times and attachments; ``metadata`` records are kept for the end."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.metadata: list[Metadata] = []
-        self._attachments = 0
-        self._has_publish_times = self._has_sequences = False
-
-    @property
-    def lost(self) -> Sequence[str]:
-        """What the log cannot keep, in words."""
         found = {
             counted(self._attachments, "attachment"): self._attachments,
             "publish times": self._has_publish_times,
@@ -90,23 +52,36 @@ class MessagesOnly(LogWriter):
         return [name for name, is_lost in found.items() if is_lost]
 
     @abstractmethod
-    def put(self, channel: int, log_time_ns: int, data: Buffer) -> None:
-        """Write a message of a declared channel."""
+    def add_channel(self, channel: Channel) -> None:
+        """Declare a channel under its own id, before its first message."""
+
+    @abstractmethod
+    def put(self, channel: int, times_ns: tuple[int, int], sequence: int, data: Buffer) -> None:
+        """Write a message of a declared channel with its log time and its publish time."""
 
     def write(self, channel: int, log_time_ns: int, publish_time_ns: int, sequence: int, data: Buffer) -> None:
-        """Write a message."""
+        """Write a message of a declared channel, and count it."""
         self._has_publish_times |= publish_time_ns != log_time_ns
         self._has_sequences |= sequence != 0
-        self.put(channel, log_time_ns, data)
-        self.count(channel, log_time_ns)
+        self.put(channel, (log_time_ns, publish_time_ns), sequence, data)
+        self.counts[channel] += 1
+        self.start_ns, self.end_ns = min(self.start_ns, log_time_ns), max(self.end_ns, log_time_ns)
 
     def attach(self, attachment: Attachment) -> None:  # noqa: ARG002
-        """Count an attachment, which is lost."""
+        """Write an attachment, or count it as lost."""
         self._attachments += 1
 
     def add_metadata(self, metadata: Metadata) -> None:
-        """Keep a metadata record for the end."""
+        """Write a metadata record, or keep it for the end."""
         self.metadata.append(metadata)
+
+    @abstractmethod
+    def finish(self) -> None:
+        """Complete the log."""
+
+    @abstractmethod
+    def abort(self) -> None:
+        """Free resources and leave the log incomplete."""
 
 
 @dataclass(slots=True)

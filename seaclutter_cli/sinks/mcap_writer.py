@@ -7,7 +7,7 @@ The output bytes do not depend on the number of threads.
 import struct
 import zlib
 from collections import Counter, defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from threading import local
 from typing import BinaryIO
 
@@ -83,12 +83,15 @@ class McapWriter(ChunkedWriter):
         self.channels[channel.id] = channel
         self._write_record(self._channel_record(channel))
 
-    def write(self, channel: int, log_time_ns: int, publish_time_ns: int, sequence: int, data: Buffer) -> None:
-        """Write a message of a declared channel."""
+    @property
+    def lost(self) -> Sequence[str]:
+        """Nothing."""
+        return ()
+
+    def put(self, channel: int, times_ns: tuple[int, int], sequence: int, data: Buffer) -> None:
+        """Write a message of a declared channel with its log time and its publish time."""
         size = len(data) + _MESSAGE.size - 9
-        head = _MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, log_time_ns, publish_time_ns)
-        self.count(channel, log_time_ns)
-        self.add(channel, log_time_ns, head, data)
+        self.add(channel, times_ns[0], _MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, *times_ns), data)
 
     def attach(self, attachment: Attachment) -> None:
         """Write an attachment without copying its data."""
@@ -117,6 +120,7 @@ class McapWriter(ChunkedWriter):
 
     def add_metadata(self, metadata: Metadata) -> None:
         """Write a metadata record."""
+        super().add_metadata(metadata)
         self.drain()
         offset = self._offset
         self._write_record(mcap_records.Metadata(name=metadata.name, metadata=metadata.entries))

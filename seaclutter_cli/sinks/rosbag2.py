@@ -12,9 +12,9 @@ import yaml
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages.metadata import to_custom_data
-from seaclutter_cli.records import Buffer, Channel, Metadata
+from seaclutter_cli.records import Buffer, Channel
 from seaclutter_cli.sinks.atomic import AtomicFolder, OutputGroup
-from seaclutter_cli.sinks.log_output import LogOutput, LogWriter, MessagesOnly
+from seaclutter_cli.sinks.log_output import LogOutput, LogWriter
 from seaclutter_cli.sinks.mcap_writer import McapWriter, mcap_compression
 from seaclutter_cli.sinks.options import ROSBAG2_METADATA
 
@@ -75,15 +75,10 @@ class McapFolderOutput(Db3Output):
 
 
 class _McapFileWriter(McapWriter):
-    """MCAP writer that keeps the metadata records, and closes its file at the end."""
+    """MCAP writer that closes its file at the end."""
 
     def __init__(self, stream: BinaryIO, compression: str) -> None:
         super().__init__(stream, profile="ros2", compression=compression)
-        self.metadata: list[Metadata] = []
-
-    def add_metadata(self, metadata: Metadata) -> None:
-        self.metadata.append(metadata)
-        super().add_metadata(metadata)
 
     def finish(self) -> None:
         super().finish()
@@ -95,7 +90,7 @@ class _McapFileWriter(McapWriter):
         self._stream.close()
 
 
-class _Db3Writer(MessagesOnly):
+class _Db3Writer(LogWriter):
     """Writer for a new sqlite3 file of a recording, with the schema that ROS 2 has had since Iron."""
 
     def __init__(self, path: Path, target: Path) -> None:
@@ -126,7 +121,8 @@ class _Db3Writer(MessagesOnly):
                 (schema.name, schema.encoding, text, checksum),
             )
 
-    def put(self, channel: int, log_time_ns: int, data: Buffer) -> None:
+    def put(self, channel: int, times_ns: tuple[int, int], sequence: int, data: Buffer) -> None:  # noqa: ARG002
+        log_time_ns = times_ns[0]
         if not 0 <= log_time_ns < 2**63:
             raise OutputError(f"{self._target}: a ROS 2 bag cannot contain the log time {log_time_ns} ns")
         self._run("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", (channel, log_time_ns, data))

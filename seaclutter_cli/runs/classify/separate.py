@@ -253,7 +253,8 @@ def _recorded_run(output: Path) -> Mapping[str, Any] | None:
 class SeparatedTile(TileOutcome):
     """Outcome of the separation of one tile: numbers of sea and non-sea points, the sea, and its part of the maps."""
 
-    listed = "output=_written points_in=points points_out=other"
+    data = "tile output=written points sea other sea_state seconds status error"
+    listed = "output=written points_in=points points_out=other"
 
     output: Path
     sea: int = 0
@@ -273,15 +274,9 @@ class SeparatedTile(TileOutcome):
         return f"{count(self.points, 'point')}, {share(self.other, self.points)} non-sea, {self.seconds:.1f} s"
 
     @property
-    def _written(self) -> str | None:
+    def written(self) -> str | None:
+        """Path of the output; None after an error."""
         return None if self.error else str(self.output)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the outcome as JSON-compatible data."""
-        state = self.sea_state and asdict(self.sea_state)
-        counts = {"points": self.points, "sea": self.sea, "other": self.other, "sea_state": state}
-        last = {"seconds": self.seconds, "status": self.status, "error": self.error}
-        return {"tile": self.tile, "output": self._written, **counts, **last}
 
     def cells(self) -> tuple[str, ...]:
         """Return the row of the table."""

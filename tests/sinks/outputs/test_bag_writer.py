@@ -147,7 +147,7 @@ def test_a_foreign_topic_of_that_name_stays_a_topic(tmp_path):
     with path.open("wb") as stream:
         writer = BagWriter(stream, compression="")
         writer.add_channel(channel(0, "/seaclutter/metadata"))
-        writer.put(0, START_NS, message("hello"))
+        writer.write(0, START_NS, START_NS, 0, message("hello"))
         writer.finish()
     source = open_source(path)
     assert [c.topic for c in source.channels] == ["/seaclutter/metadata"]

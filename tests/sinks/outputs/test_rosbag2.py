@@ -120,7 +120,7 @@ def test_publishers_of_one_topic_are_joined(tmp_path):
         for number in (0, 1):
             schema = Schema("std_msgs/Bool", "ros1msg", b"bool data\n")
             writer.add_channel(Channel(number, "/on", "ros1", schema, (("callerid", f"/node_{number}"),)))
-            writer.put(number, START_NS + number, b"\1")
+            writer.write(number, START_NS + number, START_NS + number, 0, b"\1")
         writer.finish()
     assert convert(path, tmp_path / "day", "rosbag2-db3").messages == 2
     with Reader(tmp_path / "day") as reader:
