@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.truth import Boxes, Truth
 
-Points = NDArray[np.float32]
 Vector = NDArray[np.float64]
 
 _SMALLEST_M, LARGEST_M = 0.2, 500.0
@@ -34,13 +33,6 @@ _SHIFT_STEPS, _SHIFT_STARTS = 3, 4
 _BIN_M, _SMALL_SHIFT_M = 0.5, 2.0
 _MAX_FRAMES, _MAX_POINTS = 12, 2_000_000
 _MAX_BOXES, _MAX_BOXES_IN_FRAME = 120, 40
-
-
-_CENTERS: Sequence[Callable[[Points], Vector]] = (
-    lambda points: np.asarray((points.min(axis=1) + points.max(axis=1)) / 2, np.float64),
-    lambda points: np.asarray(np.median(points, axis=1), np.float64),
-)
-"""Middle and median of points, shape (3, N)."""
 
 
 class LabelledFrame(NamedTuple):
@@ -235,23 +227,20 @@ class LabelFit:
         return [Guess(change, fit, fits[best]) for change in ways[best]]
 
     def _shifts(self, made: Sequence[Change]) -> list[Change]:
-        """Return the shift that fits best, if there are boxes: along z only, unless another one is better.
+        """Return the shift that fits best, along z only unless another one is better.
 
-        Starting from heights at which there are points above or below the boxes, boxes follow the centres of the points
-        near them. Their middle is right for targets seen from one side, their median for targets among clutter.
+        From heights at which there are points above or below them, boxes follow the points near them.
         """
         frames = [one._replace(targets=_changed(one.targets, made)) for one in self.frames]
-        vertical, others = [], []
+        found = []
         for start_m in (0.0, *self._heights(frames)):
-            vertical.append(_shift(np.array([0, 0, start_m])))
-            for center_of in _CENTERS:
-                shift_m = np.array([0.0, 0.0, start_m])
-                for _ in range(_SHIFT_STEPS):
-                    shift_m += self._step(frames, shift_m, center_of)
-                vertical.append(_shift(shift_m * [0, 0, 1]))
-                others.append(_shift(shift_m))
-        fits = [self.of((*made, change)) for change in (*vertical, *others)]
-        return [next(one for one, fit in zip((*vertical, *others), fits, strict=True) if fit >= max(fits) - _ALIKE)]
+            shift_m = np.array([0.0, 0.0, start_m])
+            for _ in range(_SHIFT_STEPS):
+                shift_m += self._step(frames, shift_m)
+            found.append(shift_m)
+        changes = [_shift(shift_m * axes) for axes in ([0, 0, 1], [1, 1, 1]) for shift_m in found]
+        fits = np.array([self.of((*made, change)) for change in changes])
+        return [changes[int(np.argmax(fits >= fits.max() - _ALIKE))]]
 
     def _heights(self, frames: Iterable[LabelledFrame]) -> list[float]:
         """Return heights of points relative to the boxes above or below them, the commonest first."""
@@ -264,15 +253,15 @@ class LabelFit:
                 votes.update(bins[counts >= self.min_points].tolist())
         return [_BIN_M * number for number, _ in votes.most_common(_SHIFT_STARTS)]
 
-    def _step(self, frames: Iterable[LabelledFrame], shift_m: Vector, center_of: Callable[[Points], Vector]) -> Vector:
-        """Return the median offset of the points near each box, once boxes are shifted."""
+    def _step(self, frames: Iterable[LabelledFrame], shift_m: Vector) -> Vector:
+        """Return the median offset of the median of the points near each box, once boxes are shifted."""
         offsets = []
         for one in frames:
             boxes = replace(one.targets, centers=one.targets.centers + shift_m)
             for near, center in zip(_neighbourhoods(one.xyz, boxes, 0.0), boxes.centers, strict=True):
                 if np.count_nonzero(near.around) >= self.min_points:
                     points = one.xyz[:, near.strip][:, near.around]
-                    offsets.append(center_of(points) - center)
+                    offsets.append(np.median(points, axis=1) - center)
         return np.median(offsets, axis=0) if offsets else np.zeros(3)
 
 
