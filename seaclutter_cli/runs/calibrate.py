@@ -33,7 +33,6 @@ from seaclutter_cli.runs.options import ConfigOptions
 from seaclutter_cli.runs.options.studies import CalibrateOptions
 from seaclutter_cli.runs.outputs import write_files
 from seaclutter_cli.selection import cloud_channels
-from seaclutter_cli.sensors.catalog import RecognisedSensor
 from seaclutter_cli.text import count
 
 _RATES = (0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
@@ -75,19 +74,19 @@ def calibrate(options: CalibrateOptions) -> CalibrationResult:
     outputs = {"-o": options.output, "--plot": options.plot_file}
     pairs = prepared(options.logs, options, outputs, observer, [config])
     works = [_CalibrateWork(options.reading, *each, config, options) for each in pairs]
-    clutter, sensors = Clutter(config.filter, options), dict[str, RecognisedSensor]()
+    clutter, read = Clutter(config.filter, options), list[Calibrated]()
 
     def add(outcome: Calibrated) -> None:
         nonlocal clutter
-        outcome.check_sensors(sensors)
-        sensors.update(outcome.sensors)
+        outcome.check_sensors(read)
+        read.append(outcome)
         if outcome.clutter:
             clutter += outcome.clutter
         outcome.clutter = None
 
     outcomes = run_all(works, options.batch, observer, add, together=True)
-    read = [pair for pair in zip(works, outcomes, strict=True) if not pair[1].has_nothing]
-    trade_off = _trade_off(read, clutter.calibration, observer) if options.choose or options.trade_off else None
+    used = [pair for pair in zip(works, outcomes, strict=True) if not pair[1].has_nothing]
+    trade_off = _trade_off(used, clutter.calibration, observer) if options.choose or options.trade_off else None
     result = _result(outcomes, clutter, config, options, trade_off)
     for text in result.warnings:
         observer.warn(text)

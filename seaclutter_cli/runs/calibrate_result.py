@@ -22,8 +22,8 @@ from seaclutter_cli.plots.clutter import ClutterDensity
 from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.evaluate import F1, FALSE_ALARMS, N_FN, N_FP, POINTS, score_cells, score_legend
 from seaclutter_cli.runs.options.studies import CalibrateOptions
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, data_of
-from seaclutter_cli.runs.topic_statistics import TopicStatistics
+from seaclutter_cli.runs.recordings import RecordingsResult, data_of
+from seaclutter_cli.runs.topic_statistics import Described
 from seaclutter_cli.sensors.catalog import RecognisedSensor
 from seaclutter_cli.text import count, printable, share, table
 from seaclutter_cli.water import Mounting, MountingSearch
@@ -34,7 +34,6 @@ _COMMENT_WIDTH = 100
 _OF_RING = "start_m end_m points threshold below filter_rate few_points=few source_rings=source saturated"
 _COUNTED = ("frames", "unlabelled", "marked", "examined", "with_targets")
 _TEXT_WIDTH = 79
-_NOTED_FRAMES = 20
 _MIN_SHARE = 0.2
 
 
@@ -71,7 +70,7 @@ class Clutter:
 
 
 @dataclass(kw_only=True)
-class Calibrated(Outcome):
+class Calibrated(Described):
     """Outcome of one recording: numbers of frames and points, and its clutter, until it is added to that of others.
 
     Frames and points that labels leave out are ``unlabelled`` and ``marked``. Without labels, ``examined`` frames with
@@ -83,30 +82,19 @@ class Calibrated(Outcome):
     marked: int = 0
     examined: int = 0
     with_targets: int = 0
-    topics: dict[str, TopicStatistics] = field(default_factory=dict, repr=False)
     clutter: Clutter | None = field(default=None, repr=False)
 
-    def note(self, frame: Frame) -> None:
-        """Note the sensor that one of the first frames shows."""
-        cloud = self.topics.setdefault(frame.topic, TopicStatistics())
-        if cloud.frames < _NOTED_FRAMES:
-            cloud.add(frame)
-
-    @property
-    def sensors(self) -> dict[str, RecognisedSensor]:
-        """Sensor of each topic, as ``recording, topic``."""
-        clouds = self.topics.items()
-        return {f"{self.recording}, {topic}": cloud.sensor(self.facts.get(topic)) for topic, cloud in clouds}
-
-    def check_sensors(self, others: Mapping[str, RecognisedSensor]) -> None:
+    def check_sensors(self, earlier: "Sequence[Calibrated]") -> None:
         """Raise `InputError` if a topic is known to be of another sensor than one before, or another intensity mode."""
-        for where, sensor in self.sensors.items():
-            for earlier, known in others.items():
+        before = [(f"{one.recording}, {topic}", known) for one in earlier for topic, known in one.recognised.items()]
+        for topic, sensor in self.recognised.items():
+            for where, known in before:
                 if sensor.differs_from(known):
                     raise InputError(
-                        f"{where}: sensor {sensor.described}, but {known.described} in {earlier}; thresholds are valid "
-                        "for one sensor and intensity mode, so calibrate each by itself"
+                        f"{self.recording}, {topic}: sensor {sensor.described}, but {known.described} in {where}; "
+                        "thresholds are valid for one sensor and intensity mode, so calibrate each by itself"
                     )
+            before.append((f"{self.recording}, {topic}", sensor))
 
     def figures(self) -> str:
         """Return the main figures, for a line about the outcome."""
@@ -206,7 +194,7 @@ class CalibrationResult(RecordingsResult):
     @property
     def seen(self) -> list[RecognisedSensor]:
         """Sensor of each topic."""
-        return [sensor for one in self.outcomes for sensor in one.sensors.values()]
+        return [sensor for one in self.outcomes for sensor in one.recognised.values()]
 
     @property
     def sensors(self) -> list[str]:
@@ -224,7 +212,7 @@ class CalibrationResult(RecordingsResult):
     @property
     def intensity_fields(self) -> list[str]:
         """Names of the fields with intensities."""
-        names = (cloud.intensity_name for one in self.outcomes for cloud in one.topics.values())
+        names = (cloud.intensity_name for one in self.outcomes for cloud in one.clouds.values())
         return list(dict.fromkeys(filter(None, names)))
 
     @property

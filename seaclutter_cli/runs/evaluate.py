@@ -26,7 +26,8 @@ from seaclutter_cli.runs.methods import Variant, variants
 from seaclutter_cli.runs.observer import Observer, Step
 from seaclutter_cli.runs.options.studies import EvaluateOptions
 from seaclutter_cli.runs.outputs import PackedRows, may_appear, write_manifest
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
+from seaclutter_cli.runs.recordings import RecordingsResult
+from seaclutter_cli.runs.topic_statistics import Described
 from seaclutter_cli.selection import cloud_channels, filtered_by, recorded_of
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import csv_line
@@ -202,7 +203,7 @@ def frame_table(recordings: Sequence[FrameRows]) -> Iterator[bytes]:
 
 
 @dataclass(kw_only=True)
-class Evaluated(Outcome):
+class Evaluated(Described):
     """Sums over the frames of one recording for each variant; its rows and the scores of its parts, if wanted."""
 
     data = "recording error damage seconds=rounded_s methods=known"
@@ -306,6 +307,7 @@ class FrameScorer:
 
     def add(self, frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float | None]) -> None:
         """Score a frame for every method that could use it."""
+        self.outcome.note(frame)
         truth = self.labels.truth(frame) if self.labels else None
         scores = score_frame(frame, results, truth, self._evaluation)
         if truth:

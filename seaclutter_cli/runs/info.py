@@ -18,7 +18,6 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import InfoOptions
 from seaclutter_cli.runs.recordings import (
-    Outcome,
     RecordingsResult,
     expand,
     expected_frames,
@@ -26,7 +25,7 @@ from seaclutter_cli.runs.recordings import (
     statuses,
     storing_errors,
 )
-from seaclutter_cli.runs.topic_statistics import TopicStatistics
+from seaclutter_cli.runs.topic_statistics import Described, TopicStatistics
 from seaclutter_cli.sources.mcap.excerpt import Excerpt, excerpt
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import printable, share, table
@@ -104,11 +103,11 @@ def excerpt_of(recording: Recording) -> Excerpt | None:
 
 
 @dataclass(kw_only=True)
-class Content(Outcome):
+class Content(Described):
     """Content of a recording: its topics with their messages and, for clouds, statistics.
 
-    ``times_ns`` are the log times of the first and last message; ``unreadable`` says why the clouds of a topic cannot
-    be read. If it is ``sampled``, only the first frames were read, but messages and times are of the whole recording.
+    ``unreadable`` says why the clouds of a topic cannot be read. If it is ``sampled``, only the first frames were read,
+    but messages and times are of the whole recording.
     """
 
     data = "recording path format sampled duration_s start_ns topics clouds sensors=facts needs damage error"
@@ -117,8 +116,6 @@ class Content(Outcome):
     format: str = ""
     channels: Sequence[Channel] = ()
     messages: Counter[str] = field(default_factory=Counter)
-    times_ns: list[int] = field(default_factory=list)
-    clouds: Mapping[str, TopicStatistics] = field(default_factory=dict)
     unreadable: dict[str, str] = field(default_factory=dict)
     sampled: bool = False
 
@@ -129,10 +126,6 @@ class Content(Outcome):
         self.messages = Counter[str]()
         for channel in self.channels:
             self.messages[channel.topic] += messages.get(channel.id, 0)
-
-    def note_time(self, time_ns: int) -> None:
-        """Extend the time span of the recording."""
-        self.times_ns = [min([time_ns, *self.times_ns]), max([time_ns, *self.times_ns])]
 
     @property
     def duration_s(self) -> float:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -16,9 +16,8 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.figure import check_target
 from seaclutter_cli.plots.report import FIGURES, draw_figures
-from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.reporting.collector import Collector, Method
-from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
+from seaclutter_cli.reporting.history import FrameListener
 from seaclutter_cli.reporting.page import render_page, report_data
 from seaclutter_cli.reporting.replay import filtered_topics, recorded_config, replay
 from seaclutter_cli.runs.batch import prepared
@@ -30,8 +29,7 @@ from seaclutter_cli.runs.options import Logs, MethodOptions, ReadOptions, of_opt
 from seaclutter_cli.runs.options.logs import ViewOptions
 from seaclutter_cli.runs.options.studies import ReportOptions
 from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
-from seaclutter_cli.runs.recordings import LabelFile, Outcome, open_recording, require_frames
-from seaclutter_cli.runs.topic_statistics import TopicStatistics
+from seaclutter_cli.runs.recordings import LabelFile, open_recording, require_frames
 from seaclutter_cli.selection import filtered_by
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sources.recordings import Recording
@@ -39,7 +37,6 @@ from seaclutter_cli.text import UNKNOWN, count, printable
 from seaclutter_cli.viewing import FrameStream, require_rerun, viewer
 from seaclutter_cli.viewing import check_target as check_rerun_file
 
-_DESCRIBED_FRAMES = 10
 _NANO = 1_000_000_000
 _FIRST_YEAR = 1990
 _MAX_LISTED = 200
@@ -71,7 +68,7 @@ def report(options: ReportOptions) -> "ReportResult":
         observer.warn(f"no log has frame {', '.join(map(str, missing))}; --pick counts from 0")
     files: dict[Path, bytes] = {}
     if may_appear([options.output, *figures], comparison.outcomes, observer):
-        origin = _provenance(collected, [recording for recording, _ in pairs], comparison.outcomes, options)
+        origin = _provenance([recording for recording, _ in pairs], comparison.outcomes, options)
         files[options.output] = _page(comparison, collected, origin)
         if folder:
             drawn = draw_figures(collected, options.figure_format)
@@ -81,10 +78,10 @@ def report(options: ReportOptions) -> "ReportResult":
     return ReportResult(comparison.variants, comparison.outcomes, collected, sizes)
 
 
-def _collector(variants: Sequence[Variant], options: ReportOptions) -> "_OriginCollector":
+def _collector(variants: Sequence[Variant], options: ReportOptions) -> Collector:
     methods = [Method(one.name, one.config.ring_edges, one.config.to_yaml()) for one in variants]
     labelled, params = bool(options.labels), variants[0].config.evaluation
-    return _OriginCollector(methods, params, labelled=labelled, frames=options.shown, picks=options.picks)
+    return Collector(methods, params, labelled=labelled, frames=options.shown, picks=options.picks)
 
 
 def _page(comparison: Comparison, collected: Collector, origin: Mapping[str, Any]) -> bytes:
@@ -185,26 +182,13 @@ class ViewResult(Comparison):
         return printable(f"{self.target}: {self.target.stat().st_size / 1e6:.1f} MB") if self.target else ""
 
 
-@dataclass
-class _Origin:
-    """The topic of a recording, its first and last frame time if it has frames, and the layout of the first ones."""
-
-    topic: str = ""
-    times_ns: tuple[int, int] | None = None
-    cloud: TopicStatistics = field(default_factory=TopicStatistics)
-
-    @property
-    def recorded(self) -> str:
-        """First and last frame time in UTC, if the recording has times of its own."""
-        times = [_utc(time_ns) for time_ns in self.times_ns or ()]
-        if not times or times[0].year < _FIRST_YEAR:
-            return UNKNOWN
-        first, last = (f"{time:%Y-%m-%d %H:%M:%S}" for time in times)
-        return f"{first} to {last.removeprefix(first[:11])} UTC"
-
-    def sensor(self, facts: Mapping[str, SensorFacts]) -> str:
-        """Return the sensor, which the packets name or the first frames resemble."""
-        return self.cloud.sensor(facts.get(self.topic)).described if self.cloud.frames else UNKNOWN
+def _recorded(times_ns: Sequence[int]) -> str:
+    """Return first and last frame time in UTC, if a recording has times of its own."""
+    times = [_utc(time_ns) for time_ns in times_ns]
+    if not times or times[0].year < _FIRST_YEAR:
+        return UNKNOWN
+    first, last = (f"{time:%Y-%m-%d %H:%M:%S}" for time in times)
+    return f"{first} to {last.removeprefix(first[:11])} UTC"
 
 
 def _utc(time_ns: int) -> datetime:
@@ -214,41 +198,16 @@ def _utc(time_ns: int) -> datetime:
         return datetime.min.replace(tzinfo=UTC)
 
 
-class _OriginCollector(Collector):
-    """Collector that also stores where the recordings come from."""
-
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, **options)
-        self.origins: list[_Origin] = []
-
-    def begin(self, recording: str) -> None:
-        """Start a recording."""
-        super().begin(recording)
-        self.origins.append(_Origin())
-
-    def add(self, scored: ScoredFrame) -> None:
-        """Take the statistics of a frame."""
-        frame, origin = scored.frame, self.origins[-1]
-        origin.topic = frame.topic
-        if origin.cloud.frames < _DESCRIBED_FRAMES:
-            origin.cloud.add(frame)
-        first_ns, _ = origin.times_ns or (frame.log_time_ns, 0)
-        origin.times_ns = first_ns, frame.log_time_ns
-        super().add(scored)
-
-
 def _provenance(
-    collected: _OriginCollector,
-    recordings: Sequence[Recording],
-    outcomes: Sequence[Outcome],
-    options: ReportOptions,
+    recordings: Sequence[Recording], outcomes: Sequence[Evaluated], options: ReportOptions
 ) -> dict[str, Any]:
     """Return where a report comes from, as data of its page; the same for the same input and command line."""
     rows = []
-    for origin, recording, outcome in zip(collected.origins, recordings, outcomes, strict=True):
+    for recording, outcome in zip(recordings, outcomes, strict=True):
         first, *others = map(str, recording.paths)
         path = f"{first} and {count(len(others), 'more file')}" if others else first
-        rows.append({"path": path, "recorded": origin.recorded, "sensor": origin.sensor(outcome.facts)})
+        sensors = [sensor.described for sensor in outcome.recognised.values()]
+        rows.append({"path": path, "recorded": _recorded(outcome.times_ns), "sensor": (sensors or [UNKNOWN])[-1]})
     return shown(
         {
             "version": __version__,
@@ -288,7 +247,7 @@ def filter_or_replay(
 
 def _recorded_run(recordings: Sequence[Recording], reading: ReadOptions) -> tuple[Variant | None, Sequence[str]]:
     """Return the method of filtered logs, and the raw topic of each; None for raw logs."""
-    runs = [_recorded(recording, reading) for recording in recordings]
+    runs = [_recorded_in(recording, reading) for recording in recordings]
     known = [run for run in runs if run]
     if not known:
         return None, ()
@@ -304,7 +263,7 @@ def _recorded_run(recordings: Sequence[Recording], reading: ReadOptions) -> tupl
     return Variant(config.method, config), [topic for topic, _ in known]
 
 
-def _recorded(recording: Recording, reading: ReadOptions) -> tuple[str, str] | None:
+def _recorded_in(recording: Recording, reading: ReadOptions) -> tuple[str, str] | None:
     """Return the raw topic and the configuration of a filtered log; None for a raw log."""
     with closing(open_recording(recording, reading)) as source:
         topics = [topic for topic in filtered_topics(source) if not reading.topics or topic in reading.topics]

@@ -12,10 +12,12 @@ from seaclutter_cli.cloud import PointField
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.records import SensorFacts
+from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.sensors.catalog import RecognisedSensor, recognise
 
 _RING_NAMES = ("ring", "channel", "line", "laser_id")
 _NANO = 1_000_000_000
+_FIRST_FRAMES = 20
 
 
 @dataclass
@@ -102,6 +104,30 @@ class TopicStatistics:
             "sensors": list(self.sensor().models),
             "problem": self.problem,
         }
+
+
+@dataclass(kw_only=True)
+class Described(Outcome):
+    """Outcome with the log times of the first and last message or frame, and statistics of the clouds by topic."""
+
+    times_ns: list[int] = field(default_factory=list)
+    clouds: dict[str, TopicStatistics] = field(default_factory=dict, repr=False)
+
+    def note_time(self, time_ns: int) -> None:
+        """Extend the time span of the recording."""
+        self.times_ns = [min([time_ns, *self.times_ns]), max([time_ns, *self.times_ns])]
+
+    def note(self, frame: Frame) -> None:
+        """Extend the time span, and add one of the first frames, which show the sensor, to the statistics."""
+        self.note_time(frame.log_time_ns)
+        cloud = self.clouds.setdefault(frame.topic, TopicStatistics())
+        if cloud.frames < _FIRST_FRAMES:
+            cloud.add(frame)
+
+    @property
+    def recognised(self) -> dict[str, RecognisedSensor]:
+        """Sensor of each topic."""
+        return {topic: cloud.sensor(self.facts.get(topic)) for topic, cloud in self.clouds.items()}
 
 
 def _extend(limits: list[float], values: np.ndarray[Any, np.dtype[np.float64]]) -> None:

@@ -19,12 +19,11 @@ from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
 from seaclutter_cli.runs.batch import prepared, run_all
 from seaclutter_cli.runs.evaluate import FRAME_ERRORS, FRAMES, Evaluated, EvaluateWork, score_cells, score_legend
-from seaclutter_cli.runs.methods import Variant
+from seaclutter_cli.runs.methods import Sweep, Variant, grid, shown
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.options.studies import TuneOptions
 from seaclutter_cli.runs.outputs import may_appear, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, data_of
-from seaclutter_cli.runs.sweep import Combination, Sweep, grid, shown
 from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.text import count, printable, table
 
@@ -50,15 +49,14 @@ def tune(options: TuneOptions) -> "TuningResult":
     observer = options.watching
     options = replace(options, methods=(*options.methods, *options.method), method=())
     combinations = grid(options.sweeps, options)
-    variants = [one.variant for one in combinations]
-    pairs = prepared(options.logs, options, options.targets, observer, [one.config for one in variants])
+    pairs = prepared(options.logs, options, options.targets, observer, [one.config for one in combinations])
     _check_plots(options, combinations, len(pairs))
-    history = _ThresholdHistory(variants, options.ring) if options.thresholds_file else None
+    history = _ThresholdHistory(combinations, options.ring) if options.thresholds_file else None
     listeners = [history] if history else []
-    works = [EvaluateWork(options.reading, *each, variants, listeners, in_parts=True) for each in pairs]
+    works = [EvaluateWork(options.reading, *each, combinations, listeners, in_parts=True) for each in pairs]
     batch = BatchOptions() if history else options.batch  # frames reach listeners in this process only
     outcomes = run_all(works, batch, observer)
-    split = _split_scores(outcomes, [one.name for one in variants], options.hold_out)
+    split = _split_scores(outcomes, [one.name for one in combinations], options.hold_out)
     result = TuningResult(options.sweeps, combinations, outcomes, split)
     if may_appear(options.targets.values(), result.outcomes, observer):
         write_files(_files(result, history, options), replace=options.force)
@@ -67,7 +65,7 @@ def tune(options: TuneOptions) -> "TuningResult":
     return result
 
 
-def _check_plots(options: TuneOptions, combinations: Sequence[Combination], recordings: int) -> None:
+def _check_plots(options: TuneOptions, combinations: Sequence[Variant], recordings: int) -> None:
     for path in filter(None, (options.curve_file, options.thresholds_file)):
         check_target(path)
     several = len({one.method for one in combinations}) > 1
@@ -178,7 +176,7 @@ class TuningResult(RecordingsResult):
     data = "combinations=rows best held_out recordings"
 
     sweeps: Sequence[Sweep]
-    combinations: Sequence[Combination]
+    combinations: Sequence[Variant]
     outcomes: Sequence[Evaluated]
     split: Split
 
@@ -191,13 +189,13 @@ class TuningResult(RecordingsResult):
     def best_of_methods(self) -> list[str]:
         """Name of the best combination of each method, in the order of the methods."""
         methods = dict.fromkeys(one.method for one in self.combinations)
-        own = [[one.variant.name for one in self.combinations if one.method == method] for method in methods]
+        own = [[one.name for one in self.combinations if one.method == method] for method in methods]
         found = [best({name: self.split.tuned[name] for name in names}) for names in own]
         return [name for name in found if name]
 
     def best_config(self) -> str:
         """Return the best configuration as a commented file."""
-        chosen = next(one.variant for one in self.combinations if one.variant.name == self.best)
+        chosen = next(one for one in self.combinations if one.name == self.best)
         recordings = ", ".join(printable(outcome.recording) for outcome in self.outcomes if not outcome.error)
         lines = [f"# Best of {count(len(self.combinations), 'combination')} on {recordings}: {chosen.name}"]
         for part, summaries in self.split.parts().items() if self.split.held_out else ():
@@ -233,7 +231,7 @@ class TuningResult(RecordingsResult):
         """Return methods, values and scores of each combination."""
         rows = []
         for one in self.combinations:
-            name = one.variant.name
+            name = one.name
             row: dict[str, Any] = {"method": one.method} if self._several else {}
             row |= {sweep.key: one.values.get(sweep.key) for sweep in self.sweeps}
             for summaries in self.split.parts().values():
@@ -271,7 +269,7 @@ class TuningResult(RecordingsResult):
         keys = [sweep.key for sweep in self.sweeps]
         rows = []
         for one in self.combinations:
-            name = one.variant.name
+            name = one.name
             values = [*([one.method] if first else []), *(str(one.values.get(key, "")) for key in keys)]
             rows.append((*values, *cells[name], _BEST if name == self.best else ""))
         return table((*first, *keys, *(one.head for one in FRAME_ERRORS), ""), rows)

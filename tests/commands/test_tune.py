@@ -10,7 +10,7 @@ from PIL import Image
 from seaclutter_cli.commands import cli
 from seaclutter_cli.config import load_config
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.runs.sweep import parse_sweep
+from seaclutter_cli.runs.methods import parse_sweep
 
 
 @pytest.fixture(scope="module")

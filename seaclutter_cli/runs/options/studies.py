@@ -33,7 +33,7 @@ from seaclutter_cli.runs.options import (
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from seaclutter_cli.runs.sweep import Sweep
+    from seaclutter_cli.runs.methods import Sweep
     from seaclutter_cli.urls import PathLike
 
 _RANGE = re.compile(r"\s*(\d{1,9})(?:\s*(?:\.\.|-)\s*(\d{1,9}))?\s*")
@@ -104,7 +104,7 @@ class LabelCheckOptions(OfLabelledLogs):
 
 
 def _sweep(text: str) -> Sweep:
-    from seaclutter_cli.runs.sweep import parse_sweep
+    from seaclutter_cli.runs.methods import parse_sweep
 
     return parse_sweep(text)
 
@@ -115,7 +115,7 @@ class _Sweeps(Parsed):
     def check_all(self, values: Any, name: str) -> Any:
         if not isinstance(values, Mapping):
             return super().check_all(values, name)
-        from seaclutter_cli.runs.sweep import Sweep
+        from seaclutter_cli.runs.methods import Sweep
 
         return tuple(Sweep(key, tuple(tried)) for key, tried in values.items())
 
