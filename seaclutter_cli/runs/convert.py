@@ -1,27 +1,28 @@
 """Conversion of recordings to other formats."""
 
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 from seaclutter_cli.buckets import on_paths
-from seaclutter_cli.frame import Frame
-from seaclutter_cli.interfaces import Labels, Source
+from seaclutter_cli.frame import Reason
+from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reading import read
 from seaclutter_cli.records import Channel
 from seaclutter_cli.runs.batch import input_bytes
-from seaclutter_cli.runs.log_work import LogOutcome, LogSummary, LogWork, log_run, warn_of_losses, warn_of_patterns
+from seaclutter_cli.runs.log_work import LogOutcome, LogSummary, LogWork, log_run
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ConvertOptions
-from seaclutter_cli.runs.recordings import require_frames
 from seaclutter_cli.runs.resume import RunIdentity, identity_of
 from seaclutter_cli.selection import Selection, cloud_channels
-from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.text import count, printable
+
+if TYPE_CHECKING:
+    from seaclutter_cli.runs.log_work import OutputSink
 
 
 @function_of(ConvertOptions)
@@ -52,9 +53,16 @@ def convert_log(options: ConvertOptions) -> "ConvertSummary":
 class ConvertWork(LogWork["ConvertOutcome", ConvertOptions]):
     """Conversion of one recording."""
 
+    as_is = True
+
     def clouds(self, source: Source) -> list[Channel]:
         """Return the channels of the clouds that are converted as frames, and counted."""
-        return self._clouds(source, self.options.reading.selection)
+        selection, has_topics = self.reading.selection, OUTPUT_FORMATS[self.form].has_topics
+        clouds = [channel for channel in source.channels if find_codec(channel)]
+        if selection.topics or selection.frames or not has_topics:
+            every = has_topics and not selection.topics
+            return cloud_channels(source, {channel.topic for channel in clouds} if every else selection.topics)
+        return [channel for channel in clouds if self.options.written.takes(channel.topic)]
 
     def without_result(self, reason: str | None) -> "ConvertOutcome":
         """Return an outcome without frames."""
@@ -69,57 +77,31 @@ class ConvertWork(LogWork["ConvertOutcome", ConvertOptions]):
         return identity_of(paths, None, options.reading, options.written, None, convert_to=self.form)
 
     def stream(
-        self,
-        source: Source,
-        labels: Labels | None,  # noqa: ARG002 - there are none
-        outcome: "ConvertOutcome",
-        observer: Observer,
-        group: OutputGroup,
-    ) -> None:
+        self, source: Source, selection: Selection, outcome: "ConvertOutcome", sink: "OutputSink", observer: Observer
+    ) -> int:
         """Copy the records, and count the frames."""
-        selection = replace(self.options.reading.selection, latched=self.options.written.latched)
-        warn_of_patterns(source, self.options.written, observer)
-        clouds = self._clouds(source, selection)
+        clouds = self.clouds(source)
         outcome.topics |= {channel.topic: TopicTally() for channel in clouds}
-        record = partial(self.record, source, outcome)
-        written = replace(self.options.written, record=record, is_part=not selection.is_whole)
-        with (
-            self.progress(source, observer, clouds) as step,
-            OUTPUT_FORMATS[self.form].make_sink(self.target, written, group, as_is=True) as sink,
-        ):
+        with self.progress(source, observer, clouds) as step:
             sink.begin(source, clouds)
             for item, frame in read(source, clouds, selection, with_latched=True):
                 if frame is None:
                     sink.copy(item)
                     continue
                 sink.keep(frame)
-                _count(frame, outcome.topics[frame.topic])
+                tally = outcome.topics[frame.topic]
+                tally.frames += 1
+                tally.points_in += frame.size
+                tally.counts[Reason.KEPT] += frame.size
                 step()
             sink.end()
-            outcome.messages = sink.messages
-            require_frames(source, outcome.frames if clouds else outcome.messages, selection)
-        outcome.lost = list(sink.lost)
-        warn_of_losses(self.output, self.form, sink.lost, observer)
-
-    def _clouds(self, source: Source, selection: Selection) -> list[Channel]:
-        """Return the channels of the clouds that are converted as frames, and counted."""
-        if selection.topics or selection.frames or not OUTPUT_FORMATS[self.form].has_topics:
-            names = {channel.topic for channel in source.channels if find_codec(channel)}
-            every = OUTPUT_FORMATS[self.form].has_topics and not selection.topics
-            return cloud_channels(source, names if every else selection.topics)
-        takes = self.options.written.takes
-        return [channel for channel in source.channels if find_codec(channel) and takes(channel.topic)]
-
-
-def _count(frame: Frame, tally: TopicTally) -> None:
-    tally.frames += 1
-    tally.points_in += frame.size
-    tally.counts[0] += frame.size
+        outcome.messages = sink.messages
+        return outcome.frames if clouds else outcome.messages
 
 
 @dataclass(kw_only=True)
 class ConvertOutcome(LogOutcome):
-    """Outcome of the conversion of one recording to the format ``form``; ``lost`` is what it cannot keep, in words.
+    """Outcome of the conversion of one recording to the format ``form``.
 
     ``messages`` is the number of messages that were written; 0 if the output is that of an earlier run.
     """
@@ -128,7 +110,6 @@ class ConvertOutcome(LogOutcome):
 
     form: str
     messages: int = 0
-    lost: list[str] = field(default_factory=list)
 
     @property
     def points_out(self) -> int:

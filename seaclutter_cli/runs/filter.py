@@ -1,7 +1,7 @@
 """Filtering of recordings into drop-in logs."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
@@ -13,12 +13,12 @@ from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.frame import FilterResult, Reason, Rings
-from seaclutter_cli.interfaces import Labels, Source
+from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
 from seaclutter_cli.messages.pointcloud2 import rewrapped
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import TopicTally, run
-from seaclutter_cli.records import Channel, Message, Metadata
+from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.batch import input_bytes
 from seaclutter_cli.runs.checks import Checks
@@ -28,20 +28,17 @@ from seaclutter_cli.runs.log_work import (
     LogSummary,
     LogWork,
     log_run,
-    warn_of_losses,
-    warn_of_patterns,
 )
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import FilterOptions
 from seaclutter_cli.runs.outputs import PackedRows, may_appear
-from seaclutter_cli.runs.recordings import open_recording, require_frames
+from seaclutter_cli.runs.recordings import open_recording
 from seaclutter_cli.runs.resume import RunIdentity, identity_of
-from seaclutter_cli.selection import cloud_channels, filtered_by
+from seaclutter_cli.selection import Selection, cloud_channels, filtered_by
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import FrameTable
-from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, data_size, indented, printable, share, table
@@ -260,14 +257,12 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         )
 
     def stream(
-        self, source: Source, labels: Labels | None, outcome: FilterOutcome, observer: Observer, group: OutputGroup
-    ) -> None:
+        self, source: Source, selection: Selection, outcome: FilterOutcome, sink: Sink, observer: Observer
+    ) -> int:
         """Filter the frames of the recording."""
-        selection = replace(self.options.reading.selection, latched=self.options.written.latched)
-        clouds = cloud_channels(source, selection.topics)
-        warn_of_patterns(source, self.options.written, observer)
+        clouds = self.clouds(source)
         topics = list(dict.fromkeys(channel.topic for channel in clouds))
-        if labels and len(topics) > 1:
+        if self.labels and len(topics) > 1:
             raise UsageError(f"{source.name}: labels apply to one topic; choose one with -t")
         if self.config.method != "none" and (by := filtered_by(source, selection.topics)) is not None:
             observer.warn(f"{source.name}: already filtered{by}; this run only filters the remaining points")
@@ -276,22 +271,16 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         checks = {topic: _FitChecks(self.config, source, topic, observer) for topic in topics}
         outcome.rows = PackedRows(self.spool) if self.options.csv_file else None
         tables = [_frame_table(self.config, outcome.rows)] if outcome.rows else []
-        with (
-            self.progress(source, observer, clouds) as step,
-            OUTPUT_FORMATS[self.form].make_sink(
-                self.target, self._written(labels, partial(self.record, source, outcome)), group
-            ) as sink,
-        ):
+        with self.progress(source, observer, clouds) as step:
 
             def on_result(result: FilterResult) -> None:
                 step()
                 checks[result.frame.topic].see(result)
 
             run(source, self.config.make_filter, [sink, *tables], selection, on_result, outcome.topics)
-            require_frames(source, outcome.frames, selection)
-        warn_of_losses(self.output, self.form, sink.lost, observer)
         for topic, tally in outcome.topics.items():
             checks[topic].end(tally)
+        return outcome.frames
 
     def identity(self) -> RunIdentity:
         """Return what the filtered file depends on."""
@@ -299,20 +288,15 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         kind = {"with_scene": options.with_scene, **({} if self.form == "mcap" else {"to": self.form})}
         return identity_of(paths, self.config, options.reading, options.written, self.labels, **kind)
 
-    def _written(self, labels: Labels | None, record: Callable[[], Metadata]) -> McapOptions:
-        written = replace(
-            self.options.written,
-            config=self.config.to_yaml(),
-            water=self.config.has_water,
-            record=record,
-            method=self.config.method,
-            is_part=not self.options.reading.selection.is_whole,
-        )
+    def written(self, options: McapOptions, labels: Labels | None) -> McapOptions:
+        """Return the options of the output with those that depend on the configuration."""
+        config = self.config
+        options = replace(options, config=config.to_yaml(), water=config.has_water, method=config.method)
         if not self.options.with_scene:
-            return written
+            return options
         from seaclutter_cli.reporting.sample import scene_updates
 
-        return replace(written, scene=scene_updates(self.config.evaluation, labels))
+        return replace(options, scene=scene_updates(config.evaluation, labels))
 
 
 def _read_rows(complete: FilterOutcome, table: FrameTable) -> bool:

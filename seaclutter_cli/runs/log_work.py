@@ -4,10 +4,10 @@ import re
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import reduce
+from functools import partial, reduce
 from operator import truediv
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeAlias, TypeVar
 
 from seaclutter_cli.buckets import mirror_of
 from seaclutter_cli.errors import UsageError
@@ -23,6 +23,7 @@ from seaclutter_cli.runs.recordings import (
     RecordingsResult,
     assign_labels,
     expand,
+    require_frames,
     require_selected,
     statuses,
 )
@@ -35,6 +36,7 @@ from seaclutter_cli.runs.resume import (
     same_output_accepted,
     to_entries,
 )
+from seaclutter_cli.selection import Selection
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options, format_of
 from seaclutter_cli.sinks.options import McapOptions, part_path, parts_after
@@ -44,6 +46,12 @@ from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, data_size, named_folder, printable
 from seaclutter_cli.threads import in_threads
 from seaclutter_cli.urls import PathLike
+
+if TYPE_CHECKING:
+    from seaclutter_cli.sinks.frames import FrameSink
+    from seaclutter_cli.sinks.log import LogSink
+
+    OutputSink: TypeAlias = FrameSink | LogSink
 
 L = TypeVar("L", bound="LogOutcome")
 O = TypeVar("O", bound=WritingLogs)  # noqa: E741 - options
@@ -89,6 +97,9 @@ class LogWork(RecordingWork[L], Generic[L, O]):
     outcome of an earlier run that is resumed.
     """
 
+    as_is: ClassVar[bool] = False
+    """Whether frames are written as they are."""
+
     options: O
     target: Path
     form: str
@@ -121,13 +132,36 @@ class LogWork(RecordingWork[L], Generic[L, O]):
         return self.complete is not None
 
     def study(self, source: Source, labels: Labels | None, outcome: L, observer: Observer) -> None:
-        """Write the output."""
-        with same_output_accepted(self), OutputGroup(self.group, replace=self.replaces) as files:
-            self.stream(source, labels, outcome, observer, files)
+        """Write the output; warn of what it cannot keep of the recording, and of patterns that match no topic."""
+        options = self.options.written
+        for option, patterns in (("--include", options.include), ("--exclude", options.exclude)):
+            for pattern in patterns:
+                if not any(re.search(pattern, channel.topic) for channel in source.channels):
+                    observer.warn(f"{source.name}: {option} {pattern} matches no topic")
+        selection = replace(self.reading.selection, latched=options.latched)
+        written = replace(options, record=partial(self.record, source, outcome), is_part=not selection.is_whole)
+        made = OUTPUT_FORMATS[self.form]
+        with (
+            same_output_accepted(self),
+            OutputGroup(self.group, replace=self.replaces) as files,
+            made.make_sink(self.target, self.written(written, labels), files, as_is=self.as_is) as sink,
+        ):
+            frames = self.stream(source, selection, outcome, sink, observer)
+            require_frames(source, frames, selection)
+        outcome.lost = lost = list(sink.lost)
+        if lost:
+            more = f" and {len(lost) - _MAX_LOSSES} more" if len(lost) > _MAX_LOSSES else ""
+            observer.warn(f"{self.output}: {made.title} cannot keep: {', '.join(lost[:_MAX_LOSSES])}{more}")
+
+    def written(self, options: McapOptions, labels: Labels | None) -> McapOptions:  # noqa: ARG002 - for subclasses
+        """Return the options of the output, given those that all outputs have."""
+        return options
 
     @abstractmethod
-    def stream(self, source: Source, labels: Labels | None, outcome: L, observer: Observer, group: OutputGroup) -> None:
-        """Write the output."""
+    def stream(
+        self, source: Source, selection: Selection, outcome: L, sink: "LogSink | FrameSink", observer: Observer
+    ) -> int:
+        """Pass the recording to a sink; return the number of frames, or of messages if there are no clouds."""
 
     @abstractmethod
     def clouds(self, source: Source) -> list[Channel]:
@@ -271,8 +305,8 @@ def _output_size(outcome: "LogOutcome") -> int:
 class LogOutcome(Outcome):
     """Outcome of work on one recording, with a log as output, or the first of its parts.
 
-    ``topics`` are sums over the frames of each cloud topic; ``bytes_in`` and ``bytes_out`` are the sizes of recording
-    and log.
+    ``topics`` are sums over the frames of each cloud topic; ``lost`` is what the log cannot keep, in words.
+    ``bytes_in`` and ``bytes_out`` are the sizes of recording and log.
     """
 
     data = "recording status output=written error damage seconds=rounded_s"
@@ -280,6 +314,7 @@ class LogOutcome(Outcome):
 
     output: Path
     topics: dict[str, TopicTally] = field(default_factory=dict)
+    lost: list[str] = field(default_factory=list)
     bytes_in: int = 0
     bytes_out: int = 0
 
@@ -331,18 +366,3 @@ class LogSummary(RecordingsResult, Generic[L]):
         """Return how the recordings ended, and sizes."""
         read, written = (sum(getattr(one, name) for one in self.outcomes) for name in ("bytes_in", "bytes_out"))
         return f"{statuses(self.outcomes)}; {data_size(read)} in, {data_size(written)} out"
-
-
-def warn_of_patterns(source: Source, options: McapOptions, observer: Observer) -> None:
-    """Warn of patterns for other topics that match no topic of a recording."""
-    for option, patterns in (("--include", options.include), ("--exclude", options.exclude)):
-        for pattern in patterns:
-            if not any(re.search(pattern, channel.topic) for channel in source.channels):
-                observer.warn(f"{source.name}: {option} {pattern} matches no topic")
-
-
-def warn_of_losses(output: Path, form: str, lost: Sequence[str], observer: Observer) -> None:
-    """Warn of what an output cannot keep of its recording."""
-    if lost:
-        more = f" and {len(lost) - _MAX_LOSSES} more" if len(lost) > _MAX_LOSSES else ""
-        observer.warn(f"{output}: {OUTPUT_FORMATS[form].title} cannot keep: {', '.join(lost[:_MAX_LOSSES])}{more}")

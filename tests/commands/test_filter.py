@@ -174,7 +174,7 @@ def test_rows_of_a_recording_that_fails_midway_are_removed(tmp_path, monkeypatch
         if source.name == "b":
             raise InputError(f"b: broken after {frames} frames")
 
-    monkeypatch.setattr("seaclutter_cli.runs.filter.require_frames", require_frames)
+    monkeypatch.setattr("seaclutter_cli.runs.log_work.require_frames", require_frames)
     logs = [write_log(tmp_path / f"{name}.mcap") for name in "abc"]
     table = tmp_path / "all.csv"
     assert invoke(*logs, "-j", 1, "-o", tmp_path / "out", "--csv", table).exit_code == 1
