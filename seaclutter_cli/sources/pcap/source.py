@@ -322,9 +322,8 @@ class _Merge:
         number = min(waiting, key=lambda number: self._waiting[number][0].stamp_ns)
         frame = self._waiting[number].popleft()
         # Beyond the limit, the recorded time is damaged.
-        message = self._streams[number].message(replace(frame, stamp_ns=min(max(frame.stamp_ns, 0), _LATEST_NS)))
-        if message:
-            yield message
+        frame = replace(frame, stamp_ns=min(max(frame.stamp_ns, 0), _LATEST_NS))
+        yield from self._streams[number].messages([frame])
 
 
 def _found(search: SensorSearch, udp: Udp, damage: Sequence[Damage]) -> str:

@@ -1,5 +1,6 @@
 """Packets of a sensor in a recording: samples from which its decoder is made, and the clouds that it decodes."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -56,26 +57,29 @@ class CloudStream:
     channel: Channel
     decoder: PacketDecoder
     packet_bytes: int
+    times_ns: tuple[int, int] | None = None
+    """Log time and publish time of the next messages; None for their stamps."""
+    frame_id: str | None = None
     frames: int = 0
     partial: int = 0
 
-    def message(
-        self, frame: PacketFrame, times_ns: tuple[int, int] | None = None, frame_id: str | None = None
-    ) -> Message | None:
-        """Return the message of a frame, by default at its stamp; None, with damage, if it cannot be written."""
-        channel, number = self.channel, self.frames
-        self.frames += 1
-        self.partial += frame.partial
-        cloud = replace(from_array(frame.points, stamp_ns=frame.stamp_ns), extra=number)
-        if frame_id is not None:
-            cloud = replace(cloud, frame_id=frame_id)
-        try:
-            data = CODECS[channel.schema.name if channel.schema else "", channel.message_encoding].encode(cloud)
-        except CloudError as error:
-            problem = f"frame {number} of {channel.topic} cannot be written ({error})"
-            self.source.add_damage(Damage(Path(self.source.name), None, problem, len(cloud.data), 1))
-            return None
-        return Message(channel, *(times_ns or (frame.stamp_ns, frame.stamp_ns)), number, data)
+    def messages(self, frames: Iterable[PacketFrame]) -> Iterator[Message]:
+        """Yield the messages of frames; those that cannot be written are damage."""
+        channel = self.channel
+        codec = CODECS[channel.schema.name if channel.schema else "", channel.message_encoding]
+        for number, frame in enumerate(frames, self.frames):
+            self.frames += 1
+            self.partial += frame.partial
+            cloud = replace(from_array(frame.points, stamp_ns=frame.stamp_ns), extra=number)
+            if self.frame_id is not None:
+                cloud = replace(cloud, frame_id=self.frame_id)
+            try:
+                data = codec.encode(cloud)
+            except CloudError as error:
+                problem = f"frame {number} of {channel.topic} cannot be written ({error})"
+                self.source.add_damage(Damage(Path(self.source.name), None, problem, len(cloud.data), 1))
+            else:
+                yield Message(channel, *(self.times_ns or (frame.stamp_ns, frame.stamp_ns)), number, data)
 
     def conclude(self, path: Path, where: str, cut: int = 0) -> None:
         """Report, at the end, what was counted, also ``cut`` packets; ``where`` says where revolutions are partial."""

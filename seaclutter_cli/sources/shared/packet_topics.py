@@ -13,7 +13,7 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages.definitions import points_channel
 from seaclutter_cli.records import Buffer, Channel, Message, Record, SensorFacts
 from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, PacketFrame, Packets
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, Packets
 from seaclutter_cli.sources.shared import SourceWrapper
 from seaclutter_cli.sources.shared.packet_messages import (
     DRIVER_MESSAGES,
@@ -191,13 +191,9 @@ def _probe(records: Callable[[], Iterable[Record]], candidates: Iterable[_Candid
 
 
 @dataclass
-class _Stream:
-    """State of reading a packet topic: its clouds, the messages that wait to be decoded, and the times of the last."""
+class _Stream(CloudStream):
+    """State of reading a packet topic: its clouds, and the messages that wait to be decoded."""
 
-    clouds: CloudStream
-    is_single: bool
-    times: tuple[int, int] = (0, 0)
-    frame_id: str | None = None
     waiting: list[Message] = field(default_factory=list)
     scans: int = 0
 
@@ -263,24 +259,24 @@ class PacketTopics(SourceWrapper):
             if record.channel.id in self._topics and (stream := self._take(record, streams)):
                 yield from self._add(stream)
         for stream in streams.values():
-            stream.times = max(latest_ns, stream.times[0]), stream.times[1]
+            log_ns, publish_ns = stream.times_ns or (0, 0)
+            stream.times_ns = max(latest_ns, log_ns), publish_ns
             yield from self._add(stream)
-            yield from _messages(stream, stream.clouds.decoder.finish())
-            stream.clouds.conclude(Path(self.name), "where the recording begins, pauses or ends")
+            yield from stream.messages(stream.decoder.finish())
+            stream.conclude(Path(self.name), "where the recording begins, pauses or ends")
 
     def _take(self, message: Message, streams: dict[int, _Stream]) -> _Stream | None:
         """Take the packets of a message; return the stream if its packets are to be decoded now."""
         stream = streams.get(message.channel.id)
         if stream is None:
             channel, make, packet_bytes = self._topics[message.channel.id]
-            clouds = CloudStream(self, channel, make(), packet_bytes)
-            stream = streams[message.channel.id] = _Stream(clouds, has_single_packets(message.channel))
-            self.facts[channel.topic] = clouds.decoder.facts
-        stream.times = (message.log_time_ns, message.publish_time_ns)
+            stream = streams[message.channel.id] = _Stream(self, channel, make(), packet_bytes)
+            self.facts[channel.topic] = stream.decoder.facts
+        stream.times_ns = (message.log_time_ns, message.publish_time_ns)
         stream.waiting.append(message)
         waited_ns = message.log_time_ns - stream.waiting[0].log_time_ns
-        waits = stream.is_single and len(stream.waiting) < _DECODED_AT_ONCE and waited_ns < _DECODED_WITHIN_NS
-        return None if waits else stream
+        waits = len(stream.waiting) < _DECODED_AT_ONCE and waited_ns < _DECODED_WITHIN_NS
+        return None if waits and has_single_packets(message.channel) else stream
 
     def _add(self, stream: _Stream) -> Iterator[Message]:
         """Yield the clouds that the waiting messages complete."""
@@ -298,13 +294,7 @@ class PacketTopics(SourceWrapper):
             stream.frame_id = stream.frame_id if read.frame_id is None else read.frame_id
         stream.scans += len(messages)
         for packets in runs(times_ns, payloads):
-            yield from _messages(stream, stream.clouds.decoder.add(packets))
-
-
-def _messages(stream: _Stream, frames: Iterator[PacketFrame]) -> Iterator[Message]:
-    """Yield the messages of frames, with the times of the last message of packets."""
-    found = (stream.clouds.message(frame, stream.times, stream.frame_id) for frame in frames)
-    return (message for message in found if message)
+            yield from stream.messages(stream.decoder.add(packets))
 
 
 def _points_topic(packets: Channel) -> str:
