@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
+from seaclutter_cli.sensors.catalog import ADVICE
 from seaclutter_cli.sensors.packets import DecoderOptions, read_calibration
 from seaclutter_cli.sensors.robosense.models import (
     AIRY,
@@ -52,8 +52,6 @@ def find_model(
     There is a warning if the user names a model and the device information is of another one. `InputError` if the
     packets do not identify the model, or are of another or an unsupported one.
     """
-    if name := name_unsupported(data):
-        raise InputError(f"packets of a {name} are not supported; {ADVICE}")
     wanted, allowed = options.model, _possible(data)
     guessed = _guess(allowed, info)
     if wanted is None and guessed is None:

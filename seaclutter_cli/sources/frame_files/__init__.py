@@ -5,26 +5,28 @@ from importlib import import_module
 from pathlib import Path
 
 from seaclutter_cli.cloud import Cloud
+from seaclutter_cli.sources.frame_files.reading import reading
 
 
-def _reader(module: str, function: str) -> Callable[[Path], Cloud]:
+def _reader(kind: str, module: str, function: str) -> Callable[[Path], Cloud]:
     """Return a reader that is imported when it reads its first file, so that the start of a run is fast."""
 
     def read(path: Path) -> Cloud:
-        cloud: Cloud = getattr(import_module(f"{__name__}.{module}"), function)(path)
-        return cloud
+        with reading(kind):
+            cloud: Cloud = getattr(import_module(f"{__name__}.{module}"), function)(path)
+            return cloud
 
     return read
 
 
 FRAME_READERS: Mapping[str, Callable[[Path], Cloud]] = {
-    ".pcd": _reader("pcd", "read_pcd"),
-    ".ply": _reader("ply", "read_ply"),
-    ".las": _reader("las", "read_las"),
-    ".laz": _reader("las", "read_las"),
-    ".bin": _reader("arrays", "read_bin"),
-    ".npy": _reader("arrays", "read_npy"),
-    ".npz": _reader("arrays", "read_npz"),
-    ".csv": _reader("csv", "read_csv"),
+    ".pcd": _reader("PCD", "pcd", "read_pcd"),
+    ".ply": _reader("PLY", "ply", "read_ply"),
+    ".las": _reader("LAS", "las", "read_las"),
+    ".laz": _reader("LAS", "las", "read_las"),
+    ".bin": _reader("BIN", "arrays", "read_bin"),
+    ".npy": _reader("NPY", "arrays", "read_npy"),
+    ".npz": _reader("NPZ", "arrays", "read_npz"),
+    ".csv": _reader("CSV", "csv", "read_csv"),
 }
 """Readers by file suffix in lower case; they raise `CloudError` for a damaged file. Add a new format here."""

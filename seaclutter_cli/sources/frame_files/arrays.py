@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.limits import above, limits
-from seaclutter_cli.sources.frame_files.reading import check_size, column_names, reading
+from seaclutter_cli.sources.frame_files.reading import check_size, column_names
 from seaclutter_cli.text import count
 
 _Points = NDArray[np.void]
@@ -78,7 +78,7 @@ _LAYOUTS: tuple[tuple[np.dtype[np.void], Callable[[_Points], bool]], ...] = (
 
 def read_npy(path: Path) -> Cloud:
     """Return the points of an array of shape (N, 3) or wider, or of a structured one, (N,); `CloudError` for others."""
-    with reading("NPY"), path.open("rb") as file:
+    with path.open("rb") as file:
         array = _checked(file, os.fstat(file.fileno()).st_size)
         if array.dtype.names and array.ndim == 1:
             return from_array(array)
@@ -106,7 +106,7 @@ def read_npz(path: Path) -> Cloud:
 
     The shape is (N,), or (height, width) for an organised cloud; one more axis are several values of a field.
     """
-    with reading("NPZ"), zipfile.ZipFile(path) as archive:
+    with zipfile.ZipFile(path) as archive:
         entries = [entry for entry in archive.infolist() if entry.filename.endswith(".npy")]
         size = sum(entry.file_size for entry in entries)
         if size > limits().file_bytes(path.stat().st_size):

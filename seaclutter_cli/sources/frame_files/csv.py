@@ -15,7 +15,6 @@ from seaclutter_cli.sources.frame_files.reading import (
     column_names,
     is_number,
     parse_rows,
-    reading,
 )
 
 _BOM = b"\xef\xbb\xbf"
@@ -27,14 +26,13 @@ def read_csv(path: Path) -> Cloud:
 
     Names of columns, in the first line after an optional ``#``, contain x, y and z; without, see `column_names`.
     """
-    with reading("CSV"):
-        content = path.read_bytes().removeprefix(_BOM)
-        check_lines(content)
-        names, delimiter, body, line = _head(content)
-        if delimiter is not None:
-            body, line = _fill_empty_cells(body, delimiter.encode()), line - 1
-        dtype = np.dtype([(name, "<f8") for name in names])
-        return from_array(parse_rows(body, dtype, delimiter=delimiter, first_line=line))
+    content = path.read_bytes().removeprefix(_BOM)
+    check_lines(content)
+    names, delimiter, body, line = _head(content)
+    if delimiter is not None:
+        body, line = _fill_empty_cells(body, delimiter.encode()), line - 1
+    dtype = np.dtype([(name, "<f8") for name in names])
+    return from_array(parse_rows(body, dtype, delimiter=delimiter, first_line=line))
 
 
 def is_point_table(path: Path) -> bool:

@@ -50,7 +50,7 @@ def read_las(path: Path) -> Cloud:
     `CloudError` if the file is not a LAS file, or does not contain the number of points in its header;
     `MissingExtraError` if laspy, or its LAZ backend, is not installed.
     """
-    with reading("LAS"), open_las(path) as reader:
+    with open_las(path) as reader:
         empty = _laspy().ScaleAwarePointRecord.zeros(0, header=reader.header)
         return from_array(np.concatenate([_structured(part) for part in (empty, *parts_of(reader))]))
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.limits import above, limits
-from seaclutter_cli.sources.frame_files.reading import check_size, parse_rows, reading
+from seaclutter_cli.sources.frame_files.reading import check_size, parse_rows
 from seaclutter_cli.text import count
 
 _SIZES = {"F": ("4", "8"), "U": ("1", "2", "4", "8"), "I": ("1", "2", "4", "8")}
@@ -28,19 +28,18 @@ _BYTES_HEADER = (
 
 def read_pcd(path: Path) -> Cloud:
     """Return the points of a PCD file with all fields, height and width; `CloudError` if it is damaged."""
-    with reading("PCD"):
-        content = path.read_bytes()
-        match = _DATA_LINE.search(content[:_MAX_HEADER])
-        if match is None:
-            raise CloudError("no PCD header with a DATA line")
-        lines = (line.split() for line in content[: match.start()].decode("utf-8", "replace").splitlines())
-        header = {words[0]: words[1:] for words in lines if words and not words[0].startswith("#")}
-        dtype, (height, width) = _layout(header), _shape(header)
-        points = np.empty(0, dtype)
-        if height * width:
-            points = _decode(content, match, dtype, height * width)
-        kept = [name for name in dtype.names or () if not name.startswith(_GAP)]
-        return from_array(points if len(kept) == len(dtype.names or ()) else points[kept], height=max(height, 1))
+    content = path.read_bytes()
+    match = _DATA_LINE.search(content[:_MAX_HEADER])
+    if match is None:
+        raise CloudError("no PCD header with a DATA line")
+    lines = (line.split() for line in content[: match.start()].decode("utf-8", "replace").splitlines())
+    header = {words[0]: words[1:] for words in lines if words and not words[0].startswith("#")}
+    dtype, (height, width) = _layout(header), _shape(header)
+    points = np.empty(0, dtype)
+    if height * width:
+        points = _decode(content, match, dtype, height * width)
+    kept = [name for name in dtype.names or () if not name.startswith(_GAP)]
+    return from_array(points if len(kept) == len(dtype.names or ()) else points[kept], height=max(height, 1))
 
 
 def _layout(header: dict[str, list[str]]) -> np.dtype[np.void]:

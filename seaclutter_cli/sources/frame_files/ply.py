@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
-from seaclutter_cli.sources.frame_files.reading import check_size, parse_rows, reading
+from seaclutter_cli.sources.frame_files.reading import check_size, parse_rows
 
 _SHORT = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"}
 _SIZED = {"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4"}
@@ -39,24 +39,23 @@ class _Element:
 
 def read_ply(path: Path) -> Cloud:
     """Return the vertices of a PLY file with all their properties; `CloudError` if it is damaged, or has lists."""
-    with reading("PLY"):
-        content = path.read_bytes()
-        match = _HEADER.match(content[:_MAX_HEADER])
-        if match is None:
-            raise CloudError("no PLY header from 'ply' to 'end_header'")
-        encoding, elements = _parse_header(match[1].decode("utf-8", "replace"))
-        names = [element.name for element in elements]
-        if "vertex" not in names:
-            raise CloudError(f"no element 'vertex'; the file has {', '.join(names) or 'none'}")
-        at = names.index("vertex")
-        head, body = content[: match.end()], memoryview(content)[match.end() :]
-        if encoding == "ascii":
-            return from_array(_read_ascii(body, elements[:at], elements[at], head.count(b"\n") + 1))
-        order, vertex = _ORDERS[encoding], elements[at]
-        dtype = vertex.dtype(order)
-        start = sum(element.count * element.dtype(order).itemsize for element in elements[:at])
-        check_size(start + vertex.count * dtype.itemsize, len(body))
-        return from_array(np.frombuffer(body, dtype, vertex.count, start))
+    content = path.read_bytes()
+    match = _HEADER.match(content[:_MAX_HEADER])
+    if match is None:
+        raise CloudError("no PLY header from 'ply' to 'end_header'")
+    encoding, elements = _parse_header(match[1].decode("utf-8", "replace"))
+    names = [element.name for element in elements]
+    if "vertex" not in names:
+        raise CloudError(f"no element 'vertex'; the file has {', '.join(names) or 'none'}")
+    at = names.index("vertex")
+    head, body = content[: match.end()], memoryview(content)[match.end() :]
+    if encoding == "ascii":
+        return from_array(_read_ascii(body, elements[:at], elements[at], head.count(b"\n") + 1))
+    order, vertex = _ORDERS[encoding], elements[at]
+    dtype = vertex.dtype(order)
+    start = sum(element.count * element.dtype(order).itemsize for element in elements[:at])
+    check_size(start + vertex.count * dtype.itemsize, len(body))
+    return from_array(np.frombuffer(body, dtype, vertex.count, start))
 
 
 def _parse_header(text: str) -> tuple[str, list[_Element]]:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.errors import CloudError
-from seaclutter_cli.sources.frame_files import laz
-from seaclutter_cli.sources.frame_files.las import open_las, read_las
+from seaclutter_cli.sources.frame_files import FRAME_READERS, laz
+from seaclutter_cli.sources.frame_files.las import open_las
 from tests.sources.frame_files.writers import las, sample
 
+read_las = FRAME_READERS[".laz"]
 CRASH = "import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n"
 
 
