@@ -52,8 +52,6 @@ class Alarms:
 def targets_of(frame: Frame, truth: Truth, params: EvaluationParams) -> FrameTargets:
     """Return the targets and the areas to ignore of a frame, in terms of its points.
 
-    Notes
-    -----
     If boxes are labelled, only boxes decide: points labelled `IGNORED` count only where no boxes of targets are
     labelled. Boxes of areas to ignore count in both cases.
     """

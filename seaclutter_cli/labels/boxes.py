@@ -67,17 +67,10 @@ def _distinct(tracks: Sequence[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class LabelOptions:
-    """Settings of the label readers.
+    """Settings of the label readers: classes of per-point labels that are clutter, or else neither that nor targets.
 
-    Parameters
-    ----------
-    clutter_ids : tuple of int
-        Classes of per-point labels that are clutter; they take precedence over ``ignore_ids``.
-    ignore_ids : tuple of int
-        Classes of per-point labels that are neither clutter nor targets.
-    by_sequence : bool
-        Whether a frame's number is the ``sequence`` of its message, not its ``index``. Folders of frames need this:
-        a damaged file is left out of the stream but keeps its number.
+    If ``by_sequence``, a frame's number is the ``sequence`` of its message, not its ``index``, as folders of frames
+    need: a damaged file is left out of the stream but keeps its number.
     """
 
     clutter_ids: tuple[int, ...] = (110,)

@@ -100,11 +100,8 @@ def binned(values: Series, starts: NDArray[np.int64]) -> tuple[Series, Series, S
     count = np.add.reduceat(known, starts, axis=0, dtype=np.int64)
     total = np.add.reduceat(np.where(known, values, 0).astype(np.float64), starts, axis=0)
     mean = np.where(count, total / np.maximum(count, 1), np.nan)
-    low, high = (
-        np.where(count, reduce.reduceat(np.where(known, values, neutral), starts, axis=0), np.nan)
-        for reduce, neutral in ((np.minimum, np.inf), (np.maximum, -np.inf))
-    )
-    return mean.astype(np.float32), low.astype(np.float32), high.astype(np.float32)
+    low, high = (reduce.reduceat(values, starts, axis=0) for reduce in (np.fmin, np.fmax))  # where known
+    return mean.astype(np.float32), low, high
 
 
 @dataclass(frozen=True)

@@ -67,8 +67,6 @@ class TileWater:
 def water(params: WaterParams, size_m: float, rng: np.random.Generator, coast: "Coast | None" = None) -> TileWater:
     """Return a random surface, at least ``size_m`` wide, along a coast if there is one.
 
-    Notes
-    -----
     Wind sea and swell each have a JONSWAP spectrum with their own height and peak period, and a directional spread;
     their sum is the inverse Fourier transform of random amplitudes. Waves shorter than 2 m are left out.
     """

@@ -101,8 +101,6 @@ def fly(lidar: AirborneParams, size_m: tuple[float, ...], line_y: float, rng: np
 class TileRenderer:
     """Renderer of the strips of a scene, which are independent and can be rendered in any order.
 
-    Notes
-    -----
     A pulse is seven rays across its beam. A ray descends until it is below the top of an object or of the water; nets,
     debris and leaves let some rays through. Rays that end within 0.6 m of each other in height form one echo. Its
     strength is the sum of theirs, reflectivity times cosine of incidence for diffuse surfaces; echoes that are too weak

@@ -119,8 +119,6 @@ class Echoes:
 class Receiver:
     r"""Converter of echoes to points, in air with an extinction coefficient in 1/m; a share of the echoes drops out.
 
-    Notes
-    -----
     The intensity is Eq. 2 of [Li2023] with a linear receiver:
     :math:`I = G \, \rho \cos\theta \, e^{-2 \alpha R} / R^2`, rounded down to a whole number and limited to 255.
     :math:`G` is the gain with which a surface of reflectivity 0.1 gives 1 at the range that the maker states for it. An

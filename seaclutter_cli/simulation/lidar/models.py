@@ -15,8 +15,6 @@ from seaclutter_cli.validation import Positive, Share, key
 class NoiseParams:
     """False returns of a lidar.
 
-    Notes
-    -----
     [Bi] shows both kinds but does not quantify them; the values for the lidars here are assumptions.
     """
 

@@ -172,27 +172,18 @@ def rain_extinction(rain_mm_h: float) -> float:
 class Weather:
     r"""Echoes of rain and fog along a shot, which are the same for all shots of a lidar.
 
-    Notes
-    -----
-    *Rain.* Drops of diameter D are distributed as :math:`N_0 e^{-\Lambda D}`, :math:`\Lambda = 4.1 R^{-0.21}` per mm
-    [1]_. A drop in the beam, B wide, returns its share of the area of the beam [2]_, with a reflectivity :math:`\rho`
-    of about 0.17, which is the lidar ratio of water drops, 18.8 sr [4]_, as that of a surface. Only drops larger than
-    :math:`D^* = B R e^{\alpha R} / \sqrt{G \rho}` give an echo; there are
-    :math:`N_0 / \Lambda e^{-\Lambda D^*} \cdot \pi B^2 / 4` of them per metre.
+    *Rain.* Drops of diameter D are distributed as :math:`N_0 e^{-\Lambda D}`, :math:`\Lambda = 4.1
+    R^{-0.21}` per mm (Marshall and Palmer 1948, J. Meteorology 5(4)). A drop in the beam, B wide, returns its share of
+    the area of the beam (Kilic et al. 2021, arXiv:2107.07004), with a reflectivity :math:`\rho` of about 0.17, which is
+    the lidar ratio of water drops, 18.8 sr (O'Connor et al. 2004, JTECH 21(5)), as that of a surface. Only drops larger
+    than :math:`D^* = B R e^{\alpha R} / \sqrt{G \rho}` give an echo; there are :math:`N_0 / \Lambda e^{-\Lambda D^*}
+    \cdot \pi B^2 / 4` of them per metre.
 
     *Fog.* A soft target: the pulse lights droplets of backscatter :math:`\beta = 0.046 / V` per metre over its length
-    L, with the visibility V [3]_, which is a reflectivity of :math:`\pi \beta L`; the echo fluctuates exponentially.
+    L, with the visibility V (Rasshofer et al. 2011, Adv. Radio Sci. 9), which is a reflectivity of :math:`\pi \beta L`;
+    the echo fluctuates exponentially.
 
     A shot reports the medium if its echo there is stronger than that of the surface that it hits.
-
-    References
-    ----------
-    .. [1] Marshall, Palmer (1948). "The distribution of raindrops with size". Journal of Meteorology 5(4).
-    .. [2] Kilic et al. (2021). "Lidar Light Scattering Augmentation (LISA): Physics-based simulation of adverse weather
-       conditions for 3D object detection". arXiv:2107.07004.
-    .. [3] Rasshofer, Spies, Spies (2011). "Influences of weather phenomena on automotive laser radar systems". Advances
-       in Radio Science 9.
-    .. [4] O'Connor, Illingworth, Hogan (2004). "A technique for autocalibration of cloud lidar". JTECH 21(5).
     """
 
     def __init__(self, lidar: Lidar, rain: tuple[float, float], fog_extinction: float, near_m: float) -> None:

@@ -52,20 +52,14 @@ class SeaParams:
 
 
 def jonswap(omega: NDArray[np.float64], height_m: float, peak: float, enhancement: float) -> NDArray[np.float64]:
-    r"""Return the JONSWAP spectrum of the surface elevation.
+    r"""Return the JONSWAP spectrum of the surface elevation (Hasselmann et al. 1973, Dt. Hydrogr. Z. A8(12)).
 
     .. math:: S(\omega) = \frac{A}{\omega^5} \exp\!\left(-\tfrac54 \left(\tfrac{\omega_p}{\omega}\right)^4\right)
         \gamma^{\exp(-(\omega-\omega_p)^2 / (2 \sigma^2 \omega_p^2))}
 
     It is the variance density, in m² s / rad, at angular frequencies :math:`\omega > 0`, shape (N,), for a significant
     wave height in metres, the frequency of the peak, :math:`\omega_p`, and its enhancement :math:`\gamma`; 1 gives the
-    Pierson-Moskowitz spectrum. A reproduces the height to within about 1 % (Goda's approximation).
-
-    References
-    ----------
-    .. [1] Hasselmann et al. (1973). "Measurements of wind-wave growth and swell decay during the Joint North Sea Wave
-       Project (JONSWAP)". Deutsche Hydrographische Zeitschrift A8(12).
-    .. [2] Pierson, Moskowitz (1964). "A proposed spectral form for fully developed wind seas". JGR 69(24).
+    Pierson-Moskowitz spectrum (1964, JGR 69(24)). A reproduces the height to within about 1 % (Goda's approximation).
     """
     sigma = np.where(omega <= peak, 0.07, 0.09)
     bump = enhancement ** np.exp(-((omega / peak - 1) ** 2) / (2 * sigma**2))
@@ -125,15 +119,10 @@ class WaveSurface:
 class Sea:
     r"""Random waves in deep water on a periodic tile.
 
-    Notes
-    -----
-    Each wave vector of a grid gets a random amplitude with the variance given by spectrum and directional spread, and
-    oscillates with :math:`\omega = \sqrt{g k}`; the surface is the inverse Fourier transform, as in [1]_. The tile is
-    twelve peak wavelengths wide, but at most 160 m, so that it repeats beyond the part of the sea that a lidar sees.
-
-    References
-    ----------
-    .. [1] Tessendorf (2001). "Simulating Ocean Water". SIGGRAPH course notes.
+    Each wave vector of a grid gets a random amplitude with the variance given by spectrum and directional
+    spread, and oscillates with :math:`\omega = \sqrt{g k}`; the surface is the inverse Fourier transform, as in
+    Tessendorf (2001, Simulating Ocean Water). The tile is twelve peak wavelengths wide, but at most 160 m, so that it
+    repeats beyond the part of the sea that a lidar sees.
     """
 
     def __init__(self, params: SeaParams, rng: np.random.Generator) -> None:

@@ -42,8 +42,6 @@ def intersect_triangles(
 
     Triangles are given by their `unit_transforms`; both sides of one count. Directions, shape (N, 3), have unit length.
 
-    Notes
-    -----
     Each triangle is transformed to the same one, so that the test is the same for all pairs (Woop 2004, "A Ray Tracing
     Hardware Architecture for Dynamic Scenes").
     """

@@ -26,26 +26,20 @@ _MAX_TANGENT = 7.0
 class MarineWater:
     r"""The sea at one moment, as a lidar sees it: waves, wakes, and foam in patches that depend on a seed.
 
-    Notes
-    -----
     *Position.* Heights are sampled along radii around the lidar. From the lidar, at height h, a point of the surface at
     distance r and height :math:`\eta` is at the tangent :math:`(\eta - h)/r`. The running maximum of the tangent along
     a radius is the horizon of the waves up to there, and a shot hits the first wave whose horizon reaches the tangent
     of the shot. Crests therefore hide troughs.
 
     *Strength.* A smooth sea reflects a shot away from the lidar. The echo at a grazing angle comes from the few facets,
-    droplets and bubbles in the beam that happen to face the lidar. As in radar [1]_, the mean falls with the grazing
-    angle (constant-gamma model: :math:`\rho \cos\theta` with :math:`\theta` the incidence on the local slope of the
-    wave), and the distribution around the mean is compound: exponential speckle whose mean is modulated by
-    gamma-distributed texture (K distribution). Foam is diffuse, with an effective reflectivity of 0.22 [2]_ on facets
-    of any direction. If the beam, 3 mrad wide, lights water over a depth greater than the pulse length, the echo is
-    spread in time and its peak is lower. The mean and the texture of water were set from [Li2023]: as many points of
-    clutter as in Table 3, most of them weak and in concentric rings around own ship (section 2.2).
-
-    References
-    ----------
-    .. [1] Ward, Tough, Watts (2013). "Sea Clutter: Scattering, the K Distribution and Radar Performance". IET.
-    .. [2] Koepke (1984). "Effective reflectance of oceanic whitecaps". Applied Optics 23(11).
+    droplets and bubbles in the beam that happen to face the lidar. As in radar (Ward, Tough, Watts 2013, Sea Clutter),
+    the mean falls with the grazing angle (constant-gamma model: :math:`\rho \cos\theta` with :math:`\theta` the
+    incidence on the local slope of the wave), and the distribution around the mean is compound: exponential speckle
+    whose mean is modulated by gamma-distributed texture (K distribution). Foam is diffuse, with an effective
+    reflectivity of 0.22 (Koepke 1984, Applied Optics 23(11)) on facets of any direction. If the beam, 3 mrad wide,
+    lights water over a depth greater than the pulse length, the echo is spread in time and its peak is lower. The mean
+    and the texture of water were set from [Li2023]: as many points of clutter as in Table 3, most of them weak and in
+    concentric rings around own ship (section 2.2).
     """
 
     def __init__(self, sea: "SeaTerrain", time_s: float) -> None:

@@ -29,24 +29,17 @@ _DROPLETS_S_M2 = 0.0005
 class Wake:
     r"""The wake of one vessel, along its path, for the size of its waterline; foam decays to 1/e in a lifetime.
 
-    Notes
-    -----
     The wake has two parts, each in the frame of the leg that left it, x metres behind the vessel and y to its side.
     Both remain in place after the vessel has gone.
 
-    * Foam churned up behind the stern. Its width grows with :math:`x^{1/5}` (Milgram et al. 1993); its initial cover is
-      proportional to the square of the speed and decays with the age of the water.
-    * The bow wave and the arms of the Kelvin wake, at :math:`\pm 19.47^\circ`, which break near the vessel. Their
-      height falls with :math:`x^{-1/3}`, and their wavelength along the arm is :math:`\tfrac23 \cdot 2 \pi U^2 / g`.
+    * Foam churned up behind the stern. Its width grows with :math:`x^{1/5}` (Milgram et al. 1993, JGR 98(C4)); its
+      initial cover is proportional to the square of the speed and decays with the age of the water.
+    * The bow wave and the arms of the Kelvin wake (Newman 1977, Marine Hydrodynamics, ch. 6), at :math:`\pm
+      19.47^\circ`, which break near the vessel. Their height falls with :math:`x^{-1/3}`, and their wavelength along
+      the arm is :math:`\tfrac23 \cdot 2 \pi U^2 / g`.
 
     The literature does not quantify foam and spray as a lidar sees them. The two constants were chosen to match Table 3
     of [Li2023]: a few percent of the clutter in `buoy_speedboat` is brighter than the thresholds of the paper.
-
-    References
-    ----------
-    .. [1] Milgram, Skop, Peltzer, Griffin (1993). "Modeling short sea wave energy distributions in the far wakes of
-       ships". JGR 98(C4).
-    .. [2] Newman (1977). "Marine Hydrodynamics". MIT Press, chapter 6.
     """
 
     track: Track

@@ -86,8 +86,6 @@ class WideSea(SeaTerrain):
 class WideWater(MarineWater):
     r"""The sea at one moment, with the optics of water.
 
-    Notes
-    -----
     *Water.* Light comes back from below the surface (`water_reflectance`) and from ripples that face the lidar
     (`facet_reflectance`, with the slopes of Cox and Munk). Bubbles and what floats are uneven: the mean is multiplied
     by texture, gamma-distributed with the sea's ``spikiness`` over patches that drift and are renewed, and by the
