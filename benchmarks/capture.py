@@ -18,20 +18,20 @@ import numpy as np
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.sensors.robosense.models import MODELS
 from seaclutter_cli.sensors.robosense.packets import Columns, make_angles, write_data, write_info
-from seaclutter_cli.sinks.pcap import Endpoints, ethernet_udp, pcap_header, pcap_record
+from seaclutter_cli.sinks.pcap import ethernet_udp, pcap_header, pcap_record
 from seaclutter_cli.sources.formats import open_source
 
 PACKETS_PER_REVOLUTION = 150
 COLUMNS = 12 * PACKETS_PER_REVOLUTION
 START_NS = 1_700_000_000_000_000_000
 MODEL = MODELS["RS-LiDAR-32"]
-INFO = Endpoints(source_port=7788, target_port=7788)
+DATA_PORT, INFO_PORT = 6699, 7788
 RUNS = 5
 SCENES = ("calm", "buoy_speedboat", "departure", "rough", "harbour")
 REVOLUTIONS = 200
 
 
-def packets(revolutions: int, returns: float) -> Iterator[tuple[int, Endpoints, bytes]]:
+def packets(revolutions: int, returns: float) -> Iterator[tuple[int, int, bytes]]:
     random = np.random.default_rng(0)
     angles = make_angles(np.arange(32) * 125 - 2500, np.arange(32) % 4 * 300 - 450)
     for revolution in range(revolutions):
@@ -39,9 +39,9 @@ def packets(revolutions: int, returns: float) -> Iterator[tuple[int, Endpoints, 
         times = START_NS + (revolution * PACKETS_PER_REVOLUTION + np.arange(PACKETS_PER_REVOLUTION)) * MODEL.packet_ns
         columns = Columns(np.arange(COLUMNS) * 20, distance, random.integers(0, 256, distance.shape), times)
         for time_ns, payload in zip(times.tolist(), write_data(MODEL, columns), strict=True):
-            yield time_ns + MODEL.packet_ns, Endpoints(), payload.tobytes()
+            yield time_ns + MODEL.packet_ns, DATA_PORT, payload.tobytes()
         if revolution % 10 == revolutions % 10:
-            yield int(times[-1]) + MODEL.packet_ns, INFO, write_info(MODEL, angles).tobytes()
+            yield int(times[-1]) + MODEL.packet_ns, INFO_PORT, write_info(MODEL, angles).tobytes()
 
 
 def decode(path: Path) -> tuple[int, int]:
@@ -82,8 +82,8 @@ def decode_captures(folder: Path) -> None:
         path = folder / f"rs-lidar-32-{revolutions}-{returns}.pcap"
         with path.open("wb") as file:
             file.write(pcap_header())
-            for time_ns, endpoints, payload in packets(revolutions, returns):
-                file.write(pcap_record(time_ns, ethernet_udp(endpoints, payload)))
+            for time_ns, port, payload in packets(revolutions, returns):
+                file.write(pcap_record(time_ns, ethernet_udp(port, payload)))
         seconds = []
         for _ in range(RUNS):
             started = time.perf_counter()

@@ -19,7 +19,7 @@ from scene_data import CLASSES, PARTS, Part, scenes
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.scenes.model import SceneModel, SceneTracker, top_view
-from seaclutter_cli.simulation.marine.render import Renderer
+from seaclutter_cli.simulation.marine.recording import Renderer
 
 Floats = NDArray[np.float64]
 RUNS = 200

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from seaclutter_cli.simulation.layouts import LAYOUTS
-from seaclutter_cli.simulation.marine.render import Renderer
+from seaclutter_cli.simulation.marine.recording import Renderer
 from seaclutter_cli.simulation.marine.scene import Scene
 
 CLASSES = ("open", "confined")

@@ -25,8 +25,7 @@ from seaclutter_cli.evaluation.matching import finder_of, match_clusters, target
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.runs.options.studies import parse_seeds
 from seaclutter_cli.simulation.layouts.worlds import FAMILIES, draw_world
-from seaclutter_cli.simulation.marine.recording import record
-from seaclutter_cli.simulation.marine.render import SimulatedFrame
+from seaclutter_cli.simulation.marine.recording import SimulatedFrame, record
 from seaclutter_cli.truth import CLUTTER, Truth
 
 EVALUATION = EvaluationParams()

@@ -13,8 +13,7 @@ from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.simulation.layouts import LAYOUTS, find_scene
-from seaclutter_cli.simulation.marine.recording import simulate_frames
-from seaclutter_cli.simulation.marine.render import SimulatedFrame
+from seaclutter_cli.simulation.marine.recording import SimulatedFrame, simulate_frames
 from seaclutter_cli.simulation.marine.scene import Scene, builtin_scenes, load_scene
 from seaclutter_cli.simulation.marine.terrain import terrain_name
 from seaclutter_cli.truth import Boxes, Truth

@@ -183,7 +183,7 @@ def _draw_alarms(figure: "Figure", collected: Collector) -> None:
     names = [method.name for method in collected.methods]
     axes.set_yticks(np.arange(len(names)) + 0.5, [_shortened(name) for name in names])
     axes.set_ylim(len(names), 0)
-    _set_frame_axis(axes, len(collected.timeline.frame), whole=True)
+    _set_frame_axis(axes, len(collected.timeline), whole=True)
     axes.tick_params(axis="y", length=0)
     figure.legend(loc="outside upper center", ncols=3, handlelength=1.2, handleheight=0.9)
 
@@ -197,7 +197,7 @@ def _draw_scenes(figure: "Figure", collected: Collector) -> None:
         axes.broken_barh(spans, (row + 0.15, 0.7), color=color, linewidth=0)
     axes.set_yticks(np.arange(len(scenes)) + 0.5, [_shortened(name) for name in scenes])
     axes.set(ylim=(max(len(scenes), 1), 0), ylabel="Class of scene")
-    _set_frame_axis(axes, len(collected.timeline.frame), whole=True)
+    _set_frame_axis(axes, len(collected.timeline), whole=True)
     axes.tick_params(axis="y", length=0)
 
 

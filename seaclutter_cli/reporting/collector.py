@@ -2,7 +2,7 @@
 
 from bisect import insort
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from operator import itemgetter
 from typing import Generic, Literal, TypeVar
@@ -48,10 +48,6 @@ class _Item(Generic[T]):
         made = self._make()
         del self._make  # with the frame that it holds
         return made
-
-    @property
-    def is_made(self) -> bool:
-        return "data" in vars(self)
 
 
 _Ranked = tuple[float, int, _Item[T]]
@@ -100,7 +96,7 @@ class Choice(Generic[T]):
         for item in kept.intersection(self._pending):
             if row - item.row >= _MIN_SPACING:
                 item.data  # noqa: B018 - makes them
-        self._pending = [item for item in self._pending if item in kept and not item.is_made]
+        self._pending = [item for item in self._pending if item in kept and "data" not in vars(item)]
 
     def chosen(self) -> list[Chosen[T]]:
         """Return the selected frames, each once: the worst first, then the best, then the others by row."""
@@ -137,15 +133,6 @@ class Method:
     config: str
 
 
-@dataclass
-class Timeline:
-    """Recording index, number within the recording, and time in seconds within the recording of each frame."""
-
-    recording: list[int] = field(default_factory=list)
-    frame: list[int] = field(default_factory=list)
-    seconds: list[float] = field(default_factory=list)
-
-
 class Collector(FrameListener):
     """Collector of the statistics of all frames and the points of selected frames.
 
@@ -165,7 +152,8 @@ class Collector(FrameListener):
     ) -> None:
         self.methods, self.params, self.labelled = methods, params, labelled
         self.recordings: list[str] = []
-        self.timeline = Timeline()
+        self.timeline: list[tuple[int, int, float]] = []
+        """Recording index, number within the recording, and time in seconds within the recording of each frame."""
         self.histories = [History(max(len(method.edges) - 1, 0)) for method in methods]
         self._choice: Choice[Sample] = Choice(frames)
         self._picks, self._picked = frozenset(picks), dict[int, Sample]()
@@ -183,10 +171,8 @@ class Collector(FrameListener):
         frame = scored.frame
         if self._first_ns is None:
             self._first_ns = frame.log_time_ns
-        row = len(self.timeline.frame)
-        self.timeline.recording.append(len(self.recordings) - 1)
-        self.timeline.frame.append(frame.index)
-        self.timeline.seconds.append((frame.log_time_ns - self._first_ns) / _NANO)
+        row = len(self.timeline)
+        self.timeline.append((len(self.recordings) - 1, frame.index, (frame.log_time_ns - self._first_ns) / _NANO))
         for history, own, score in zip(self.histories, scored.results, scored.scores, strict=True):
             history.add(own, score)
 

@@ -104,20 +104,7 @@ def binned(values: Series, starts: NDArray[np.int64]) -> tuple[Series, Series, S
     return mean.astype(np.float32), low, high
 
 
-@dataclass(frozen=True)
-class Density:
-    """Mean number of points per frame for each `Reason`, shape (8, rows, columns), in cells of equal size.
-
-    Columns begin at a range of 0, rows between the intensities ``low`` and ``high``.
-    """
-
-    reach_m: float
-    low: float
-    high: float
-    counts: NDArray[np.float32]
-
-
-def density_of(samples: Sequence[Sample], method: int, edges: Sequence[float], threshold: float) -> Density | None:
+def density_of(samples: Sequence[Sample], method: int, edges: Sequence[float], threshold: float) -> "Density | None":
     """Return the density of the points of several frames by the reasons of a method; None without intensities.
 
     The rows extend above the highest threshold; there are no edges without range rings.
@@ -144,4 +131,11 @@ def density_of(samples: Sequence[Sample], method: int, edges: Sequence[float], t
     bins = ((0, len(Reason)), (low, high), (0, max(reach_m, 1e-3)))
     points = np.stack((reason[shown], intensity[shown], range_m[shown]), axis=1)
     counts, _ = np.histogramdd(points, (len(Reason), rows, _COLUMNS), bins, weights=weight[shown])
-    return Density(reach_m, low, high, counts.astype(np.float32))
+    return reach_m, low, high, counts.astype(np.float32)
+
+
+Density = tuple[float, float, float, NDArray[np.float32]]
+"""Mean number of points per frame for each `Reason`, shape (8, rows, columns), in cells of equal size.
+
+Columns go from 0 to the range that comes first, rows from the least to the greatest intensity.
+"""

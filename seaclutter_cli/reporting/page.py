@@ -33,8 +33,8 @@ def report_data(
     collected: Collector, summaries: Mapping[str, Mapping[str, Any]], notes: Sequence[str] = ()
 ) -> dict[str, Any]:
     """Return the data of the page, given rates and counts of each method by its name, and remarks for the reader."""
-    timeline = collected.timeline
-    starts = bin_starts(len(timeline.frame))
+    starts = bin_starts(len(collected.timeline))
+    recording, frame, seconds = np.array(collected.timeline, np.float64).reshape(-1, 3).T
     chosen = collected.chosen
     known = [one.item.intensity[np.isfinite(one.item.intensity)] for one in chosen]
     intensities = np.concatenate([*known, np.empty(0, np.float32)])
@@ -46,10 +46,10 @@ def report_data(
         "notes": list(notes),
         "palette": _palette(collected.methods),
         "frames": {
-            "count": len(timeline.frame),
-            "recording": _packed(np.asarray(timeline.recording), "<u2"),
-            "frame": _packed(np.asarray(timeline.frame), "<u4"),
-            "seconds": _packed(np.asarray(timeline.seconds), "<f4"),
+            "count": len(collected.timeline),
+            "recording": _packed(recording, "<u2"),
+            "frame": _packed(frame, "<u4"),
+            "seconds": _packed(seconds, "<f4"),
         },
         "bins": starts.tolist(),
         "methods": [
@@ -126,15 +126,14 @@ def _density(collected: Collector, number: int, history: History) -> dict[str, A
     found = density_of(collected.spread, number, method.edges, top)
     if found is None:
         return None
+    reach_m, low, high, counts = found
     return {
-        "reach": found.reach_m,
-        "low": found.low,
-        "high": found.high,
-        "rows": found.counts.shape[1],
-        "columns": found.counts.shape[2],
-        "counts": {
-            str(int(reason)): _packed(found.counts[reason], "<f4") for reason in Reason if found.counts[reason].any()
-        },
+        "reach": reach_m,
+        "low": low,
+        "high": high,
+        "rows": counts.shape[1],
+        "columns": counts.shape[2],
+        "counts": {str(int(one)): _packed(counts[one], "<f4") for one in Reason if counts[one].any()},
         "frames": len(collected.spread),
     }
 

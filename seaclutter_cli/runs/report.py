@@ -108,13 +108,13 @@ class ReportResult(Comparison):
     @property
     def frames(self) -> int:
         """Number of frames of all recordings."""
-        return len(self.collected.timeline.frame)
+        return len(self.collected.timeline)
 
     def shown(self) -> list[dict[str, Any]]:
         """Return the frames whose points are shown, and why."""
         timeline, names = self.collected.timeline, self.collected.recordings
         return [
-            {"recording": names[timeline.recording[one.row]], "frame": one.item.frame, "why": one.why}
+            {"recording": names[timeline[one.row][0]], "frame": one.item.frame, "why": one.why}
             for one in self.collected.chosen
         ]
 

@@ -19,7 +19,7 @@ from seaclutter_cli.runs.options.studies import SimulateOptions, SimulationOptio
 from seaclutter_cli.runs.outputs import prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, Result, statuses, storing_errors
 from seaclutter_cli.simulation.airborne.scene import TileScene, is_tile_scene, load_tile_scene, save_tile_scene
-from seaclutter_cli.simulation.marine.render import SimulatedFrame
+from seaclutter_cli.simulation.marine.recording import SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import Scene, save_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources.recordings import Recording

@@ -1,27 +1,16 @@
 """Records of packet captures with UDP packets: classic PCAP over Ethernet."""
 
-import ipaddress
 import struct
-from dataclasses import dataclass
 
 _MAGIC_NS = 0xA1B23C4D
 _ETHERNET, _SNAP = 1, 262144
 _DONT_FRAGMENT = 0x4000
+_SOURCE, _TARGET = bytes((192, 168, 1, 200)), bytes((192, 168, 1, 102))
 
 
-@dataclass(frozen=True)
-class Endpoints:
-    """Addresses and ports of UDP packets."""
-
-    source: str = "192.168.1.200"
-    target: str = "192.168.1.102"
-    source_port: int = 6699
-    target_port: int = 6699
-
-
-def pcap_header(link: int = _ETHERNET) -> bytes:
+def pcap_header() -> bytes:
     """Return the file header of a capture with nanosecond timestamps."""
-    return struct.pack("<IHHiIII", _MAGIC_NS, 2, 4, 0, 0, _SNAP, link)
+    return struct.pack("<IHHiIII", _MAGIC_NS, 2, 4, 0, 0, _SNAP, _ETHERNET)
 
 
 def pcap_record(time_ns: int, packet: bytes) -> bytes:
@@ -29,11 +18,10 @@ def pcap_record(time_ns: int, packet: bytes) -> bytes:
     return struct.pack("<IIII", *divmod(time_ns, 10**9), len(packet), len(packet)) + packet
 
 
-def ethernet_udp(ends: Endpoints, payload: bytes) -> bytes:
-    """Return an Ethernet frame that carries a payload in a UDP packet over IPv4."""
-    udp = struct.pack(">HHHH", ends.source_port, ends.target_port, 8 + len(payload), 0) + payload
-    source, target = (ipaddress.IPv4Address(address).packed for address in (ends.source, ends.target))
-    head = struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(udp), 0, _DONT_FRAGMENT, 64, 17, 0) + source + target
+def ethernet_udp(port: int, payload: bytes) -> bytes:
+    """Return an Ethernet frame with a payload in a UDP packet over IPv4, from a port of a lidar to the same one."""
+    udp = struct.pack(">HHHH", port, port, 8 + len(payload), 0) + payload
+    head = struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(udp), 0, _DONT_FRAGMENT, 64, 17, 0) + _SOURCE + _TARGET
     head = head[:10] + _checksum(head).to_bytes(2, "big") + head[12:]
     return b"\x02\x00\x00\x00\x00\x01\x02\x00\x00\x00\x00\x02\x08\x00" + head + udp
 

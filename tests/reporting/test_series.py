@@ -64,13 +64,13 @@ def test_bins_cover_all_frames(frames):
 def test_the_density_counts_every_point_of_thinned_frames():
     frame = frame_of(lump(20, count=3000, spread=0.001))
     sample = take_sample(frame, [result_of(frame, removed=range(2000))], None, PARAMS, 300)
-    density = density_of([sample, sample], 0, [10.0, 25.0], 90.0)
-    assert density.counts.sum() == pytest.approx(3000, rel=1e-4)
-    assert density.counts[0].sum() == pytest.approx(1000, rel=1e-4)
-    row, column = np.argwhere(density.counts.sum(axis=0))[0]
-    heights = np.linspace(density.low, density.high, density.counts.shape[1] + 1)
+    reach_m, low, high, counts = density_of([sample, sample], 0, [10.0, 25.0], 90.0)
+    assert counts.sum() == pytest.approx(3000, rel=1e-4)
+    assert counts[0].sum() == pytest.approx(1000, rel=1e-4)
+    row, column = np.argwhere(counts.sum(axis=0))[0]
+    heights = np.linspace(low, high, counts.shape[1] + 1)
     assert heights[row] <= 100 < heights[row + 1]
-    assert density.reach_m * column / density.counts.shape[2] == pytest.approx(20, abs=0.3)
+    assert reach_m * column / counts.shape[2] == pytest.approx(20, abs=0.3)
 
 
 def test_no_density_without_frames():

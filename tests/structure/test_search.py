@@ -8,7 +8,7 @@ import pytest
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.simulation.marine.render import Renderer
+from seaclutter_cli.simulation.marine.recording import Renderer
 from seaclutter_cli.simulation.marine.scene import load_scene
 from seaclutter_cli.structure.search import MIN_FRAMES, StructureSearch
 from seaclutter_cli.truth import IGNORED

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from seaclutter_cli.simulation.marine.render import Renderer
+from seaclutter_cli.simulation.marine.recording import Renderer
 from seaclutter_cli.simulation.marine.scene import load_scene
 from seaclutter_cli.water import Mounting, MountingSearch
 from tests.filters.seas import water

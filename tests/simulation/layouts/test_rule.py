@@ -3,7 +3,7 @@ import pytest
 
 from seaclutter_cli.simulation.layouts import LAYOUTS
 from seaclutter_cli.simulation.layouts.rule import REACH_M, horizon, scene_class
-from seaclutter_cli.simulation.marine.render import Renderer
+from seaclutter_cli.simulation.marine.recording import Renderer
 from seaclutter_cli.simulation.marine.scene import load_scene, parse_scene
 
 WATER = [name for name, layout in LAYOUTS.items() if layout.scene_class in ("open", "confined")]

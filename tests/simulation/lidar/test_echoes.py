@@ -3,7 +3,7 @@ import pytest
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, add_mixed_pixels, false_returns
 from seaclutter_cli.simulation.lidar.models import LIDARS, NoiseParams
-from seaclutter_cli.simulation.marine.render import Renderer
+from seaclutter_cli.simulation.marine.recording import Renderer
 from seaclutter_cli.simulation.marine.scene import load_scene, parse_scene
 
 LIDAR = LIDARS["CE30-D"]

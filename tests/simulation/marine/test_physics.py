@@ -11,7 +11,7 @@ from seaclutter_cli.simulation.marine.physics import (
     water_reflectance,
     whitecap_share,
 )
-from seaclutter_cli.simulation.marine.render import Renderer
+from seaclutter_cli.simulation.marine.recording import Renderer
 from seaclutter_cli.simulation.marine.scene import parse_scene
 
 CALM = {"sea_state": 0, "visibility_km": 1000}

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.sensors.packets import DecoderOptions
-from seaclutter_cli.sinks.pcap import Endpoints, ethernet_udp, pcap_header, pcap_record
+from seaclutter_cli.sinks.pcap import ethernet_udp, pcap_header, pcap_record
 from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.sources.pcap.records import PcapngReader, PcapReader
 from seaclutter_cli.sources.shared.log_file import LogFile
@@ -160,7 +160,7 @@ def test_information_after_thousands_of_packets(tmp_path):
 
 def test_captures_of_the_writer(tmp_path, expected):
     path = tmp_path / "log.pcap"
-    packets = ((time, ethernet_udp(Endpoints(source_port=port, target_port=port), data)) for time, data, port in ROWS)
+    packets = ((time, ethernet_udp(port, data)) for time, data, port in ROWS)
     path.write_bytes(b"".join((pcap_header(), *(pcap_record(*packet) for packet in packets))))
     assert contents(read(path)[1]["/points"]) == expected
 
