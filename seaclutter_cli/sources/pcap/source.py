@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
@@ -36,14 +35,19 @@ _WINDOW = 4 * 2**20
 class Flow:
     """Datagrams of one length from one port to another; ``unsupported`` names a known sensor that is not decoded."""
 
+    kind: Kind
     address: str
     source_port: int
     port: int
-    length: int
     family: str | None = None
     count: int = 0
     samples: Samples = field(default_factory=Samples)
     unsupported: str | None = None
+
+    @property
+    def length(self) -> int:
+        """Number of bytes of a payload."""
+        return self.kind[1]
 
     @property
     def ends(self) -> str:
@@ -57,14 +61,14 @@ class Flow:
 
 @dataclass
 class CapturedSensor:
-    """A sensor in a capture, with a sample and ``info`` of `Samples.packets`; it ``shares`` its address with others."""
+    """A sensor in a capture: its main flow, the kinds of its packets, and samples of them.
 
-    family: str
-    address: str
-    port: int
+    It may share its address with others.
+    """
+
+    flow: Flow
     kinds: set[Kind]
-    sample: Packets
-    info: NDArray[np.uint8] | None = None
+    samples: Samples
     shares: bool = False
 
 
@@ -77,7 +81,7 @@ class SensorSearch:
 
     def add(self, kind: Kind, packets: Packets) -> None:
         """Add datagrams of a kind to the search."""
-        flow = self.flows.get(kind) or Flow(*ends(kind[0]), kind[1])
+        flow = self.flows.get(kind) or Flow(kind, *ends(kind[0]))
         if flow.family is None and flow.count < _TRIED:
             payloads = packets.payloads[:_TRIED_AT_ONCE]
             families = (name for name, one in PACKET_FAMILIES.items() if any(map(one.recognises, payloads)))
@@ -123,53 +127,36 @@ class SensorSearch:
 
     def sensors(self) -> list[CapturedSensor]:
         """Return the sensors, sorted by address, port and family."""
-        groups: dict[tuple[str, str], dict[Kind, Flow]] = defaultdict(dict)
-        damaged = {id(flow) for flow in self.damaged_flows()}
-        for kind, flow in self.flows.items():
-            if flow.family is not None and id(flow) not in damaged:
-                groups[flow.address, flow.family][kind] = flow
+        groups: dict[tuple[str, str], list[Flow]] = defaultdict(list)
+        damaged = {flow.kind for flow in self.damaged_flows()}
+        for flow in sorted(self.flows.values(), key=lambda flow: (flow.port, flow.source_port)):
+            if flow.family is not None and flow.kind not in damaged:
+                groups[flow.address, flow.family].append(flow)
         found = [sensor for group in groups.values() for sensor in _split(group)]
-        addresses = [sensor.address for sensor in found]
+        addresses = [sensor.flow.address for sensor in found]
         for sensor in found:
-            sensor.shares = addresses.count(sensor.address) > 1
-        return sorted(found, key=lambda sensor: (sensor.address, sensor.port, sensor.family))
+            sensor.shares = addresses.count(sensor.flow.address) > 1
+        return sorted(found, key=lambda sensor: (sensor.flow.address, sensor.flow.port, sensor.flow.family))
 
 
-def _split(flows: dict[Kind, Flow]) -> list[CapturedSensor]:
+def _split(flows: Sequence[Flow]) -> list[CapturedSensor]:
     """Return the sensors at one address: one for each port that receives data of the main packet length."""
-    data = {kind: flow for kind, flow in flows.items() if flow.samples.data}
-    by_length: dict[int, list[Kind]] = defaultdict(list)
-    for kind, flow in sorted(data.items(), key=lambda item: (item[1].port, item[1].source_port)):
-        by_length[flow.length].append(kind)
-    if not by_length:
-        return []
-    main_length = max(by_length, key=lambda length: sum(data[kind].count for kind in by_length[length]) * length)
-    main = by_length[main_length]
+    data = [flow for flow in flows if flow.samples.data]
+    calibrating = [flow for flow in flows if flow.samples.calibrations]
+    separate = [flow for flow in calibrating if not flow.samples.data]
+    by_length: dict[int, list[Flow]] = defaultdict(list)
+    for flow in data:
+        by_length[flow.length].append(flow)
+    main = max(by_length.values(), key=lambda alike: sum(flow.count * flow.length for flow in alike), default=[])
     sensors = []
-    for index, first in enumerate(main):
-        own = {first} | {kinds[index] for kinds in by_length.values() if len(kinds) == len(main)}
-        if len(main) == 1:
-            own = set(data)
-        sensors.append(_sensor(first, own, flows, index, len(main)))
+    for index, flow in enumerate(main):
+        own = data if len(main) == 1 else [alike[index] for alike in by_length.values() if len(alike) == len(main)]
+        of_all = [separate[index]] if len(separate) == len(main) else calibrating
+        sources = [flow] if flow.samples.calibrations else of_all
+        calibrations = [pair for one in sources for pair in one.samples.calibrations]
+        kinds = {one.kind for one in (*own, *(separate if index == 0 else ()))}
+        sensors.append(CapturedSensor(flow, kinds, Samples(flow.samples.data, calibrations)))
     return sensors
-
-
-def _sensor(first: Kind, own: set[Kind], flows: dict[Kind, Flow], index: int, count: int) -> CapturedSensor:
-    flow = flows[first]
-    calibrating = sorted(
-        (kind for kind, other in flows.items() if other.samples.calibrations),
-        key=lambda kind: (flows[kind].port, flows[kind].source_port),
-    )
-    separate = [kind for kind in calibrating if not flows[kind].samples.data]
-    if first in calibrating:
-        calibrating = [first]
-    elif len(separate) == count:
-        calibrating = [separate[index]]
-    if not index:
-        own = own | set(separate)
-    calibrations = [pair for kind in calibrating for pair in flows[kind].samples.calibrations]
-    sample, info = Samples(flow.samples.data, calibrations).packets(flow.length)
-    return CapturedSensor(flow.family or "", flow.address, flow.port, own, sample, info)
 
 
 class CaptureSource(Source):
@@ -193,7 +180,7 @@ class CaptureSource(Source):
             self._file.close()
             raise
         self._sensors = sensors = [sensor for sensor, _ in decoders]
-        topics = [f"/points/{sensor.address}" + f"/{sensor.port}" * sensor.shares for sensor in sensors]
+        topics = [f"/points/{sensor.flow.address}" + f"/{sensor.flow.port}" * sensor.shares for sensor in sensors]
         topics = topics if len(topics) > 1 else ["/points"]
         self.channels = [Channel(number, topic, "cdr", ros2_schema(_TYPE)) for number, topic in enumerate(topics, 1)]
         self._start([decoder for _, decoder in decoders])
@@ -241,19 +228,20 @@ class CaptureSource(Source):
             try:
                 usable.append((sensor, self._decoder(sensor)))
             except InputError as error:
-                problems.append(f"{sensor.address}: {error}")
+                problems.append(f"{sensor.flow.address}: {error}")
         if not usable:
             raise InputError(f"{self._path}: {'; '.join(problems)}")
         self.warnings += problems
         return usable
 
     def _decoder(self, sensor: CapturedSensor) -> PacketDecoder:
-        options = replace(self._options, info=sensor.info)
-        if options.calibration is None and (suffix := CALIBRATION_SUFFIXES.get(sensor.family)):
+        (sample, info), family = sensor.samples.packets(sensor.flow.length), sensor.flow.family or ""
+        options = replace(self._options, info=info)
+        if options.calibration is None and (suffix := CALIBRATION_SUFFIXES.get(family)):
             beside = metadata_of(self._path, suffix)
             is_clear = len(beside) == 1 or self._path.with_suffix(suffix) in beside
             options = replace(options, calibration=beside[0] if is_clear else None)
-        return PACKET_FAMILIES[sensor.family].decoder(sensor.sample, options)
+        return PACKET_FAMILIES[family].decoder(sample, options)
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:  # noqa: ARG002
         """Yield the frames of all sensors in the order of their stamps, until every sensor has one at ``end_ns``."""
@@ -283,7 +271,7 @@ class CaptureSource(Source):
         """Return the streams of the sensors, given new decoders."""
         self.facts = {channel.topic: one.facts for channel, one in zip(self.channels, decoders, strict=True)}
         self.warn(*(f"{topic}: {text}" for topic, facts in self.facts.items() for text in facts.warnings))
-        sizes = (sensor.sample.payloads.shape[1] for sensor in self._sensors)
+        sizes = (sensor.flow.length for sensor in self._sensors)
         parts = zip(self.channels, decoders, sizes, strict=True)
         return [CloudStream(self, channel, decoder, size) for channel, decoder, size in parts]
 
