@@ -50,19 +50,23 @@ class BagSource(ChunkedSource[Chunk, Content]):
         self._header: BagRecord | None = None
         self._channels: dict[int, Channel] = {}
         self._counts: Counter[int] = Counter()
-        self._indexes: dict[Chunk, Index | None] = {}
-        self._infos: dict[int, Index] = {}
+        self._timed: dict[int, Chunk] = {}
+        self._untimed: dict[int, Chunk] = {}
+        self._first_use: dict[int, int] = {}
+        self._infos: dict[int, int] = {}
         self._seen: Counter[Op] = Counter()
         self._look_at_records()
         if self._header is not None and self._header.fields.get(b"encryptor"):
             raise InputError(f"{self._path}: the bag is encrypted; decrypt it first (rosbag decrypt)")
-        self._time_chunks()
+        self._unpack_untimed()
         self._read_metadata()
 
     def _look_at_records(self) -> None:
         """Find channels, chunks and damage in one pass without unpacking a chunk.
 
-        ``_indexes`` are those that follow the chunks, ``_infos`` those of the bag's end, by the offset of the chunk.
+        Chunks have their offsets as keys; ``_untimed`` ones must be unpacked for times and counts. ``_first_use`` has
+        the offset of a chunk with messages of each connection, ``_infos`` the number of messages of each chunk
+        according to the index at the end of the bag.
         """
         compression: bytes | None = None
         gaps: list[tuple[int, int]] = []
@@ -80,16 +84,14 @@ class BagSource(ChunkedSource[Chunk, Content]):
                     self._header = self._header or record
                 case Op.CHUNK:
                     compression = compression or record.fields[b"compression"]
-                    unpacked = min(record.number(b"size"), limits().chunk_bytes_of(len(self._file)))
-                    chunk = Chunk(record.start, record.end - record.start, *_ANY_TIME, unpacked=unpacked)
-                    self._indexes[chunk] = None if record.repaired else read_index(self._file, record.end)
+                    self._take_chunk(record)
                 case Op.CHUNK_INFO:
-                    self._infos[record.number(b"chunk_pos")] = _info(self._file, record)
+                    self._take_info(record)
                 case Op.CONNECTION:
                     self._channels.setdefault(record.number(b"conn"), _channel_of(self._file, record))
         self.compression = _COMPRESSIONS.get(compression) if compression else None
         if compression in {None, b"none"}:
-            self._indexes |= {Chunk(start, end - start, *_ANY_TIME): None for start, end in runs}
+            self._untimed |= {start: Chunk(start, end - start, *_ANY_TIME) for start, end in runs}
         else:  # what looks like messages are parts of damaged data
             gaps, runs = gaps + runs, []
         self._report_gaps(gaps, counted=bool(runs))
@@ -98,7 +100,7 @@ class BagSource(ChunkedSource[Chunk, Content]):
     def _report_gaps(self, gaps: list[tuple[int, int]], *, counted: bool) -> None:
         """Report skipped parts, with the messages of lost chunks unless they are ``counted`` among those outside."""
         for start, end in _joined(gaps):
-            lost = 0 if counted else sum(info[2].total() for at, info in self._infos.items() if start <= at < end)
+            lost = 0 if counted else sum(count for offset, count in self._infos.items() if start <= offset < end)
             problem = f"damaged; reading resumes at byte {end}"
             if start == end:
                 problem = "a record of wrong length"
@@ -118,37 +120,47 @@ class BagSource(ChunkedSource[Chunk, Content]):
             self._report(None, "the recorder did not close the bag; it is read without its index", 0)
         expected = self._header.number(b"conn_count"), self._header.number(b"chunk_count")
         if self._seen[Op.CONNECTION] >= expected[0] and self._seen[Op.CHUNK_INFO] >= expected[1]:
-            self._listed = sum(counts.total() for _, _, counts in self._infos.values()) if self._infos else None
+            self._listed = sum(self._infos.values()) if self._infos else None
         elif missing > -len(self._file):
             problem = "the index at the end of the bag is incomplete; the bag is read without it"
             if missing > 0:
                 problem = f"the bag is truncated by at least {count(missing, 'byte')}; it is read without its index"
             self._report(len(self._file) + min(missing, 0), problem, 0)
 
-    def _time_chunks(self) -> None:
-        """Take times and counts of chunks from their indexes; unpack those without, or with contradictory ones.
+    def _take_chunk(self, record: BagRecord) -> None:
+        unpacked = min(record.number(b"size"), limits().chunk_bytes_of(len(self._file)))
+        chunk = Chunk(record.start, record.end - record.start, *_ANY_TIME, unpacked=unpacked)
+        index = None if record.repaired else read_index(self._file, record.end)
+        if index is None:
+            self._untimed[record.start] = chunk
+        else:
+            self._add_chunk(chunk, index)
 
-        Chunks where unknown channels first occur are unpacked, too.
-        """
-        untimed, first_use = list[Chunk](), dict[int, Chunk]()
-        for chunk, index in self._indexes.items():
-            info = self._infos.get(chunk.offset, index)
-            if info is None or not (index or info)[2] or (index and index[:2] != info[:2]):
-                untimed.append(chunk)
-                continue
-            start_ns, end_ns, counts = index or info
-            timed = replace(chunk, start_ns=start_ns, end_ns=end_ns, messages=counts.total())
-            self._chunks.append(timed)
-            self._counts += counts
-            first_use |= {connection: timed for connection in counts if connection not in first_use}
-        for connection, chunk in first_use.items():
-            if connection not in self._channels:
-                self._read(chunk)
-        for chunk in untimed:
-            if messages := self._read(chunk):
-                times, size = [message.log_time_ns for message in messages], len(messages)
-                self._chunks.append(replace(chunk, start_ns=min(times), end_ns=max(times), messages=size))
-                self._counts.update(message.channel.id for message in messages)
+    def _add_chunk(self, chunk: Chunk, index: Index) -> None:
+        start_ns, end_ns, counts = index
+        self._timed[chunk.offset] = replace(chunk, start_ns=start_ns, end_ns=end_ns, messages=counts.total())
+        self._counts += counts
+        for connection in counts:
+            self._first_use.setdefault(connection, chunk.offset)
+
+    def _take_info(self, record: BagRecord) -> None:
+        """Add or check the times of a chunk, and count its messages in case it is lost."""
+        offset = record.number(b"chunk_pos")
+        start_ns, end_ns = record.time_ns(b"start_time"), record.time_ns(b"end_time")
+        entries = self._file[record.data : record.end]
+        counts: Counter[int] = Counter()
+        for connection, messages in _COUNT.iter_unpack(entries[: len(entries) // _COUNT.size * _COUNT.size]):
+            counts[connection] += messages
+        self._infos[offset] = counts.total()
+        if offset in self._untimed and counts:
+            self._add_chunk(self._untimed.pop(offset), (start_ns, end_ns, counts))
+        chunk = self._timed.get(offset)
+        if chunk is not None and (chunk.start_ns, chunk.end_ns) != (start_ns, end_ns):
+            # Its index and its chunk info contradict each other.
+            self._untimed[offset] = Chunk(offset, chunk.size, *_ANY_TIME, unpacked=chunk.unpacked)
+            del self._timed[offset]
+            if index := read_index(self._file, offset + chunk.size):
+                self._counts -= index[2]
 
     def _read_metadata(self) -> None:
         """Take the records that this program writes to a bag as a message, whose channels are then hidden."""
@@ -186,6 +198,19 @@ class BagSource(ChunkedSource[Chunk, Content]):
     def _indexed(self, chunk: Chunk) -> Counter[int] | None:
         index = read_index(self._file, chunk.offset + chunk.size)
         return index[2] if index else None
+
+    def _unpack_untimed(self) -> None:
+        """Unpack the chunks where unknown channels first occur, and those with unknown times."""
+        self._chunks = list(self._timed.values())
+        for connection, offset in self._first_use.items():
+            if connection not in self._channels and offset in self._timed:
+                self._read(self._timed[offset])
+        for chunk in self._untimed.values():
+            messages = self._read(chunk)
+            if messages:
+                times, size = [message.log_time_ns for message in messages], len(messages)
+                self._chunks.append(replace(chunk, start_ns=min(times), end_ns=max(times), messages=size))
+                self._counts.update(message.channel.id for message in messages)
 
     def _messages(self, chunk: Chunk, unpacked: Callable[[], Content]) -> list[Message]:
         content, size, problem = unpacked()
@@ -274,14 +299,6 @@ def read_index(view: Bytes[Buffer], at: int) -> Index | None:
     if not counts:
         return None
     return first[0] * NANO + first[1], last[0] * NANO + last[1], counts
-
-
-def _info(view: Bytes[Buffer], record: BagRecord) -> Index:
-    """Return the index in a chunk info record."""
-    entries, counts = view[record.data : record.end], Counter[int]()
-    for connection, messages in _COUNT.iter_unpack(entries[: len(entries) // _COUNT.size * _COUNT.size]):
-        counts[connection] += messages
-    return record.time_ns(b"start_time"), record.time_ns(b"end_time"), counts
 
 
 def _unpacked(packed: memoryview, chunk: BagRecord, *, ends_bag: bool, bag_bytes: int) -> tuple[memoryview, str | None]:
