@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
-from seaclutter_cli.commands.printer import show, show_error, show_exactly, show_line, with_progress_bar
+from seaclutter_cli.commands.printer import show, show_error, show_exactly, show_line
 from seaclutter_cli.errors import AdaptedThresholdsWarning, OutputError, RenamedKeyWarning, SeaclutterError
 from seaclutter_cli.options import OptionalPath, Options, Place, option
 from seaclutter_cli.parts import SCRATCH
@@ -96,10 +96,7 @@ class Console(Options):
 
             title = shortened(printable(title), _TITLE_CHARACTERS)
             plural = f" {unit}" if unit == "MiB" else f" {unit}s"
-            with (
-                closing(tqdm(total=total, desc=title, unit=plural, leave=False, dynamic_ncols=True)) as bar,
-                with_progress_bar(tqdm.external_write_mode),
-            ):
+            with closing(tqdm(total=total, desc=title, unit=plural, leave=False, dynamic_ncols=True)) as bar:
                 yield bar.update
         else:
             yield _PlainProgress(title, total, unit).step

@@ -9,10 +9,8 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import nullcontext
 from types import TracebackType
-from typing import Any
 
 import click
 
@@ -21,19 +19,7 @@ from seaclutter_cli.text import printable, shortened
 
 _WORD_CHARACTERS, _LINE_CHARACTERS = 200, 4000
 _LONG_WORD = re.compile(rf"\S{{{_WORD_CHARACTERS + 1},}}")
-_Aside = Callable[[], AbstractContextManager[Any]]
-_ASIDE: list[_Aside] = []
 _FOREIGN_LINE_BREAK = re.compile(r"\n(?!  )")
-
-
-@contextmanager
-def with_progress_bar(aside: _Aside) -> Iterator[None]:
-    """Let all that is printed appear above a progress bar; ``aside`` removes the bar while its context is open."""
-    _ASIDE.append(aside)
-    try:
-        yield
-    finally:
-        _ASIDE.remove(aside)
 
 
 def show(text: str, *, err: bool = False) -> None:
@@ -70,7 +56,7 @@ class LogHandler(logging.Handler):
 def show_exactly(text: str, *, err: bool = False) -> None:
     """Print text as it is, JSON or YAML; raise `OutputError` if standard output cannot be written."""
     try:
-        with _ASIDE[-1]() if _ASIDE else nullcontext():
+        with sys.modules["tqdm"].tqdm.external_write_mode() if "tqdm" in sys.modules else nullcontext():
             click.echo(text, err=err)
     except BrokenPipeError:
         raise

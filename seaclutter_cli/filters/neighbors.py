@@ -36,36 +36,22 @@ def mean_neighbor_distance(points: Points, neighbors: int) -> Distances:
     array([2. , 1.5, 2.5])
     """
 
-    def reduce(distance: Distances, others: NDArray[np.int64]) -> Distances:
+    def reduce(distance: Distances, others: NDArray[np.int64] | None) -> Distances:
+        if others is None:
+            return np.asarray(distance[:, 1:].sum(axis=1, keepdims=True) / neighbors)
         before = np.cumsum(others, axis=1) - others
         used = np.clip(neighbors - before, 0, others)
         return np.asarray(np.einsum("ij,ij->i", distance, used) / neighbors)[:, None]
 
-    def reduce_distinct(distance: Distances) -> Distances:
-        return np.asarray(distance[:, 1:].sum(axis=1, keepdims=True) / neighbors)
-
-    return _over_neighbors(points, neighbors, reduce, reduce_distinct, width=1)[:, 0]
-
-
-def nth_neighbor_distance(points: Points, n: int, query: NDArray[np.intp] | None = None) -> Distances:
-    """Return the distance of points, shape (N, 3), finite, to their n-th nearest other point; n is 1 to N - 1.
-
-    Equal points are neighbours of each other at distance 0. With ``query``, the indices of M points, the shape is (M,)
-    instead of (N,); neighbours are always searched among all N. The distance is at most R if and only if at least n
-    other points lie within R, bound included.
-
-    Examples
-    --------
-    >>> nth_neighbor_distance(np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]]), 2)
-    array([3., 2., 3.])
-    """
-    return nth_neighbor_distances(points, [n], query)[:, 0]
+    return _over_neighbors(points, neighbors, reduce, width=1)[:, 0]
 
 
 def nth_neighbor_distances(points: Points, ranks: Sequence[int], query: NDArray[np.intp] | None = None) -> Distances:
-    """Return the distances of `nth_neighbor_distance` for R ranks from one search, shape (M, R).
+    """Return the distances of points, shape (N, 3), finite, to their n-th nearest other points for R ranks n, (N, R).
 
-    They are infinite for ranks of N or more.
+    They are infinite for ranks of N or more. Equal points are neighbours of each other at distance 0. With ``query``,
+    the indices of M points, the shape is (M, R); neighbours are always searched among all N. The distance is at most a
+    radius if and only if at least n other points lie within it, bound included.
 
     Examples
     --------
@@ -76,14 +62,13 @@ def nth_neighbor_distances(points: Points, ranks: Sequence[int], query: NDArray[
     """
     possible = [min(n, len(points) - 1) for n in ranks]
 
-    def reduce(distance: Distances, others: NDArray[np.int64]) -> Distances:
+    def reduce(distance: Distances, others: NDArray[np.int64] | None) -> Distances:
+        if others is None:
+            return np.asarray(distance[:, possible])
         count, row = np.cumsum(others, axis=1), np.arange(len(distance))
         return np.stack([distance[row, np.argmax(count >= n, axis=1)] for n in possible], axis=1)
 
-    def reduce_distinct(distance: Distances) -> Distances:
-        return np.asarray(distance[:, possible])
-
-    distances = _over_neighbors(points, max(possible), reduce, reduce_distinct, query, width=len(possible))
+    distances = _over_neighbors(points, max(possible), reduce, query, width=len(possible))
     distances[:, [n >= len(points) for n in ranks]] = np.inf
     return distances
 
@@ -131,15 +116,14 @@ def within(points: Points, query: Points, radius: Distances) -> NDArray[np.int64
 def _over_neighbors(
     points: Points,
     count: int,
-    reduce: Callable[[Distances, NDArray[np.int64]], Distances],
-    reduce_distinct: Callable[[Distances], Distances],
+    reduce: Callable[[Distances, NDArray[np.int64] | None], Distances],
     query: NDArray[np.intp] | None = None,
     *,
     width: int,
 ) -> Distances:
     """Return the reduced neighbour distances, shape (M, width), from a search among distinct points.
 
-    Equal points stall the trees.
+    Equal points stall the trees. ``reduce`` also gets the number of points at each distance; None if all are distinct.
     """
     first, inverse, multiplicity = _distinct(points)
     distinct, index_of = (points, np.arange(len(points))) if len(first) == len(points) else (points[first], inverse)
@@ -151,12 +135,10 @@ def _over_neighbors(
     for start in range(0, len(queried), size):
         block = slice(start, start + size) if len(queried) == len(distinct) else queried[start : start + size]
         index, distance = search(distinct[block], k)
-        if distinct is points:
-            out[block] = reduce_distinct(distance)
-        else:
-            others = multiplicity[index]
+        others = None if distinct is points else multiplicity[index]
+        if others is not None:
             others[:, 0] -= 1  # the nearest of distinct points is the point itself
-            out[block] = reduce(distance, others)
+        out[block] = reduce(distance, others)
     return out[index_of]
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.filters.base import ROUNDING, WholeFrameFilter, valid_points
-from seaclutter_cli.filters.neighbors import nth_neighbor_distance
+from seaclutter_cli.filters.neighbors import nth_neighbor_distances
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.scenes import SceneParams, make_scene_tracker
 
@@ -44,7 +44,7 @@ def isolated(
     if len(points) <= min_neighbors:
         return np.ones(len(points) if query is None else len(query), np.bool_)
     # At least n points are within the radius if and only if the n-th nearest is; it is much faster to find.
-    return np.asarray(nth_neighbor_distance(np.ascontiguousarray(points), min_neighbors, query) > radius_m)
+    return nth_neighbor_distances(np.ascontiguousarray(points), [min_neighbors], query)[:, 0] > radius_m
 
 
 @dataclass(frozen=True, kw_only=True)

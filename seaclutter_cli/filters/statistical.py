@@ -17,14 +17,8 @@ Floats = NDArray[np.float64]
 def distances_and_limit(points: Floats, neighbors: int, std_ratio: float) -> tuple[Floats, float]:
     r"""Return each point's mean distance to its neighbours, and the limit :math:`\mathrm{mean}(d) + m\,\sigma(d)`.
 
-    Parameters
-    ----------
-    points : ndarray, shape (N, 3), float64
-        Finite coordinates in metres; at least two.
-    neighbors : int
-        Number of nearest other points in the mean distance :math:`d_i`; N - 1 if there are fewer.
-    std_ratio : float
-        Number m of sample standard deviations.
+    There are at least two points, shape (N, 3), finite. The distance :math:`d_i` is that to ``neighbors`` nearest other
+    points, N - 1 if there are fewer; m is ``std_ratio``, the number of sample standard deviations.
 
     Examples
     --------
