@@ -68,32 +68,28 @@ def answer(task: Task[Any], report: Report) -> bytes:
 class Pool(Protocol):
     """Processes that each do one task at a time."""
 
-    @property
-    def is_busy(self) -> bool:
-        """Whether any process works."""
-        ...
-
     def give(self, waiting: deque[int], tasks: Sequence[Task[Any]]) -> list[int]:
         """Give waiting tasks to idle processes and return their numbers."""
         ...
 
-    def answers(self, *, waiting: bool) -> Iterator[tuple[int, str, Any]]:
-        """Yield number of the task, kind and content of what processes have sent.
-
-        If tasks are waiting, the pool should rather come back to start a process than wait for an answer.
-        """
+    def answers(self) -> Iterator[tuple[int, str, Any]]:
+        """Yield number of the task, kind and content of what processes have sent."""
         ...
 
 
 def run_with_retries(pool: Pool, tasks: Sequence[Task[R]], on_share: OnShare) -> Results[R]:
     """Run tasks, as `Engine` says; a process that dies costs its task one retry, and no other task anything."""
-    waiting, attempts = deque(range(len(tasks))), Counter[int]()
-    while waiting or pool.is_busy:
-        attempts.update(pool.give(waiting, tasks))
-        for number, kind, content in pool.answers(waiting=bool(waiting)):
+    waiting, running, attempts = deque(range(len(tasks))), set[int](), Counter[int]()
+    while waiting or running:
+        given = pool.give(waiting, tasks)
+        attempts.update(given)
+        running.update(given)
+        for number, kind, content in pool.answers():
             if kind == SHARE:
                 on_share(number, content)
-            elif kind == DONE:
+                continue
+            running.discard(number)
+            if kind == DONE:
                 yield number, content
             elif kind == ERROR:
                 raise content

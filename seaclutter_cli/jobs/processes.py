@@ -76,24 +76,15 @@ def _start_server() -> None:
 
 
 class _Pool(AbstractContextManager["_Pool"]):
-    """The processes of a run, started one by one as there is work for them."""
+    """The processes of a run."""
 
     def __init__(self, context: Any, size: int) -> None:
         self._context, self._size = context, size
         self._workers: list[_Worker] = []
 
-    @property
-    def is_busy(self) -> bool:
-        """Whether any process works."""
-        return any(worker.is_busy for worker in self._workers)
-
-    @property
-    def _has_room(self) -> bool:
-        return len(self._workers) < self._size
-
     def give(self, waiting: deque[int], tasks: Sequence[Task[Any]]) -> list[int]:
         """Give waiting tasks to idle processes and return their numbers."""
-        if waiting and self._has_room:
+        while waiting and len(self._workers) < self._size:
             self._workers.append(_Worker(self._context, max(1, min(threads(), cores() // self._size))))
         given = []
         for worker in self._workers:
@@ -102,11 +93,10 @@ class _Pool(AbstractContextManager["_Pool"]):
                 worker.start(given[-1], tasks[given[-1]])
         return given
 
-    def answers(self, *, waiting: bool) -> Iterator[tuple[int, str, Any]]:
+    def answers(self) -> Iterator[tuple[int, str, Any]]:
         """Yield answers, as `Pool.answers` says."""
-        block = not (waiting and self._has_room)
         busy = {worker.pipe: worker for worker in self._workers if worker.is_busy}
-        for pipe in wait(list(busy), None if block else 0):
+        for pipe in wait(list(busy)):
             worker = busy[pipe]
             kind, content = worker.answer()
             if kind == DIED:

@@ -97,11 +97,6 @@ class _Pool:
         return self
 
     @property
-    def is_busy(self) -> bool:
-        """Whether any worker has a task of the run."""
-        return self._busy > 0
-
-    @property
     def _busy(self) -> int:
         return sum(job.number is not None for job in self._jobs.values())
 
@@ -153,7 +148,7 @@ class _Pool:
             raise content
         self._workers.note(address, content)
 
-    def answers(self, *, waiting: bool) -> Iterator[tuple[int, str, Any]]:  # noqa: ARG002 - the cluster starts workers
+    def answers(self) -> Iterator[tuple[int, str, Any]]:
         """Yield answers, as `Pool.answers` says."""
         with self._workers.connection():
             with suppress(Empty):
@@ -188,7 +183,7 @@ class _Pool:
 
     def _look(self) -> Iterator[tuple[int, str, Any]]:
         """See which workers have come, and yield the deaths of those that are gone."""
-        here = self._workers.update(is_busy=self.is_busy)
+        here = self._workers.update(is_busy=self._busy > 0)
         for key, job in list(self._jobs.items()):
             if job.worker not in here:
                 del self._jobs[key]
