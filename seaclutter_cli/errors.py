@@ -17,8 +17,6 @@
 A message says what is wrong, where, and what to do.
 """
 
-from typing import Self
-
 
 class RenamedKeyWarning(FutureWarning):
     """A configuration or scene uses the former name of a key; a later major release will reject it."""
@@ -149,12 +147,11 @@ class MissingExtraError(SeaclutterError):
 
     def __init__(self, feature: str, extra: str) -> None:
         """Name the feature and the extra that provides it."""
-        super().__init__(f"{feature} requires an optional dependency: pip install 'seaclutter[{extra}]'")
-        self._given = feature, extra
+        super().__init__(feature, extra)  # pickle makes copies of these
 
-    def __reduce__(self) -> tuple[type[Self], tuple[str, str]]:
-        """Let pickle copy the error, which comes from other processes, too."""
-        return type(self), self._given
+    def __str__(self) -> str:
+        """Return the message."""
+        return "{} requires an optional dependency: pip install 'seaclutter[{}]'".format(*self.args)
 
 
 class UsageError(SeaclutterError):

@@ -27,8 +27,8 @@ class Url:
     Examples
     --------
     >>> log = Url("s3", "trial", "day1/log.mcap")
-    >>> print(log, log.stem, log.parent / "out.mcap")
-    s3://trial/day1/log.mcap log s3://trial/day1/out.mcap
+    >>> print(log, log.parent / "out.mcap")
+    s3://trial/day1/log.mcap s3://trial/day1/out.mcap
     """
 
     scheme: str
@@ -44,19 +44,9 @@ class Url:
         return type(self)(self.scheme, self.bucket, f"{self.key}/{name}".removeprefix("/"))
 
     @property
-    def name(self) -> str:
-        """Last part of the key; the bucket without one."""
-        return PurePosixPath(self.key).name or self.bucket
-
-    @property
-    def stem(self) -> str:
-        """Name without its suffix."""
-        return PurePosixPath(self.name).stem
-
-    @property
     def suffix(self) -> str:
         """Suffix of the name, with its dot."""
-        return PurePosixPath(self.name).suffix
+        return PurePosixPath(self.key).suffix
 
     @property
     def parent(self) -> Self:
