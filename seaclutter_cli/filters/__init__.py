@@ -1,30 +1,20 @@
 """Filter methods: each assigns a `Reason` to every point of a frame."""
 
-from collections.abc import Iterator, Mapping
+from collections import UserDict
+from collections.abc import Mapping
 from importlib import import_module
+from typing import Any
 
 from seaclutter_cli.interfaces import Filter
 
 
-class _Methods(Mapping[str, type[Filter]]):
+class _Methods(UserDict[str, Any]):
     """Filter methods by their names; the module of a method is imported when the method is looked up."""
 
-    def __init__(self, classes: Mapping[str, str]) -> None:
-        self._classes = classes
-
     def __getitem__(self, name: str) -> type[Filter]:
-        module, kind = self._classes[name].split(".")
+        module, kind = self.data[name].split(".")
         method: type[Filter] = getattr(import_module(f"seaclutter_cli.filters.{module}"), kind)
         return method
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._classes
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._classes)
-
-    def __len__(self) -> int:
-        return len(self._classes)
 
 
 FILTERS: Mapping[str, type[Filter]] = _Methods(

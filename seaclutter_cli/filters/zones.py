@@ -4,16 +4,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Len
 from numpy.typing import NDArray
 
 from seaclutter_cli.frame import Frame, Reason, Rings
-
-if TYPE_CHECKING:
-    from seaclutter_cli.structure.mask import StructureMask
 
 Rule = Literal["drop", "keep"]
 Box = tuple[float, float, float, float, float, float]
@@ -167,7 +164,11 @@ class Exclusion:
 
     def __init__(self, boxes: Sequence[Box] = (), polygons: Sequence[ExcludedPolygon] = (), mask: str = "") -> None:
         self._boxes, self._polygons = boxes, polygons
-        self._mask = _read_mask(mask) if mask else None
+        self._mask = None
+        if mask:
+            from seaclutter_cli.structure.mask import StructureMask  # most configurations have none
+
+            self._mask = StructureMask.load(Path(mask))
 
     def __bool__(self) -> bool:
         """Return whether anything is excluded."""
@@ -204,9 +205,3 @@ def _in_polygon(xyz: NDArray[np.float64], polygon: ExcludedPolygon) -> NDArray[n
             odd ^= ((y1 > y) != (y2 > y)) & (x < (x2 - x1) * (y - y1) / (y2 - y1) + x1)
     inside[near] = odd
     return np.asarray(inside)
-
-
-def _read_mask(file: str) -> "StructureMask":
-    from seaclutter_cli.structure.mask import StructureMask  # most configurations have none
-
-    return StructureMask.load(Path(file))
