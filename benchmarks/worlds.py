@@ -23,7 +23,7 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import finder_of, match_clusters, targets_of
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.runs.options.studies import parse_seeds
+from seaclutter_cli.runs.options.logs import parse_seeds
 from seaclutter_cli.simulation.layouts.worlds import FAMILIES, draw_world
 from seaclutter_cli.simulation.marine.recording import SimulatedFrame, record
 from seaclutter_cli.truth import CLUTTER, Truth

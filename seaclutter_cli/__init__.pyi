@@ -43,8 +43,8 @@ from .runs.options.classifiers import SeparateTilesOptions as SeparateTilesOptio
 from .runs.options.classifiers import TileSettingsOptions as TileSettingsOptions
 from .runs.options.classifiers import TrainForestOptions as TrainForestOptions
 from .runs.options.classifiers import TrainSceneOptions as TrainSceneOptions
+from .runs.options.logs import SimulateOptions as SimulateOptions
 from .runs.options.logs import ViewOptions as ViewOptions
-from .runs.options.studies import SimulateOptions as SimulateOptions
 from .runs.plan import plan_convert as plan_convert
 from .runs.plan import plan_filter as plan_filter
 from .runs.report import report as report

@@ -6,10 +6,10 @@ from typing import Annotated
 import pytest
 from annotated_types import Ge, Interval
 
+from seaclutter_cli.commands.logs import _effective
 from seaclutter_cli.commands.printer import _presentable
-from seaclutter_cli.commands.studies import _effective
 from seaclutter_cli.paths import RealPaths
-from seaclutter_cli.runs.options.studies import parse_seeds
+from seaclutter_cli.runs.options.logs import parse_seeds
 from seaclutter_cli.selection import parse_moment
 from seaclutter_cli.text import (
     count,

@@ -42,12 +42,8 @@ COMMANDS: Mapping[str, str] = {
 }
 """Commands and their short help. To add one, add a line here and in `_MODULES`, and a command in its module."""
 
-_MODULES = {
-    **dict.fromkeys(("info", "filter", "convert", "mask", "view"), "logs"),
-    **dict.fromkeys(("calibrate", "labels", "evaluate", "tune", "report", "simulate"), "studies"),
-    **dict.fromkeys(("scene", "classify"), "classifiers"),
-    "config": "config",
-}
+_MODULES = {"scene": "classifiers", "classify": "classifiers", "config": "config"}
+"""Modules of commands, if it is not that of the commands for logs."""
 _LITTLE_MEMORY = "not enough memory; close other programs, or raise the limit of this process (ulimit -v)"
 _SIGNS_OF_LITTLE_MEMORY = ("can't start new thread", "failed to map segment", "cannot allocate memory")
 
@@ -60,7 +56,7 @@ class _Program(CommandGroup):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name in COMMANDS and cmd_name not in self.commands:
-            for command in import_module(f"seaclutter_cli.commands.{_MODULES[cmd_name]}").COMMANDS:
+            for command in import_module(f"seaclutter_cli.commands.{_MODULES.get(cmd_name, 'logs')}").COMMANDS:
                 command.short_help = COMMANDS[command.name]
                 command.help = command.help or command.short_help
                 self.add_command(command)

@@ -113,20 +113,14 @@ class Console(Options):
         if not self.quiet:
             show_line(f"Warning: {text}")
 
-    def damage(self, damage: Sequence[Damage]) -> None:
+    def damage(self, damage: Sequence[Damage], *, most: int = _SHOWN_DAMAGE) -> None:
         """Print the parts of the input that could not be used; all of them if verbose."""
-        self._record_damage(damage)
-        self._show_damage(damage)
-
-    def _record_damage(self, damage: Sequence[Damage]) -> None:
-        for item in damage:
+        shown = len(damage) if self.verbose else most
+        for number, item in enumerate(damage):
             self.record(f"damaged: {item}", "WARNING")
-
-    def _show_damage(self, damage: Sequence[Damage]) -> None:
-        shown = len(damage) if self.verbose else _SHOWN_DAMAGE
-        for item in damage[:shown]:
-            show_line(f"Damaged: {item}")
-        if len(damage) > shown:
+            if number < shown:
+                show_line(f"Damaged: {item}")
+        if len(damage) > shown > 0:
             show_line(f"Damaged: {len(damage) - shown} more; use -v to list all")
 
     def fail(self, error: SeaclutterError) -> None:
@@ -144,9 +138,7 @@ class Console(Options):
             self.record(line)
             if not self.quiet:
                 show_line(line)
-        self._record_damage(damage)
-        if self.verbose:
-            self._show_damage(damage)
+        self.damage(damage, most=0)
 
     def finish(self, result: Result) -> NoReturn:
         """Print a result, and exit with its status."""

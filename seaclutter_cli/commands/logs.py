@@ -1,8 +1,69 @@
-"""Commands for logs."""
+"""Commands for logs: filtering, conversion, and studies of methods on labelled logs."""
 
+import shlex
+from collections.abc import Sequence
+
+import click
+
+from seaclutter_cli.commands.console import ARGUMENTS
+from seaclutter_cli.commands.groups import CommandGroup
 from seaclutter_cli.commands.options import command
 from seaclutter_cli.options import Anything, option
-from seaclutter_cli.runs.options.logs import ConvertOptions, FilterOptions, InfoOptions, MaskOptions, ViewOptions
+from seaclutter_cli.runs.options.logs import (
+    CalibrateOptions,
+    ConvertOptions,
+    EvaluateOptions,
+    FilterOptions,
+    InfoOptions,
+    LabelCheckOptions,
+    MaskOptions,
+    ReportOptions,
+    SimulationOptions,
+    TuneOptions,
+    ViewOptions,
+)
+
+_OUTPUTS = ("-o", "--output", "--figures", "--log-file")
+_FLAGS = ("--force", "-q", "--quiet", "-v", "--verbose", "--debug", "--json")
+
+
+def _command_line() -> str:
+    """Return the command line as far as results depend on it: with OUT in place of outputs, and without such flags."""
+    arguments = click.get_current_context().meta.get(ARGUMENTS, ())
+    return shlex.join(["seaclutter", *_effective(arguments)])
+
+
+def _effective(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments on which results depend, such as ``report a.mcap -o OUT``."""
+    shown: list[str] = []
+    for argument in arguments:
+        name, equals, _ = argument.partition("=")
+        if shown and shown[-1] in _OUTPUTS:
+            shown.append("OUT")
+        elif equals and name in _OUTPUTS:
+            shown.append(f"{name}=OUT")
+        elif argument.startswith("-o") and argument != "-o":
+            shown.append("-oOUT")
+        elif argument not in _FLAGS:
+            shown.append(argument)
+    return shown
+
+
+_LABELS = [
+    command(
+        "labels check",
+        "runs.label_check:check_labels",
+        LabelCheckOptions,
+        """Compare labels with the points of LOGS, and name probable mistakes with their remedies.
+
+        Found are yaws in degrees or in the other direction, length and width or x and y swapped, centimetres and
+        millimetres, positions off by a distance, boxes too small or too large, duplicates, misspelt classes, and
+        labels of another recording. These are guesses from up to twelve frames. The exit status is 1 if there are any.
+        `evaluate`, `tune` and `report` give the same as warnings.
+        """,
+        short_help="Find mistakes in labels that would give wrong rates without an error.",
+    )
+]
 
 COMMANDS = (
     command(
@@ -64,5 +125,65 @@ COMMANDS = (
         only listens on this computer. It needs the extra `view`.
         """,
         messages=("quiet", "verbose", "log_file"),
+    ),
+    command(
+        "calibrate",
+        "runs.calibrate:calibrate",
+        CalibrateOptions,
+        """Find the threshold of each range ring and the far limit of clutter in LOGS, and write a configuration.
+
+        LOGS should contain sea clutter recorded by your sensor, and no targets; use --labels to leave targets out. All
+        other settings, including the width of the range rings, come from the configuration given with -c. With
+        -m confirmed, the mounting of the lidar is found as well.
+        """,
+    ),
+    command(
+        "evaluate",
+        "runs.evaluate:evaluate",
+        EvaluateOptions,
+        """Filter LOGS, cluster the remaining points and compare the clusters with labels.
+
+        LOGS are MCAP files, ROS bags, rosbag2 folders, packet captures (PCAP, PCAPNG), folders of frames, or globs.
+        Several methods run in one pass. Frames without a label are counted, but left out of every rate.
+        """,
+    ),
+    command(
+        "tune",
+        "runs.tune:tune",
+        TuneOptions,
+        """Filter LOGS with every combination of methods and parameter values, and report the best one.
+
+        The best combination has the fewest bad frames: those with a false alarm plus those with a missed target. Ties
+        go to the combination with the fewest false alarms and missed targets, then to the first. Some of the labelled
+        frames are held out: they do not take part in the choice and show what the best combination is worth on new
+        data.
+        """,
+    ),
+    command(
+        "report",
+        "runs.report:report",
+        ReportOptions,
+        """Write a page that shows the effect of a filter on LOGS and, with labels, its quality.
+
+        LOGS are raw logs, which are filtered for the report, or logs written by `filter --keep-raw --with-removed`,
+        which are not filtered again. The page shows the points of selected frames: the worst, the best, and some
+        evenly spaced ones.
+        """,
+        command=_command_line,
+    ),
+    CommandGroup("labels", _LABELS),
+    command(
+        "simulate",
+        "runs.simulate:simulate",
+        SimulationOptions,
+        """Simulate a labelled lidar recording of SCENE: a scene file (YAML), or the name of a built-in scene or layout.
+
+        LOG.mcap has clouds with a field `label`: 0 for clutter, 65535 for own ship or ignored points, otherwise the
+        number of the target. LOG.labels.csv has a box for each target and frame. LOG.pcap has packets, which carry no
+        labels. A layout generates a different scene for each seed. A scene with a section `tile` is recorded from the
+        air: the output is a LAS or LAZ file with the true class of each point (classification, object_class,
+        object_id). `seaclutter config list` lists the built-in scenes, layouts, tiles and lidars. With --seeds, the
+        recordings are OUT/SCENE_SEED.mcap, and tiles OUT/SCENE_SEED.laz.
+        """,
     ),
 )

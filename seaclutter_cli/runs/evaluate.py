@@ -24,7 +24,7 @@ from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.methods import Variant, variants
 from seaclutter_cli.runs.observer import Observer, Step
-from seaclutter_cli.runs.options.studies import EvaluateOptions
+from seaclutter_cli.runs.options.logs import EvaluateOptions
 from seaclutter_cli.runs.outputs import PackedRows, may_appear, write_manifest
 from seaclutter_cli.runs.recordings import RecordingsResult
 from seaclutter_cli.runs.topic_statistics import Described

@@ -17,7 +17,7 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options.studies import LabelCheckOptions
+from seaclutter_cli.runs.options.logs import LabelCheckOptions
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.text import UNKNOWN, count, printable, table
 from seaclutter_cli.truth import Truth

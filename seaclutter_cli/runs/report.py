@@ -26,8 +26,7 @@ from seaclutter_cli.runs.methods import Variant, is_default
 from seaclutter_cli.runs.methods import variants as variants_of
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import Logs, MethodOptions, ReadOptions, of_options
-from seaclutter_cli.runs.options.logs import ViewOptions
-from seaclutter_cli.runs.options.studies import ReportOptions
+from seaclutter_cli.runs.options.logs import ReportOptions, ViewOptions
 from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
 from seaclutter_cli.runs.recordings import LabelFile, open_recording, require_frames
 from seaclutter_cli.selection import filtered_by

@@ -15,7 +15,7 @@ from seaclutter_cli.options import declared, function_of
 from seaclutter_cli.runs.batch import Work, run_batch
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import BatchOptions
-from seaclutter_cli.runs.options.studies import SimulateOptions, SimulationOptions
+from seaclutter_cli.runs.options.logs import SimulateOptions, SimulationOptions
 from seaclutter_cli.runs.outputs import prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, Result, statuses, storing_errors
 from seaclutter_cli.simulation.airborne.scene import TileScene, is_tile_scene, load_tile_scene, save_tile_scene

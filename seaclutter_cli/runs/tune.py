@@ -21,7 +21,7 @@ from seaclutter_cli.runs.batch import prepared, run_all
 from seaclutter_cli.runs.evaluate import FRAME_ERRORS, FRAMES, Evaluated, EvaluateWork, score_cells, score_legend
 from seaclutter_cli.runs.methods import Sweep, Variant, grid, shown
 from seaclutter_cli.runs.options import BatchOptions
-from seaclutter_cli.runs.options.studies import TuneOptions
+from seaclutter_cli.runs.options.logs import TuneOptions
 from seaclutter_cli.runs.outputs import may_appear, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, data_of
 from seaclutter_cli.sinks.csv import csv_line

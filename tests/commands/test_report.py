@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 import seaclutter
 from seaclutter_cli.commands import cli
-from seaclutter_cli.commands.studies import COMMANDS
+from seaclutter_cli.commands.logs import COMMANDS
 from seaclutter_cli.frame import Reason
 from tests.logs import CLOUD_KINDS, PERIOD_NS, START_NS, Entry, Topic, cloud_log, cloud_message, cloud_topic, write_log
 from tests.paths import ROOT

@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.runs.options.studies import parse_seeds
+from seaclutter_cli.runs.options.logs import parse_seeds
 
 
 def invoke(*words):

@@ -5,7 +5,7 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -80,7 +80,8 @@ def _scheduler(address: str) -> Iterator["Client"]:
         client = make(address, security=security, timeout=_CONNECT_S, set_as_default=False)
     except (OSError, ValueError, RuntimeError) as error:
         raise ClusterError(f"{address}: no connection to a scheduler ({_cause(error)})") from error
-    with _closing(client):
+    with ExitStack() as stack:
+        stack.callback(client.close, timeout=_CONNECT_S)
         yield client
 
 
@@ -96,7 +97,9 @@ def _slurm(workers: int) -> Iterator["Client"]:
         cluster = _cluster()
         try:
             _require_acceptance(cluster.job_script())
-            with _closing(make(cluster, set_as_default=False)) as client:
+            with ExitStack() as stack:
+                client = make(cluster, set_as_default=False)
+                stack.callback(client.close, timeout=_CONNECT_S)
                 cluster.scale(workers)
                 yield client
         finally:
@@ -159,15 +162,6 @@ def _client_class() -> Any:
     except ImportError as error:
         raise MissingExtraError("--cluster", "cluster") from error
     return Client
-
-
-@contextmanager
-def _closing(client: Any) -> Iterator[Any]:
-    """Close a client at the end of the context, also if the cluster is gone."""
-    try:
-        yield client
-    finally:
-        client.close(timeout=_CONNECT_S)
 
 
 def _certificates(*, required: bool) -> "Security | None":

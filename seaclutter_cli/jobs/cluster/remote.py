@@ -3,7 +3,7 @@
 import os
 import pickle
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import chdir, contextmanager, nullcontext
 from threading import Lock
 from time import monotonic
 from typing import TYPE_CHECKING
@@ -33,8 +33,10 @@ def run_remotely(task: bytes, folder: str) -> bytes | None:
     from distributed import get_worker
 
     worker = get_worker()
+    # Relative paths are reported as missing if the folder does not exist here.
+    moved = chdir(folder) if os.access(folder, os.X_OK) else nullcontext()
     # The current folder and the environment belong to the process; a worker with several threads may have other users.
-    with _ALONE, _current_folder(folder), _thread_budget(worker.state.nthreads):
+    with _ALONE, moved, _thread_budget(worker.state.nthreads):
         try:
             return answer(pickle.loads(task), _Reporter(worker))  # noqa: S301 - of the run
         except _Cancelled:
@@ -54,18 +56,6 @@ class _Reporter:
         if monotonic() >= self._next_s:
             self._next_s = monotonic() + _REPORT_S
             self._worker.log_event(TOPIC, (self._key, share))
-
-
-@contextmanager
-def _current_folder(folder: str) -> Iterator[None]:
-    """Change to a folder that exists here; relative paths are otherwise reported as missing."""
-    before = os.getcwd()  # noqa: PTH109 - as text
-    with suppress(OSError):
-        os.chdir(folder)
-    try:
-        yield
-    finally:
-        os.chdir(before)
 
 
 @contextmanager

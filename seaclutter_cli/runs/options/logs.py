@@ -1,14 +1,32 @@
-"""Options of use cases that work on logs: filter, convert, info, mask, view."""
+"""Options of use cases that work on logs, make labelled ones, or study methods on them."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
 
-from seaclutter_cli.options import Choice, Grouped, Number, OptionalPath, Place, Whole, grouped, option
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.options import (
+    Anything,
+    Choice,
+    Converted,
+    Grouped,
+    Number,
+    OptionalPath,
+    Parsed,
+    Place,
+    Whole,
+    grouped,
+    option,
+)
+from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import (
     BatchOptions,
     ConfigOptions,
     LabelSources,
+    MethodOptions,
+    OfLabelledLogs,
     OfLogs,
     ReadOptions,
     Replacing,
@@ -16,7 +34,13 @@ from seaclutter_cli.runs.options import (
 from seaclutter_cli.sinks.options import FORMATS, McapOptions
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from seaclutter_cli.runs.methods import Sweep
     from seaclutter_cli.urls import PathLike
+
+_RANGE = re.compile(r"\s*(\d{1,9})(?:\s*(?:\.\.|-)\s*(\d{1,9}))?\s*")
+_MAX_SEEDS = 100_000
 
 
 class WritingLogs(Replacing, OfLogs):
@@ -93,3 +117,217 @@ class ViewOptions(Replacing, LabelSources, ConfigOptions):
     )
     port: int = option("--port", "Port of the viewer.", default=9876, kind=Whole(1, 65535))
     reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
+
+
+class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
+    """Options of a calibration."""
+
+    output: OptionalPath = option(
+        "-o --output CONFIG", "Configuration to write, for filter -c.", default=None, required=True
+    )
+    filter_rate: float = option(
+        "--filter-rate SHARE",
+        "Share of the clutter points in each range ring that its threshold must remove.",
+        default=0.8,
+        kind=Number(0, 1, above=True),
+    )
+    max_left: float | None = option(
+        "--max-left POINTS",
+        "Raise the filter rate of a range ring until at most POINTS clutter points per frame are left.",
+        default=None,
+        kind=Number(0, above=True),
+    )
+    choose: bool = option(
+        "--choose",
+        "With --labels: compare values of --filter-rate and --max-left on held-out frames, and use the one with "
+        "the fewest frames with an error.",
+        default=False,
+    )
+    trade_off: bool = option(
+        "--trade-off", "With --labels: show what these values cost and gain, without choosing.", default=False
+    )
+    keep_end: bool = option(
+        "--keep-end", "Keep the far limit end_m of the configuration; implied by -s filter.end_m=METRES.", default=False
+    )
+    plot_file: OptionalPath = option(
+        "--plot", "Also plot clutter and thresholds over range (.png or .svg).", default=None
+    )
+    batch: Grouped[BatchOptions] = grouped("fail_fast", "resume", "manifest", default=BatchOptions())
+
+    @property
+    def keeps_end(self) -> bool:
+        """Whether the far limit is given, not derived."""
+        keys = (setting.partition("=")[0].strip() for setting in self.settings)
+        return self.keep_end or "filter.end_m" in keys
+
+
+class EvaluateOptions(Replacing, OfLabelledLogs, MethodOptions):
+    """Options of an evaluation."""
+
+    frames_file: OptionalPath = option(
+        "-o --output FRAMES.csv", "Write a table with a row for each frame and method.", default=None
+    )
+    summary_file: OptionalPath = option("--summary FILE.json", "Write all results as JSON.", default=None)
+    clustering: Literal["euclidean", "dbscan"] | None = option(
+        "--clustering",
+        "Clustering algorithm; by default that of the configuration. With dbscan, also show its measures.",
+        default=None,
+    )
+    batch: Grouped[BatchOptions] = grouped("resume", default=BatchOptions())
+
+
+class LabelCheckOptions(OfLabelledLogs):
+    """Options of a check of labels."""
+
+    batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
+
+
+def _sweep(text: str) -> Sweep:
+    from seaclutter_cli.runs.methods import parse_sweep
+
+    return parse_sweep(text)
+
+
+class _Sweeps(Parsed):
+    """Sweeps in the form of the command line, or keys and values."""
+
+    def check_all(self, values: Any, name: str) -> Any:
+        if not isinstance(values, Mapping):
+            return super().check_all(values, name)
+        from seaclutter_cli.runs.methods import Sweep
+
+        return tuple(Sweep(key, tuple(tried)) for key, tried in values.items())
+
+
+class TuneOptions(Replacing, OfLabelledLogs, MethodOptions):
+    """Options of a comparison of methods and parameter values."""
+
+    sweeps: Converted[Mapping[str, Sequence[Any]] | Sequence[str], tuple[Sweep, ...]] = option(
+        "--sweep KEY=VALUES",
+        "Filter key and values to try: V1,V2,... or START:STOP:STEP. Repeatable, for all combinations. Of several "
+        "methods, those that have the key; METHOD.KEY for one.",
+        default=(),
+        kind=_Sweeps(_sweep),
+        kw_only=False,
+    )
+    method: Converted[str | Sequence[str] | None, tuple[str, ...]] = option(
+        "", "Another name of ``methods``.", default=()
+    )
+    hold_out: float = option(
+        "--hold-out SHARE",
+        "Share of the recordings, or of fewer than four the last frames of each, on which the best combination is "
+        "judged but not chosen; 0 for none.",
+        default=0.25,
+        kind=Number(0, 1, below=True),
+    )
+    output: OptionalPath = option(
+        "-o --output CONFIG.yaml", "Write the configuration with the best values.", default=None
+    )
+    csv_file: OptionalPath = option("--csv", "Write a table with a row for each combination.", default=None)
+    curve_file: OptionalPath = option(
+        "--plot", "Plot the rates over the values of a single --sweep (.png or .svg).", default=None
+    )
+    thresholds_file: OptionalPath = option(
+        "--plot-thresholds",
+        "Plot the threshold of a range ring over the frames for each combination and the ideal one (.png, .svg).",
+        default=None,
+    )
+    ring: int = option("--ring K", "Range ring of --plot-thresholds, from 1.", default=2, kind=Whole(1))
+    batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
+
+    @property
+    def targets(self) -> Mapping[str, Path | None]:
+        """Output files by option; None for a file that is not requested."""
+        return {
+            "-o": self.output,
+            "--csv": self.csv_file,
+            "--plot": self.curve_file,
+            "--plot-thresholds": self.thresholds_file,
+        }
+
+
+class ReportOptions(Replacing, OfLogs, LabelSources, MethodOptions):
+    """Options of a report."""
+
+    output: Converted[PathLike, Path] = option(
+        "-o --output REPORT.html", "HTML page to write; one file that opens offline in any browser.", kw_only=False
+    )
+    figure_folder: OptionalPath = option(
+        "--figures DIR", "Also write every figure as a separate file for print.", default=None, kind=Place(remote=True)
+    )
+    figure_format: Literal["svg", "png"] = option("--figure-format", "Format of --figures.", default="svg")
+    shown: int = option(
+        "--show", "Number of frames whose points are included in the page.", default=12, kind=Whole(1, 100)
+    )
+    picks: Converted[int | Sequence[int], tuple[int, ...]] = option(
+        "--pick K", "Also show frame K; repeatable.", default=(), kind=Whole(0)
+    )
+    command: str | None = option("", "Command line that the page shows.", default=None)
+
+
+def parse_seeds(text: str) -> tuple[int, ...]:
+    """Return the seeds of numbers and ranges, such as ``1..4,9``, each once; raise `UsageError` for other text."""
+    seeds: dict[int, None] = {}
+    for part in text.split(","):
+        found = _RANGE.fullmatch(part)
+        first = int(found[1]) if found else 0
+        last = int(found[2] or first) if found else -1
+        if not 0 <= last - first < _MAX_SEEDS - len(seeds):
+            raise UsageError(f"--seeds {text}: write numbers and ranges, such as 1..5 or 1,2,7; at most {_MAX_SEEDS:,}")
+        seeds.update(dict.fromkeys(range(first, last + 1)))
+    return tuple(seeds)
+
+
+class SimulateOptions(Replacing):
+    """Options of a simulation: values that replace those of the scene, and additional output.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.SimulateOptions(frames=10, lidar="RS-LiDAR-16").seed is None
+    True
+    """
+
+    frames: int | None = option("-n --frames", "Number of frames; overrides the scene.", default=None, kind=Whole(1))
+    seed: int | None = option(
+        "--seed", "Random seed; overrides the scene. 1 by default for a layout.", default=None, kind=Whole(0)
+    )
+    physics: Literal["wide"] | None = option(
+        "--physics",
+        "Draw water, weather, lidar and own ship from ranges of published physics; with SCENE random, all of it.",
+        default=None,
+    )
+    lidar: str | None = option("--lidar NAME", "Lidar model; overrides the scene.", default=None)
+    form: Literal["mcap", "pcap"] | None = option(
+        "--format",
+        "MCAP with PointCloud2, or packets of a RoboSense lidar; by default from the suffix of LOG.",
+        default=None,
+    )
+    scene_file: OptionalPath = option(
+        "--scene-file YAML", "Save the scene with all defaults and comments, for editing.", default=None
+    )
+
+
+class SimulationOptions(SimulateOptions):
+    """Options of a simulation, with its scene and output."""
+
+    scene: PathLike = option(
+        "SCENE",
+        "Scene file (YAML), or the name of a built-in scene, layout or tile scene.",
+        kind=Anything(),
+        kw_only=False,
+    )
+    output: PathLike = option(
+        "-o --output OUT",
+        "Recording to write; .las or .laz for a tile; with --seeds, a folder.",
+        kind=Place(output=True, or_folder=True),
+        kw_only=False,
+    )
+    seeds: Converted[str | Sequence[int] | None, tuple[int, ...] | None] = option(
+        "--seeds SEEDS",
+        "Simulate a recording for each seed, such as 1..5 or 1,2,7.",
+        default=None,
+        kind=Parsed(parse_seeds),
+    )
+    batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
+    observer: Observer = option("", "Receives progress.", default=SILENT, kind=Anything(is_place=True))
