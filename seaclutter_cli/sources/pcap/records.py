@@ -63,9 +63,9 @@ class RecordReader(ABC):
         self.damage: list[Damage] = []
 
     def batches(self) -> Iterator[Records]:
-        """Yield all records in order, in batches."""
+        """Yield all records in order, in batches of at most some megabytes of the file."""
         parts: list[NDArray[np.int64]] = []
-        link, offset, left, singly = -1, self._first, _BATCH, 0
+        link, offset, begin, left, singly = -1, self._first, 0, _BATCH, 0
         while offset < self._size:
             length, found = self._entry(offset)
             if not length:
@@ -74,9 +74,10 @@ class RecordReader(ABC):
             if found is None:
                 offset += length
                 continue
-            if parts and (found[0] != link or not left):
+            if parts and (found[0] != link or not left or offset - begin > _WINDOW):
                 yield Records(link, *np.concatenate(parts).T.copy())
                 parts, left = [], _BATCH
+            begin = begin if parts else offset
             link, row = found
             # Records of equal length are read all at once; where the lengths change, one by one.
             rows = np.array([row], np.int64) if singly else self._run(offset, length, row, left)

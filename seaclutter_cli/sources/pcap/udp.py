@@ -175,7 +175,8 @@ class Udp:
         if size < _HEADER.size or start > length:
             return None
         if begin + size > length:
-            self.cut[flow] += 1
+            if flow in self.cut or len(self.cut) < _MAX_OTHERS:
+                self.cut[flow] += 1
             return None
         self.shapes.setdefault(size - _HEADER.size, (length, start))
         return _Header(flow, start, size - _HEADER.size, [*varying, start - 2, start - 1])
