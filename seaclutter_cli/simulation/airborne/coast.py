@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,22 +91,80 @@ def _field(
     return np.asarray(heights * (height_m / 4) / max(float(heights.std()), 1e-12))
 
 
-@dataclass(frozen=True)
 class Coast:
     """Ground and water levels of a tile, in cells of ``step_m``, by x and y; all maps have the shape (X, Y).
 
     ``ground`` is the elevation of the ground, or of the roof of a building, ``level`` the mean level of the water,
     ``damping`` the height of the waves in shallow or sheltered water, divided by that in open water, ``canopy`` the
-    height of trees above the ground, 0 for none, and ``code`` the class of the ground, `GROUND` or `BUILDING`.
+    height of trees above the ground, 0 for none, and ``code`` the class of the ground, `GROUND` or `BUILDING`. They
+    grow with each piece of land, until they are finished.
     """
 
-    step_m: float
-    ground: NDArray[np.float32]
-    level: NDArray[np.float32]
-    damping: NDArray[np.float32]
-    canopy: NDArray[np.float32]
-    code: NDArray[np.uint8]
-    reflectivity: NDArray[np.float32]
+    def __init__(self, step_m: float, shape: tuple[int, ...]) -> None:
+        self.step_m, self._shape = step_m, shape
+        self._x, self._y = ((np.arange(count, dtype=np.float64) + 0.5) * step_m for count in shape)
+        self.ground: NDArray[Any] = np.full(shape, _BOTTOM_M)
+        self.level: NDArray[Any] = np.zeros(shape)
+        self.damping: NDArray[Any] = np.ones(shape)
+        self.reflectivity: NDArray[Any] = np.full(shape, _WET_SAND)
+        self.canopy: NDArray[Any] = np.zeros(shape)
+        self.code = np.full(shape, GROUND, np.uint8)
+
+    def add(self, land: LandParams, rng: np.random.Generator) -> None:
+        """Cover the maps with a piece of land; outside, its slope is the bottom of the water if nothing is higher."""
+        values = land.relief
+        distance = land.distance(self._x[:, None], self._y[None, :]) + values.ragged_m * self._noise(rng, 25.0)
+        own, level = LANDS[land.kind].profile(distance, values)
+        own = own + values.relief_m * (0.9 * self._noise(rng, 12.0) + 0.4 * self._noise(rng, 2.5))
+        inside = distance > 0
+        reach = inside | (own > self.ground)
+        self.ground[reach], self.reflectivity[reach] = own[reach], values.reflectivity
+        self.damping[inside] = 1.0
+        if level is not None:
+            self.level[inside], self.damping[inside] = level, _SHELTERED
+        dry = inside & (own > self.level + _CLEAR_M)
+        trees, roofs = self._trees(rng, values.trees, dry), self._roofs(rng, values.houses, dry)
+        self.ground += roofs
+        self.code[inside] = np.where(roofs > 0, BUILDING, GROUND)[inside]
+        self.canopy[inside] = np.where(roofs > 0, 0, trees)[inside]
+
+    def finish(self, wave_m: float, rng: np.random.Generator) -> None:
+        """Give the maps the reflectivity of different and of wet ground, and waves that break; make them float32."""
+        tint = np.ones(self._shape)
+        for deviation, scale_m in _TINT:
+            tint *= np.exp(deviation * self._noise(rng, scale_m))
+        above = self.ground - self.level
+        self.reflectivity = (self.reflectivity * tint * np.clip(above / _WET_M, 0.5, 1)).clip(0.02, 0.9)
+        self.damping = self.damping * np.clip(-_BREAKING * above / max(wave_m, 1e-6), 0, 1)
+        for name in ("ground", "level", "damping", "canopy", "reflectivity"):
+            setattr(self, name, getattr(self, name).astype(np.float32))
+
+    def _noise(self, rng: np.random.Generator, scale_m: float) -> Map:
+        """Return smooth noise of mean 0 and standard deviation 1; if it is wide, from a coarse grid."""
+        cells = scale_m / self.step_m
+        coarse = max(1, int(cells / 4))
+        raw = rng.standard_normal([count // coarse + 8 for count in self._shape])
+        smooth = ndimage.gaussian_filter(raw, cells / coarse, mode="wrap")
+        smooth = (smooth - smooth.mean()) / max(float(smooth.std()), 1e-9)
+        at = [np.arange(count) / coarse for count in self._shape]
+        return np.asarray(ndimage.map_coordinates(smooth, np.meshgrid(*at, indexing="ij"), order=1))
+
+    def _roofs(self, rng: np.random.Generator, share: float, dry: NDArray[np.bool_]) -> Map:
+        """Return the height of buildings above the ground; at most one in the middle of each plot."""
+        plots = [np.floor(at / _PLOT_M).astype(np.intp) for at in (self._x, self._y)]
+        count = plots[0][-1] + 1, plots[1][-1] + 1
+        built = rng.random(count) < share
+        length, width, height = (rng.uniform(*sides, count) for sides in _HOUSE_M)
+        plot = np.ix_(*plots)
+        along, across = (np.abs(at % _PLOT_M - _PLOT_M / 2) for at in (self._x, self._y))
+        house = (along[:, None] < length[plot] / 2) & (across[None, :] < width[plot] / 2)
+        return np.where(house & built[plot] & dry, height[plot], 0)
+
+    def _trees(self, rng: np.random.Generator, share: float, dry: NDArray[np.bool_]) -> Map:
+        """Return the height of trees above the ground, in groups."""
+        where, crowns = self._noise(rng, 7.0), np.clip(0.8 + 0.25 * self._noise(rng, 1.2), 0.3, 1.2)
+        height = rng.uniform(*_TREE_M)
+        return np.where(dry & (where > np.quantile(where, 1 - share)), height * crowns, 0)
 
     def cells(self, x: Floats, y: Floats) -> tuple[NDArray[np.intp], ...]:
         """Return the cells of positions; those beyond the tile have the nearest one."""
@@ -144,79 +203,11 @@ def make_coast(lands: Sequence[LandParams], size_m: tuple[float, ...], wave_m: f
     deep.
     """
     step = max(_STEP_M, float(np.sqrt(np.prod(size_m) / _MOST_CELLS)))
-    maps = _Maps(step, tuple(int(np.ceil(side / step)) for side in size_m))
+    coast = Coast(step, tuple(int(np.ceil(side / step)) for side in size_m))
     for index, params in enumerate(lands):
-        maps.add(params, np.random.default_rng([seed, 5, index]))
-    return maps.coast(wave_m, np.random.default_rng([seed, 6]))
-
-
-class _Maps:
-    """Maps of a coast as they grow."""
-
-    def __init__(self, step_m: float, shape: tuple[int, ...]) -> None:
-        self._step, self._shape = step_m, shape
-        self._x, self._y = ((np.arange(count, dtype=np.float64) + 0.5) * step_m for count in shape)
-        self._ground, self._level = np.full(shape, _BOTTOM_M), np.zeros(shape)
-        self._damping, self._reflectivity = np.ones(shape), np.full(shape, _WET_SAND)
-        self._canopy, self._code = np.zeros(shape), np.full(shape, GROUND, np.uint8)
-
-    def add(self, land: LandParams, rng: np.random.Generator) -> None:
-        """Cover the maps with a piece of land; outside, its slope is the bottom of the water if nothing is higher."""
-        values = land.relief
-        distance = land.distance(self._x[:, None], self._y[None, :]) + values.ragged_m * self._noise(rng, 25.0)
-        own, level = LANDS[land.kind].profile(distance, values)
-        own = own + values.relief_m * (0.9 * self._noise(rng, 12.0) + 0.4 * self._noise(rng, 2.5))
-        inside = distance > 0
-        reach = inside | (own > self._ground)
-        self._ground[reach], self._reflectivity[reach] = own[reach], values.reflectivity
-        self._damping[inside] = 1.0
-        if level is not None:
-            self._level[inside], self._damping[inside] = level, _SHELTERED
-        dry = inside & (own > self._level + _CLEAR_M)
-        trees, roofs = self._trees(rng, values.trees, dry), self._roofs(rng, values.houses, dry)
-        self._ground += roofs
-        self._code[inside] = np.where(roofs > 0, BUILDING, GROUND)[inside]
-        self._canopy[inside] = np.where(roofs > 0, 0, trees)[inside]
-
-    def coast(self, wave_m: float, rng: np.random.Generator) -> Coast:
-        """Return the maps, with the reflectivity of different and of wet ground, and waves that break."""
-        tint = np.ones(self._shape)
-        for deviation, scale_m in _TINT:
-            tint *= np.exp(deviation * self._noise(rng, scale_m))
-        above = self._ground - self._level
-        reflectivity = (self._reflectivity * tint * np.clip(above / _WET_M, 0.5, 1)).clip(0.02, 0.9)
-        damping = self._damping * np.clip(-_BREAKING * above / max(wave_m, 1e-6), 0, 1)
-        ground, level, waves, canopy, bright = (
-            values.astype(np.float32) for values in (self._ground, self._level, damping, self._canopy, reflectivity)
-        )
-        return Coast(self._step, ground, level, waves, canopy, self._code, bright)
-
-    def _noise(self, rng: np.random.Generator, scale_m: float) -> Map:
-        """Return smooth noise of mean 0 and standard deviation 1; if it is wide, from a coarse grid."""
-        cells = scale_m / self._step
-        coarse = max(1, int(cells / 4))
-        raw = rng.standard_normal([count // coarse + 8 for count in self._shape])
-        smooth = ndimage.gaussian_filter(raw, cells / coarse, mode="wrap")
-        smooth = (smooth - smooth.mean()) / max(float(smooth.std()), 1e-9)
-        at = [np.arange(count) / coarse for count in self._shape]
-        return np.asarray(ndimage.map_coordinates(smooth, np.meshgrid(*at, indexing="ij"), order=1))
-
-    def _roofs(self, rng: np.random.Generator, share: float, dry: NDArray[np.bool_]) -> Map:
-        """Return the height of buildings above the ground; at most one in the middle of each plot."""
-        plots = [np.floor(at / _PLOT_M).astype(np.intp) for at in (self._x, self._y)]
-        count = plots[0][-1] + 1, plots[1][-1] + 1
-        built = rng.random(count) < share
-        length, width, height = (rng.uniform(*sides, count) for sides in _HOUSE_M)
-        plot = np.ix_(*plots)
-        along, across = (np.abs(at % _PLOT_M - _PLOT_M / 2) for at in (self._x, self._y))
-        house = (along[:, None] < length[plot] / 2) & (across[None, :] < width[plot] / 2)
-        return np.where(house & built[plot] & dry, height[plot], 0)
-
-    def _trees(self, rng: np.random.Generator, share: float, dry: NDArray[np.bool_]) -> Map:
-        """Return the height of trees above the ground, in groups."""
-        where, crowns = self._noise(rng, 7.0), np.clip(0.8 + 0.25 * self._noise(rng, 1.2), 0.3, 1.2)
-        height = rng.uniform(*_TREE_M)
-        return np.where(dry & (where > np.quantile(where, 1 - share)), height * crowns, 0)
+        coast.add(params, np.random.default_rng([seed, 5, index]))
+    coast.finish(wave_m, np.random.default_rng([seed, 6]))
+    return coast
 
 
 def leaves(canopy: Floats, ground: Floats, rays: int, rng: np.random.Generator) -> tuple[Floats, NDArray[np.bool_]]:

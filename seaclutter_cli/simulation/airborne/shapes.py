@@ -72,10 +72,9 @@ def _patch(
     return Patch(top, full[0], full[1], full[2], full[3], motion)
 
 
-def _ship(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+def _ship(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     """Return a ship with bulwark, house, containers, masts: a freighter, a tanker or a fishing boat."""
     length, width, height = size
-    x, y = _axes(length, width)
     along = x / (length / 2)
     half = width / 2 * np.clip(1.15 - np.abs(np.clip(along, 0, 1)) ** rng.uniform(1.8, 4), 0, 1) * (along > -0.97)
     inside = np.abs(y) <= np.minimum(half, width / 2)
@@ -107,9 +106,8 @@ def _stack(rng: np.random.Generator, top: Map, where: NDArray[np.bool_], deck: f
     top[where] = (deck + 2.6 * piles[rows[:, None], columns[None, :]])[where]
 
 
-def _reef(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+def _reef(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     """Return bare rocks, rough at all scales, with channels between them."""
-    x, y = _axes(*size[:2])
     body = _blob(rng, x, y, 0.35)
     rough = sum(weight * _noise(rng, body.shape, scale) for weight, scale in ((0.30, 3.0), (0.18, 1.2), (0.12, 0.5)))
     top = size[2] * (1.1 * np.sqrt(np.clip(body, 0, 1)) * (0.62 + rough) - 0.08)
@@ -117,9 +115,8 @@ def _reef(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
     return _patch(top, reflectivity * (1 + 0.25 * _noise(rng, body.shape, 0.8)).clip(0.3, 2), "fixed")
 
 
-def _shoal(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+def _shoal(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     """Return a sandbank that dries at low water: smooth, with ripples, darker where it is wet."""
-    x, y = _axes(*size[:2])
     body = _blob(rng, x, y, 0.25)
     ripples = 0.03 * np.sin(2 * np.pi * (x * rng.uniform(0.2, 0.5) + y * rng.uniform(-0.3, 0.3)))
     top = size[2] * np.clip(body, 0, 1) ** 0.33 * (1 + 0.10 * _noise(rng, body.shape, 6.0)) + ripples
@@ -127,9 +124,8 @@ def _shoal(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
     return _patch(top, reflectivity * np.clip(0.45 + 0.55 * top / size[2], 0.4, 1.1), "fixed")
 
 
-def _aquaculture(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+def _aquaculture(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     """Return rows of round cages with rails and nets over them, or rafts of beams with a hut."""
-    x, y = _axes(*size[:2])
     shape = (x.size, y.size)
     top, cover = np.full(shape, -np.inf), np.ones(shape)
     if rng.random() < 0.55:
@@ -165,9 +161,8 @@ def _rafts(rng: np.random.Generator, x: Map, y: Map, top: Map, size: Size) -> No
         ]
 
 
-def _seaweed(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+def _seaweed(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     """Return a dense floating mat with soft humps; leaves are bright in the near infrared."""
-    x, y = _axes(*size[:2])
     body = _blob(rng, x, y, 0.5)
     humps = 0.8 + 0.16 * _noise(rng, body.shape, 2.5) + 0.08 * _noise(rng, body.shape, 0.6)
     top = size[2] * np.clip(body, 0, 1) ** 0.3 * humps.clip(0.2, 1.2)
@@ -178,9 +173,8 @@ def _seaweed(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch
     return _patch(top, tint, "drifts", cover=cover, depth=0.12)
 
 
-def _island(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+def _island(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     """Return ground with hills and a shore of rock or sand, partly covered by trees and bushes."""
-    x, y = _axes(*size[:2])
     body = _blob(rng, x, y, 0.25)
     hills = 1 + 0.25 * _noise(rng, body.shape, 12.0) + 0.05 * _noise(rng, body.shape, 2.0)
     ground = 0.65 * size[2] * np.clip(body, 0, 1) ** rng.uniform(0.4, 0.8) * hills.clip(0.3, 2)
@@ -196,9 +190,8 @@ def _island(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
     return _patch(top, tint, "fixed", cover=leaves, depth=np.where(green, 0.5 * tall, 0.0), base=ground)
 
 
-def _fence(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+def _fence(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     """Return rows of stakes with nets between them: a leader, wings and a pen, or several rows side by side."""
-    x, y = _axes(*size[:2])
     shape, (length, width, height) = (x.size, y.size), size
     top, cover = np.full(shape, -np.inf), np.ones(shape)
     spacing, sag = rng.uniform(2, 5), rng.uniform(0.55, 0.85)
@@ -225,9 +218,8 @@ def _fence(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
     return _patch(top, tint, "fixed", cover=cover, depth=depth)
 
 
-def _garbage(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+def _garbage(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     """Return loose debris of all sizes and reflectivities, close together in a drifting patch."""
-    x, y = _axes(*size[:2])
     body = _blob(rng, x, y, 0.5)
     top, tint = np.full(body.shape, -np.inf), np.full(body.shape, reflectivity)
     for side, share in ((2, 0.35), (3, 0.30), (5, 0.15), (8, 0.05)):
@@ -245,12 +237,16 @@ def _garbage(rng: np.random.Generator, size: Size, reflectivity: float) -> Patch
 
 @dataclass(frozen=True)
 class Kind:
-    """A class of objects: how to make one of a size and reflectivity, and the ranges of random ones."""
+    """A class of objects: how to draw one of a size and reflectivity on axes, and the ranges of random ones."""
 
-    make: Callable[[np.random.Generator, Size, float], Patch]
+    draw: Callable[[np.random.Generator, Map, Map, Size, float], Patch]
     smallest: Size
     largest: Size
     reflectivities: tuple[float, float]
+
+    def make(self, rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+        """Return a random object."""
+        return self.draw(rng, *_axes(*size[:2]), size, reflectivity)
 
 
 KINDS: Mapping[str, Kind] = {
