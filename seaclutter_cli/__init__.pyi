@@ -51,7 +51,7 @@ from .runs.report import report as report
 from .runs.report import view_logs as view_logs
 from .runs.scene.classify import evaluate_scenes as evaluate_scenes
 from .runs.scene.classify import predict_scenes as predict_scenes
-from .runs.scene.train import train_scenes as train_scenes
+from .runs.scene.classify import train_scenes as train_scenes
 from .runs.simulate import simulate as simulate
 from .runs.simulate import simulate_seeds as simulate_seeds
 from .runs.tune import tune as tune

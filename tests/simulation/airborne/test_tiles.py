@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.simulation.airborne.recording import record_tile, simulate_strips
-from seaclutter_cli.simulation.airborne.render import TileRenderer, strips
+from seaclutter_cli.simulation.airborne.recording import TileRenderer, record_tile, simulate_strips, strips
 from seaclutter_cli.simulation.airborne.scene import (
     AirborneParams,
     builtin_tiles,
