@@ -28,11 +28,6 @@ def euclidean_clusters(xyz: Points, tolerance_m: float, min_points: int) -> Indi
     Clusters are the connected components with enough points, numbered from 0 in the order of their first points; points
     in no cluster have -1. Two points are connected if ``sqrt(dx**2 + dy**2 + dz**2) < tolerance_m`` in float64
     arithmetic, without additional allowance: points exactly that far apart are not connected, equal points are.
-
-    Examples
-    --------
-    >>> euclidean_clusters(np.array([[9.0, 0, 1, 2, 8], [0] * 5, [0] * 5]), 1.5, 2)
-    array([0, 1, 1, 1, 0])
     """
     everything = np.ones(xyz.shape[1], np.bool_)
     finder = ClusterFinder(xyz, everything, tolerance_m)
@@ -158,13 +153,6 @@ class DbscanFinder:
     ----------
     .. [1] Ester Martin, Kriegel Hans-Peter, Sander Jörg, Xu Xiaowei (1996). "A Density-Based Algorithm for Discovering
        Clusters in Large Spatial Databases with Noise". KDD-96, 226-231.
-
-    Examples
-    --------
-    >>> everything = np.ones(6, np.bool_)
-    >>> finder = DbscanFinder(np.array([[0.0, 1, 2, 3.5, 9, 9.5], [0] * 6, [0] * 6]), everything, 1.5, 3)
-    >>> finder.clusters(everything, 1)
-    array([ 0,  0,  0,  0, -1, -1])
     """
 
     def __init__(self, xyz: Points, among: Mask, eps_m: float, min_points: int) -> None:

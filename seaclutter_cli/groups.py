@@ -7,13 +7,7 @@ Indices = NDArray[np.int64]
 
 
 def group_starts(ordered: NDArray[np.integer]) -> Indices:
-    """Return the index of the first item of each group of equal numbers in a sorted array.
-
-    Examples
-    --------
-    >>> group_starts(np.array([3, 3, 7, 8, 8]))
-    array([0, 2, 3])
-    """
+    """Return the index of the first item of each group of equal numbers in a sorted array."""
     starts = np.empty(len(ordered), np.bool_)
     starts[:1] = True
     np.not_equal(ordered[1:], ordered[:-1], out=starts[1:])
@@ -21,13 +15,7 @@ def group_starts(ordered: NDArray[np.integer]) -> Indices:
 
 
 def group_sizes(starts: Indices, end: int) -> Indices:
-    """Return the number of items in each group, from the starts of the groups and the end of the last one.
-
-    Examples
-    --------
-    >>> group_sizes(np.array([0, 2, 3]), 5)
-    array([2, 1, 2])
-    """
+    """Return the number of items in each group, from the starts of the groups and the end of the last one."""
     sizes = np.empty_like(starts)
     np.subtract(starts[1:], starts[:-1], out=sizes[:-1])
     sizes[-1:] = end - starts[-1:]

@@ -23,12 +23,6 @@ class Url:
     """URL of an object, or of a folder of objects.
 
     ``bucket`` may be a container of Azure; ``key`` has no slashes at its ends, and is empty for the bucket.
-
-    Examples
-    --------
-    >>> log = Url("s3", "trial", "day1/log.mcap")
-    >>> print(log, log.parent / "out.mcap")
-    s3://trial/day1/log.mcap s3://trial/day1/out.mcap
     """
 
     scheme: str
@@ -68,14 +62,6 @@ def parse_url(text: str | os.PathLike[str] | Url) -> Url:
 
     Raise `UsageError` if it has an unknown scheme, no bucket, a key that no file can have, or contains credentials,
     which are not repeated in the message.
-
-    Examples
-    --------
-    >>> parse_url("s3://trial/day1/")
-    Url(scheme='s3', bucket='trial', key='day1')
-    >>> parse_url("s3://key:secret@trial/log.mcap")
-    Traceback (most recent call last):
-    seaclutter_cli.errors.UsageError: s3://…@trial/log.mcap: a URL must not contain credentials; ...
     """
     if isinstance(text, Url):
         return text
@@ -101,13 +87,7 @@ def parse_url(text: str | os.PathLike[str] | Url) -> Url:
 
 
 def without_secrets(text: str) -> str:
-    """Return a URL without user information and without the query of a signed URL.
-
-    Examples
-    --------
-    >>> print(without_secrets("https://host/log.mcap?X-Amz-Signature=1f2e"))
-    https://host/log.mcap?…
-    """
+    """Return a URL without user information and without the query of a signed URL."""
     found = _URL.fullmatch(text)
     if found is None:
         return text

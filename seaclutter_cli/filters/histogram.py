@@ -87,13 +87,6 @@ class IntensityHistogram:
 
         T is the next whole number, or the next floating-point number, above the greatest intensity to remove; by
         default a whole number if all intensities are. It is 0 for an empty histogram.
-
-        Examples
-        --------
-        >>> histogram = IntensityHistogram()
-        >>> histogram.add(np.array([1.0, 1, 2, 7, 9]))
-        >>> histogram.threshold(0.8)
-        8.0
         """
         values, counts = self.distribution()
         if not len(values):

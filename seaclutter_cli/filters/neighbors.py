@@ -29,11 +29,6 @@ def mean_neighbor_distance(points: Points, neighbors: int) -> Distances:
     """Return the mean distance of points, shape (N, 3), finite, to their 1 to N - 1 nearest other points, shape (N,).
 
     Equal points are neighbours of each other at distance 0.
-
-    Examples
-    --------
-    >>> mean_neighbor_distance(np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]]), 2)
-    array([2. , 1.5, 2.5])
     """
 
     def reduce(distance: Distances, others: NDArray[np.int64] | None) -> Distances:
@@ -52,13 +47,6 @@ def nth_neighbor_distances(points: Points, ranks: Sequence[int], query: NDArray[
     They are infinite for ranks of N or more. Equal points are neighbours of each other at distance 0. With ``query``,
     the indices of M points, the shape is (M, R); neighbours are always searched among all N. The distance is at most a
     radius if and only if at least n other points lie within it, bound included.
-
-    Examples
-    --------
-    >>> nth_neighbor_distances(np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]]), [1, 2, 3])
-    array([[ 1.,  3., inf],
-           [ 1.,  2., inf],
-           [ 2.,  3., inf]])
     """
     possible = [min(n, len(points) - 1) for n in ranks]
 
@@ -77,11 +65,6 @@ def nearest(points: Points, query: Points) -> tuple[NDArray[np.int64], Distances
     """Return the nearest of N points, at least one, to each of M others, shape (N, D) and (M, D), and its distance.
 
     Coordinates are finite, of two or three dimensions; index and distance have the shape (M,).
-
-    Examples
-    --------
-    >>> nearest(np.array([[0.0, 0], [3, 0]]), np.array([[1.0, 0], [3, 4]]))
-    (array([0, 1]), array([1., 4.]))
     """
     if points.shape[1] == 2:
         points, query = (np.column_stack((flat, np.zeros(len(flat)))) for flat in (points, query))
@@ -94,11 +77,6 @@ def within(points: Points, query: Points, radius: Distances) -> NDArray[np.int64
 
     It is faster than a tree, except for dense points: None is returned if more than eight points for each of the N + M
     points, shapes (3, N) and (3, M), are as near along x.
-
-    Examples
-    --------
-    >>> within(np.array([[0.0, 1, 9], [0] * 3, [0] * 3]), np.array([[1.0, 5], [0] * 2, [0] * 2]), np.ones(2))
-    array([2, 0])
     """
     order = np.argsort(points[0])
     along, at, reach = points[0][order], query[0], radius * _ROUNDING

@@ -35,11 +35,6 @@ def isolated(
 
     There is one radius for all points or one per point. With ``query``, the indices of M points, only these are tested,
     among all N. If N is ``min_neighbors`` or less, all are isolated.
-
-    Examples
-    --------
-    >>> isolated(np.array([[0.0, 0, 0], [0, 0.5, 0], [0, 0, 2]]), 0.5, 1)
-    array([False, False,  True])
     """
     if len(points) <= min_neighbors:
         return np.ones(len(points) if query is None else len(query), np.bool_)
@@ -239,11 +234,6 @@ def isolated_by_range(points: NDArray[np.float64], radius_ratio: float, min_neig
 
     The lidar is at the origin of the points, shape (N, 3); K is ``radius_ratio``. The bound is included. If N is
     ``min_neighbors`` or less, all are isolated.
-
-    Examples
-    --------
-    >>> isolated_by_range(np.array([[10.0, 0, 0], [10, 1, 0], [40, 0, 0], [40, 4, 0], [10, 3, 0]]), 0.1, 1)
-    array([False, False, False, False,  True])
     """
     with np.errstate(over="ignore"):
         range_m = np.sqrt(np.einsum("ij,ij->i", points, points))

@@ -19,11 +19,6 @@ def distances_and_limit(points: Floats, neighbors: int, std_ratio: float) -> tup
 
     There are at least two points, shape (N, 3), finite. The distance :math:`d_i` is that to ``neighbors`` nearest other
     points, N - 1 if there are fewer; m is ``std_ratio``, the number of sample standard deviations.
-
-    Examples
-    --------
-    >>> distances_and_limit(np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]]), 2, 0.0)
-    (array([2. , 1.5, 2.5]), 2.0)
     """
     distance = mean_neighbor_distance(np.ascontiguousarray(points), min(neighbors, len(points) - 1))
     return distance, float(distance.mean() + std_ratio * distance.std(ddof=1))
@@ -35,11 +30,6 @@ def outliers(points: Floats, neighbors: int, std_ratio: float) -> NDArray[np.boo
     .. math:: d_i > \lambda = \mathrm{mean}(d) + m\,\sigma(d)
 
     The arguments are those of `distances_and_limit`; a single point is not an outlier.
-
-    Examples
-    --------
-    >>> outliers(np.array([[0.0, 0, 0], [0, 1, 0], [1, 0, 0], [9, 9, 9]]), 2, 1.0)
-    array([False, False, False,  True])
     """
     if len(points) < 2:
         return np.zeros(len(points), np.bool_)

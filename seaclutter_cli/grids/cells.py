@@ -36,14 +36,6 @@ def joined_cells(
     -------
     (ndarray, shape (S, B, B), int32), (ndarray, shape (P,), int32)
         Part of each cell, 0 outside the mask, and the group of each part.
-
-    Examples
-    --------
-    >>> part, group = joined_cells(np.eye(3, dtype=bool)[None], {(0, 0): 0})
-    >>> group[part[0]]
-    array([[1, 0, 0],
-           [0, 1, 0],
-           [0, 0, 1]], dtype=int32)
     """
     from scipy import ndimage  # slow to import, not needed without islands
     from scipy.sparse import coo_array
@@ -125,11 +117,6 @@ def nearest(positions: NDArray[Any], queries: NDArray[Any]) -> NDArray[np.intp]:
     """Return the index of the position nearest to each query, shape (Q,).
 
     ``positions``, shape (2, P): at least one; ``queries``, shape (2, Q): where to search from.
-
-    Examples
-    --------
-    >>> nearest(np.array([[0, 5], [0, 5]]), np.array([[1, 4, 9], [1, 4, 9]]))
-    array([0, 1, 1])
     """
     if positions.shape[1] * queries.shape[1] > _FEW_PAIRS:
         from scipy.spatial import cKDTree  # slow to import

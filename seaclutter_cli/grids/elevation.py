@@ -33,13 +33,6 @@ class ElevationGrid:
     Cells are square and aligned to multiples of their width. They are stored in blocks of 256 by 256, and only blocks
     with points exist: an outlying point far away costs one block. Points may be in up to 800 blocks, and in no more
     than 128 and one for each 500 points.
-
-    Examples
-    --------
-    >>> grid = ElevationGrid(1.0)
-    >>> _ = grid.add(np.array([[0.2, 0.9, 5.0], [0, 0, 0], [3, 1, 2]]))
-    >>> grid.lowest.ravel()[grid.locate(np.array([0.5, 5.0]), np.array([0.5, 0.5]))]
-    array([1., 2.])
     """
 
     def __init__(self, cell_m: float) -> None:

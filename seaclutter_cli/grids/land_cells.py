@@ -21,12 +21,6 @@ class LandCells:
     """Cells of the grid that are land or a ditch. Points there that are not water belong to the land, not to objects.
 
     ``cell_m``: width of a cell; ``blocks``, shape (256, 256): the cells, in the blocks that contain any.
-
-    Examples
-    --------
-    >>> land = LandCells(1.0, {(0, -1): np.eye(256, dtype=bool)})
-    >>> LandCells.from_text(land.as_text()).contain(np.array([[3.5, 3.5], [-252.5, 3.5]]))
-    array([ True, False])
     """
 
     cell_m: float = 1.0

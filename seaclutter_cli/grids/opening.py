@@ -40,13 +40,7 @@ class SurfaceParams:
 
 
 def half_window(window_m: float, cell_m: float) -> int:
-    """Return the half width h of a window in cells; the window is 2 h + 1 cells wide.
-
-    Examples
-    --------
-    >>> half_window(20.0, 1.0), half_window(0.5, 1.0)
-    (10, 0)
-    """
+    """Return the half width h of a window in cells; the window is 2 h + 1 cells wide."""
     return int(window_m / (2 * cell_m) + 1e-9)
 
 
@@ -62,11 +56,6 @@ def opened(lowest: Cells, half: int) -> Cells:
     Only windows inside the grid count, so an object cut by the edge is seen in whole windows, too. Empty cells are
     neither low nor high. Without empty cells, the result equals ``scipy.ndimage.grey_opening`` with minus infinity
     beyond the edge.
-
-    Examples
-    --------
-    >>> opened(np.array([[0.0, 5, 0.2, np.inf, 0.1]]), 1)
-    array([[0. , 0.2, 0.2, 0.2, 0.1]])
     """
     from scipy import ndimage  # slow to import, not needed by other filters
 
@@ -81,11 +70,6 @@ def filled(lowest: Cells, reach: int) -> Cells:
 
     A ship hides the water behind it from an oblique beam, and calm water often returns nothing. With the lowest value,
     such a gap is water if there is water on any side, and does not widen the ship.
-
-    Examples
-    --------
-    >>> filled(np.array([[7.0, np.inf, np.inf, 1, np.inf, np.inf, np.inf]]), 2)
-    array([[ 7.,  1.,  1.,  1.,  1.,  1., inf]])
     """
     empty = np.isposinf(lowest)
     if not empty.any():
@@ -159,11 +143,6 @@ def heights_above_opening(xyz: NDArray[np.float64], params: SurfaceParams) -> ND
       inside, as if there were nothing beyond.
     * Empty cells are filled by `filled` from up to a window's width away.
     * An object wider than the window leaves its inner part in the opened surface, as if it were sea.
-
-    References
-    ----------
-    .. [1] Shi Liang, Xing Junxin, Cai Yanjing (2022). "Classification of ship LIDAR point cloud data based on machine
-       learning algorithm". Ship Science and Technology 44(17), 140-143. doi:10.3404/j.issn.1672-7649.2022.17.028
     """
     grid = ElevationGrid(params.cell_m)
     cell = grid.add(xyz)
