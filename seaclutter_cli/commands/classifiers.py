@@ -16,7 +16,7 @@ from seaclutter_cli.runs.options.classifiers import (
 _SCENE = [
     command(
         "scene train",
-        "runs.scene.train:train_scenes",
+        "runs.scene.classify:train_scenes",
         {"logs": LabelledLogs, "options": TrainSceneOptions},
         """Train a classifier on logs with known scenes, and write it as an ONNX file.
 
