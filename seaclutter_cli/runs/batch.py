@@ -3,7 +3,7 @@
 import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, closing, contextmanager
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -207,11 +207,6 @@ class _Task(Generic[O]):
         return _Task, (shown(self.work), self.name, None)
 
 
-def _tasks(works: Sequence[Work[O]], observer: Observer | None) -> list[_Task[O]]:
-    """Return tasks with the names of their recordings: in another process, paths in buckets are URLs at first."""
-    return [_Task(work, work.recording.name, observer) for work in works]
-
-
 @on_paths
 def _outcome(work: Work[O], observer: Observer) -> O:
     """Do the work, and remove what it copied."""
@@ -267,10 +262,14 @@ def run_batch(
     outcomes: list[O | None] = [None] * len(works)
     passed = 0
     with (
+        ExitStack() as stack,
         _progress(works, observer) as on_share,
         _engine(options, works, observer) as engine,
-        closing(engine(_tasks(works, observer if engine is run_in_turn else None), on_share)) as done,
     ):
+        here = observer if engine is run_in_turn else None
+        # They have names because paths in buckets are URLs at first in another process.
+        tasks = [_Task(work, work.recording.name, here) for work in works]
+        done = stack.enter_context(closing(engine(tasks, on_share)))
         for number, result in done:
             work, error = works[number], None
             if isinstance(result, Lost):

@@ -43,14 +43,13 @@ class Builtin(Result):
     def only(self, kinds: Collection[str], text: str) -> "Builtin":
         """Return the items of some kinds whose names or descriptions contain a text, in upper or lower case."""
 
-        def fits(kind: str, *texts: str) -> bool:
-            return kind in kinds and any(text.casefold() in one.casefold() for one in texts)
+        def fits(*texts: str) -> bool:
+            return any(text.casefold() in one.casefold() for one in texts)
 
-        return Builtin(
-            {name: model for name, model in self.sensors.items() if fits("sensors", name, model.maker)},
-            {name: summary for name, summary in self.methods.items() if fits("methods", name, summary)},
-            {kind: [name for name in names if fits(kind, name)] for kind, names in self.lists.items() if kind in kinds},
-        )
+        sensors = {name: model for name, model in self.sensors.items() if fits(name, model.maker)}
+        methods = {name: summary for name, summary in self.methods.items() if fits(name, summary)}
+        lists = {kind: list(filter(fits, names)) for kind, names in self.lists.items() if kind in kinds}
+        return Builtin(sensors if "sensors" in kinds else {}, methods if "methods" in kinds else {}, lists)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the lists as JSON-compatible data."""

@@ -5,7 +5,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from tempfile import TemporaryFile
 from time import perf_counter
 from typing import IO, Any
 
@@ -77,8 +76,7 @@ def filter_log(options: FilterOptions) -> "FilterSummary":
             if table:
                 _frame_table(works[0].config, table.stream).write_header()
             if run.is_alone:
-                spool = stack.enter_context(TemporaryFile(dir=table.part.parent)) if table else None
-                works = [replace(works[0], group=logs, spool=spool)]
+                works = [replace(works[0], group=logs, table=table.stream if table else None)]
             outcomes = run.do(works, observer, partial(_append, table))
         if not may_appear([csv_file], outcomes, observer):
             files.discard()
@@ -221,11 +219,11 @@ def _frame_table(config: Config, rows: "PackedRows | IO[bytes]") -> FrameTable:
 class FilterWork(LogWork[FilterOutcome, FilterOptions]):
     """Filtering of one recording with a configuration; of a ``complete`` output, only rows of the table are read.
 
-    The rows of the table are in memory unless there is a file for them, ``spool``.
+    The rows of the table are in the outcome unless a ``table`` receives them as they come.
     """
 
     config: Config
-    spool: IO[bytes] | None = None
+    table: IO[bytes] | None = None
 
     @property
     def is_done(self) -> bool:
@@ -269,8 +267,9 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         named = printable(", ".join(channel.topic for channel in clouds))
         observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
         checks = {topic: _FitChecks(self.config, source, topic, observer) for topic in topics}
-        outcome.rows = PackedRows(self.spool) if self.options.csv_file else None
-        tables = [_frame_table(self.config, outcome.rows)] if outcome.rows else []
+        outcome.rows = PackedRows() if self.options.csv_file and not self.table else None
+        rows = self.table or outcome.rows
+        tables = [_frame_table(self.config, rows)] if rows else []
         with self.progress(source, observer, clouds) as step:
 
             def on_result(result: FilterResult) -> None:

@@ -47,6 +47,7 @@ _COLUMNS = (
 )
 """Of a manifest; those that a command does not know are empty."""
 
+_LABELS = "--labels"
 _making_parents = ContextVar("making_parents", default=False)
 
 Paths = Mapping[str, Path | Iterable[Path] | None]
@@ -145,15 +146,12 @@ def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
     log_file = getattr(observer, "log_file", None)
     log = [_Target(log_file, "--log-file", known)] if log_file else []
     _check_distinct([*targets, *log], known)
-    read = _Inputs(_flat(inputs), known)
-    labelled = _Inputs((("--labels", path) for path in labels), known)
+    read = _Inputs([*_flat({_LABELS: labels}), *_flat(inputs)], known)
     for target in [*targets, *log]:
-        if option := read.option_of(target, new=True) or labelled.option_of(target, new=False):
-            raise UsageError(
-                f"{target.path}: is part of the input, {option}; choose another output for {target.option}"
-            )
-        if option := target.marker and (read.option_in(target) or labelled.option_in(target)):
-            raise UsageError(f"{target.path}: contains the input, {option}; choose another output for {target.option}")
+        part_of, contained = read.option_of(target), target.marker and read.option_in(target)
+        if part_of or contained:
+            problem = f"is part of the input, {part_of}" if part_of else f"contains the input, {contained}"
+            raise UsageError(f"{target.path}: {problem}; choose another output for {target.option}")
     for target in targets:
         _check_place(target, force=force)
     _prepare_folders(targets, root, observer, dry=dry)
@@ -189,12 +187,12 @@ class _Inputs:
         """Options by the files in folders, which may have links elsewhere."""
         return {inner: option for option, path in self._paths for inner in files_in(path)}
 
-    def option_of(self, target: _Target, *, new: bool) -> str | None:
-        """Return the option of the input that an output would change; ``new``: also by a new file in a folder."""
+    def option_of(self, target: _Target) -> str | None:
+        """Return the option of the input that an output would change, also by a new file in a folder of logs."""
         found = self._options.get(target.identity)
-        if found is None and self._options and (target.exists or new):
-            above = map(self._known.of_folder, target.file.parents)
-            found = next(filter(None, map(self._options.get, above)), None)
+        if found is None and self._options:
+            above = (self._options.get(self._known.of_folder(folder)) for folder in target.file.parents)
+            found = next((option for option in above if option and (target.exists or option != _LABELS)), None)
         return self._inside.get(target.identity) if found is None and target.exists else found
 
     def option_in(self, target: _Target) -> str | None:

@@ -58,25 +58,20 @@ def _check(samples: Sequence[tuple[Path, int | None]], marks: Sequence[Path], re
     """
     for _ in range(_ATTEMPTS):
         report(0.0)
-        if not (reason := _difference(samples) or _obstacle(marks)):
+        if not (reason := next(_problems(samples, marks), None)):
             break
         sleep(_PAUSE_S)
     return reason
 
 
-def _difference(samples: Sequence[tuple[Path, int | None]]) -> str | None:
+def _problems(samples: Sequence[tuple[Path, int | None]], marks: Sequence[Path]) -> Iterator[str]:
     for path, size in samples:
-        if not path.exists():
-            return f"cannot see {path.absolute()}; workers need the files of a run under the same paths"
-        if _size(path) != size:
-            return f"sees another file under {path.absolute()}; workers need the files of a run under the same paths"
-    return None
-
-
-def _obstacle(marks: Sequence[Path]) -> str | None:
+        if _size(path) != size or not path.exists():
+            seen = "sees another file under" if path.exists() else "cannot see"
+            yield f"{seen} {path.absolute()}; workers need the files of a run under the same paths"
     for mark in marks:
         if not mark.exists():
-            return f"cannot see the folder {mark.parent.absolute()}; outputs need a folder that all workers share"
+            yield f"cannot see the folder {mark.parent.absolute()}; outputs need a folder that all workers share"
         try:
             remove_stale(mark.parent)
             probe = part_path(mark)
@@ -84,8 +79,7 @@ def _obstacle(marks: Sequence[Path]) -> str | None:
             probe.unlink()
             release(probe)
         except OSError as error:
-            return f"cannot write to {mark.parent.absolute()} ({error.strerror})"
-    return None
+            yield f"cannot write to {mark.parent.absolute()} ({error.strerror})"
 
 
 def _size(path: Path) -> int | None:

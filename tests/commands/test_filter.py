@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from collections import Counter
+from io import DEFAULT_BUFFER_SIZE
 
 import numpy as np
 import pytest
@@ -18,7 +19,6 @@ from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.runs.outputs import PackedRows
 from tests.paths import SAMPLE
 
 TYPE = "sensor_msgs/msg/PointCloud2"
@@ -185,12 +185,17 @@ def test_rows_of_a_recording_that_fails_midway_are_removed(tmp_path, monkeypatch
     assert not list(tmp_path.glob("b.*csv*"))
 
 
-def test_rows_of_a_single_recording_are_not_in_memory(log, out, tmp_path, monkeypatch):
-    files = []
-    monkeypatch.setattr("seaclutter_cli.runs.filter.PackedRows", lambda file: files.append(file) or PackedRows(file))
+def test_rows_of_a_single_recording_are_written_as_they_come(out, tmp_path, monkeypatch):
+    sizes = []
+
+    def require_frames(*_):
+        sizes.extend(part.stat().st_size for part in tmp_path.glob(".frames.csv.*"))
+
+    monkeypatch.setattr("seaclutter_cli.runs.log_work.require_frames", require_frames)
+    log = write_log(tmp_path / "long.mcap", frames=200)
     assert invoke(log, "-o", out, "--csv", tmp_path / "frames.csv").exit_code == 0
-    assert files[0] is not None
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["frames.csv", log.name, out.name]
+    whole = (tmp_path / "frames.csv").stat().st_size
+    assert whole - DEFAULT_BUFFER_SIZE <= sizes[0] < whole
 
 
 def test_globs_are_expanded_unless_a_file_has_that_name(tmp_path):
