@@ -139,22 +139,19 @@ def record_in(output: Path) -> Mapping[str, str] | None:
 
     Raise `UsageError` if the file is not a complete output of this program.
     """
-    try:
-        records = _metadata_in(output)
-    except (McapError, InputError, OSError, ValueError, EOFError) as error:
-        raise UsageError(f"{output}: not a filtered log, not replaced ({error}); use --force to replace it") from error
-    if records is None:
-        return None
-    found = [record for record in records if record.name == NAME]
-    if not found:
-        raise UsageError(f"{output}: without a record of its run, not replaced; use --force to replace it")
-    return found[-1].entries
-
-
-def _metadata_in(output: Path) -> Sequence[Metadata] | None:
-    """Return the metadata records in an output; None if there is none. Of an MCAP file, only the end is read."""
     if not output.exists():
         return None
+    try:
+        found = [one.entries for one in _metadata_in(output) if one.name == NAME]
+    except (McapError, InputError, OSError, ValueError, EOFError) as error:
+        raise UsageError(f"{output}: not a filtered log, not replaced ({error}); use --force to replace it") from error
+    if not found:
+        raise UsageError(f"{output}: without a record of its run, not replaced; use --force to replace it")
+    return found[-1]
+
+
+def _metadata_in(output: Path) -> list[Metadata]:
+    """Return the metadata records in an output. Of an MCAP file, only the end is read."""
     if output.suffix.lower() != ".mcap" or output.is_dir():
         with closing(open_recording(Recording((output,)), ReadOptions())) as source:
             return list(source.metadata)

@@ -12,7 +12,7 @@ from seaclutter_cli.cloud import PointField
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.records import SensorFacts
-from seaclutter_cli.runs.recordings import Outcome
+from seaclutter_cli.runs.recordings import Outcome, data_of
 from seaclutter_cli.sensors.catalog import RecognisedSensor, recognise
 
 _RING_NAMES = ("ring", "channel", "line", "laser_id")
@@ -89,14 +89,13 @@ class TopicStatistics:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the statistics as values for JSON."""
-        least, middle, most = self.sizes()
         return {
             "frames": self.frames,
             "rate_hz": None if self.rate_hz is None else round(self.rate_hz, 3),
             "frame_id": self.frame_id,
             "shape": list(self.shape),
-            "points": {"min": least, "median": middle, "max": most},
-            "fields": [{"name": f.name, "type": f.type, "offset": f.offset, "count": f.count} for f in self.fields],
+            "points": dict(zip(("min", "median", "max"), self.sizes(), strict=True)),
+            "fields": [data_of(one, "name type offset count") for one in self.fields],
             "intensity_field": self.intensity_name,
             "intensity": _limits(self.intensity),
             "range_m": _limits(self.range_m),

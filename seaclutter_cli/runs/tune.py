@@ -1,7 +1,7 @@
 """Tuning: every combination of methods and parameter values over labelled recordings, in one pass."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from seaclutter_cli.text import count, printable, table
 _RATES = ("frames", "N_FP", "N_FN", "R_FP", "R_FN", "precision", "recall", "f1", "false_alarms", "omitted_alarms")
 _BEST = "<"
 _JUDGED = (FRAMES, *FRAME_ERRORS)
+_Part = Mapping[str, Summary]
 _MIN_RECORDINGS = 4
 """Minimum number of recordings of which whole ones are held out."""
 
@@ -56,8 +57,8 @@ def tune(options: TuneOptions) -> "TuningResult":
     works = [EvaluateWork(options.reading, *each, combinations, listeners, in_parts=True) for each in pairs]
     batch = BatchOptions() if history else options.batch  # frames reach listeners in this process only
     outcomes = run_all(works, batch, observer)
-    split = _split_scores(outcomes, [one.name for one in combinations], options.hold_out)
-    result = TuningResult(options.sweeps, combinations, outcomes, split)
+    scores = _split_scores(outcomes, [one.name for one in combinations], options.hold_out)
+    result = TuningResult(options.sweeps, combinations, outcomes, *scores)
     if may_appear(options.targets.values(), result.outcomes, observer):
         write_files(_files(result, history, options), replace=options.force)
         if options.output and not result.best:
@@ -127,21 +128,8 @@ class _ThresholdHistory(FrameListener):
         return render(lambda figure: draw_thresholds(figure, ring, named, ideal, title=title), suffix)
 
 
-@dataclass(frozen=True)
-class Split:
-    """Sums for each combination over the frames used for tuning, and over those held out, if any, with their title."""
-
-    tuned: Mapping[str, Summary]
-    held_out: Mapping[str, Summary] = field(default_factory=dict)
-    title: str = ""
-
-    def parts(self) -> dict[str, Mapping[str, Summary]]:
-        """Return the sums by the names of the parts, without those held out if there are none."""
-        return {"tuned": self.tuned, **({"held out": self.held_out} if self.held_out else {})}
-
-
-def _split_scores(outcomes: Sequence[Evaluated], names: Sequence[str], share: float) -> Split:
-    """Return the scores of recordings without an error, divided into those for tuning and those held out.
+def _split_scores(outcomes: Sequence[Evaluated], names: Sequence[str], share: float) -> tuple[_Part, _Part, str | None]:
+    """Return the scores of recordings without an error for tuning, those held out, if any, and what these are.
 
     Of four or more recordings, a share of whole ones is held out, evenly spaced; of fewer, the last frames of each.
     Neighbouring frames are alike, so single frames would tell nothing new.
@@ -160,37 +148,42 @@ def _split_scores(outcomes: Sequence[Evaluated], names: Sequence[str], share: fl
             held_out[name].update(last)
     frames = max((summary.frames for summary in held_out.values()), default=0)
     if not frames:
-        return Split(tuned)
+        return tuned, {}, None
     title = count(frames, "frame")
     if held:
         title += f" ({count(len(held), 'recording')}: {', '.join(outcome.recording for outcome in held)})"
     else:
         title += " at the end of the recording" if len(used) == 1 else " at the ends of the recordings"
-    return Split(tuned, held_out, title)
+    return tuned, held_out, title
 
 
 @dataclass(frozen=True)
 class TuningResult(RecordingsResult):
-    """Result of a sweep over methods and parameter values: all combinations, and their scores."""
+    """Result of a sweep over methods and parameter values: all combinations, and their scores.
+
+    ``tuned`` are sums for each combination over the frames used for tuning, ``judged`` over those ``held_out``, if any.
+    """
 
     data = "combinations=rows best held_out recordings"
 
     sweeps: Sequence[Sweep]
     combinations: Sequence[Variant]
     outcomes: Sequence[Evaluated]
-    split: Split
+    tuned: _Part
+    judged: _Part
+    held_out: str | None
 
     @cached_property
     def best(self) -> str | None:
         """Name of the best combination; None if no frame is labelled."""
-        return best(self.split.tuned)
+        return best(self.tuned)
 
     @cached_property
     def best_of_methods(self) -> list[str]:
         """Name of the best combination of each method, in the order of the methods."""
         methods = dict.fromkeys(one.method for one in self.combinations)
         own = [[one.name for one in self.combinations if one.method == method] for method in methods]
-        found = [best({name: self.split.tuned[name] for name in names}) for names in own]
+        found = [best({name: self.tuned[name] for name in names}) for names in own]
         return [name for name in found if name]
 
     def best_config(self) -> str:
@@ -198,7 +191,7 @@ class TuningResult(RecordingsResult):
         chosen = next(one for one in self.combinations if one.name == self.best)
         recordings = ", ".join(printable(outcome.recording) for outcome in self.outcomes if not outcome.error)
         lines = [f"# Best of {count(len(self.combinations), 'combination')} on {recordings}: {chosen.name}"]
-        for part, summaries in self.split.parts().items() if self.split.held_out else ():
+        for part, summaries in self._parts.items() if self.held_out else ():
             found = summaries[chosen.name]
             figures = ", ".join(column.figure(found) for column in FRAME_ERRORS)
             lines.append(f"# {part}: {count(found.frames, 'frame')}, {figures}")
@@ -207,9 +200,8 @@ class TuningResult(RecordingsResult):
     def curve(self, suffix: str) -> bytes:
         """Return the content of a plot of the rates over a single parameter."""
         (sweep,) = self.sweeps
-        chosen = list(self.split.tuned).index(self.best) if self.best else None
-        parts = self.split.tuned, self.split.held_out
-        both = ([(one.r_fp, one.r_fn) for one in part.values()] for part in parts)
+        chosen = list(self.tuned).index(self.best) if self.best else None
+        both = ([(one.r_fp, one.r_fn) for one in part.values()] for part in (self.tuned, self.judged))
         tuned, held_out = (np.array(rates, np.float64).reshape(-1, 2).T for rates in both)  # NaN where unknown
         values = list(map(shown, sweep.values))
         return render(lambda figure: draw_rates(figure, sweep.key, values, tuned, held_out, chosen), suffix)
@@ -219,9 +211,9 @@ class TuningResult(RecordingsResult):
         return len({one.method for one in self.combinations}) > 1
 
     @property
-    def held_out(self) -> str | None:
-        """What was held out; None if nothing was."""
-        return self.split.title or None
+    def _parts(self) -> dict[str, _Part]:
+        """Scores by the name of their part."""
+        return {"tuned": self.tuned, **({"held out": self.judged} if self.held_out else {})}
 
     def recordings(self) -> list[dict[str, Any]]:
         """Return each recording, without scores."""
@@ -234,8 +226,8 @@ class TuningResult(RecordingsResult):
             name = one.name
             row: dict[str, Any] = {"method": one.method} if self._several else {}
             row |= {sweep.key: one.values.get(sweep.key) for sweep in self.sweeps}
-            for summaries in self.split.parts().values():
-                found, prefix = summaries[name].as_dict(), "held_out_" if summaries is self.split.held_out else ""
+            for part, summaries in self._parts.items():
+                found, prefix = summaries[name].as_dict(), "" if part == "tuned" else "held_out_"
                 row |= {prefix + key: found[key] for key in _RATES}
             rows.append({**row, "best": name == self.best})
         return rows
@@ -249,22 +241,22 @@ class TuningResult(RecordingsResult):
         """Return the result as human-readable text: all combinations, then tuned and held-out figures of the best."""
         if not self.best:
             return f"{self._table()}\n\nno best combination: no frame is labelled"
-        frames = max(summary.frames for summary in self.split.tuned.values())
+        frames = max(summary.frames for summary in self.tuned.values())
         title = f"best on {count(frames, 'frame')}: {self.best}"
-        if self.split.held_out:
-            title += f"\nheld out: {printable(self.split.title)}"
-        judged = []
-        for part, summaries in self.split.parts().items():
+        if self.held_out:
+            title += f"\nheld out: {printable(self.held_out)}"
+        rows = []
+        for part, summaries in self._parts.items():
             cells = score_cells({name: summaries[name] for name in self.best_of_methods}, _JUDGED)
-            judged += [(name, part, *cells[name]) for name in self.best_of_methods]
-        judgement = table(("best combination", "", *(one.head for one in _JUDGED)), judged)
+            rows += [(name, part, *cells[name]) for name in self.best_of_methods]
+        judgement = table(("best combination", "", *(one.head for one in _JUDGED)), rows)
         tables = f"{self._table()}\n\n{title}\n\n{judgement}"
         legend = score_legend(tables, _JUDGED, {_BEST: "fewest frames with an error, then fewest errors, when tuned"})
         return f"{tables}\n\n{legend}"
 
     def _table(self) -> str:
         """Return a table of all combinations on the frames used for tuning."""
-        cells = score_cells(self.split.tuned, FRAME_ERRORS)
+        cells = score_cells(self.tuned, FRAME_ERRORS)
         first = ["method"] if self._several else []
         keys = [sweep.key for sweep in self.sweeps]
         rows = []
