@@ -18,14 +18,17 @@ def natural_order(file: Path) -> tuple[list[str | int], str]:
     return [int(part) if index % 2 else part for index, part in enumerate(parts)], file.name
 
 
-class RealPaths:
-    """Real paths of files, with one look at each folder: on a network, each look at a name takes a while.
+class Identities:
+    """Real paths of files, and values that only paths of the same file have in common, whether it exists or not.
 
-    **State**: the real path of each folder of a file so far; valid as long as no folder becomes a link.
+    **State**: real path and identity of each folder so far, and whether it ignores case; on a network, each look at a
+    name takes a while. They are valid as long as no folder becomes a link.
     """
 
     def __init__(self) -> None:
         self._folders: dict[str, str] = {}
+        self._identities: dict[Path, Identity] = {}
+        self._ignoring: dict[Path, bool] = {}
 
     def __call__(self, path: Path) -> Path:
         """Return the absolute path of a file without links, as `Path.resolve` does."""
@@ -36,18 +39,6 @@ class RealPaths:
             self._folders[folder] = os.path.realpath(folder)
         full = os.path.join(self._folders[folder], name)  # noqa: PTH118 - faster, for thousands of paths
         return Path(os.path.realpath(full) if os.path.islink(full) else full)  # noqa: PTH114
-
-
-class Identities(RealPaths):
-    """Real paths, and values that only paths of the same file have in common, whether it exists or not.
-
-    **State**: also the identities of folders so far, and whether they ignore case.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._identities: dict[Path, Identity] = {}
-        self._ignoring: dict[Path, bool] = {}
 
     def of(self, path: Path) -> Identity:
         """Return the identity of an absolute path without links; hard links to a file are the same file."""

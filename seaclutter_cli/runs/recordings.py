@@ -231,11 +231,8 @@ def assign_labels(sources: Options, recordings: Sequence[Recording]) -> list["La
         return [None] * len(recordings)
     from seaclutter_cli.labels import LabelOptions  # not needed otherwise
 
-    defaults = LabelOptions()
-    chosen = LabelOptions(
-        clutter_ids=defaults.clutter_ids if sources.clutter_ids is None else sources.clutter_ids,
-        ignore_ids=defaults.ignore_ids if sources.ignore_ids is None else sources.ignore_ids,
-    )
+    ids: dict[str, Any] = {"clutter_ids": sources.clutter_ids, "ignore_ids": sources.ignore_ids}
+    chosen = LabelOptions(**{name: given for name, given in ids.items() if given is not None})
     for path in sources.labels:
         if mirror := mirror_of(path):
             mirror.know(path)

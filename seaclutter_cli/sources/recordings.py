@@ -11,7 +11,7 @@ from pathlib import Path
 
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.paths import RealPaths
+from seaclutter_cli.paths import Identities
 from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions
 from seaclutter_cli.sources.formats import LOG_SUFFIXES, SOURCES, format_names, open_file, open_source, wrap_packets
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
@@ -95,7 +95,7 @@ def find_recordings(
     """
     search = search or Search()
     found: dict[Path, Recording] = {}
-    real = RealPaths()
+    real = Identities()
     for pattern in patterns:
         if pattern == "-":
             raise UsageError("-: logs are read more than once, so not from standard input; save it to a file first")
