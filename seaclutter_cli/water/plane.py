@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.groups import group_sizes, group_starts
+
 Floats = NDArray[np.float64]
 
 NEAREST_M, FARTHEST_M = 5.0, 45.0
@@ -17,7 +19,9 @@ _ABOVE = 0.4
 _SUPPORT, _LEAST_SUPPORT = 0.4, 1.0
 _TILT_RIDGE = 5.0
 _MIN_CELLS = 8
-_FLAT_M, _ENOUGH, _SURE_M, _BESIDE = 0.3, 3.0, 20.0, 0.1
+_FLAT_M, _ENOUGH, _SURE_M, _BESIDE, _FEET = 0.3, 3.0, 20.0, 0.1, 0.3
+_OF_BODIES = _BEARINGS * _RINGS
+_DEEPEST_M, _CELL_CM = 100.0, 20000
 _MIN_BEARINGS = 3
 _START_SHARES = (0.02, 0.1, 0.3, 0.5, 0.7)
 
@@ -43,9 +47,9 @@ class Plane:
 class PolarCells:
     """The occupied polar cells around the lidar, C of them, of 10° by 3 m.
 
-    ``cell`` is the number of each of N points' cells, shape (N,); ``lowest``, shape (3, C), and ``number``, shape (C,),
-    are the lowest point and the number of each occupied cell; ``trust``, shape (C,), is 1 where three echoes are near
-    the lowest.
+    ``cell`` is the number of each of N points' cells, shape (N,); `_OF_BODIES` for points that belong to bodies.
+    ``lowest``, shape (3, C), and ``number``, shape (C,), are the lowest point and the number of each occupied cell, and
+    the feet of the bodies in it; ``trust``, shape (C,), is 1 where three echoes are near the lowest.
     """
 
     cell: NDArray[np.int64]
@@ -54,31 +58,58 @@ class PolarCells:
     trust: Floats
 
     @classmethod
-    def of(cls, xyz: Floats, bodies: Floats | None = None) -> "PolarCells":
+    def of(cls, xyz: Floats, feet: Floats | None = None) -> "PolarCells":
         """Return the cells of points between `NEAREST_M` and `FARTHEST_M`, shape (3, N).
 
-        What else is in the cells of points of bodies, shape (3, M), is mirrored, or part of them.
+        ``feet`` are the lower ends of the faces of bodies, shape (3, M). What is above them, or behind or beside them,
+        is part of a body, such as a deck; what is below is mirrored, or water. They stand in the water themselves.
         """
-        z = xyz[2]
-        cell = _cell(xyz)
-        low = np.full(_BEARINGS * _RINGS, np.inf)
+        z, cell = xyz[2], _cell(xyz)
+        if feet is not None:
+            feet = _lowest_feet(feet)
+            foot = np.full((_BEARINGS, _RINGS), np.inf)
+            foot.reshape(-1)[_cell(feet)] = feet[2]
+            around = np.minimum(foot, np.minimum(np.roll(foot, 1, axis=0), np.roll(foot, -1, axis=0)))
+            around[:, 1:] = np.minimum(around[:, 1:], around[:, :-1])
+            cell[z > around.reshape(-1)[cell] + _FLAT_M] = _OF_BODIES
+        low = np.full(_OF_BODIES + 1, np.inf)
         np.minimum.at(low, cell, z)
+        low[_OF_BODIES] = np.inf
         lowest = np.empty(len(low), np.int64)
         at = np.flatnonzero(z == low[cell])[::-1]
         lowest[cell[at]] = at  # the first of several
         number = np.flatnonzero(low < np.inf)
         flat = np.bincount(cell[z <= low[cell] + _FLAT_M], minlength=len(low))[number]
         lows = xyz.take(lowest[number], axis=1)
-        trust = (np.minimum(flat, _ENOUGH) / _ENOUGH) ** 2 / (1 + (lows[0] ** 2 + lows[1] ** 2) / _SURE_M**2)
-        if bodies is not None:
-            trust[np.bincount(_cell(bodies), minlength=len(low))[number] > 0] *= _BESIDE
-        return cls(cell, lows, number, trust)
+        trust = _nearness(lows) * (np.minimum(flat, _ENOUGH) / _ENOUGH) ** 2
+        if feet is None:
+            return cls(cell, lows, number, trust)
+        trust[np.isfinite(around.reshape(-1)[number])] *= _BESIDE
+        trust = np.concatenate((trust, _FEET * _nearness(feet)))
+        return cls(cell, np.concatenate((lows, feet), axis=1), np.concatenate((number, _cell(feet))), trust)
 
     @property
     def enough(self) -> bool:
         """Whether the cells can hold a plane."""
         bearings = np.count_nonzero(np.bincount(self.number // _RINGS))
         return bool(len(self.number) >= _MIN_CELLS and bearings >= _MIN_BEARINGS)
+
+
+def _nearness(xyz: Floats) -> Floats:
+    return np.asarray(1 / (1 + (xyz[0] ** 2 + xyz[1] ** 2) / _SURE_M**2))
+
+
+def _lowest_feet(feet: Floats) -> Floats:
+    """Return one foot for each occupied cell, in its middle and higher than a tenth of its feet: those are mirrored."""
+    cm = np.clip((feet[2] + _DEEPEST_M) * 100, 0, _CELL_CM - 1).astype(np.int64)
+    ordered = np.sort(_cell(feet) * _CELL_CM + cm)
+    start = group_starts(ordered // _CELL_CM)
+    cell, cm = np.divmod(ordered[start + group_sizes(start, len(ordered)) // 10], _CELL_CM)
+    bearing, distance = (
+        (cell // _RINGS + 0.5) * (2 * np.pi / _BEARINGS) - np.pi,
+        NEAREST_M + (cell % _RINGS + 0.5) * _STEP_M,
+    )
+    return np.stack((distance * np.cos(bearing), distance * np.sin(bearing), cm / 100 - _DEEPEST_M))
 
 
 def _cell(xyz: Floats) -> NDArray[np.int64]:
@@ -154,9 +185,9 @@ class WaterEchoes:
         Heights, shape (N,), are those above the plane, weights, shape (C,), those of the cells in its fit; ``flat``,
         shape (N,), is false for points of objects.
         """
-        of_water = np.zeros(_BEARINGS * _RINGS, np.bool_)
+        of_water = np.zeros(_OF_BODIES + 1, np.bool_)
         of_water[cells.number[weight > _ABOVE / 3 * cells.trust]] = True
-        trust = np.zeros(_BEARINGS * _RINGS)
+        trust = np.zeros(_OF_BODIES)
         trust[cells.number] = cells.trust
         used = np.flatnonzero(of_water[cells.cell] & flat)
         return cls(height_m[used], cells.cell[used], trust[cells.cell[used]])

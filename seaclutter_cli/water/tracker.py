@@ -24,9 +24,9 @@ class WaterTracker:
     For each frame, in order:
 
     1. *Plane*: the lowest echo of each polar cell of 10° by 3 m, from 5 to 45 m; a plane through them by iteratively
-       reweighted least squares, from the plane of the frame before. Echoes in faces belong to bodies, and echoes much
-       lower than the plane before are mirrored; neither counts. Cells count more that are near and have several echoes
-       at one height.
+       reweighted least squares, from the plane of the frame before. Echoes in faces belong to bodies, as do those above
+       their feet, such as decks, and echoes much lower than the plane before are mirrored; none of them counts, but
+       feet stand in the water. Cells count more that are near and have several echoes at one height.
     2. *Level and deviation*: medians over the echoes near that plane, with the weights of the cells.
     3. *Swell*: a mean over 2.5 m of the echoes near the plane, and then of those near this surface, so that it follows
        crests. Echoes in faces do not count.
@@ -54,12 +54,13 @@ class WaterTracker:
         x, y, z = xyz
         distance = np.hypot(x, y)
         near = (distance >= NEAREST_M) & (distance < FARTHEST_M)
-        bodies = xyz[:, near & (faces.height_m > _BODY_M + 2 * self._known_sigma_m)]
+        of_bodies = near & (faces.height_m > _BODY_M + 2 * self._known_sigma_m)
+        feet = np.stack([values[of_bodies] for values in (x, y, faces.low_m)])
         if self._plane is not None:  # what is much lower is mirrored
             depth = _DEPTH_PER_M * distance + mirrored_below_m(self._known_sigma_m)
             near &= z - self._plane.height(x, y) > -depth
         near = np.flatnonzero(near & (faces.height_m <= LEAST_M + self._known_sigma_m))
-        cells = PolarCells.of(xyz.take(near, axis=1), bodies)
+        cells = PolarCells.of(xyz.take(near, axis=1), feet)
         lowest, weight = fit_plane(cells, self._plane) if cells.enough else (self._plane, None)
         if lowest is None:
             return None

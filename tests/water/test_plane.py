@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.water.plane import Plane, PolarCells, fit_plane
+from seaclutter_cli.water.plane import Plane, PolarCells, WaterEchoes, fit_plane
 
 
 def spread(rng, size, level_m, noise_m=0.05, slope=(0.0, 0.0)):
@@ -70,5 +70,19 @@ def test_cells_are_trusted_by_flat_echoes_and_nearness():
 def test_cells_that_hold_bodies_are_hardly_trusted():
     water = np.array([(10.0, 0.0, -2.0), (-10.0, 0.5, -2.0)]).T
     alone, beside = PolarCells.of(water), PolarCells.of(water, np.array([[10.5], [0.0], [1.0]]))
-    ratio = beside.trust / alone.trust
+    ratio = beside.trust[:2] / alone.trust
     assert sorted(ratio.tolist()) == [pytest.approx(0.1), 1.0]
+
+
+def test_boats_stand_in_the_water_and_their_decks_are_not_taken_for_it():
+    """In a marina that hides all water, decks 1 m high are the lowest flat echoes; a tenth of the hulls is mirrored."""
+    rng = np.random.default_rng(5)
+    decks = spread(rng, 3000, -4.2, noise_m=0.1)
+    feet = spread(rng, 3000, -5.2, noise_m=0.02)
+    feet[2, rng.random(3000) < 0.05] -= 1.5
+    cabins = spread(rng, 1000, -3.2)
+    cells = PolarCells.of(decks, np.hstack((feet, cabins)))
+    plane, weight = fit_plane(cells, None)
+    assert plane.level_m == pytest.approx(-5.2, abs=0.1)
+    heights = decks[2] - plane.height(*decks[:2])
+    assert len(WaterEchoes.of(cells, heights, weight, np.ones(3000, np.bool_)).cell) < 30
