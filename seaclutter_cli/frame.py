@@ -44,6 +44,7 @@ class Reason(IntEnum):
     FAR = 5
     EXCLUDED = 6
     UNCONFIRMED = 7
+    MIRRORED = 8
 
 
 @dataclass(frozen=True)
@@ -307,6 +308,9 @@ class WaterState:
     significant_wave_height_m: float
 
 
+WATER_REASONS = (Reason.UNCONFIRMED, Reason.MIRRORED)
+"""Reasons that only methods have that estimate the water."""
+
 WATER_COLUMNS = ("water_level_m", "roll_deg", "pitch_deg", "significant_wave_height_m")
 """Names of the values of `WaterState` in tables and messages."""
 
@@ -350,5 +354,5 @@ class FilterResult:
 
     @cached_property
     def counts(self) -> NDArray[np.int64]:
-        """Number of points for each `Reason`, shape (8,); the first entry counts the points kept."""
+        """Number of points for each `Reason`, shape (9,); the first entry counts the points kept."""
         return np.bincount(self.reason, minlength=len(Reason))

@@ -29,7 +29,7 @@ T = TypeVar("T")
 class TopicTally:
     """Sums over the frames of one topic.
 
-    ``counts``, shape (8,), are the points for each `Reason`, ``scenes`` the frames for each class of scene; ``water``,
+    ``counts``, shape (9,), are the points for each `Reason`, ``scenes`` the frames for each class of scene; ``water``,
     shape (4,), are sums of `WaterState` over ``water_frames``, ``unfit`` errors of first frames, which lack a field.
     """
 

@@ -253,6 +253,7 @@ class Confirmed(BaseFilter):
         """Return the reasons of the echoes if no object is confirmed; near ones keep the reasons of their zone."""
         low = Reason.LOW_INTENSITY if self._params.use_intensity else Reason.UNCONFIRMED
         reason = np.where(heights.low & ~heights.high, np.uint8(low), np.uint8(Reason.OUTLIER))
+        reason[heights.mirrored] = Reason.MIRRORED
         for one in objects:
             reason[one.points] = Reason.UNCONFIRMED
         return np.where(echoes.is_near, by_zone, reason)

@@ -10,7 +10,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Len
 from numpy.typing import NDArray
 
-from seaclutter_cli.frame import Frame, Reason, Rings
+from seaclutter_cli.frame import WATER_REASONS, Frame, Reason, Rings
 
 Rule = Literal["drop", "keep"]
 Box = tuple[float, float, float, float, float, float]
@@ -145,11 +145,11 @@ class Zones:
         thresholds: NDArray[np.float64],
         corrections: NDArray[np.float64] | None = None,
     ) -> Rings:
-        """Return thresholds and counts of the range rings; unconfirmed points count as outliers."""
+        """Return thresholds and counts of the range rings; unconfirmed and mirrored points count as outliers."""
         each = np.bincount(zone * np.intp(len(Reason)) + reason, minlength=(self.count + 4) * len(Reason))
         counts, far = np.split(each.reshape(-1, len(Reason))[1 : self.count + 2], [self.count])
         used = np.zeros(self.count) if corrections is None else corrections
-        outliers = counts[:, Reason.OUTLIER] + counts[:, Reason.UNCONFIRMED]
+        outliers = counts[:, [Reason.OUTLIER, *WATER_REASONS]].sum(axis=1)
         beyond = np.array([far.sum(), far[0, Reason.KEPT]])
         low = counts[:, Reason.LOW_INTENSITY].copy()
         return Rings(thresholds.copy(), used, counts.sum(axis=1), low, outliers, beyond)

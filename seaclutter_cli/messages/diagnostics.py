@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, Rings, WaterState
+from seaclutter_cli.frame import WATER_COLUMNS, WATER_REASONS, FilterResult, Reason, Rings, WaterState
 from seaclutter_cli.messages.companion import Content, Time, companion_format
 from seaclutter_cli.messages.definitions import make_typestore
 from seaclutter_cli.messages.serialisation import NANO
@@ -45,7 +45,9 @@ class Layout:
 
 
 _SIZES = ("frame", "points_in", "points_out")
-PLAIN = Layout("Diagnostics", (*_SIZES, *(name for name in _REASONS if name != Reason.UNCONFIRMED.name.lower())))
+PLAIN = Layout(
+    "Diagnostics", (*_SIZES, *(reason.name.lower() for reason in Reason if reason and reason not in WATER_REASONS))
+)
 WATER = Layout("WaterDiagnostics", (*_SIZES, *_REASONS), WATER_COLUMNS)
 
 
@@ -89,7 +91,7 @@ class Diagnostics:
 
     @property
     def counts(self) -> NDArray[np.int64]:
-        """Points for each `Reason`, shape (8,), as in `FilterResult.counts`."""
+        """Points for each `Reason`, shape (9,), as in `FilterResult.counts`."""
         return np.array([self.numbers.get(name, 0) for name in ("points_out", *_REASONS)], np.int64)
 
     @property

@@ -30,6 +30,7 @@ _SIZES = {
     Reason.LOW_INTENSITY: 1.6,
     Reason.OUTLIER: 2.2,
     Reason.UNCONFIRMED: 2.2,
+    Reason.MIRRORED: 1.6,
 }
 """Marker sizes in typographic points, in drawing order: removed points are smaller, so kept ones below stay visible."""
 

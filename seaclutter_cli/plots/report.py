@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seaclutter_cli.frame import WATER_COLUMNS, Reason
+from seaclutter_cli.frame import WATER_COLUMNS, WATER_REASONS, Reason
 from seaclutter_cli.plots.clouds import Mask, draw_methods, draw_stages
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.reporting import palette
@@ -64,7 +64,7 @@ def _draw_intensity(figure: "Figure", collected: Collector) -> None:
     thresholds = mean_thresholds(collected.histories[0])
     top = max(float(np.quantile(intensity[shown], 0.99)) if len(shown) else 1.0, 1.4 * max(thresholds, default=0.0))
     axes = figure.add_subplot()
-    for one in (Reason.FAR, Reason.LOW_INTENSITY, Reason.KEPT, Reason.OUTLIER, Reason.UNCONFIRMED):
+    for one in (Reason.FAR, Reason.LOW_INTENSITY, Reason.KEPT, Reason.OUTLIER, *WATER_REASONS):
         own = shown[reason[shown] == one]
         own = own[:: max(1, len(own) * 3 // _MAX_POINTS)]
         if len(own):

@@ -11,7 +11,7 @@ import numpy as np
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.scores import FrameScore
-from seaclutter_cli.frame import FilterResult, Reason
+from seaclutter_cli.frame import WATER_REASONS, FilterResult, Reason
 from seaclutter_cli.reporting.history import FrameListener, History, ScoredFrame
 from seaclutter_cli.reporting.sample import Sample, take_sample
 
@@ -216,7 +216,7 @@ def _by_removal(result: FilterResult | None) -> tuple[float | None, float | None
     """Return badness and merit of an unlabelled frame: the share removed as clutter, and its negative."""
     if result is None:
         return None, None
-    clutter = [Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.UNCONFIRMED]
+    clutter = [Reason.LOW_INTENSITY, Reason.OUTLIER, *WATER_REASONS]
     removed = float(result.counts[clutter].sum())
     share = removed / max(float(result.counts.sum()), 1.0)
     return share, -share

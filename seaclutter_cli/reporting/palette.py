@@ -13,6 +13,7 @@ REASONS: Mapping[Reason, str] = {
     Reason.EXCLUDED: "#8a2bb0",
     Reason.INVALID: "#e6d07a",
     Reason.UNCONFIRMED: "#870f1e",
+    Reason.MIRRORED: "#876996",
 }
 """Colour of each reason, in the order of tables and legends."""
 
@@ -25,6 +26,7 @@ REASON_NAMES: Mapping[Reason, str] = {
     Reason.EXCLUDED: "excluded (own structure)",
     Reason.INVALID: "invalid",
     Reason.UNCONFIRMED: "unconfirmed",
+    Reason.MIRRORED: "mirrored below the water",
 }
 """Name of each reason in figures."""
 

@@ -11,7 +11,7 @@ from typing import IO, Any
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import InputError, UsageError
-from seaclutter_cli.frame import FilterResult, Reason, Rings
+from seaclutter_cli.frame import WATER_REASONS, FilterResult, Reason, Rings
 from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
 from seaclutter_cli.messages.pointcloud2 import rewrapped
@@ -133,7 +133,7 @@ class FilterOutcome(LogOutcome):
     def _sums(self, tally: TopicTally) -> dict[str, Any]:
         """Return the sums of a topic as JSON-compatible data; thresholds of range rings are means over the frames."""
         water, rings = tally.mean_water, tally.rings
-        reasons = [reason for reason in Reason if reason and (reason != Reason.UNCONFIRMED or self.has_water)]
+        reasons = [reason for reason in Reason if reason and (reason not in WATER_REASONS or self.has_water)]
         points, kept = rings.beyond.tolist() if rings else (0, 0)
         return {
             "frames": tally.frames,

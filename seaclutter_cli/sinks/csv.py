@@ -8,7 +8,7 @@ from dataclasses import astuple
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Reason, Rings, WaterState
+from seaclutter_cli.frame import WATER_COLUMNS, WATER_REASONS, FilterResult, Reason, Rings, WaterState
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
 
@@ -28,7 +28,7 @@ class FrameTable:
     """Sink that passes one line for each frame of a recording to a function.
 
     There are columns for the ``rings`` of the method and, if it distinguishes scenes, the class of scene; if it
-    estimates the water, unconfirmed points and those of `WaterState`.
+    estimates the water, `WATER_REASONS` and those of `WaterState`.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class FrameTable:
     def write_header(self) -> None:
         """Write the names of the columns."""
         states = [f"{name}_{k}" for name in ("threshold", "correction") for k in range(1, self._rings + 1)]
-        waters = ["unconfirmed", *WATER_COLUMNS] if self._water else []
+        waters = [*(reason.name.lower() for reason in WATER_REASONS), *WATER_COLUMNS] if self._water else []
         self._write(csv_line((*_COLUMNS, *states, *(["scene"] if self._scenes else []), *waters)))
 
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:  # noqa: ARG002
@@ -70,7 +70,7 @@ class FrameTable:
         scenes = [scene or ""] if self._scenes else []
         # To a tenth of a millimetre or of a thousandth of a degree.
         values = [round(value, 4) for value in astuple(water)] if water else [""] * len(WATER_COLUMNS)
-        waters = [counts[Reason.UNCONFIRMED], *values] if self._water else []
+        waters = [*(counts[reason] for reason in WATER_REASONS), *values] if self._water else []
         by_reason = (counts[reason] for reason in _REASONS)
         row = (recording, *place, *by_reason, counts[Reason.KEPT], *states, *scenes, *waters)
         self._write(csv_line(row))

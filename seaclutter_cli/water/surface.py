@@ -126,6 +126,21 @@ class WaterSurface:
         deviation = self.sigma_m * np.sqrt(_ROUGHNESS**2 + unknown) + _RANGE_NOISE_M
         return z - self.plane.height(x, y) - swell, deviation, echoes
 
+    def mirrored(self, height: Floats, deviation: Floats, bodies: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which of N echoes are mirrored: below the water within 60 m, with a body above, shape (N,).
+
+        ``bodies`` tells which of them belong to bodies. An image is where the body is, as far below the water as that
+        rises above it.
+        """
+        body = np.zeros(BEYOND + 1, np.bool_)
+        body[self.cells.number[bodies]] = True
+        around = np.zeros((_CELLS + 2, _CELLS + 2), np.bool_)
+        around[1:-1, 1:-1] = body[:BEYOND].reshape(_CELLS, _CELLS)
+        beside = around[:-2] | around[1:-1] | around[2:]
+        body[:BEYOND] = (beside[:, :-2] | beside[:, 1:-1] | beside[:, 2:]).reshape(-1)
+        body[BEYOND] = False
+        return (height < -mirrored_below_m(deviation)) & body[self.cells.number]
+
     def height(self, x: Floats, y: Floats) -> Floats:
         """Return z of the water at given positions, in metres."""
         return self.plane.height(x, y) + self.swell.at(GridCells.of(x, y))[0]

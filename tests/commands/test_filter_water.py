@@ -81,7 +81,7 @@ def test_the_correct_mounting_gives_no_warning_and_the_same_result(tmp_path):
     assert not warnings
     warnings, inverted, rows = run(tmp_path, sea(Mounting(180)), "-s", "filter.mounting_roll_deg=180")
     assert not warnings
-    for key in ("points_out", "unconfirmed", "water", "water_frames"):
+    for key in ("points_out", "unconfirmed", "mirrored", "water", "water_frames"):
         assert inverted[key] == level[key]
     assert all(float(row["water_level_m"]) == pytest.approx(-2.5, abs=0.2) for row in rows)
 

@@ -89,7 +89,7 @@ class ConfirmedObjects:
             own = [reason for reason, place in zip(reasons, scan.rings, strict=True) if place == ring]
             counts.points.append(len(own))
             counts.low_intensity.append(own.count(Reason.LOW_INTENSITY))
-            counts.outliers.append(own.count(Reason.OUTLIER) + own.count(Reason.UNCONFIRMED))
+            counts.outliers.append(sum(map(own.count, (Reason.OUTLIER, Reason.UNCONFIRMED, Reason.MIRRORED))))
         return Answer(reasons, counts)
 
     def receive(self, frame: Frame, ahead_s: float) -> None:
@@ -197,6 +197,8 @@ def mark(reasons: list[int], echoes: Sequence[Echo], things: Sequence[Thing], lo
     for echo in echoes:
         if not echo.near:
             reasons[echo.number] = low if echo.low and not echo.high else Reason.OUTLIER
+            if echo.mirrored:
+                reasons[echo.number] = Reason.MIRRORED
     for thing in things:
         for echo in thing.echoes:
             if not thing.near:

@@ -59,6 +59,7 @@ class Echo:
     loose: int = 0
     high: bool = False
     upright: bool = False
+    mirrored: bool = False
 
     @property
     def xyz(self) -> tuple[float, float, float]:
@@ -113,6 +114,11 @@ def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, fac
         one.high = one.height > one.rise and solid
         one.upright = one.face > LEAST_M + sigma and one.height >= deepest and solid
         one.grows = one.grows or one.upright
+    bodies = {grid_cell(*one.xy) for one in echoes if one.high or one.upright} - {None}
+    around = {(x + i, y + j) for x, y in bodies for i in (-1, 0, 1) for j in (-1, 0, 1)}
+    for one in echoes:
+        deepest = -max(water_surface._MIN_DEPTH_M, water_surface._DEPTH_SIGMAS * one.deviation)
+        one.mirrored = water is not None and one.height < deepest and grid_cell(*one.xy) in around
     return echoes
 
 

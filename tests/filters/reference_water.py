@@ -64,11 +64,13 @@ class Water:
         sigma = tracker._START_SIGMA_M if self.plane is None else self.sigma
         span = LEAST_M + sigma
         near = [k for k, (x, y, _) in enumerate(points) if plane.NEAREST_M <= math.hypot(x, y) < plane.FARTHEST_M]
-        bodies = {cell_of(*points[k][:2]) for k in near if faces[k].height > tracker._BODY_M + 2 * sigma}
+        bodies = [k for k in near if faces[k].height > tracker._BODY_M + 2 * sigma]
+        feet = feet_of([(cell_of(*points[k][:2]), faces[k].low) for k in bodies])
         used = [k for k in near if faces[k].height <= span and not self.is_mirrored(points[k], sigma)]
-        cells = cells_of(points, used, bodies)
+        used = [k for k in used if not is_part(points[k], feet)]
+        cells = cells_of(points, used, feet)
         fitted, weights = self.plane, None
-        if len(cells) >= plane._MIN_CELLS and len({bearing for bearing, _ in cells}) >= plane._MIN_BEARINGS:
+        if len(cells) >= plane._MIN_CELLS and len({bearing for bearing, *_ in cells}) >= plane._MIN_BEARINGS:
             fitted, weights = self.fit(cells)
         if fitted is None:
             return None
@@ -77,7 +79,9 @@ class Water:
             stands.append(face.above(z - fitted.height_of(x, y, z)) > span)
         if weights is not None:
             flat = [points[k] for k in used if not stands[k]]
-            trust = {cell: cells[cell].trust for cell, weight in weights.items() if is_water(weight, cells[cell].trust)}
+            trust = {key[:2]: cells[key].trust for key in sorted(cells)}  # that of feet counts
+            water = {key[:2] for key, weight in weights.items() if is_water(weight, cells[key].trust)}
+            trust = {key: trust[key] for key in water}
             self.update(fitted, flat, trust, time_s)
         return None if self.plane is None else self.surface(self.plane, points, stands)
 
@@ -99,7 +103,7 @@ class Water:
             self.plane = Plane(fitted.a + offset, fitted.b, fitted.c)
             self.seen_s = time_s
 
-    def fit(self, cells: "Cells") -> tuple[Plane, dict[tuple[int, int], float]]:
+    def fit(self, cells: "Cells") -> tuple[Plane, dict["Key", float]]:
         """Return the plane through the lowest points, and the weight of each cell."""
         if self.plane is not None:
             return reweighted(cells, self.plane)
@@ -130,10 +134,32 @@ class Cell:
         return x * x + y * y
 
 
-Cells = Mapping[tuple[int, int], Cell]
+Key = tuple[int, int, bool]
+"""Bearing and ring of a cell, and whether it is that of a foot."""
+Cells = Mapping[Key, Cell]
 
 
-def cells_of(points: Sequence[XYZ], used: Sequence[int], bodies: set[tuple[int, int]]) -> dict[tuple[int, int], Cell]:
+def feet_of(lows: Sequence[tuple[tuple[int, int], float]]) -> dict[tuple[int, int], float]:
+    """Return the foot of the bodies in each cell, higher than a tenth of the others, in whole centimetres."""
+    own: dict[tuple[int, int], list[int]] = {}
+    for cell, low in lows:
+        own.setdefault(cell, []).append(math.floor((low + plane._DEEPEST_M) * 100))
+    return {cell: sorted(values)[len(values) // 10] / 100 - plane._DEEPEST_M for cell, values in own.items()}
+
+
+def foot_around(cell: tuple[int, int], feet: Mapping[tuple[int, int], float]) -> float:
+    """Return the lowest foot in a cell, those beside it, and those in front of them; infinite without any."""
+    bearing, ring = cell
+    beside = [(bearing + step) % plane._BEARINGS for step in (-1, 0, 1)]
+    return min((feet.get((b, r), math.inf) for b in beside for r in (ring, ring - 1)), default=math.inf)
+
+
+def is_part(point: XYZ, feet: Mapping[tuple[int, int], float]) -> bool:
+    """Return whether a point is part of a body, such as its deck."""
+    return point[2] > foot_around(cell_of(*point[:2]), feet) + plane._FLAT_M
+
+
+def cells_of(points: Sequence[XYZ], used: Sequence[int], feet: Mapping[tuple[int, int], float]) -> dict[Key, Cell]:
     """Return the cells of some points. Those with several points at one height, and near, are trusted most."""
     members: dict[tuple[int, int], list[XYZ]] = {}
     for k in used:
@@ -144,9 +170,15 @@ def cells_of(points: Sequence[XYZ], used: Sequence[int], bodies: set[tuple[int, 
         count = sum(z <= cell.lowest[2] + plane._FLAT_M for _, _, z in own)
         cell.trust = (min(count, plane._ENOUGH) / plane._ENOUGH) ** 2
         cell.trust /= 1 + cell.distance_squared / plane._SURE_M**2
-        if key in bodies:
+        if foot_around(key, feet) < math.inf:
             cell.trust *= plane._BESIDE
-        found[key] = cell
+        found[*key, False] = cell
+    for (bearing, ring), low in feet.items():
+        angle = (bearing + 0.5) * 2 * math.pi / plane._BEARINGS - math.pi
+        distance = plane.NEAREST_M + (ring + 0.5) * plane._STEP_M
+        foot = Cell((distance * math.cos(angle), distance * math.sin(angle), low), plane._FEET)
+        foot.trust /= 1 + foot.distance_squared / plane._SURE_M**2
+        found[bearing, ring, True] = foot
     return found
 
 
@@ -167,7 +199,7 @@ def band(sigma: float) -> float:
     return max(tracker._MIN_BAND_M, tracker._BAND_SIGMAS * sigma)
 
 
-def reweighted(cells: Cells, start: Plane) -> tuple[Plane, dict[tuple[int, int], float]]:
+def reweighted(cells: Cells, start: Plane) -> tuple[Plane, dict[Key, float]]:
     """Return the result of iteratively reweighted least squares with Tukey's weights."""
     fitted, weights = start, dict.fromkeys(cells, 0.0)
     for scale in plane._SCALES_M:

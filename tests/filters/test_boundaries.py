@@ -34,8 +34,8 @@ def cloud_sensitive_to_neighbors(size, neighbors):
 
 
 def test_codes_of_the_reasons():
-    names = ("KEPT", "INVALID", "NEAR", "LOW_INTENSITY", "OUTLIER", "FAR", "EXCLUDED", "UNCONFIRMED")
-    assert [(reason.name, reason.value) for reason in Reason] == list(zip(names, range(8), strict=True))
+    names = ("KEPT", "INVALID", "NEAR", "LOW_INTENSITY", "OUTLIER", "FAR", "EXCLUDED", "UNCONFIRMED", "MIRRORED")
+    assert [(reason.name, reason.value) for reason in Reason] == list(zip(names, range(9), strict=True))
 
 
 class TestParams:

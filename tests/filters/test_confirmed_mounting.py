@@ -47,7 +47,8 @@ def test_a_lidar_upside_down_gives_the_same_reasons():
 def test_a_tilted_lidar_sees_the_same_water_and_objects(roll, pitch):
     results = run(seen_by(LOG, roll, pitch), mounting_roll_deg=roll, mounting_pitch_deg=pitch)
     for result, expected in zip(results, run(LOG), strict=True):
-        assert result.water.level_m == pytest.approx(expected.water.level_m, abs=0.01)
+        # Rounding moves echoes across borders of cells, where bodies stand.
+        assert result.water.level_m == pytest.approx(expected.water.level_m, abs=0.025)
         assert result.water.roll_deg == pytest.approx(expected.water.roll_deg, abs=0.1)
         assert result.water.pitch_deg == pytest.approx(expected.water.pitch_deg, abs=0.1)
     # Rounding moves points across cells, and other beams leave other gaps.

@@ -81,6 +81,12 @@ def test_mirrored_echoes_are_no_candidates():
         assert result.water.level_m == pytest.approx(-MAST_M, abs=0.15)
         assert not result.keep[400:][z < -MAST_M - 0.6].any()
         assert result.keep[400:][z > -MAST_M + 0.5].mean() > 0.95
+        assert (result.reason[400:][z < -MAST_M - 0.6] == Reason.MIRRORED).all()
+
+
+def test_echoes_below_open_water_are_not_called_mirrored():
+    for result in run(log_with(lambda rng, _: in_box(rng, 20, (20, 0, -1.5 - MAST_M), (6, 6, 1)))):
+        assert not result.counts[[Reason.MIRRORED, Reason.KEPT]].any()
 
 
 @pytest.mark.parametrize("rate_deg_s", [20.0, -20.0])

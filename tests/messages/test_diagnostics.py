@@ -22,7 +22,7 @@ NUMBERS = {
     "far": 5,
     "excluded": 6,
 }
-WATER_NUMBERS = {**NUMBERS, "unconfirmed": 7, "points_in": 35}
+WATER_NUMBERS = {**NUMBERS, "unconfirmed": 7, "mirrored": 8, "points_in": 43}
 MEASURES = {"water_level_m": -2.5, "roll_deg": 0.25, "pitch_deg": -1 / 3, "significant_wave_height_m": 0.5}
 ARRAYS = {
     "thresholds": [30.0, 16.1],
@@ -33,9 +33,9 @@ ARRAYS = {
 }
 
 
-def result_of(stamp_ns, *, rings=True, log_time_ns=5, topic="/points", scene=None, water=None, unconfirmed=0):
-    """Return a result with 7 kept points and 1, 2, … 6 points removed for each reason but the last."""
-    reason = np.repeat(np.arange(8), [7, 1, 2, 3, 4, 5, 6, unconfirmed]).astype(np.uint8)
+def result_of(stamp_ns, *, rings=True, log_time_ns=5, topic="/points", scene=None, water=None, of_water=(0, 0)):
+    """Return a result with 7 kept points and 1, 2, … 6 points removed for each reason but the last two."""
+    reason = np.repeat(np.arange(9), [7, 1, 2, 3, 4, 5, 6, *of_water]).astype(np.uint8)
     cloud = from_array(np.zeros(len(reason), [("x", "f4")]), stamp_ns=stamp_ns)
     frame = Frame.of_message(Message(Channel(1, topic, "cdr", None), log_time_ns, 0, 0, b""), cloud, 12)
     values = (np.array(ARRAYS[name]) for name in ARRAYS)
@@ -131,7 +131,7 @@ def test_the_json_schema_describes_every_key(layout):
 
 def test_every_reason_has_a_count():
     assert {reason.name.lower() for reason in Reason if reason} < WATER_NUMBERS.keys()
-    assert WATER_NUMBERS.keys() - NUMBERS.keys() == {"unconfirmed"}, "no other method leaves points unconfirmed"
+    assert WATER_NUMBERS.keys() - NUMBERS.keys() == {"unconfirmed", "mirrored"}, "no other method estimates the water"
 
 
 @pytest.mark.parametrize("state", [WaterState(*MEASURES.values()), None], ids=["water", "no water"])
@@ -140,7 +140,7 @@ def test_messages_of_methods_that_estimate_the_water(cloud_encoding, encoding, n
     made, schema, serialise = diagnostics_format(cloud_encoding, WATER)
     expected_name = name.replace("Diagnostics", "WaterDiagnostics")
     assert (made, schema.name, schema.encoding) == (encoding, expected_name, schema_encoding)
-    result = result_of(3_000_000_004, unconfirmed=7, water=state)
+    result = result_of(3_000_000_004, of_water=(7, 8), water=state)
     data = serialise(Diagnostics.of(result, WATER).content)
     message = decode(encoding, schema, data, (*WATER_NUMBERS, *MEASURES))
     missing = None if encoding == "json" else pytest.approx(np.nan, nan_ok=True)
@@ -155,11 +155,11 @@ def test_messages_of_methods_that_estimate_the_water(cloud_encoding, encoding, n
 
 @pytest.mark.parametrize("encoding", ["cdr", "ros1", "json"])
 def test_both_layouts_are_read_back(encoding):
-    for layout, unconfirmed in ((PLAIN, 0), (WATER, 7)):
+    for layout, of_water in ((PLAIN, (0, 0)), (WATER, (7, 8))):
         _, schema, serialise = diagnostics_format(encoding, layout)
-        diagnostics = Diagnostics.of(result_of(1, unconfirmed=unconfirmed), layout)
+        diagnostics = Diagnostics.of(result_of(1, of_water=of_water), layout)
         found = read_diagnostics(serialise(diagnostics.content), encoding, schema.name)
-        assert found.counts.tolist() == [7, 1, 2, 3, 4, 5, 6, unconfirmed]
+        assert found.counts.tolist() == [7, 1, 2, 3, 4, 5, 6, *of_water]
         assert found.measures.keys() == (MEASURES.keys() if layout is WATER else set())
 
 

@@ -107,7 +107,7 @@ def test_level_and_wave_height_of_the_water():
     rows = [None, WaterState(-2.5, 0, 0, 0.3), WaterState(-2.4, 0, 0, 0.4), None, WaterState(-2.3, 0, 0, 0.5)]
     collected.histories[0] = History(4)
     for water in rows:
-        collected.histories[0].add(told(np.zeros(8), water=water), None)
+        collected.histories[0].add(told(np.zeros(9), water=water), None)
     assert FIGURES["water"].applies(collected)
     level, height = drawn("water", collected).axes
     unknown = float("nan")

@@ -19,10 +19,10 @@ def test_a_history_returns_the_values_added():
     rings = Rings(np.array([30.0, 16]), np.array([0.0, 5]), *np.zeros((3, 2), np.int64))
     water = WaterState(-2.5, 1.0, -2.0, 0.75)
     alarms = Alarms(targets=3, visible=2, detected=1, clusters=4, false_alarms=3)
-    history.add(told(np.arange(8), rings, water=water), FrameScore(21, 0, 4, 0, alarms, None))
+    history.add(told(np.arange(9), rings, water=water), FrameScore(21, 0, 4, 0, alarms, None))
     history.add(None, None)
-    history.add(told(np.arange(8)), FrameScore(21, 0, 5, 0, None, None))
-    assert history["counts"][0].tolist() == list(range(8))
+    history.add(told(np.arange(9)), FrameScore(21, 0, 5, 0, None, None))
+    assert history["counts"][0].tolist() == list(range(9))
     assert np.isnan(history["counts"][1]).all()
     assert history["thresholds"][0].tolist() == [30, 16]
     assert history["corrections"][0].tolist() == [0, 5]
@@ -36,7 +36,7 @@ def test_a_history_returns_the_values_added():
 def test_scenes_by_name():
     history = History(0)
     for scene in ("open", None, "confined", "open"):
-        history.add(told(np.arange(8), None, scene), None)
+        history.add(told(np.arange(9), None, scene), None)
     history.add(None, None)
     found = {name: frames.tolist() for name, frames in history.scenes.items()}
     assert found == {"confined": [0, 0, 1, 0, 0], "open": [1, 0, 0, 1, 0]}

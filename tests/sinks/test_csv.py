@@ -78,7 +78,7 @@ def test_every_method_fills_its_columns(tmp_path, method):
         assert None not in row, "not more values than columns"
         assert None not in row.values(), "not fewer values than columns"
         assert ("unconfirmed" in row) == ("water_level_m" in row) == (method == "confirmed")
-        removed = [int(row.get(name, 0)) for name in (*REASONS, "unconfirmed")]
+        removed = [int(row.get(name, 0)) for name in (*REASONS, "unconfirmed", "mirrored")]
         assert sum(removed) + int(row["points_out"]) == int(row["points_in"]) == 60
 
 
@@ -108,13 +108,13 @@ def test_unconfirmed_points_and_the_water_are_the_last_columns(tmp_path):
     with table(tmp_path / "frames.csv", 0, water=True) as sink:
         sink.begin(FakeSource(()), [])
         sink.write(result_of(0, water=WaterState(-2.51234, 0.5, -1.0, 1 / 3)))
-        sink.write(replace(result_of(1), reason=np.array([0, 0, 1, 7, 7, 5, 6], np.uint8)))
+        sink.write(replace(result_of(1), reason=np.array([0, 0, 1, 7, 8, 5, 6], np.uint8)))
         sink.end()
     lines = (tmp_path / "frames.csv").read_text().splitlines()
-    assert lines[0] == f"{COLUMNS[0]},unconfirmed,water_level_m,roll_deg,pitch_deg,significant_wave_height_m"
+    assert lines[0] == f"{COLUMNS[0]},unconfirmed,mirrored,water_level_m,roll_deg,pitch_deg,significant_wave_height_m"
     assert lines[1:] == [
-        "log,/points,0,5,7,1,0,2,0,1,1,2,0,-2.5123,0.5,-1.0,0.3333",
-        "log,/points,1,5,7,1,0,0,0,1,1,2,2,,,,",
+        "log,/points,0,5,7,1,0,2,0,1,1,2,0,0,-2.5123,0.5,-1.0,0.3333",
+        "log,/points,1,5,7,1,0,0,0,1,1,2,1,1,,,,",
     ]
 
 

@@ -72,9 +72,9 @@ class Heights:
         Height of the face that a point belongs to.
     linked, loose : ndarray, float64
         Numbers of neighbours that stand out, too, and lie on one surface with a point, or do not.
-    high, bright, low, upright, grows : ndarray, bool
+    high, bright, low, upright, grows, mirrored : ndarray, bool
         Whether a point stands out; is near the water and reaches its threshold; does not reach it; belongs to a face
-        that water does not have; may return to a confirmed object.
+        that water does not have; may return to a confirmed object; is below the water under a body.
     brightness : ndarray, float64
         Intensity divided by the threshold; 0 without thresholds.
     unseen : ndarray, float64
@@ -94,6 +94,7 @@ class Heights:
     low: Mask
     upright: Mask
     grows: Mask
+    mirrored: Mask
     brightness: Floats
     unseen: Floats
     sigma_m: float
@@ -121,6 +122,9 @@ def measure(
     linked, loose = faces.neighbors(height > rise)
     solid = ~_in_volume(linked, loose, water)
     upright = faces.stands(level, sigma) & (height >= -mirrored_below_m(deviation)) & solid
+    high = (height > rise) & solid
+    bodies = high | upright
+    mirrored = np.zeros_like(bodies) if water is None else water.mirrored(height, deviation, bodies)
     return Heights(
         height,
         rise,
@@ -128,11 +132,12 @@ def measure(
         faces.above_m(level),
         linked,
         loose,
-        (height > rise) & solid,
+        high,
         reached & (np.abs(height) <= rise),
         ~reached,
         upright,
         (height > np.maximum(params.growth_height_m, _GROWTH_SIGMAS * deviation)) | upright,
+        mirrored,
         brightness,
         np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1),
         sigma,
