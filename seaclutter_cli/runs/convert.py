@@ -13,7 +13,7 @@ from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reading import read
 from seaclutter_cli.records import Channel
 from seaclutter_cli.runs.batch import input_bytes
-from seaclutter_cli.runs.log_work import LogOutcome, LogSummary, LogWork, log_run
+from seaclutter_cli.runs.log_work import LogOutcome, LogRun, LogSummary, LogWork
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ConvertOptions
 from seaclutter_cli.runs.resume import RunIdentity, identity_of
@@ -43,7 +43,7 @@ def convert_log(options: ConvertOptions) -> "ConvertSummary":
     (60, ['sequence numbers'])
     """
     started, observer = perf_counter(), options.watching
-    run = log_run(options, observer, ConvertWork)
+    run = LogRun(options, observer, ConvertWork)
     outcomes = run.do(run.begin(observer), observer)
     run.list_outputs(outcomes)
     return ConvertSummary(outcomes, perf_counter() - started)

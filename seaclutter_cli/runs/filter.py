@@ -26,7 +26,6 @@ from seaclutter_cli.runs.log_work import (
     LogRun,
     LogSummary,
     LogWork,
-    log_run,
 )
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
@@ -92,7 +91,7 @@ def filter_run(options: FilterOptions, observer: Observer, *, ahead: bool = True
     """
     if options.labels and not options.with_scene:
         raise UsageError("--labels: only used for the boxes of --with-scene; add that option or leave out --labels")
-    return log_run(options, observer, partial(FilterWork, config=configured(options)), ahead=ahead)
+    return LogRun(options, observer, partial(FilterWork, config=configured(options)), ahead=ahead)
 
 
 @dataclass(kw_only=True)

@@ -200,28 +200,25 @@ class LogWork(RecordingWork[L], Generic[L, O]):
 W = TypeVar("W", bound=LogWork[Any, Any])
 
 
-@dataclass(frozen=True)
 class LogRun(Generic[W]):
-    """Work on each recording of a run, and the files that the run reads, by option."""
+    """Work on each recording of a run, as a function makes it, and the files that the run reads and writes, by option.
 
-    options: WritingLogs
-    works: list[W]
-    inputs: Paths
+    Recordings in object storage are fetched ahead, if ``ahead``. Raise `SeaclutterError` if there are no recordings, or
+    options do not fit them.
+    """
 
-    @property
-    def root(self) -> Root:
-        """Folder of the outputs, or the only one."""
-        return Root(Path(self.options.output), OUTPUT_FORMATS[self.works[0].form].marker)
-
-    @property
-    def is_alone(self) -> bool:
-        """Whether there is only one recording, and it is processed in this process."""
-        return self.options.batch.runs_here(len(self.works))
-
-    @property
-    def others(self) -> Paths:
-        """Outputs beside the logs."""
-        return {"--csv": getattr(self.options, "csv_file", None), "--manifest": self.options.batch.manifest}
+    def __init__(self, options: WritingLogs, observer: Observer, make: Callable[..., W], *, ahead: bool = True) -> None:
+        recordings = expand(options.logs, options.reading, observer, ahead=ahead)
+        form, targets = plan_outputs(recordings, options.output, options.to)
+        check_options(form, options.written, with_scene=getattr(options, "with_scene", False))
+        each = zip(recordings, assign_labels(options, recordings), targets, strict=True)
+        self.options = options
+        self.works = [make(options.reading, *pair, options, target, form) for *pair, target in each]
+        configs = [work.config for work in self.works[:1] if hasattr(work, "config")]
+        self.inputs = inputs_of(recordings, options.reading, getattr(options, "config", None), configs)
+        self.root = Root(Path(options.output), OUTPUT_FORMATS[form].marker)
+        self.others: Paths = {"--csv": getattr(options, "csv_file", None), "--manifest": options.batch.manifest}
+        self.is_alone = options.batch.runs_here(len(recordings))
 
     def prepare(self, observer: Observer, *, dry: bool = False) -> None:
         """Check the names of the outputs, and prepare their folders, unless ``dry``; see `prepare_outputs`."""
@@ -262,21 +259,6 @@ class LogRun(Generic[W]):
             outcome.bytes_out = size
         recordings = [work.recording for work in self.works]
         write_manifest(self.options.batch.manifest, recordings, outcomes, replace=self.works[0].replaces)
-
-
-def log_run(options: WritingLogs, observer: Observer, make: Callable[..., W], *, ahead: bool = True) -> LogRun[W]:
-    """Return the work on each recording, as a function makes it, without checks of the output files.
-
-    Recordings in object storage are fetched ahead, if ``ahead``. Raise `SeaclutterError` if there are no recordings, or
-    options do not fit them.
-    """
-    recordings = expand(options.logs, options.reading, observer, ahead=ahead)
-    form, targets = plan_outputs(recordings, options.output, options.to)
-    check_options(form, options.written, with_scene=getattr(options, "with_scene", False))
-    each = zip(recordings, targets, assign_labels(options, recordings), strict=True)
-    works = [make(options.reading, recording, labels, options, target, form) for recording, target, labels in each]
-    configs = [work.config for work in works[:1] if hasattr(work, "config")]
-    return LogRun(options, works, inputs_of(recordings, options.reading, getattr(options, "config", None), configs))
 
 
 def check_names(outputs: Iterable[Path], to: str | None) -> None:

@@ -17,7 +17,7 @@ from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
 from seaclutter_cli.runs.convert import ConvertWork
 from seaclutter_cli.runs.filter import filter_run
 from seaclutter_cli.runs.info import excerpt_of
-from seaclutter_cli.runs.log_work import LogRun, LogWork, W, log_run
+from seaclutter_cli.runs.log_work import LogRun, LogWork, W
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import ConvertOptions, FilterOptions
@@ -68,7 +68,7 @@ def plan_convert(options: ConvertOptions) -> "RunPlan":
     >>> [(one.recording, one.status, one.frames) for one in plan.outcomes]
     [('sea', 'do', 60)]
     """
-    return _plan(log_run(options, options.observer, ConvertWork, ahead=False), options.observer)
+    return _plan(LogRun(options, options.observer, ConvertWork, ahead=False), options.observer)
 
 
 def _plan(run: LogRun[W], observer: Observer) -> "RunPlan":
