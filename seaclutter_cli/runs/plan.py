@@ -3,15 +3,14 @@
 import os
 import shutil
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from seaclutter_cli.buckets import mirror_of, on_paths
 from seaclutter_cli.errors import SeaclutterError
-from seaclutter_cli.interfaces import Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
 from seaclutter_cli.runs.convert import ConvertWork
@@ -19,7 +18,6 @@ from seaclutter_cli.runs.filter import filter_run
 from seaclutter_cli.runs.info import excerpt_of
 from seaclutter_cli.runs.log_work import LogRun, LogWork, W
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import ConvertOptions, FilterOptions
 from seaclutter_cli.runs.outputs import Root, prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expected_frames, open_recording
@@ -119,25 +117,15 @@ class _PlanWork(Work["Planned"]):
             root = Root(self.work.output, OUTPUT_FORMATS[self.work.form].marker)
             prepare_outputs({"-o": self.work.output}, {}, force=options.force, root=root, dry=True)
             planned.reason = "replaces the output"
-        with _opened(self.recording, options.reading) as source:
-            if source is None:
-                return
+        part = excerpt_of(self.recording)
+        if part is None and mirror_of(self.recording.paths[0]):
+            return  # it would have to be copied
+        with closing(open_recording(self.recording, options.reading)) as source:
+            if part is not None:
+                source.counts.update(part.messages)
             clouds = self.work.clouds(source)
             planned.frames = expected_frames(source, clouds, options.reading.selection)
             planned.damage = list(source.damage)
-
-
-@contextmanager
-def _opened(recording: Recording, reading: ReadOptions) -> Iterator[Source | None]:
-    """Open a recording, or the beginning of one in object storage; yield None if it would have to be copied."""
-    part = excerpt_of(recording)
-    if part is None and mirror_of(recording.paths[0]):
-        yield None
-        return
-    with closing(open_recording(recording, reading)) as source:
-        if part is not None:
-            source.counts.update(part.messages)
-        yield source
 
 
 @dataclass(kw_only=True)
@@ -160,6 +148,11 @@ class Planned(Outcome):
         return "refuse" if self.error else "skip" if self.skipped else "do"
 
     @property
+    def why(self) -> str | None:
+        """Why the recording would be refused, skipped or done again; None without a reason."""
+        return self.error or self.reason or None
+
+    @property
     def explanation(self) -> str:
         """Why the recording would be refused, skipped or done again, and its output otherwise."""
         damaged = f"; {count(len(self.damage), 'damaged part')}" if self.damage else ""
@@ -169,11 +162,6 @@ class Planned(Outcome):
     def line(self) -> str:
         """Return nothing: the result lists all recordings."""
         return ""
-
-    @property
-    def why(self) -> str | None:
-        """Why the recording would be refused, skipped or done again; None without a reason."""
-        return self.error or self.reason or None
 
 
 @dataclass(frozen=True)
