@@ -298,10 +298,15 @@ class Options:
             value.name, value.annotation = name, inspect.get_annotations(cls)[name]
             value.kind = value.kind or _kind_of(value.annotation, remote=cls.writes_objects)
             setattr(cls, name, field(default=value.default, kw_only=value.kw_only, metadata={Option: value}))
-        dataclasses.dataclass(frozen=True)(cls)
+        dataclasses.dataclass(frozen=True, repr=False)(cls)
         for name, value in own.items():
             setattr(cls, name, value)
-        cls.__doc__ = documented(cls.__doc__, cls)
+        if "Examples" in (cls.__doc__ or ""):  # of the public API
+            cls.__doc__ = documented(cls.__doc__, cls)
+
+    def __repr__(self) -> str:
+        """Return the options as dataclasses do, which would take time for each class."""
+        return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in vars(self).items())})"
 
 
 def declared(kind: type[Any]) -> dict[str, Option]:
@@ -340,9 +345,10 @@ RAISES = "Raises\n------\nSeaclutterError\n    If a log or an option cannot be u
 def documented(text: str | None, kind: Any, raises: str = "") -> str:
     """Return a docstring with the options of a class as its section of parameters, and one of errors, unless it has."""
     lines = ["Parameters", "----------"]
+    names = {flag: f"``{name}``" for name, one in _all_declared(kind) for flag in one.flags}
     for name, one in declared(kind).items():
         optional = "" if one.default is MISSING else ", optional"
-        lines += [f"{name} : {_in_words(one)}{optional}", f"    {_in_python(one.help, kind)}"]
+        lines += [f"{name} : {_in_words(one)}{optional}", f"    {_in_python(one.help, names)}"]
     return with_sections(text, lines, raises)
 
 
@@ -379,9 +385,8 @@ _WORDS = {
 }
 
 
-def _in_python(text: str, kind: type[Any]) -> str:
+def _in_python(text: str, names: Mapping[str, str]) -> str:
     """Return the help of an option with names of parameters in place of flags."""
-    names = {flag: f"``{name}``" for name, one in _all_declared(kind) for flag in one.flags}
     text = re.sub(r" *\[default: [^]]*\]|(?:;|,) repeatable(?=\.)", "", text)
     return re.sub(r"(?<![\w-])--?[a-z][a-z-]*", lambda flag: names.get(flag[0], flag[0]), text)
 
