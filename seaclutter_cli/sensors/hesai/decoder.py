@@ -1,7 +1,7 @@
 """Decoder for Hesai sensors."""
 
+from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,15 +28,6 @@ _NAMES = [model.name for model in MODELS]
 _MAX_SLOTS = 4_000_000
 
 
-@dataclass
-class _Revolution:
-    """Points of an incomplete revolution."""
-
-    points: list[NDArray[np.void]] = field(default_factory=list)
-    slots: int = 0
-    end_ns: int = 0
-
-
 class HesaiDecoder:
     """Decoder for the packets of one Hesai sensor.
 
@@ -49,7 +40,8 @@ class HesaiDecoder:
         self.facts.details |= EXPERIMENTAL if model.is_experimental else {}
         self._model, self._scan = model, scan
         self._dtype = point_dtype(returns=returns)
-        self._revolutions: dict[int, _Revolution] = {}
+        self._revolutions: dict[int, list[tuple[NDArray[np.void], int, int]]] = defaultdict(list)
+        """Parts of incomplete revolutions: points, number of slots, and the time of the last one."""
         self._clock = SensorClock(self.facts)
         self._numbered, self._timed = LossCounter(wrap=1 << 32), LossCounter()
 
@@ -78,14 +70,13 @@ class HesaiDecoder:
         for number in sorted(self._revolutions):
             if number < self._scan.done:
                 yield self._frame(number)
-            elif self._revolutions[number].slots > _MAX_SLOTS:
+            elif sum(slots for _, slots, _ in self._revolutions[number]) > _MAX_SLOTS:
                 self._scan.skip()
                 yield self._frame(number)
 
     def _frame(self, number: int) -> PacketFrame:
-        revolution = self._revolutions.pop(number)
-        points = np.concatenate(revolution.points)
-        return PacketFrame(points, revolution.end_ns, partial=self._scan.is_partial(number))
+        points, _, ends_ns = zip(*self._revolutions.pop(number), strict=True)
+        return PacketFrame(np.concatenate(points), max(0, *ends_ns), partial=self._scan.is_partial(number))
 
     def _decode(self, data: NDArray[np.void], times_ns: NDArray[np.int64]) -> None:
         """Assign the points of packets with one return mode, shape (P,), to their revolutions."""
@@ -100,10 +91,8 @@ class HesaiDecoder:
         points, slots = self._points(data, positions, point_ns)
         for number in np.unique(numbers):
             member = numbers == number
-            part = self._revolutions.setdefault(int(number), _Revolution())
-            part.points.append(points[member.ravel()[slots]])
-            part.slots += int(np.count_nonzero(member))
-            part.end_ns = max(part.end_ns, int(point_ns[member].max()))
+            part = points[member.ravel()[slots]], int(np.count_nonzero(member)), int(point_ns[member].max())
+            self._revolutions[int(number)].append(part)
 
     def _returns(self, data: NDArray[np.void]) -> int:
         """Return the number of returns per firing, and record the return mode."""
