@@ -16,7 +16,7 @@ from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.messages.scene import SceneBox
 from seaclutter_cli.reporting import palette
-from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
+from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
 from seaclutter_cli.reporting.sample import boxes_of
 
 Mask = NDArray[np.bool_]

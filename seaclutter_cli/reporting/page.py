@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from seaclutter_cli import __version__
 from seaclutter_cli.frame import WATER_COLUMNS, Reason, WaterState
 from seaclutter_cli.reporting import palette
-from seaclutter_cli.reporting.collector import Chosen, Collector, Method
-from seaclutter_cli.reporting.history import History, bin_starts, binned, density_of
+from seaclutter_cli.reporting.collector import Chosen, Collector, History, Method, bin_starts, binned, density_of
 from seaclutter_cli.reporting.palette import INK
 from seaclutter_cli.reporting.sample import Sample
 

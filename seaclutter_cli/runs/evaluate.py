@@ -19,7 +19,7 @@ from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import run_each
-from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
+from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.methods import Variant, variants

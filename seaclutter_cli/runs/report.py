@@ -16,8 +16,7 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.figure import check_target
 from seaclutter_cli.plots.report import FIGURES, draw_figures
-from seaclutter_cli.reporting.collector import Collector, Method
-from seaclutter_cli.reporting.history import FrameListener
+from seaclutter_cli.reporting.collector import Collector, FrameListener, Method
 from seaclutter_cli.reporting.page import render_page, report_data
 from seaclutter_cli.reporting.replay import filtered_topics, recorded_config, replay
 from seaclutter_cli.runs.batch import prepared

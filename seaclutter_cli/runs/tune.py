@@ -16,7 +16,7 @@ from seaclutter_cli.evaluation.tuning import Parts, best, ideal_threshold
 from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.curves import draw_rates, draw_thresholds
 from seaclutter_cli.plots.figure import check_target, render
-from seaclutter_cli.reporting.history import FrameListener, ScoredFrame
+from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
 from seaclutter_cli.runs.batch import prepared, run_all
 from seaclutter_cli.runs.evaluate import FRAME_ERRORS, FRAMES, Evaluated, EvaluateWork, score_cells, score_legend
 from seaclutter_cli.runs.methods import Sweep, Variant, grid, shown

@@ -15,8 +15,7 @@ from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.frame import Reason, WaterState
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.reporting import palette
-from seaclutter_cli.reporting.collector import Collector, Method
-from seaclutter_cli.reporting.history import History, ScoredFrame
+from seaclutter_cli.reporting.collector import Collector, History, Method, ScoredFrame
 from seaclutter_cli.truth import Truth
 from tests.evaluation.scenes import boxes, frame_of, lump, told
 from tests.reporting.colors import difference

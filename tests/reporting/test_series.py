@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from seaclutter_cli.evaluation.matching import Alarms
 from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.frame import Rings, WaterState
-from seaclutter_cli.reporting.history import MAX_BINS, History, bin_starts, binned, density_of
+from seaclutter_cli.reporting.collector import MAX_BINS, History, bin_starts, binned, density_of
 from seaclutter_cli.reporting.sample import take_sample
 from tests.evaluation.scenes import frame_of, lump, result_of, told
 from tests.reporting.test_sample import PARAMS

@@ -66,11 +66,6 @@ class Shots:
         chosen = order[start:end] if first <= last else np.concatenate((order[start:], order[:end]))
         return np.sort(chosen)
 
-    def towards(self, azimuth: float, half: float) -> NDArray[np.int64]:
-        """Return the shots within an angle of an azimuth, both in radians."""
-        off = np.abs((self.azimuths - azimuth + np.pi) % (2 * np.pi) - np.pi)
-        return np.flatnonzero(off <= half)
-
 
 @dataclass
 class Echoes:

@@ -161,7 +161,8 @@ def add_droplet_echoes(
     offset = pose.position[:2] - shots.origins[0, :2]
     range_m, reach = float(np.hypot(*offset)), float(np.abs(corners).max()) + 1
     half = np.pi if range_m <= reach else float(np.arcsin(reach / range_m))
-    near = shots.towards(float(np.arctan2(offset[1], offset[0])), half)
+    ahead = float(np.arctan2(offset[1], offset[0]))
+    near = shots.between(ahead - half, ahead + half)
     origins = (shots.origins[near] - pose.position) @ pose.rotation
     begin, end = intersect_box(origins, shots.directions[near] @ pose.rotation, *corners)
     path = np.clip(end - begin, 0.0, None)
