@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.simulation.layouts import water
+from seaclutter_cli.simulation.layouts import generators
+from seaclutter_cli.simulation.layouts.generators import APPLE, POPLAR, WILLOW, plantation
 from seaclutter_cli.simulation.layouts.plan import Plan
-from seaclutter_cli.simulation.layouts.plantations import APPLE, POPLAR, WILLOW, plantation
 from seaclutter_cli.simulation.layouts.rule import scene_class
 from seaclutter_cli.simulation.layouts.worlds import draw_world, with_wide_physics
 from seaclutter_cli.simulation.marine.scene import Scene, builtin_scenes, load_scene
@@ -40,18 +40,18 @@ class Layout:
 
 
 LAYOUTS: Mapping[str, Layout] = {
-    "open_sea": Layout("open", water.open_sea),
-    "anchorage": Layout("open", water.anchorage),
-    "fairway": Layout("open", water.fairway),
-    "regatta": Layout("open", water.regatta),
-    "coast": Layout("open", water.coast),
-    "rough_sea": Layout("open", water.rough_sea),
-    "pile_field": Layout("open", water.pile_field),
-    "harbour_basin": Layout("confined", water.harbour_basin),
-    "moored_boats": Layout("confined", water.moored_rows),
-    "channel": Layout("confined", water.narrow_channel),
-    "lock_chamber": Layout("confined", water.lock),
-    "river": Layout("confined", water.river),
+    "open_sea": Layout("open", generators.open_sea),
+    "anchorage": Layout("open", generators.anchorage),
+    "fairway": Layout("open", generators.fairway),
+    "regatta": Layout("open", generators.regatta),
+    "coast": Layout("open", generators.coast),
+    "rough_sea": Layout("open", generators.rough_sea),
+    "pile_field": Layout("open", generators.pile_field),
+    "harbour_basin": Layout("confined", generators.harbour_basin),
+    "moored_boats": Layout("confined", generators.moored_rows),
+    "channel": Layout("confined", generators.narrow_channel),
+    "lock_chamber": Layout("confined", generators.lock),
+    "river": Layout("confined", generators.river),
     "apple_rows": Layout("dense", partial(plantation, APPLE)),
     "poplar_grove": Layout("sparse", partial(plantation, POPLAR)),
     "willow_grove": Layout("sparse", partial(plantation, WILLOW)),

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.simulation.layouts.plan import Plan, Position
-from seaclutter_cli.simulation.layouts.water import (
+from seaclutter_cli.simulation.layouts.generators import (
     anchorage,
     fairway,
     harbour_basin,
@@ -18,6 +17,7 @@ from seaclutter_cli.simulation.layouts.water import (
     pile_field,
     river,
 )
+from seaclutter_cli.simulation.layouts.plan import Plan, Position
 from seaclutter_cli.simulation.lidar.models import LIDARS, NoiseParams
 from seaclutter_cli.simulation.marine.physics import PhysicsParams
 from seaclutter_cli.simulation.marine.scene import Scene, SceneObjectParams, VesselParams

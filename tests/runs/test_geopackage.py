@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from seaclutter_cli.sinks.geopackage import Layer, geopackage
+from seaclutter_cli.runs.classify.maps import Layer, geopackage
 
 pytest.importorskip("fudgeo")
 pyogrio = pytest.importorskip("pyogrio")
