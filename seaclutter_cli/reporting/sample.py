@@ -8,14 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.matching import (
-    FrameTargets,
-    Matches,
-    finder_of,
-    match_clusters,
-    point_truth,
-    targets_of,
-)
+from seaclutter_cli.evaluation.matching import FrameTargets, Matches, finder_of, match_clusters, point_truth, targets_of
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
 from seaclutter_cli.interfaces import Labels
 from seaclutter_cli.messages.scene import SceneBox, SceneUpdate

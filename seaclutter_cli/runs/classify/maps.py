@@ -11,12 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.map import IS_LAND, IS_OBJECT, map_of, shoreline_of, total_length_m
-from seaclutter_cli.airborne.objects import (
-    FoundObject,
-    ObjectFindingParams,
-    geodata_fields,
-    unclassified_objects,
-)
+from seaclutter_cli.airborne.objects import FoundObject, ObjectFindingParams, geodata_fields, unclassified_objects
 from seaclutter_cli.airborne.separation import SeaState, Separation
 from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.plots.figure import check_target, render

@@ -129,13 +129,7 @@ def warn_of_doubts(tile: LasTile | CloudTile, found: Separation, observer: Obser
 
 
 def plan_tiles(
-    tiles: Sequence[TileHead],
-    output: PathLike,
-    other_outputs: Paths,
-    inputs: Paths,
-    *,
-    force: bool,
-    observer: Observer,
+    tiles: Sequence[TileHead], output: PathLike, other_outputs: Paths, inputs: Paths, *, force: bool, observer: Observer
 ) -> list[Path]:
     """Return the output file of each tile: ``output`` itself for one, files named after the tiles in it for several.
 

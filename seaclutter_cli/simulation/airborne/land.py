@@ -129,10 +129,7 @@ LANDS: Mapping[str, LandKind] = {
         Relief(0.3, relief_m=0.06, trees=0.02, houses=0.04, reflectivity=0.4),
     ),
     "island": LandKind(
-        "a beach on all sides of an ellipse",
-        _beach,
-        Relief(2.5, slope=0.08, ragged_m=6, trees=0.1),
-        is_round=True,
+        "a beach on all sides of an ellipse", _beach, Relief(2.5, slope=0.08, ragged_m=6, trees=0.1), is_round=True
     ),
     "basin": LandKind(
         "water with a level of its own behind a wall: a dock, a lock chamber, a lagoon",

@@ -11,14 +11,7 @@ from uuid import UUID
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.simulation.airborne.coast import (
-    VEGETATION,
-    Coast,
-    TileWater,
-    leaves,
-    make_coast,
-    water,
-)
+from seaclutter_cli.simulation.airborne.coast import VEGETATION, Coast, TileWater, leaves, make_coast, water
 from seaclutter_cli.simulation.airborne.scene import AirborneParams, TileObject, TileScene, WaterParams
 from seaclutter_cli.simulation.airborne.shapes import KINDS, STEP_M, Patch
 from seaclutter_cli.sinks.atomic import OutputGroup

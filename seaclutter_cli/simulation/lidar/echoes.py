@@ -93,11 +93,7 @@ class Echoes:
         self.label[chosen] = label
 
     def add_stronger(
-        self,
-        shots: NDArray[np.int64],
-        hits: tuple[Floats, Floats],
-        label: int,
-        loss: Callable[[Floats], Floats],
+        self, shots: NDArray[np.int64], hits: tuple[Floats, Floats], label: int, loss: Callable[[Floats], Floats]
     ) -> None:
         """Update the shots whose new hits are received more strongly than their previous ones, however near these.
 

@@ -134,12 +134,7 @@ _RS32_ELEVATIONS = (
 # The lasers are in four columns with different azimuths. The manual gives the value of channel 10; the others follow
 # the pattern of the columns. Individual sensors differ from the design by fractions of a degree.
 _RS32_OFFSETS = (-8.0, -2.672, 2.672, 8.0) * 8
-_RS32_FIRING = (
-    *(2.88 * c for c in range(15)),
-    44.64,
-    *(1.44 + 2.88 * c for c in range(15)),
-    46.08,
-)
+_RS32_FIRING = (*(2.88 * c for c in range(15)), 44.64, *(1.44 + 2.88 * c for c in range(15)), 46.08)
 _VLP16_ELEVATIONS = (-15.0, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1, 15)
 _RS16_ELEVATIONS = (-15.0, -13, -11, -9, -7, -5, -3, -1, 15, 13, 11, 9, 7, 5, 3, 1)
 _VLP32_ELEVATIONS = (

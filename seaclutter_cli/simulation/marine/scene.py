@@ -167,11 +167,7 @@ def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
     chosen = [name for name in TERRAINS if name in raw] or [next(iter(TERRAINS))]
     if len(chosen) > 1:
         problems.append(f"{' and '.join(chosen)}: a scene can have only one of these sections")
-    kinds: dict[str, type[Any]] = {
-        "recording": RecordingParams,
-        chosen[0]: TERRAINS[chosen[0]],
-        "vessel": VesselParams,
-    }
+    kinds: dict[str, type[Any]] = {"recording": RecordingParams, chosen[0]: TERRAINS[chosen[0]], "vessel": VesselParams}
     kinds |= {name: kind for name, kind in _OPTIONAL.items() if name in raw}
     if "physics" in raw and TERRAINS[chosen[0]] is not SeaParams:
         problems.append("physics: only a sea can have this section")

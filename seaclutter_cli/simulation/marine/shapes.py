@@ -144,10 +144,7 @@ def _bank() -> Triangles:
     profile = [(-0.5, -0.2), (0.1, 1.0), (0.5, 1.0), (0.5, -0.2)]
     ends = [np.array([(x, y, z) for y, z in profile]) for x in (-0.5, 0.5)]
     after = np.roll(np.arange(4), -1)
-    sides = [
-        np.stack((ends[0], ends[0][after], ends[1]), 1),
-        np.stack((ends[0][after], ends[1][after], ends[1]), 1),
-    ]
+    sides = [np.stack((ends[0], ends[0][after], ends[1]), 1), np.stack((ends[0][after], ends[1][after], ends[1]), 1)]
     caps = [end[[[0, 1, 2], [0, 2, 3]]] for end in ends]
     return np.concatenate((*sides, *caps))
 

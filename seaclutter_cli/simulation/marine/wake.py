@@ -146,12 +146,7 @@ class Wake:
 
 
 def add_droplet_echoes(
-    shots: Shots,
-    echoes: Echoes,
-    pose: Pose,
-    corners: Floats,
-    droplets: tuple[float, float],
-    rng: np.random.Generator,
+    shots: Shots, echoes: Echoes, pose: Pose, corners: Floats, droplets: tuple[float, float], rng: np.random.Generator
 ) -> None:
     """Add the echoes of a box of droplets, from its lower to its upper corner in the frame of the pose.
 
