@@ -58,6 +58,7 @@ class Mirror:
         self._remove = weakref.finalize(self, _remove, self.path)
         self._objects: dict[Path, StoredObject] = {}
         self._known_below: set[Path] = set()
+        self._listed: set[Path] = set()
         self._complete: set[Path] = set()
         self._after: dict[tuple[Path, ...], Sequence[Path]] = {}
         self._next: Download | None = None
@@ -139,6 +140,7 @@ class Mirror:
         """Let a folder contain what there is directly in it."""
         url = self.url(folder)
         objects, folders = list_folder(url)
+        self._listed.add(folder)
         if objects or folders or not url.key:
             folder.mkdir(parents=True, exist_ok=True)
         self._add(objects)
@@ -147,7 +149,7 @@ class Mirror:
 
     def look_beside(self, path: Path) -> None:
         """Let what is beside a file be there, too."""
-        if path not in self._objects:
+        if path.parent not in self._listed and self._known_below.isdisjoint(path.parents):
             self.list_folder(path.parent)
 
     def know(self, path: Path) -> None:

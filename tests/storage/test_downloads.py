@@ -160,6 +160,15 @@ def test_a_mirror_shows_urls_for_paths(bucket, mirror):
         mirror.local(bucket / "day/\0")
 
 
+def test_what_is_beside_a_file_is_found_where_only_the_file_is_known(bucket, mirror):
+    """As in other processes."""
+    path = mirror.local(put(bucket / "trial.pcap", b"nothing"))
+    put(bucket / "trial.json", b"{}")
+    mirror.know(path)
+    mirror.look_beside(path)
+    assert path.with_suffix(".json").exists()
+
+
 def test_what_was_found_has_names_and_sizes_and_no_content(bucket, mirror):
     for name, data in (("day/a.mcap", DATA), ("day/f/1.csv", b"x,y,z\n"), ("day/f/2.csv", b"x,y,z\n")):
         put(bucket / name, data)
