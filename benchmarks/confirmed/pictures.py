@@ -12,7 +12,7 @@ from variants import PAPER, of_method
 
 from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.plots.figure import render
-from seaclutter_cli.simulation.layouts.rule import scene_class
+from seaclutter_cli.simulation.layouts import scene_class
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

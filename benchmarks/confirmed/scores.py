@@ -14,7 +14,7 @@ from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import FrameTargets, Matches, finder_of, match_clusters, targets_of
 from seaclutter_cli.evaluation.scores import Summary, score_frame
 from seaclutter_cli.frame import FilterResult, Reason
-from seaclutter_cli.simulation.layouts.rule import scene_class
+from seaclutter_cli.simulation.layouts import scene_class
 from seaclutter_cli.truth import CLUTTER
 
 RANGES_M = (0, 15, 30, 45, 60, np.inf)

@@ -34,11 +34,6 @@ def top_view(xyz: NDArray[np.float64], extent_m: float) -> NDArray[np.uint8]:
 
     This is the binary image of [Bi] (point cloud to image converter). It is computed in single precision, which may
     shift the edge of a cell by some micrometres.
-
-    Examples
-    --------
-    >>> np.argwhere(top_view(np.array([[50.0, 90], [0, 0], [1, 1]]), 60)).tolist()
-    [[18, 112]]
     """
     return mark_cells(xyz, extent_m, IMAGE_SIZE)
 

@@ -5,30 +5,31 @@ import time
 import numpy as np
 import pytest
 
-from seaclutter_cli.runs.classify.maps import Layer, geopackage
+from seaclutter_cli.runs.classify.maps import geopackage
 
 pytest.importorskip("fudgeo")
 pyogrio = pytest.importorskip("pyogrio")
 
 LINE, RING = [(4.1, 52.0), (4.2, 52.1), (4.3, 52.1)], [(4.1, 52.0), (4.2, 52.0), (4.2, 52.1), (4.1, 52.0)]
-LAYERS = [
-    Layer("shoreline", "LINESTRING", {"tile": str, "length_m": float}, [(LINE, ("a", 3.5)), (LINE[:2], ("ß", 1.0))]),
-    Layer("objects", "POLYGON", {"class": str, "points": int}, [(RING, ("ship", 30))]),
-]
+LAYERS = {
+    "shoreline": ({"tile": str, "length_m": float}, [(LINE, ("a", 3.5)), (LINE[:2], ("ß", 1.0))]),
+    "objects": ({"class": str, "points": int}, [(RING, ("ship", 30))]),
+}
 
 
 def test_gdal_reads_all_features(tmp_path):
     path = tmp_path / "x.gpkg"
     path.write_bytes(geopackage(LAYERS))
     assert pyogrio.list_layers(path).tolist() == [["shoreline", "LineString"], ["objects", "Polygon"]]
-    for layer, fields in ((LAYERS[0], [["a", "ß"], [3.5, 1.0]]), (LAYERS[1], [["ship"], [30]])):
-        info = pyogrio.read_info(path, layer=layer.name)
-        assert (info["crs"], info["features"]) == ("EPSG:4326", len(layer.features))
-        meta, _, shapes, values = pyogrio.raw.read(path, layer=layer.name)
-        assert meta["fields"].tolist() == list(layer.fields)
-        assert [column.tolist() for column in values] == fields
-        numbers = np.frombuffer(shapes[0], "<f8", offset=9 if layer.shape == "LINESTRING" else 13)
-        np.testing.assert_array_equal(numbers.reshape(-1, 2), layer.features[0][0])
+    for layer, expected in (("shoreline", [["a", "ß"], [3.5, 1.0]]), ("objects", [["ship"], [30]])):
+        fields, features = LAYERS[layer]
+        info = pyogrio.read_info(path, layer=layer)
+        assert (info["crs"], info["features"]) == ("EPSG:4326", len(features))
+        meta, _, shapes, values = pyogrio.raw.read(path, layer=layer)
+        assert meta["fields"].tolist() == list(fields)
+        assert [column.tolist() for column in values] == expected
+        numbers = np.frombuffer(shapes[0], "<f8", offset=9 if layer == "shoreline" else 13)
+        np.testing.assert_array_equal(numbers.reshape(-1, 2), features[0][0])
 
 
 def test_the_same_layers_give_the_same_bytes(monkeypatch):
@@ -39,5 +40,5 @@ def test_the_same_layers_give_the_same_bytes(monkeypatch):
 
 def test_no_features(tmp_path):
     path = tmp_path / "x.gpkg"
-    path.write_bytes(geopackage([Layer("shoreline", "LINESTRING", {"tile": str}, [])]))
+    path.write_bytes(geopackage({"shoreline": ({"tile": str}, [])}))
     assert pyogrio.read_info(path)["features"] == 0

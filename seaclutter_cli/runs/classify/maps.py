@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,18 +32,17 @@ Feature = tuple[Sequence[tuple[float, float]], Sequence[Any]]
 """Longitudes and latitudes of a line, or of the outline of a polygon, and its attributes."""
 
 
-@dataclass(frozen=True)
-class Layer:
-    """Layer of a GeoPackage: lines or polygons, and the type of each of their attributes: str, int or float."""
+Layer = tuple[Mapping[str, type], Sequence[Feature]]
+"""Layer of a GeoPackage: the type of each attribute, str, int or float, and its features."""
 
-    name: str
-    shape: Literal["LINESTRING", "POLYGON"]
-    fields: Mapping[str, type]
-    features: Sequence[Feature]
+_SHAPES = {"shoreline": "LINESTRING", "objects": "POLYGON"}
 
 
-def geopackage(layers: Sequence[Layer]) -> bytes:
-    """Return a GeoPackage, the same bytes for the same layers; `MissingExtraError` if fudgeo is not installed."""
+def geopackage(layers: Mapping[str, Layer]) -> bytes:
+    """Return a GeoPackage with some of the layers in `_SHAPES`, the same bytes for the same layers.
+
+    `MissingExtraError` if fudgeo is not installed.
+    """
     try:
         from fudgeo.geometry import LineString, Polygon
         from fudgeo.geopkg import Field, MemoryGeoPackage
@@ -52,16 +51,16 @@ def geopackage(layers: Sequence[Layer]) -> bytes:
     package = MemoryGeoPackage.create(flavor="EPSG")
     try:
         system = package.spatial_references[_WGS84]
-        for layer in layers:
-            fields = [Field(name, _TYPES[kind]) for name, kind in layer.fields.items()]
+        for layer, (types, features) in layers.items():
+            fields = [Field(name, _TYPES[kind]) for name, kind in types.items()]
             package.create_feature_class(
-                layer.name, system, shape_type=layer.shape, fields=fields, geom_name="geom", spatial_index=True
+                layer, system, shape_type=_SHAPES[layer], fields=fields, geom_name="geom", spatial_index=True
             )
-            make = LineString if layer.shape == "LINESTRING" else lambda ring, srs_id: Polygon([ring], srs_id=srs_id)
-            columns = ", ".join(f'"{name}"' for name in ("geom", *layer.fields))
-            marks = ", ".join("?" * (1 + len(layer.fields)))
-            rows = [(make(list(ring), srs_id=_WGS84), *values) for ring, values in layer.features]
-            package.connection.executemany(f'INSERT INTO "{layer.name}" ({columns}) VALUES ({marks})', rows)  # noqa: S608 - own names
+            make = LineString if layer == "shoreline" else lambda ring, srs_id: Polygon([ring], srs_id=srs_id)
+            columns = ", ".join(f'"{name}"' for name in ("geom", *types))
+            marks = ", ".join("?" * (1 + len(types)))
+            rows = [(make(list(ring), srs_id=_WGS84), *values) for ring, values in features]
+            package.connection.executemany(f'INSERT INTO "{layer}" ({columns}) VALUES ({marks})', rows)  # noqa: S608 - own names
         package.connection.execute("UPDATE gpkg_contents SET last_change = ?", (_NEVER_CHANGED,))
         package.connection.commit()
         return bytes(package.connection.serialize())
@@ -82,7 +81,7 @@ def check_maps(plot_file: Path | None, *, shoreline: bool, package: bool) -> Non
         except ImportError as error:
             raise MissingExtraError("the shoreline", "geo") from error
     if package:
-        geopackage([])
+        geopackage({})
 
 
 def pixel_of(tiles: Sequence[TileHead]) -> float:
@@ -227,14 +226,12 @@ def geopackage_of(tiles: Sequence[MappedTile], observer: Observer, *, classified
 
     ``classified`` is whether the objects have classes.
     """
-    layers: dict[str, list[Feature]] = {"shoreline": [], "objects": []}
+    layers: dict[str, tuple[dict[str, type], list[Feature]]] = {
+        "shoreline": ({"tile": str, "length_m": float}, []),
+        "objects": ({"tile": str, **geodata_fields(classified=classified)}, []),
+    }
     ways = _conversions(tiles, "left out of the GeoPackage, which is in WGS 84", observer)
     for tile, convert in zip(tiles, ways, strict=True):
         for layer, positions, values in _features(tile, convert) if convert else ():
-            layers[layer].append((positions.tolist(), (tile.name, *values.values())))
-    return geopackage(
-        [
-            Layer("shoreline", "LINESTRING", {"tile": str, "length_m": float}, layers["shoreline"]),
-            Layer("objects", "POLYGON", {"tile": str, **geodata_fields(classified=classified)}, layers["objects"]),
-        ]
-    )
+            layers[layer][1].append((positions.tolist(), (tile.name, *values.values())))
+    return geopackage(layers)

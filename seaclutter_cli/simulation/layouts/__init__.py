@@ -1,4 +1,4 @@
-"""Layouts: generators of random scenes, each of one scene class, for training and tests."""
+"""Layouts: generators of random scenes, each of one scene class, for training and tests; the rule of the classes."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -6,16 +6,125 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.layouts import generators
 from seaclutter_cli.simulation.layouts.generators import APPLE, POPLAR, WILLOW, plantation
 from seaclutter_cli.simulation.layouts.plan import Plan
-from seaclutter_cli.simulation.layouts.rule import scene_class
 from seaclutter_cli.simulation.layouts.worlds import draw_world, with_wide_physics
-from seaclutter_cli.simulation.marine.scene import Scene, builtin_scenes, load_scene
+from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.marine.motion import Pose
+from seaclutter_cli.simulation.marine.scene import Scene, SceneObjectParams, builtin_scenes, load_scene
 from seaclutter_cli.simulation.marine.sea import SeaParams
+from seaclutter_cli.simulation.marine.shapes import intersect_box
+from seaclutter_cli.simulation.marine.terrain import GroundParams
 from seaclutter_cli.text import suggestion
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+REACH_M = 60.0
+"""Range in metres up to which a facade closes a bearing."""
+
+_BEARINGS = 120
+_MIN_HEIGHT_M = 0.5
+_FACADE_BEARINGS = 10  # 30 degrees
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """Bearings around own ship at one moment, three degrees each, and which of them are closed, shape (120,).
+
+    A bearing is closed if an object at least half a metre high is within `REACH_M` and reaches above the lowest beam. A
+    single open bearing between two closed ones counts as closed, so a row of boats is one facade.
+    """
+
+    closed: Mask
+
+    @property
+    def share(self) -> float:
+        """Share of the bearings that are closed."""
+        return float(self.closed.mean())
+
+    @property
+    def longest_deg(self) -> float:
+        """Width of the widest facade in degrees."""
+        return float(_run_lengths(self.closed).max()) * 360 / _BEARINGS
+
+    @property
+    def scene_class(self) -> str | None:
+        """``confined``, ``open``, or None for neither.
+
+        Confined: at least half of the bearings are closed, by facades of at least 30° on two sides, at least 90° apart.
+        Open: at most 35 % are closed, and no facade is wider than 60°.
+        """
+        sides = np.flatnonzero(_run_lengths(self.closed) >= _FACADE_BEARINGS)
+        apart = np.abs(sides[:, None] - sides)
+        if self.share >= 0.5 and (np.minimum(apart, _BEARINGS - apart) >= _BEARINGS // 4).any():
+            return "confined"
+        return "open" if self.share <= 0.35 and self.longest_deg <= 60 else None
+
+
+def horizon(scene: Scene, time_s: float = 0.0) -> Horizon:
+    """Return the horizon around own ship at a time."""
+    x, y, heading = (float(value[0]) for value in scene.vessel.track.at(np.array([time_s])))
+    bearings = heading + 2 * np.pi / _BEARINGS * np.arange(_BEARINGS)
+    rays = np.stack((np.cos(bearings), np.sin(bearings), np.zeros(_BEARINGS)), axis=1)
+    down = -np.tan(np.radians(min(LIDARS[scene.recording.lidar].elevations_deg)))
+    closed = np.zeros(_BEARINGS, bool)
+    for item in scene.objects:
+        height = float(item.size_m[2])
+        if height >= _MIN_HEIGHT_M:
+            distance = _distances(rays, np.array([x, y, 0.0]), item, time_s)
+            closed |= (distance <= REACH_M) & (scene.vessel.lidar_height_m - down * distance < height)
+    between = np.roll(closed, 1) & np.roll(closed, -1)
+    return Horizon(closed | between)
+
+
+def scene_class(scene: Scene) -> str | None:
+    """Return the class that a scene has from its first frame to its last, or None.
+
+    On water, the horizon decides. In a plantation, the gaps between neighbouring trees at breast height decide: dense
+    if their median is at most 0.1 m, which makes a row one facade; sparse if it is at least 1.5 m.
+    """
+    if isinstance(scene.terrain, GroundParams):
+        trees = [item for item in scene.objects if not item.ignore]
+        positions = np.array([item.path[0] for item in trees])
+        distance, _ = cKDTree(positions).query(positions, k=2)
+        gap = float(np.median(distance[:, 1] - [float(item.size_m[0]) for item in trees]))
+        return "dense" if gap <= 0.1 else "sparse" if gap >= 1.5 else None
+    seconds = scene.recording.frames / 10
+    classes = {horizon(scene, time_s).scene_class for time_s in np.linspace(0, seconds, 4).tolist()}
+    return classes.pop() if len(classes) == 1 else None
+
+
+def _distances(rays: Floats, origin: Floats, item: SceneObjectParams, time_s: float) -> Floats:
+    """Return the distance along each horizontal ray to the footprint of an object.
+
+    The shape is (120,), and a miss is infinity.
+    """
+    x, y, heading = (float(value[0]) for value in item.track.at(np.array([time_s])))
+    pose = Pose.of(np.array([x, y, 0.0]), yaw=heading)
+    half = np.array([float(item.size_m[0]) / 2, float(item.size_m[1]) / 2, 1.0])
+    begin, end = intersect_box((origin - pose.position)[None] @ pose.rotation, rays @ pose.rotation, -half, half)
+    return np.where(end > begin, begin, np.inf)
+
+
+def _run_lengths(mask: Mask) -> NDArray[np.int64]:
+    """Return the length of the closed run that each bearing belongs to, around the circle; 0 for open bearings."""
+    if mask.all():
+        return np.full(len(mask), len(mask))
+    if not mask.any():
+        return np.zeros(len(mask), np.int64)
+    first = int(np.argmin(mask))  # start at an open bearing
+    rolled = np.roll(mask, -first)
+    number = np.cumsum(np.diff(rolled, prepend=False) & rolled) * rolled
+    lengths = np.bincount(number)
+    lengths[0] = 0
+    return np.roll(lengths[number], first)
+
 
 _TRIES = 200
 

@@ -4,8 +4,7 @@ import yaml
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.airborne.scene import builtin_tiles
-from seaclutter_cli.simulation.layouts import LAYOUTS, find_scene
-from seaclutter_cli.simulation.layouts.rule import scene_class
+from seaclutter_cli.simulation.layouts import LAYOUTS, find_scene, scene_class
 from seaclutter_cli.simulation.marine.scene import builtin_scenes, load_scene, parse_scene
 
 SEEDS = range(3)

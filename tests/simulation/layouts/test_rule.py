@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.simulation.layouts import LAYOUTS
-from seaclutter_cli.simulation.layouts.rule import REACH_M, horizon, scene_class
+from seaclutter_cli.simulation.layouts import LAYOUTS, REACH_M, horizon, scene_class
 from seaclutter_cli.simulation.marine.recording import Renderer
 from seaclutter_cli.simulation.marine.scene import load_scene, parse_scene
 
