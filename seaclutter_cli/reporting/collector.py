@@ -23,7 +23,7 @@ Series = NDArray[np.float32]
 class History:
     """Statistics of one method with K range rings, or none, for every frame: a few hundred bytes each.
 
-    Columns by name, float32, NaN where unknown: ``counts`` for each `Reason`, shape (frames, 8); ``missed`` and
+    Columns by name, float32, NaN where unknown: ``counts`` for each `Reason`, shape (frames, reasons); ``missed`` and
     ``false_alarms``, shape (frames,); ``water``, shape (frames, 4), in the order of `WATER_COLUMNS`; ``thresholds`` and
     ``corrections``, shape (frames, K).
     """
@@ -140,7 +140,7 @@ def density_of(samples: Sequence[Sample], method: int, edges: Sequence[float], t
 
 
 Density = tuple[float, float, float, NDArray[np.float32]]
-"""Mean number of points per frame for each `Reason`, shape (8, rows, columns), in cells of equal size.
+"""Mean number of points per frame for each `Reason`, shape (reasons, rows, columns), in cells of equal size.
 
 Columns go from 0 to the range that comes first, rows from the least to the greatest intensity.
 """

@@ -54,7 +54,7 @@ def test_a_small_recording(log, labels, page):
     rows = [sample["row"] for sample in data["samples"]]
     assert sorted(rows) == list(range(6))
     assert sorted(rows[:3]) == [1, 3, 4], "frames with errors come first"
-    counts = unpacked(data["methods"][0]["counts"], "<f4").reshape(8, 6)
+    counts = unpacked(data["methods"][0]["counts"], "<f4").reshape(len(Reason), 6)
     assert counts[3].tolist() == [10, 10, 10, 10, 20, 10]
 
 
@@ -143,7 +143,8 @@ def test_filtered_logs_of_every_encoding(kind, page, tmp_path):
     results = filter_log(log, tmp_path / "log.mcap", keep_raw=True, with_removed=True)
     report(tmp_path / "log.mcap", "-o", page)
     method = data_of(page)["methods"][0]
-    assert method["totals"] == np.sum([np.bincount(one.reason, minlength=8) for one in results], axis=0).tolist()
+    counts = [np.bincount(one.reason, minlength=len(Reason)) for one in results]
+    assert method["totals"] == np.sum(counts, axis=0).tolist()
     thresholds = unpacked(method["thresholds"], "<f4").reshape(4, 5).T
     np.testing.assert_allclose(thresholds, [one.rings.thresholds for one in results], rtol=1e-6)
 
