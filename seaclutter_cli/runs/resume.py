@@ -17,7 +17,7 @@ from seaclutter_cli import __version__
 from seaclutter_cli.buckets import copies_removed, mirror_of
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import InputError, OutputError, UsageError
-from seaclutter_cli.frame import Rings
+from seaclutter_cli.frame import Reason, Rings
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Damage, Metadata
 from seaclutter_cli.runs.batch import Work
@@ -208,7 +208,7 @@ def digest_of(value: Any) -> str:
 def to_entries(identity: RunIdentity, topics: Mapping[str, TopicTally], damage: Iterable[Damage]) -> dict[str, str]:
     """Return the entries of the metadata record of a run."""
     outcome = {
-        "topics": {topic: {name: getattr(tally, name) for name in _SUMS} for topic, tally in topics.items()},
+        "topics": {topic: _tally_as_json(tally) for topic, tally in topics.items()},
         "damage": [{**asdict(item), "path": item.path.name} for item in damage],
     }
 
@@ -235,9 +235,15 @@ def from_entries(entries: Mapping[str, str], paths: Iterable[Path]) -> tuple[dic
     return topics, damage
 
 
+def _tally_as_json(tally: TopicTally) -> dict[str, Any]:
+    sums = {name: getattr(tally, name) for name in _SUMS}
+    end = None if tally.counts[Reason.MIRRORED] else Reason.MIRRORED  # as written before there was this reason
+    return {**sums, "counts": tally.counts[:end]}
+
+
 def _tally_from_json(stored: Mapping[str, Any]) -> TopicTally:
     tally = TopicTally(frames=stored["frames"], points_in=stored["points_in"], water_frames=stored["water_frames"])
-    tally.counts, tally.water = np.array(stored["counts"], np.int64), np.array(stored["water"], np.float64)
+    tally.counts[: len(stored["counts"])], tally.water = stored["counts"], np.array(stored["water"], np.float64)
     tally.scenes.update(stored["scenes"])
     if stored["rings"] is not None:
         tally.rings = Rings(**{name: np.array(values) for name, values in stored["rings"].items()})

@@ -27,7 +27,8 @@ class Faces:
     """The surfaces that N echoes belong to.
 
     Echoes above each other form a face from ``low_m`` to ``top_m`` along z, shape (N,) each. ``pairs``, shape (2, P),
-    are neighbours at most 3 m apart in range; they are ``joined``, shape (P,), if they lie on one surface.
+    are neighbours at most 3 m apart in range; they are ``joined``, shape (P,), if they lie on one surface. ``run``,
+    shape (N,), is the number of echoes beside each other in one beam, at nearly one range.
 
     Notes
     -----
@@ -41,6 +42,7 @@ class Faces:
     top_m: Floats
     pairs: NDArray[np.int32]
     joined: Mask
+    run: NDArray[np.int32]
 
     @classmethod
     def of(cls, xyz: Floats, elevation_deg: Floats | None = None, above_deg: Floats | None = None) -> "Faces":
@@ -62,6 +64,9 @@ class Faces:
         near = _same(beam[order]) & (step <= _STEP_DEG)
         one = _Neighbors.among(order, near, distance, np.radians(step) * distance[order][1:])
         found = [(one.pairs, one.joined)]
+        run = np.empty(len(z), np.int32)
+        _, size = one.chains()
+        run[order] = np.repeat(size, size)
         low, top = z.copy(), z.copy()
         upwards = np.argsort(elevation_deg, kind="stable").astype(np.int32)  # less to hold
         for shift in (0.0, 0.5):
@@ -77,7 +82,7 @@ class Faces:
             higher = ends[1] - ends[0] > (top - low)[order]
             low[order[higher]], top[order[higher]] = ends[:, higher]
         pairs, joined = zip(*found, strict=True)
-        return cls(low, top, np.concatenate(pairs, axis=1), np.concatenate(joined))
+        return cls(low, top, np.concatenate(pairs, axis=1), np.concatenate(joined), run)
 
     @property
     def height_m(self) -> Floats:

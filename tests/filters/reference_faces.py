@@ -16,6 +16,7 @@ class Face:
 
     low: float
     top: float
+    run: int = 1
 
     @property
     def height(self) -> float:
@@ -84,6 +85,7 @@ def faces_of(points: Sequence[XYZ], elevations: Sequence[float], gaps: Sequence[
             slope = math.radians(turn) * distances[right]
             steps.append(step_between(left, right, distances, slope, near=turn <= faces._STEP_DEG))
         record(found, steps)
+        count_runs(found, members, steps)
     return found
 
 
@@ -127,10 +129,19 @@ def record(found: Faces, steps: Sequence[Step]) -> None:
             found.pairs.append(Pair(step.first, step.second, step.close or is_even))
 
 
+def count_runs(found: Faces, members: Sequence[int], steps: Sequence[Step]) -> None:
+    """Count the points beside each other in a beam, up to where the range changes."""
+    chain = [members[0]]
+    for step in steps:
+        chain = [*(chain if step.near and step.close else ()), step.second]
+        for k in chain:
+            found.of_point[k].run = len(chain)
+
+
 def stand(found: Faces, chain: Sequence[int], points: Sequence[XYZ]) -> None:
     """Let the points of a chain have its face, if it is higher than theirs."""
     heights = [points[k][2] for k in chain]
-    face = Face(min(heights), max(heights))
+    low, top = min(heights), max(heights)
     for k in chain:
-        if face.height > found.of_point[k].height:
-            found.of_point[k] = face
+        if top - low > found.of_point[k].height:
+            found.of_point[k] = Face(low, top)

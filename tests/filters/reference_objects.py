@@ -55,6 +55,7 @@ class Echo:
     low: bool
     unseen: float
     face: float = 0.0
+    run: int = 1
     linked: int = 0
     loose: int = 0
     high: bool = False
@@ -101,7 +102,8 @@ def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, fac
     echoes = []
     for (number, point, ring), face in zip(used, faces.of_point, strict=True):
         one = echo_of(number, point, ring, water, params)
-        one.face = face.above(point.z - one.height)
+        one.face, one.run = face.above(point.z - one.height), face.run
+        one.bright |= one.run >= heights.RUN and one.unseen > 0 and abs(one.height) <= one.rise
         echoes.append(one)
     linked, loose = faces.neighbors([one.height > one.rise for one in echoes])
     for one, joined, apart in zip(echoes, linked, loose, strict=True):
@@ -299,7 +301,9 @@ def evidence_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any)
     if shape >= 0:
         return shape
     hidden = min(max((top + above) / rise - 1, 0.0), 1.0) * mean([echo.unseen for echo in echoes])
-    return (1 - hidden) * shape + hidden * evidence_of_brightness(echoes, params)
+    unbroken = min(max((mean([echo.run for echo in echoes]) - heights.RUN) / objects._LONG_RUN, 0.0), 1.0)
+    found = max(evidence_of_brightness(echoes, params), objects._BRIGHT_EVIDENCE * unbroken)
+    return (1 - hidden) * shape + hidden * found
 
 
 def evidence_of_brightness(echoes: Sequence[Echo], params: Any) -> float:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.beams import Beams
-from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights
+from seaclutter_cli.filters.confirmation.echoes import RUN, Echoes, Heights
 from seaclutter_cli.groups import group_sizes, group_starts
 
 Floats = NDArray[np.float64]
@@ -24,6 +24,7 @@ _LOOSE_SHARE = 0.2
 _BRIGHT_EVIDENCE = 0.4
 _DIM_SHARE = 0.25
 _BRIGHT_OCTAVES = 2.0
+_LONG_RUN = 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,15 +165,16 @@ def _evidence(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams
     surface = np.clip(2 * linked / np.maximum(linked + loose, 1) - 1, 0, 1)
     tall = np.maximum(np.minimum(np.maximum(top - wave, _POSSIBLE * top), face + below), surface * (top - wave))
     shape = np.clip(np.maximum(stands, tall / rise), 0, _MAX_SHARE) - _FLAT
-    # Where the next beam passes above all but tall bodies, a flat cluster is no evidence, and brightness decides;
-    # unless the water has echoes all around, since it is bright at times.
+    # Where the next beam passes above all but tall bodies, a flat cluster is no evidence. Brightness decides, or echoes
+    # that are beside each other; unless the water has echoes all around, since it is bright at times.
     hidden = np.where(shape < 0, np.clip((top + above) / rise - 1, 0, 1), 0.0) * clusters.mean(heights.unseen)
     if not hidden.any():
         return np.asarray(shape)
     (brightness,) = clusters.ranked(heights.brightness, clusters.count // 2)
     octaves = np.clip(np.log2(np.maximum(brightness, 1)) / _BRIGHT_OCTAVES, 0, 1)
     bright = np.where(brightness >= 1, _BRIGHT_EVIDENCE * (_DIM_SHARE + (1 - _DIM_SHARE) * octaves), 0.0)
-    return np.asarray((1 - hidden) * shape + hidden * bright)
+    unbroken = _BRIGHT_EVIDENCE * np.clip((clusters.mean(heights.run) - RUN) / _LONG_RUN, 0, 1)
+    return np.asarray((1 - hidden) * shape + hidden * np.maximum(bright, unbroken))
 
 
 def _beside(echoes: Echoes, clusters: Clusters, beams: Beams) -> tuple[Floats, Floats]:
