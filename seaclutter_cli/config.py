@@ -1,7 +1,7 @@
 """Configuration from defaults, file and command line, in ascending precedence, validated as a whole.
 
 The keys of a method are the fields of its ``Params`` dataclass. Their types, limits and defaults are declared only
-there, and its docstring provides the comments of written configurations. Unknown keys are errors.
+there, and so are their meanings, the comments of written configurations. Unknown keys are errors.
 """
 
 import warnings
@@ -21,6 +21,7 @@ from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
+from seaclutter_cli.params import key
 from seaclutter_cli.text import count, suggestion
 from seaclutter_cli.validation import (
     build,
@@ -43,18 +44,10 @@ _MAX_BYTES = 64 * 2**20
 
 @dataclass(frozen=True, kw_only=True)
 class SensorParams:
-    """The sensor that the thresholds are for, recorded by `calibrate` if the packets identify it.
+    """The sensor that the thresholds are for, recorded by `calibrate` if the packets identify it."""
 
-    Parameters
-    ----------
-    model : str or None
-        Name of the sensor.
-    intensity : str or None
-        Intensity mode of the sensor; thresholds are valid for one mode only.
-    """
-
-    model: str | None = None
-    intensity: str | None = None
+    model: str | None = key(None, "Name of the sensor.")
+    intensity: str | None = key(None, "Intensity mode of the sensor; thresholds are valid for one mode only.")
 
 
 DEFAULT_SENSOR = SensorParams(model="RS-LiDAR-32", intensity="calibrated by the sensor (mode 3)")
@@ -136,12 +129,12 @@ class Config:
         for section, values in self.as_dict().items():
             described = {"method": f"one of {', '.join(FILTERS)}", **descriptions(type(getattr(self, section)))}
             lines.append(f"{section}:")
-            for key, value in values.items():
+            for name, value in values.items():
                 nested = isinstance(value, dict)
-                line = f"  {key}:" if nested else f"  {key}: {yaml_value(value)}"
-                lines.append(f"{line:<40} # {described[key]}" if comments and key in described else line)
+                line = f"  {name}:" if nested else f"  {name}: {yaml_value(value)}"
+                lines.append(f"{line:<40} # {described[name]}" if comments and name in described else line)
                 entries = value.items() if nested else ()
-                lines += [f"    {yaml_value(name)}: {yaml_value(entry)}" for name, entry in entries]
+                lines += [f"    {yaml_value(one)}: {yaml_value(entry)}" for one, entry in entries]
         return "\n".join(lines) + "\n"
 
 
@@ -263,13 +256,13 @@ def _with_adapted_thresholds(
 
 def _parse_override(text: str) -> dict[str, Any]:
     """Return ``section.key=value`` as the section of a file; dots separate nested keys."""
-    name, equals, value = text.partition("=")
-    section, *keys = name.strip().split(".")
+    path, equals, value = text.partition("=")
+    section, *keys = path.strip().split(".")
     if not (equals and all(keys) and 0 < len(keys) <= MAX_DEPTH and section in _SECTIONS):
         raise ConfigError(f"--set {text}: write it as filter.KEY=VALUE or evaluation.KEY=VALUE")
     settings = parse_yaml(value, f"--set {text}")
-    for key in reversed((section, *keys)):
-        settings = {key: settings}
+    for name in reversed((section, *keys)):
+        settings = {name: settings}
     return dict(settings)
 
 

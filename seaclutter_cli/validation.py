@@ -3,33 +3,24 @@
 import json
 import math
 import operator
-import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache, partial
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import yaml
-from annotated_types import Ge, Gt, Interval
 
 from seaclutter_cli.documents import MAX_YAML_CHARACTERS, DocumentError, load_yaml
 from seaclutter_cli.errors import ConfigError, RenamedKeyWarning
+from seaclutter_cli.params import OneOf
 from seaclutter_cli.text import count, printable, suggestion
 
 _SHOWN_PROBLEMS = 100
 _hints: Callable[[Any], dict[str, Any]] = cache(partial(get_type_hints, include_extras=True))
 """Types of a dataclass; cached, since a scene has hundreds of one kind."""
-
-
-@dataclass(frozen=True)
-class OneOf:
-    """Annotation of a parameter that is one of several names, which are those of a ``noun``."""
-
-    noun: str
-    names: tuple[str, ...]
 
 
 def builtin_files(folder: str = "") -> Mapping[str, Path]:
@@ -100,16 +91,6 @@ def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, 
     except ValueError as error:  # values that contradict each other
         problems.append(f"{section}.{error}")
         return None
-
-
-Share = Annotated[float, Interval(ge=0, le=1)]
-Positive = Annotated[float, Gt(0)]
-NotNegative = Annotated[float, Ge(0)]
-
-
-def key(default: Any = MISSING, meaning: str = "", *, formerly: str = "") -> Any:
-    """Return the dataclass field of a key with its meaning; a former name still loads, with a warning."""
-    return field(default=default, metadata={"meaning": meaning, "formerly": formerly})
 
 
 def _with_current_names(kind: type[Any], values: Mapping[str, Any], section: str) -> Mapping[str, Any]:
@@ -307,19 +288,9 @@ def summary(kind: type[Any]) -> str:
 
 
 def descriptions(kind: type[Any]) -> dict[str, str]:
-    """Return the meaning of each parameter: that of its `key`, or from the docstrings of the class and its bases."""
-    found: dict[str, str] = {}
-    for base in reversed(kind.__mro__):
-        found |= _documented(base.__doc__ or "")
-    return found | {one.name: meaning for one in fields(kind) if (meaning := one.metadata.get("meaning"))}
-
-
-def _documented(docstring: str) -> Iterable[tuple[str, str]]:
-    found = re.findall(r"^    (\w[\w, ]*) : .*\n((?:        .*\n)+)", docstring, re.MULTILINE)
-    for names, text in found:
-        plain = re.sub(r":math:`([^`]*)`|``([^`]*)``", r"\1\2", " ".join(text.split()))
-        for name in names.split(", "):
-            yield name, plain
+    """Return the meaning of each parameter; one that a subclass declares again may keep that of its base."""
+    declared = [one for base in reversed(kind.__mro__) if is_dataclass(base) for one in fields(base)]
+    return {one.name: meaning for one in declared if (meaning := one.metadata.get("meaning"))}
 
 
 def yaml_value(value: Any) -> str:

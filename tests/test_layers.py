@@ -27,6 +27,7 @@ BASE = {
     "frame",
     "truth",
     "interfaces",
+    "params",
     "groups",
 }
 CORE = (
@@ -58,7 +59,8 @@ ALLOWED = {
     "truth": {"errors"},
     "groups": set(),
     "interfaces": BASE,
-    "validation": {"text", "errors", "documents"},
+    "params": set(),
+    "validation": {"text", "errors", "documents", "params"},
     "messages": BASE,
     "sensors": BASE,
     "sources": BASE | {"messages", "sensors"},

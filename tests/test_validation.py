@@ -10,9 +10,10 @@ from click.testing import CliRunner
 from seaclutter_cli.airborne.settings import load_settings
 from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import RenamedKeyWarning
+from seaclutter_cli.params import key
 from seaclutter_cli.simulation.airborne.scene import builtin_tiles, load_tile_scene, parse_tile_scene
 from seaclutter_cli.simulation.marine.scene import builtin_scenes, load_scene, parse_scene
-from seaclutter_cli.validation import build, key
+from seaclutter_cli.validation import build
 
 
 @dataclass(frozen=True)

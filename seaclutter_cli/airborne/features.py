@@ -4,11 +4,12 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Gt, Interval
+from annotated_types import Interval
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.neighborhoods import Neighborhoods, PointBlock
 from seaclutter_cli.airborne.texture import TEXTURE, Levels, levels_of, texture
+from seaclutter_cli.params import Positive, key
 
 Values = NDArray[np.float64]
 
@@ -34,30 +35,16 @@ FEATURES = {
 
 @dataclass(frozen=True, kw_only=True)
 class FeatureParams:
-    """Features of the non-sea points.
+    """Features of the non-sea points."""
 
-    Parameters
-    ----------
-    features : {"texture", "full"}
-        Texture only, or texture with height, density, shape and intensity of the neighbourhood.
-    radius_m : float
-        Radius of the neighbourhood in the plane, r.
-    shift_m : float
-        Shift of the cloud for its co-occurrence matrix, d.
-    levels : int
-        Number of grey levels of height, K.
-    max_height_m : float
-        Height above the sea at the upper bound of the last level.
-    context_m : float
-        Radius of the wider surroundings.
-    """
-
-    features: Literal["texture", "full"] = "full"
-    radius_m: Annotated[float, Gt(0)] = 3.0
-    shift_m: Annotated[float, Gt(0)] = 1.0
-    levels: Annotated[int, Interval(ge=2, le=64)] = 32
-    max_height_m: Annotated[float, Gt(0)] = 8.0
-    context_m: Annotated[float, Gt(0)] = 10.0
+    features: Literal["texture", "full"] = key(
+        "full", "Texture only, or texture with height, density, shape and intensity of the neighbourhood."
+    )
+    radius_m: Positive = key(3.0, "Radius of the neighbourhood in the plane, r.")
+    shift_m: Positive = key(1.0, "Shift of the cloud for its co-occurrence matrix, d.")
+    levels: Annotated[int, Interval(ge=2, le=64)] = key(32, "Number of grey levels of height, K.")
+    max_height_m: Positive = key(8.0, "Height above the sea at the upper bound of the last level.")
+    context_m: Positive = key(10.0, "Radius of the wider surroundings.")
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError, MissingExtraError
 from seaclutter_cli.groups import group_sizes, group_starts
+from seaclutter_cli.params import Count, key
 from seaclutter_cli.threads import executor, threads
 from seaclutter_cli.truth import OBJECT_CLASSES
-from seaclutter_cli.validation import key
 
 Values = NDArray[np.float64]
 Codes = NDArray[np.int64]
@@ -23,30 +23,22 @@ _MIN_TILES = 4
 
 @dataclass(frozen=True, kw_only=True)
 class ForestParams:
-    """Parameters of the random forest and its training.
+    """Parameters of the random forest and its training."""
 
-    Parameters
-    ----------
-    trees : int
-        Number of trees, N_t.
-    features_per_node : int or None
-        Number of features considered at each node, N_f; null: the square root of the number of features.
-    min_leaf_points : int
-        Minimum number of points in a leaf.
-    max_points_per_object : int
-        Maximum number of training points of each object, chosen at random; keeps islands from dominating.
-    test_share : float
-        Share of the tiles, or objects, that is held out for the test.
-    seed : int
-        Seed of all random choices.
-    """
-
-    trees: Annotated[int, Interval(ge=1, le=2000)] = 100
-    features_per_node: Annotated[int, Ge(1)] | None = None
-    min_leaf_points: Annotated[int, Ge(1)] = 3
-    max_points_per_object: Annotated[int, Ge(1)] = key(500, formerly="points_per_object")
-    test_share: Annotated[float, Interval(gt=0, lt=1)] = key(0.3, formerly="held_out")
-    seed: Annotated[int, Ge(0)] = 1
+    trees: Annotated[int, Interval(ge=1, le=2000)] = key(100, "Number of trees, N_t.")
+    features_per_node: Count | None = key(
+        None, "Number of features considered at each node, N_f; null: the square root of the number of features."
+    )
+    min_leaf_points: Count = key(3, "Minimum number of points in a leaf.")
+    max_points_per_object: Count = key(
+        500,
+        "Maximum number of training points of each object, chosen at random; keeps islands from dominating.",
+        formerly="points_per_object",
+    )
+    test_share: Annotated[float, Interval(gt=0, lt=1)] = key(
+        0.3, "Share of the tiles, or objects, that is held out for the test.", formerly="held_out"
+    )
+    seed: Annotated[int, Ge(0)] = key(1, "Seed of all random choices.")
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,9 @@ import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Annotated, Any, Self
+from typing import Any, Self
 
 import numpy as np
-from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.features import NonSeaPoints
@@ -16,6 +15,7 @@ from seaclutter_cli.airborne.forest import class_name
 from seaclutter_cli.airborne.map import IS_WATER, TileMap
 from seaclutter_cli.airborne.separation import OTHER, Separation
 from seaclutter_cli.grids.cells import nearest
+from seaclutter_cli.params import Count, Positive, Share, key
 
 Values = NDArray[np.float64]
 
@@ -29,21 +29,13 @@ _TOP, _DOUBT, _STEEPNESS = 0.9, 1.75, 6.0
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectFindingParams:
-    """Parameters of the search for objects.
+    """Parameters of the search for objects."""
 
-    Parameters
-    ----------
-    tolerance_m : float
-        Points closer than this in the plane belong to the same object.
-    min_points : int
-        Minimum number of points of an object.
-    min_probability : float
-        Classified clusters with a lower probability are left out; most of them are wave crests.
-    """
-
-    tolerance_m: Annotated[float, Gt(0)] = 4.0
-    min_points: Annotated[int, Ge(1)] = 15
-    min_probability: Annotated[float, Interval(ge=0, le=1)] = 0.4
+    tolerance_m: Positive = key(4.0, "Points closer than this in the plane belong to the same object.")
+    min_points: Count = key(15, "Minimum number of points of an object.")
+    min_probability: Share = key(
+        0.4, "Classified clusters with a lower probability are left out; most of them are wave crests."
+    )
 
 
 @dataclass(frozen=True)

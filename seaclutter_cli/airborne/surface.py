@@ -1,15 +1,15 @@
 """Parameters of the separation, and the surface that it compares points with."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
-from annotated_types import Gt
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.classes import GROUND, NEVER, OTHER, WATER
 from seaclutter_cli.grids.elevation import NOWHERE, GriddedPoints
 from seaclutter_cli.grids.opening import SurfaceParams
+from seaclutter_cli.params import Positive, key
 
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -20,27 +20,28 @@ CALM_M = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class SeparationParams(SurfaceParams):
-    """Parameters of the separation of a tile into sea and non-sea points.
+    """Parameters of the separation of a tile into sea and non-sea points."""
 
-    Parameters
-    ----------
-    height_m : float or "auto"
-        A point higher than this above the opened surface is a non-sea point, as in [Shi2022]; auto: a height from the
-        waves, 0.35 to 0.5 m on calm water, and a surface that follows them on rough water.
-    island_m : float or None
-        The opened surface is land where it rises more than this above the sea level, down to ``height_m`` above that
-        level; null: it is sea, as in [Shi2022].
-    land : {"keep", "class2", "ignore"}
-        What low and flat land becomes: non-sea points; the same, with class 2 on the ground; or sea, as in [Shi2022].
-    trust_classes : tuple of {2, 9}
-        ASPRS classes of the input that are right: its ground (2), its water (9), or both. Points of these classes keep
-        them, and tell land and water around them.
-    """
-
-    height_m: Annotated[float, Gt(0)] | Literal["auto"] = "auto"  # type: ignore[assignment]  # a frame is too small
-    island_m: Annotated[float, Gt(0)] | None = 2.0
-    land: Literal["keep", "class2", "ignore"] = "keep"
-    trust_classes: tuple[Literal[2, 9], ...] = ()
+    height_m: Positive | Literal["auto"] = key(  # type: ignore[assignment]  # a frame is too small
+        "auto",
+        "A point higher than this above the opened surface is a non-sea point, as in [Shi2022]; auto: a height from "
+        "the waves, 0.35 to 0.5 m on calm water, and a surface that follows them on rough water.",
+    )
+    island_m: Positive | None = key(
+        2.0,
+        "The opened surface is land where it rises more than this above the sea level, down to height_m above that "
+        "level; null: it is sea, as in [Shi2022].",
+    )
+    land: Literal["keep", "class2", "ignore"] = key(
+        "keep",
+        "What low and flat land becomes: non-sea points; the same, with class 2 on the ground; or sea, as in "
+        "[Shi2022].",
+    )
+    trust_classes: tuple[Literal[2, 9], ...] = key(
+        (),
+        "ASPRS classes of the input that are right: its ground (2), its water (9), or both. Points of these classes "
+        "keep them, and tell land and water around them.",
+    )
 
     @property
     def follows_waves(self) -> bool:

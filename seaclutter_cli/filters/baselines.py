@@ -1,32 +1,28 @@
 """Baselines: one intensity threshold for all ranges, one up to a maximum range, and no filtering."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.base import BaseFilter, WholeFrameFilter
 from seaclutter_cli.filters.histogram import IntensityHistogram
 from seaclutter_cli.filters.zones import ZoneParams, Zones
 from seaclutter_cli.frame import FilterResult, Frame, Reason
+from seaclutter_cli.params import Positive, Share, key
 
 
 @dataclass(frozen=True, kw_only=True)
 class GlobalIntensityParams(ZoneParams):
-    """Parameters of the global intensity threshold.
+    """Parameters of the global intensity threshold."""
 
-    Parameters
-    ----------
-    threshold : float or None
-        Intensity below which points are removed, in the sensor's unit; null: derived from ``filter_rate``.
-    filter_rate : float
-        Share of a recording's valid points from ``start_m`` to ``end_m`` to remove, 0 to 1, if ``threshold`` is null.
-    """
-
-    threshold: float | None = None
-    filter_rate: Annotated[float, Interval(ge=0, le=1)] = 0.8
+    threshold: float | None = key(
+        None, "Intensity below which points are removed, in the sensor's unit; null: derived from filter_rate."
+    )
+    filter_rate: Share = key(
+        0.8, "Share of a recording's valid points from start_m to end_m to remove, 0 to 1, if threshold is null."
+    )
 
 
 class GlobalIntensity(BaseFilter):
@@ -74,18 +70,10 @@ class GlobalIntensity(BaseFilter):
 
 @dataclass(frozen=True, kw_only=True)
 class NaiveParams:
-    """Parameters of the naive filter.
+    """Parameters of the naive filter."""
 
-    Parameters
-    ----------
-    intensity_threshold : float
-        Intensity below which near points are removed, in the sensor's unit.
-    max_range_m : float
-        Range below which weak points are removed, in metres.
-    """
-
-    intensity_threshold: float = 1.0
-    max_range_m: Annotated[float, Gt(0)] = 20.0
+    intensity_threshold: float = key(1.0, "Intensity below which near points are removed, in the sensor's unit.")
+    max_range_m: Positive = key(20.0, "Range below which weak points are removed, in metres.")
 
 
 class Naive(WholeFrameFilter[NaiveParams]):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Interval, Len
+from annotated_types import Interval, Len
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.base import BaseFilter
@@ -13,6 +13,7 @@ from seaclutter_cli.filters.radius import Preset, isolated_by_range
 from seaclutter_cli.filters.statistical import outliers
 from seaclutter_cli.filters.zones import ZoneParams, Zones, ring_edges
 from seaclutter_cli.frame import FilterResult, Frame, Reason
+from seaclutter_cli.params import Count, NotNegative, Positive, Share, key
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -20,19 +21,14 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, kw_only=True)
 class RingIntensityParams(ZoneParams):
-    """Parameters of the thresholds of the range rings.
+    """Parameters of the thresholds of the range rings."""
 
-    Parameters
-    ----------
-    ring_width_m : float
-        Width of a range ring, :math:`d`, in metres.
-    initial_thresholds : tuple of float
-        Initial intensity threshold of each range ring, :math:`I_0`, in the sensor's unit; the default is for the
-        RS-LiDAR-32 (Table 2 of [Li2023]).
-    """
-
-    ring_width_m: Annotated[float, Gt(0)] = 15.0
-    initial_thresholds: Annotated[tuple[float, ...], Len(1)] = (30, 16, 7, 4)
+    ring_width_m: Positive = key(15.0, "Width of a range ring, d, in metres.")
+    initial_thresholds: Annotated[tuple[float, ...], Len(1)] = key(
+        (30, 16, 7, 4),
+        "Initial intensity threshold of each range ring, I_0, in the sensor's unit; the default is for the "
+        "RS-LiDAR-32 (Table 2 of [Li2023]).",
+    )
 
     @property
     def edges(self) -> NDArray[np.float64]:
@@ -50,30 +46,28 @@ class RingIntensityParams(ZoneParams):
 
 @dataclass(frozen=True, kw_only=True)
 class RingIntensityOutlierParams(RingIntensityParams):
-    """Parameters of the thresholds of the range rings and of the outlier stage.
+    """Parameters of the thresholds of the range rings and of the outlier stage."""
 
-    Parameters
-    ----------
-    max_neighbors : int
-        Maximum number of neighbours in a point's mean distance, n; for outlier_stage sor.
-    neighbor_fraction : float
-        Share of a range ring's remaining points that count as neighbours, up to max_neighbors; for outlier_stage sor.
-    std_ratio : float
-        Standard deviations above the mean distance beyond which a point is an outlier; for outlier_stage sor.
-    outlier_stage : {"sor", "adaptive_radius"}
-        Outlier rule: sor (mean distance to neighbours) or adaptive_radius (neighbours within a share of the range).
-    outlier_radius_ratio : float or None
-        Search radius divided by range, K; 0.025 if null; for outlier_stage adaptive_radius.
-    outlier_min_neighbors : int or None
-        Minimum number of other points within the search radius, N; 7 if null; for outlier_stage adaptive_radius.
-    """
-
-    max_neighbors: Annotated[int, Ge(1)] = 30
-    neighbor_fraction: Annotated[float, Interval(gt=0, le=1)] = 0.1
-    std_ratio: Annotated[float, Ge(0)] = 1.0
-    outlier_stage: Literal["sor", "adaptive_radius"] = "sor"
-    outlier_radius_ratio: Annotated[float, Gt(0)] | None = None
-    outlier_min_neighbors: Annotated[int, Ge(1)] | None = None
+    max_neighbors: Count = key(30, "Maximum number of neighbours in a point's mean distance, n; for outlier_stage sor.")
+    neighbor_fraction: Annotated[float, Interval(gt=0, le=1)] = key(
+        0.1,
+        "Share of a range ring's remaining points that count as neighbours, up to max_neighbors; for outlier_stage "
+        "sor.",
+    )
+    std_ratio: NotNegative = key(
+        1.0, "Standard deviations above the mean distance beyond which a point is an outlier; for outlier_stage sor."
+    )
+    outlier_stage: Literal["sor", "adaptive_radius"] = key(
+        "sor",
+        "Outlier rule: sor (mean distance to neighbours) or adaptive_radius (neighbours within a share of the range).",
+    )
+    outlier_radius_ratio: Positive | None = key(
+        None, "Search radius divided by range, K; 0.025 if null; for outlier_stage adaptive_radius."
+    )
+    outlier_min_neighbors: Count | None = key(
+        None,
+        "Minimum number of other points within the search radius, N; 7 if null; for outlier_stage adaptive_radius.",
+    )
 
     def __post_init__(self) -> None:
         """Reject keys that belong to the other outlier rule, and set the defaults of this one."""
@@ -98,15 +92,11 @@ class RingIntensityOutlierParams(RingIntensityParams):
 
 @dataclass(frozen=True, kw_only=True)
 class JointParams(RingIntensityOutlierParams):
-    """Parameters of the joint filter.
+    """Parameters of the joint filter."""
 
-    Parameters
-    ----------
-    update_weight : float
-        Weight of the initial threshold against the correction, u, from 0 to 1; 1 disables the correction.
-    """
-
-    update_weight: Annotated[float, Interval(ge=0, le=1)] = 0.6
+    update_weight: Share = key(
+        0.6, "Weight of the initial threshold against the correction, u, from 0 to 1; 1 disables the correction."
+    )
 
 
 class _Thresholded:

@@ -5,17 +5,18 @@ The radius grows with range in DROR, and in the adaptive radius filter of [Bi], 
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Ge, Interval
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.filters.base import ROUNDING, WholeFrameFilter, valid_points
 from seaclutter_cli.filters.neighbors import nth_neighbor_distances
 from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.params import Count, NotNegative, Positive, key
 from seaclutter_cli.scenes import SceneParams, make_scene_tracker
 
 if TYPE_CHECKING:
@@ -44,18 +45,10 @@ def isolated(
 
 @dataclass(frozen=True, kw_only=True)
 class RorParams:
-    """Parameters of radius outlier removal.
+    """Parameters of radius outlier removal."""
 
-    Parameters
-    ----------
-    radius_m : float
-        Search radius, R, in metres.
-    min_neighbors : int
-        Minimum number of other points within the search radius, n.
-    """
-
-    radius_m: Annotated[float, Gt(0)] = 0.5
-    min_neighbors: Annotated[int, Ge(1)] = 5
+    radius_m: Positive = key(0.5, "Search radius, R, in metres.")
+    min_neighbors: Count = key(5, "Minimum number of other points within the search radius, n.")
 
 
 class RadiusOutlierRemoval(WholeFrameFilter[RorParams]):
@@ -71,24 +64,18 @@ class RadiusOutlierRemoval(WholeFrameFilter[RorParams]):
 
 @dataclass(frozen=True, kw_only=True)
 class DrorParams:
-    """Parameters of dynamic radius outlier removal.
+    """Parameters of dynamic radius outlier removal."""
 
-    Parameters
-    ----------
-    radius_multiplier : float
-        Search radius divided by twice the spacing of neighbouring points at that range, :math:`beta`.
-    angle_deg : float
-        Azimuth step between neighbouring points of a beam, :math:`alpha`, in degrees.
-    min_radius_m : float
-        Minimum search radius, :math:`r_min`, in metres.
-    min_points : int
-        Minimum number of points within the search radius, n, including the point itself.
-    """
-
-    radius_multiplier: Annotated[float, Gt(0)] = 3.0
-    angle_deg: Annotated[float, Interval(gt=0, le=90)] = 0.16
-    min_radius_m: Annotated[float, Ge(0)] = 0.04
-    min_points: Annotated[int, Ge(2)] = 3
+    radius_multiplier: Positive = key(
+        3.0, "Search radius divided by twice the spacing of neighbouring points at that range, beta."
+    )
+    angle_deg: Annotated[float, Interval(gt=0, le=90)] = key(
+        0.16, "Azimuth step between neighbouring points of a beam, alpha, in degrees."
+    )
+    min_radius_m: NotNegative = key(0.04, "Minimum search radius, r_min, in metres.")
+    min_points: Annotated[int, Ge(2)] = key(
+        3, "Minimum number of points within the search radius, n, including the point itself."
+    )
 
 
 class DynamicRadiusOutlierRemoval(WholeFrameFilter[DrorParams]):
@@ -122,24 +109,14 @@ class DynamicRadiusOutlierRemoval(WholeFrameFilter[DrorParams]):
 
 @dataclass(frozen=True, kw_only=True)
 class LiorParams:
-    """Parameters of low-intensity outlier removal.
+    """Parameters of low-intensity outlier removal."""
 
-    Parameters
-    ----------
-    intensity_threshold : float
-        Intensity up to which points may be removed, in the sensor's unit; bound included.
-    max_range_m : float
-        Range up to which points may be removed, :math:`R_snow`, in metres; bound included.
-    radius_m : float
-        Search radius, R, in metres.
-    min_neighbors : int
-        Minimum number of other points within the search radius for a point to be kept, n.
-    """
-
-    intensity_threshold: float = 5.0
-    max_range_m: Annotated[float, Gt(0)] = 71.2
-    radius_m: Annotated[float, Gt(0)] = 0.1
-    min_neighbors: Annotated[int, Ge(1)] = 3
+    intensity_threshold: float = key(
+        5.0, "Intensity up to which points may be removed, in the sensor's unit; bound included."
+    )
+    max_range_m: Positive = key(71.2, "Range up to which points may be removed, R_snow, in metres; bound included.")
+    radius_m: Positive = key(0.1, "Search radius, R, in metres.")
+    min_neighbors: Count = key(3, "Minimum number of other points within the search radius for a point to be kept, n.")
 
 
 class LowIntensityOutlierRemoval(WholeFrameFilter[LiorParams]):
@@ -171,18 +148,10 @@ class LowIntensityOutlierRemoval(WholeFrameFilter[LiorParams]):
 
 @dataclass(frozen=True, kw_only=True)
 class Preset:
-    """Parameters for one class of scene.
+    """Parameters for one class of scene."""
 
-    Parameters
-    ----------
-    radius_ratio : float
-        Search radius divided by range, K.
-    min_neighbors : int
-        Minimum number of other points within the search radius, N.
-    """
-
-    radius_ratio: Annotated[float, Gt(0)]
-    min_neighbors: Annotated[int, Ge(1)]
+    radius_ratio: Positive = key(meaning="Search radius divided by range, K.")
+    min_neighbors: Count = key(meaning="Minimum number of other points within the search radius, N.")
 
 
 PRESETS: Mapping[str, Preset] = {
@@ -200,19 +169,17 @@ within the radius. N is a quarter and a seventh of these numbers, found by ``tun
 
 @dataclass(frozen=True, kw_only=True)
 class PresetParams:
-    """Presets of the adaptive radius filter and the choice between them.
+    """Presets of the adaptive radius filter and the choice between them."""
 
-    Parameters
-    ----------
-    scene : str
-        Class of scene whose preset is used: open, confined, another key of ``presets``, or auto (by the classifier).
-    presets : mapping of str to Preset
-        Preset of each class of scene. radius_ratio: search radius divided by range, K; min_neighbors: minimum number of
-        other points within the search radius, N.
-    """
-
-    scene: str = "open"
-    presets: Mapping[str, Preset] = field(default_factory=lambda: dict(PRESETS))
+    scene: str = key(
+        "open",
+        "Class of scene whose preset is used: open, confined, another key of presets, or auto (by the classifier).",
+    )
+    presets: Mapping[str, Preset] = key(
+        meaning="Preset of each class of scene. radius_ratio: search radius divided by range, K; min_neighbors: "
+        "minimum number of other points within the search radius, N.",
+        factory=lambda: dict(PRESETS),
+    )
 
     def __post_init__(self) -> None:
         """Check that there is a preset for the scene."""

@@ -10,21 +10,16 @@ from seaclutter_cli.errors import FieldError, InputError
 from seaclutter_cli.filters.base import WholeFrameFilter, valid_points
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.grids.opening import SurfaceParams, heights_above_opening
+from seaclutter_cli.params import key
 
 _AXES = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
 
 
 @dataclass(frozen=True, kw_only=True)
 class SeaSurfaceParams(SurfaceParams):
-    """Parameters of the sea surface filter.
+    """Parameters of the sea surface filter."""
 
-    Parameters
-    ----------
-    up : str
-        Axis of the cloud that points up: x, y, z, -x, -y or -z.
-    """
-
-    up: Literal["x", "y", "z", "-x", "-y", "-z"] = "z"
+    up: Literal["x", "y", "z", "-x", "-y", "-z"] = key("z", "Axis of the cloud that points up: x, y, z, -x, -y or -z.")
 
 
 class SeaSurface(WholeFrameFilter[SeaSurfaceParams]):

@@ -1,15 +1,15 @@
 """Statistical outlier removal (SOR); with limits that grow with range for all points (DSOR) or weak ones (LIDSOR)."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.base import ROUNDING, WholeFrameFilter, valid_points
 from seaclutter_cli.filters.neighbors import mean_neighbor_distance
 from seaclutter_cli.frame import Frame
+from seaclutter_cli.params import Count, NotNegative, Positive, key
 
 Floats = NDArray[np.float64]
 
@@ -39,18 +39,12 @@ def outliers(points: Floats, neighbors: int, std_ratio: float) -> NDArray[np.boo
 
 @dataclass(frozen=True, kw_only=True)
 class SorParams:
-    """Parameters of statistical outlier removal.
+    """Parameters of statistical outlier removal."""
 
-    Parameters
-    ----------
-    neighbors : int
-        Number of nearest other points in a point's mean distance, k.
-    std_ratio : float
-        Standard deviations above the frame's mean distance beyond which a point is an outlier, m.
-    """
-
-    neighbors: Annotated[int, Ge(1)] = 30
-    std_ratio: Annotated[float, Ge(0)] = 1.0
+    neighbors: Count = key(30, "Number of nearest other points in a point's mean distance, k.")
+    std_ratio: NotNegative = key(
+        1.0, "Standard deviations above the frame's mean distance beyond which a point is an outlier, m."
+    )
 
 
 class StatisticalOutlierRemoval(WholeFrameFilter[SorParams]):
@@ -66,21 +60,11 @@ class StatisticalOutlierRemoval(WholeFrameFilter[SorParams]):
 
 @dataclass(frozen=True, kw_only=True)
 class DsorParams:
-    """Parameters of dynamic statistical outlier removal.
+    """Parameters of dynamic statistical outlier removal."""
 
-    Parameters
-    ----------
-    neighbors : int
-        Number of nearest other points in a point's mean distance, k.
-    std_ratio : float
-        Standard deviations added to the frame's mean distance for the limit, s.
-    range_multiplier_per_m : float
-        Factor of the distance limit per metre of range, :math:`rho`, in 1/m.
-    """
-
-    neighbors: Annotated[int, Ge(1)] = 4
-    std_ratio: Annotated[float, Ge(0)] = 0.01
-    range_multiplier_per_m: Annotated[float, Gt(0)] = 0.05
+    neighbors: Count = key(4, "Number of nearest other points in a point's mean distance, k.")
+    std_ratio: NotNegative = key(0.01, "Standard deviations added to the frame's mean distance for the limit, s.")
+    range_multiplier_per_m: Positive = key(0.05, "Factor of the distance limit per metre of range, rho, in 1/m.")
 
     def distances_and_limits(self, points: Floats, range_m: Floats) -> tuple[Floats, Floats]:
         """Return each point's mean distance to its neighbours and its limit, both of shape (N,)."""
@@ -123,20 +107,12 @@ class DynamicStatisticalOutlierRemoval(WholeFrameFilter[DsorParams]):
 
 @dataclass(frozen=True, kw_only=True)
 class LidsorParams(DsorParams):
-    """Parameters of low-intensity dynamic statistical outlier removal.
+    """Parameters of low-intensity dynamic statistical outlier removal."""
 
-    Parameters
-    ----------
-    intensity_threshold : float
-        Intensity below which points may be removed, in the sensor's unit.
-    max_range_m : float
-        Range below which points may be removed, in metres.
-    """
-
-    neighbors: Annotated[int, Ge(1)] = 50
-    std_ratio: Annotated[float, Ge(0)] = 0.15
-    intensity_threshold: float = 5.0
-    max_range_m: Annotated[float, Gt(0)] = 20.0
+    neighbors: Count = 50
+    std_ratio: NotNegative = 0.15
+    intensity_threshold: float = key(5.0, "Intensity below which points may be removed, in the sensor's unit.")
+    max_range_m: Positive = key(20.0, "Range below which points may be removed, in metres.")
 
 
 class LowIntensityDynamicStatisticalOutlierRemoval(WholeFrameFilter[LidsorParams]):

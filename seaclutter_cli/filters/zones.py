@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from annotated_types import Ge, Gt, Len
+from annotated_types import Len
 from numpy.typing import NDArray
 
 from seaclutter_cli.frame import WATER_REASONS, Frame, Reason, Rings
+from seaclutter_cli.params import NotNegative, Positive, key
 
 Rule = Literal["drop", "keep"]
 Box = tuple[float, float, float, float, float, float]
@@ -20,19 +21,13 @@ MAX_RINGS = 250
 
 @dataclass(frozen=True, kw_only=True)
 class ExcludedPolygon:
-    """An upright prism of own structure.
+    """An upright prism of own structure."""
 
-    Parameters
-    ----------
-    vertices : tuple of (x, y)
-        Corners of its outline in metres in the cloud's frame, in order, at least three.
-    z_min_m, z_max_m : float or None
-        Limits of its height, included; null for no limit.
-    """
-
-    vertices: Annotated[tuple[tuple[float, float], ...], Len(3)]
-    z_min_m: float | None = None
-    z_max_m: float | None = None
+    vertices: Annotated[tuple[tuple[float, float], ...], Len(3)] = key(
+        meaning="Corners of its outline in metres in the cloud's frame, in order, at least three."
+    )
+    z_min_m: float | None = key(None, "Limits of its height, included; null for no limit.")
+    z_max_m: float | None = key(None, "Limits of its height, included; null for no limit.")
 
     def __post_init__(self) -> None:
         """Check the limits of the height."""
@@ -42,35 +37,27 @@ class ExcludedPolygon:
 
 @dataclass(frozen=True, kw_only=True)
 class ZoneParams:
-    """Range limits, and the treatment of points outside them.
+    """Range limits, and the treatment of points outside them."""
 
-    Parameters
-    ----------
-    start_m : float
-        Range at which clutter removal begins, :math:`d_s`, in metres; nearer points are own ship.
-    end_m : float
-        Range at which clutter removal ends, :math:`d_e`, in metres; clutter is rare beyond it.
-    near : {"drop", "keep"}
-        Drop or keep points nearer than ``start_m``.
-    far : {"drop", "keep"}
-        Drop or keep points at ``end_m`` and beyond.
-    exclude_boxes : tuple of (x_min, x_max, y_min, y_max, z_min, z_max)
-        Boxes of own structure to remove, each [x_min, x_max, y_min, y_max, z_min, z_max] in metres in the cloud's
-        frame, bounds included; they take precedence over ``near`` and ``far``.
-    exclude_polygons : tuple of ExcludedPolygon
-        Outlines of own structure to remove, each {vertices: [[x, y], ...], z_min_m: null, z_max_m: null} in metres in
-        the cloud's frame.
-    mask : str
-        File of a mask of own structure by beam and azimuth, as ``seaclutter mask`` writes it; empty for none.
-    """
-
-    start_m: Annotated[float, Ge(0)] = 10.0
-    end_m: Annotated[float, Gt(0)] = 70.0
-    near: Rule = "drop"
-    far: Rule = "keep"
-    exclude_boxes: tuple[Box, ...] = ()
-    exclude_polygons: tuple[ExcludedPolygon, ...] = ()
-    mask: str = ""
+    start_m: NotNegative = key(
+        10.0, "Range at which clutter removal begins, d_s, in metres; nearer points are own ship."
+    )
+    end_m: Positive = key(70.0, "Range at which clutter removal ends, d_e, in metres; clutter is rare beyond it.")
+    near: Rule = key("drop", "Drop or keep points nearer than start_m.")
+    far: Rule = key("keep", "Drop or keep points at end_m and beyond.")
+    exclude_boxes: tuple[Box, ...] = key(
+        (),
+        "Boxes of own structure to remove, each [x_min, x_max, y_min, y_max, z_min, z_max] in metres in the cloud's "
+        "frame, bounds included; they take precedence over near and far.",
+    )
+    exclude_polygons: tuple[ExcludedPolygon, ...] = key(
+        (),
+        "Outlines of own structure to remove, each {vertices: [[x, y], ...], z_min_m: null, z_max_m: null} in metres "
+        "in the cloud's frame.",
+    )
+    mask: str = key(
+        "", "File of a mask of own structure by beam and azimuth, as seaclutter mask writes it; empty for none."
+    )
 
     @property
     def edges(self) -> NDArray[np.float64]:

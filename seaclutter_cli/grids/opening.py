@@ -1,13 +1,12 @@
 """Morphological opening of a grid of elevations with empty cells ([Shi2022], section 1.1), and pits in the grid."""
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Gt
 from numpy.typing import NDArray
 
 from seaclutter_cli.grids.elevation import BLOCK, ElevationGrid
+from seaclutter_cli.params import Positive, key
 
 Cells = NDArray[np.float64]
 
@@ -17,21 +16,13 @@ _AROUND, _LEAST_CELLS, _LOWER, _SHALLOW, _PASSES = 2, 5, 0.2, 0.25, 2
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceParams:
-    """Parameters of the sea surface by morphological opening.
+    """Parameters of the sea surface by morphological opening."""
 
-    Parameters
-    ----------
-    cell_m : float
-        Width of a grid cell; each cell stores its lowest elevation.
-    window_m : float
-        Width of the square window of the opening, w; narrower objects rise above the opened surface.
-    height_m : float
-        A point higher than this above the opened surface is a non-sea point, T_max.
-    """
-
-    cell_m: Annotated[float, Gt(0)] = 1.0
-    window_m: Annotated[float, Gt(0)] = 20.0
-    height_m: Annotated[float, Gt(0)] = 0.5
+    cell_m: Positive = key(1.0, "Width of a grid cell; each cell stores its lowest elevation.")
+    window_m: Positive = key(
+        20.0, "Width of the square window of the opening, w; narrower objects rise above the opened surface."
+    )
+    height_m: Positive = key(0.5, "A point higher than this above the opened surface is a non-sea point, T_max.")
 
     def __post_init__(self) -> None:
         """Check that the window can be computed."""

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
-
-from annotated_types import Ge, Gt
+from typing import TYPE_CHECKING
 
 from seaclutter_cli.errors import ModelError
 from seaclutter_cli.options import Number, Options, Whole, option
+from seaclutter_cli.params import Count, Positive, key
 
 if TYPE_CHECKING:
     from seaclutter_cli.scenes.model import SceneTracker
@@ -23,24 +22,14 @@ _DEFAULT_MODEL = "open_confined"
 
 @dataclass(frozen=True, kw_only=True)
 class SceneParams:
-    """Parameters of the scene classification.
+    """Parameters of the scene classification."""
 
-    Parameters
-    ----------
-    scene_model : str
-        ONNX file of the scene classifier, or the name of a built-in one.
-    scene_extent_m : float or None
-        Half the side of the square in the top view, which must match the model; null: the extent of the model.
-    scene_every : int
-        Interval in frames at which the classifier runs.
-    scene_hold : int
-        Consecutive classifications that must agree on another scene before it changes.
-    """
-
-    scene_model: str = _DEFAULT_MODEL
-    scene_extent_m: Annotated[float, Gt(0)] | None = None
-    scene_every: Annotated[int, Ge(1)] = 10
-    scene_hold: Annotated[int, Ge(1)] = 3
+    scene_model: str = key(_DEFAULT_MODEL, "ONNX file of the scene classifier, or the name of a built-in one.")
+    scene_extent_m: Positive | None = key(
+        None, "Half the side of the square in the top view, which must match the model; null: the extent of the model."
+    )
+    scene_every: Count = key(10, "Interval in frames at which the classifier runs.")
+    scene_hold: Count = key(3, "Consecutive classifications that must agree on another scene before it changes.")
 
 
 class TrainingParams(Options):

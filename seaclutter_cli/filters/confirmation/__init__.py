@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Interval
 
 from seaclutter_cli.filters.joint import RingIntensityParams
+from seaclutter_cli.params import Count, NotNegative, Positive, key
 from seaclutter_cli.water import Mounting
 
 
@@ -14,58 +15,47 @@ class ConfirmedParams(RingIntensityParams):
     """Parameters of confirmed objects. The range rings only provide thresholds.
 
     Points beyond ``end_m`` have no threshold. With far keep, they are filtered like the others.
-
-    Parameters
-    ----------
-    mounting_roll_deg : float
-        Roll of the mounted lidar in degrees; positive if its left side (+y) is up. 180 is upside down.
-    mounting_pitch_deg : float
-        Pitch of the mounted lidar in degrees, after the roll; positive if its front (+x) is down.
-    use_intensity : bool
-        Use the thresholds; false: only shape and persistence count, and the log needs no intensities.
-    look_ahead_s : float
-        Time before and after a frame from which its objects are confirmed, in seconds; less time after it where more
-        than 1.5 million points would wait.
-    causal : bool
-        Confirm objects without later frames. Upright objects are then kept at once, even if they do not stay; low ones
-        are kept later.
-    min_rise_m : float
-        Minimum height above the water at which points stand out, in metres.
-    rise_sigmas : float
-        Height above the water at which points stand out, in standard deviations of the water.
-    min_extent_m : float
-        Minimum vertical extent of an object that stands upright, in metres.
-    extent_sigmas : float
-        Vertical extent of an object that stands upright, in standard deviations of the water.
-    cluster_tolerance_m : float
-        Distance below which points belong to one object, in metres.
-    min_cluster_points : int
-        Minimum number of points of an object.
-    score_threshold : float
-        Score at which an object is confirmed; 1 is an upright object in all frames, -0.5 flat water.
-    memory_s : float
-        Time in which the evidence of earlier frames decays to 1/e, in seconds.
-    growth_m : float
-        Distance within which points above the water return to a confirmed object, in metres; 1 % of the range is added.
-    growth_height_m : float
-        Minimum height above the water of points that return, in metres.
     """
 
-    mounting_roll_deg: Annotated[float, Interval(ge=-180, le=180)] = 0.0
-    mounting_pitch_deg: Annotated[float, Interval(ge=-90, le=90)] = 0.0
-    use_intensity: bool = True
-    look_ahead_s: Annotated[float, Interval(ge=0, le=5)] = 0.5
-    causal: bool = False
-    min_rise_m: Annotated[float, Gt(0)] = 0.2
-    rise_sigmas: Annotated[float, Ge(0)] = 4.0
-    min_extent_m: Annotated[float, Gt(0)] = 0.45
-    extent_sigmas: Annotated[float, Ge(0)] = 2.0
-    cluster_tolerance_m: Annotated[float, Gt(0)] = 1.5
-    min_cluster_points: Annotated[int, Ge(1)] = 3
-    score_threshold: Annotated[float, Interval(ge=-1, le=3)] = 0.45
-    memory_s: Annotated[float, Gt(0)] = 5.0
-    growth_m: Annotated[float, Ge(0)] = 1.0
-    growth_height_m: Annotated[float, Ge(0)] = 0.15
+    mounting_roll_deg: Annotated[float, Interval(ge=-180, le=180)] = key(
+        0.0, "Roll of the mounted lidar in degrees; positive if its left side (+y) is up. 180 is upside down."
+    )
+    mounting_pitch_deg: Annotated[float, Interval(ge=-90, le=90)] = key(
+        0.0, "Pitch of the mounted lidar in degrees, after the roll; positive if its front (+x) is down."
+    )
+    use_intensity: bool = key(
+        True, "Use the thresholds; false: only shape and persistence count, and the log needs no intensities."
+    )
+    look_ahead_s: Annotated[float, Interval(ge=0, le=5)] = key(
+        0.5,
+        "Time before and after a frame from which its objects are confirmed, in seconds; less time after it where "
+        "more than 1.5 million points would wait.",
+    )
+    causal: bool = key(
+        False,
+        "Confirm objects without later frames. Upright objects are then kept at once, even if they do not stay; low "
+        "ones are kept later.",
+    )
+    min_rise_m: Positive = key(0.2, "Minimum height above the water at which points stand out, in metres.")
+    rise_sigmas: NotNegative = key(
+        4.0, "Height above the water at which points stand out, in standard deviations of the water."
+    )
+    min_extent_m: Positive = key(0.45, "Minimum vertical extent of an object that stands upright, in metres.")
+    extent_sigmas: NotNegative = key(
+        2.0, "Vertical extent of an object that stands upright, in standard deviations of the water."
+    )
+    cluster_tolerance_m: Positive = key(1.5, "Distance below which points belong to one object, in metres.")
+    min_cluster_points: Count = key(3, "Minimum number of points of an object.")
+    score_threshold: Annotated[float, Interval(ge=-1, le=3)] = key(
+        0.45, "Score at which an object is confirmed; 1 is an upright object in all frames, -0.5 flat water."
+    )
+    memory_s: Positive = key(5.0, "Time in which the evidence of earlier frames decays to 1/e, in seconds.")
+    growth_m: NotNegative = key(
+        1.0,
+        "Distance within which points above the water return to a confirmed object, in metres; 1 % of the range is "
+        "added.",
+    )
+    growth_height_m: NotNegative = key(0.15, "Minimum height above the water of points that return, in metres.")
 
     @property
     def mounting(self) -> Mounting:

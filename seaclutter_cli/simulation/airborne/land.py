@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Interval, Len
 from numpy.typing import NDArray
 
-from seaclutter_cli.validation import NotNegative, OneOf, Positive, Share, key
+from seaclutter_cli.params import NotNegative, OneOf, Positive, Share, key
 
 Map = NDArray[np.float64]
 Side = Annotated[float, Interval(gt=0, le=10_000)]

@@ -9,21 +9,17 @@ import numpy as np
 from annotated_types import Ge, Interval, Len
 
 from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.params import NotNegative, OneOf, Positive, Share, key
 from seaclutter_cli.simulation.airborne.land import LandParams
 from seaclutter_cli.simulation.airborne.shapes import KINDS, Size
 from seaclutter_cli.simulation.scene_file import KEYS, write_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.truth import OBJECT_CLASSES
 from seaclutter_cli.validation import (
-    NotNegative,
-    OneOf,
-    Positive,
-    Share,
     build_list,
     build_sections,
     builtin_files,
     find_file,
-    key,
     kind_of,
     plain,
     raise_problems,

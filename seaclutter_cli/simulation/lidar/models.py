@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.validation import Positive, Share, key
+from seaclutter_cli.params import Positive, Share, key
 
 
 @dataclass(frozen=True, kw_only=True)

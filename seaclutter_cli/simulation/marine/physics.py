@@ -7,10 +7,10 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
 
+from seaclutter_cli.params import NotNegative, Positive, Share, key
 from seaclutter_cli.simulation.lidar.echoes import Echoes
 from seaclutter_cli.simulation.lidar.models import Lidar
 from seaclutter_cli.truth import CLUTTER
-from seaclutter_cli.validation import NotNegative, Positive, Share, key
 
 Floats = NDArray[np.float64]
 

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from annotated_types import Ge, Interval, Len
 
 from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.params import NotNegative, OneOf, Positive, Share, key
 from seaclutter_cli.simulation.lidar.models import LIDARS, Lidar, NoiseParams
 from seaclutter_cli.simulation.marine.motion import SmoothTrack, Track
 from seaclutter_cli.simulation.marine.physics import PhysicsParams
@@ -18,16 +19,11 @@ from seaclutter_cli.simulation.marine.terrain import TERRAINS, TerrainParams, te
 from seaclutter_cli.simulation.scene_file import KEYS, write_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.validation import (
-    NotNegative,
-    OneOf,
-    Positive,
-    Share,
     build,
     build_list,
     build_sections,
     builtin_files,
     find_file,
-    key,
     plain,
     raise_problems,
     read_yaml,

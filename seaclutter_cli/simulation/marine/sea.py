@@ -8,7 +8,7 @@ from annotated_types import Interval
 from numpy.typing import NDArray
 from scipy import fft
 
-from seaclutter_cli.validation import Positive, Share, key
+from seaclutter_cli.params import Positive, Share, key
 
 GRAVITY = 9.81
 _CELLS = 256

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.params import NotNegative, Positive, Share, key
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.marine.motion import Pose
 from seaclutter_cli.simulation.marine.physics import DIVERGENCE_RAD, PULSE_M, whitecap_share
 from seaclutter_cli.simulation.marine.sea import Sea, SeaParams
 from seaclutter_cli.simulation.marine.wake import Wake, patches
 from seaclutter_cli.truth import CLUTTER, IGNORED
-from seaclutter_cli.validation import NotNegative, Positive, Share, key
 
 Floats = NDArray[np.float64]
 
