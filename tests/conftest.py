@@ -20,6 +20,15 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def pytest_runtest_setup(item):
+    """Skip a test of a filter method whose package is not installed."""
+    from seaclutter_cli.filters import OPTIONAL
+
+    for value in item.callspec.params.values() if hasattr(item, "callspec") else ():
+        if isinstance(value, str) and value in OPTIONAL:
+            pytest.importorskip(OPTIONAL[value])
+
+
 @pytest.fixture
 def full_disk(monkeypatch):
     """Let output files be on a full disk; without one, skip the test."""

@@ -33,7 +33,11 @@ FILTERS: Mapping[str, type[Filter]] = _Methods(
         "lidsor": "statistical.LowIntensityDynamicStatisticalOutlierRemoval",
         "naive": "baselines.Naive",
         "sea_surface": "sea_surface.SeaSurface",
+        "patchwork": "patchwork.Patchwork",
         "none": "baselines.Nothing",
     }
 )
 """Module and class of each filter method by its name in a configuration. A new method takes one line here."""
+
+OPTIONAL: Mapping[str, str] = {"patchwork": "pypatchworkpp"}
+"""Package, part of the extra ``peers``, that a method needs."""

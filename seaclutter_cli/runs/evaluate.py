@@ -22,7 +22,7 @@ from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.checks import Checks
-from seaclutter_cli.runs.methods import Variant, variants
+from seaclutter_cli.runs.methods import Variant, note_left_out, variants
 from seaclutter_cli.runs.observer import Observer, Step
 from seaclutter_cli.runs.options.logs import EvaluateOptions
 from seaclutter_cli.runs.outputs import PackedRows, may_appear, write_manifest
@@ -52,6 +52,7 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     {'joint': (14, 8), 'none': (60, 0)}
     """
     observer = options.watching
+    note_left_out(options, observer)
     chosen = variants(options, *([f"evaluation.clustering={options.clustering}"] if options.clustering else []))
     targets = {"-o": options.frames_file, "--summary": options.summary_file}
     outputs, configs = {**targets, "--manifest": options.batch.manifest}, [one.config for one in chosen]

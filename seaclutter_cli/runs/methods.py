@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import reduce
+from importlib.util import find_spec
 from operator import getitem
 from typing import Any
 
@@ -14,7 +15,8 @@ import yaml
 from seaclutter_cli.config import Config, ConfigSource, UnnamedFile, load_config
 from seaclutter_cli.documents import DocumentError, load_yaml
 from seaclutter_cli.errors import ConfigError, UsageError
-from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.filters import FILTERS, OPTIONAL
+from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ConfigOptions, MethodOptions
 
 _GLOBAL_INTENSITY_AT = {
@@ -23,7 +25,7 @@ _GLOBAL_INTENSITY_AT = {
 _PAPER = (*_GLOBAL_INTENSITY_AT, "ring_intensity", "ring_intensity_outlier", "joint")
 _RANGE = re.compile(r"\s*(-?[\d.]+)\s*:\s*(-?[\d.]+)\s*:\s*([\d.]+)\s*")
 _MAX_VARIANTS = 500
-_PEERS = ("joint", "confirmed", "sor", "ror", "dror", "adaptive_radius", "dsor", "lior", "lidsor", "naive")
+_PEERS = ("joint", "confirmed", "sor", "ror", "dror", "adaptive_radius", "dsor", "lior", "lidsor", "naive", "patchwork")
 
 COMPARISONS: Mapping[str, Sequence[str]] = {
     "paper": _PAPER,
@@ -62,6 +64,22 @@ def is_default(options: MethodOptions) -> bool:
     return not named and (options.config is None or isinstance(options.config, UnnamedFile))
 
 
+def is_installed(method: str) -> bool:
+    """Return whether the package that a method may need is installed."""
+    return method not in OPTIONAL or find_spec(OPTIONAL[method]) is not None
+
+
+def note_left_out(options: MethodOptions, observer: Observer) -> None:
+    """Name the methods that a comparison leaves out, because they are not installed."""
+    if left_out := [name for name in _compared(options) if not is_installed(name) and name not in options.methods]:
+        names = ", ".join(dict.fromkeys(left_out))
+        observer.note(f"not compared, because it is not installed: {names} (pip install 'seaclutter[peers]')")
+
+
+def _compared(options: MethodOptions) -> list[str]:
+    return [name for comparison in options.compare for name in COMPARISONS[comparison]]
+
+
 def variants(options: MethodOptions, *additional: str, configured_first: bool = False) -> list[Variant]:
     """Return each chosen method with its configuration, without duplicates; by default the configured method.
 
@@ -76,7 +94,7 @@ def bases(options: MethodOptions, *additional: str, configured_first: bool = Fal
 
     A key that a method lacks is ignored for this method if another method has it.
     """
-    compared = [name for comparison in options.compare for name in COMPARISONS[comparison]]
+    compared = [name for name in _compared(options) if is_installed(name)]
     names = [*compared, *options.methods]
     if configured_first:
         own = [load_config(options.config).method] if compared and not options.methods else []

@@ -21,7 +21,7 @@ from seaclutter_cli.reporting.page import render_page, report_data
 from seaclutter_cli.reporting.replay import filtered_topics, recorded_config, replay
 from seaclutter_cli.runs.batch import prepared
 from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork, FrameScorer
-from seaclutter_cli.runs.methods import Variant, is_default
+from seaclutter_cli.runs.methods import Variant, is_default, note_left_out
 from seaclutter_cli.runs.methods import variants as variants_of
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import Logs, MethodOptions, ReadOptions, of_options
@@ -53,6 +53,7 @@ def report(options: ReportOptions) -> "ReportResult":
     (20, 1)
     """
     observer, folder = options.watching, options.figure_folder
+    note_left_out(options, observer)
     figures = [folder / f"{name}.{options.figure_format}" for name in FIGURES] if folder else []
     if folder:
         if is_file(folder):

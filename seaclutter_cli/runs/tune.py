@@ -19,7 +19,7 @@ from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
 from seaclutter_cli.runs.batch import prepared, run_all
 from seaclutter_cli.runs.evaluate import FRAME_ERRORS, FRAMES, Evaluated, EvaluateWork, score_cells, score_legend
-from seaclutter_cli.runs.methods import Sweep, Variant, grid, shown
+from seaclutter_cli.runs.methods import Sweep, Variant, grid, note_left_out, shown
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.options.logs import TuneOptions
 from seaclutter_cli.runs.outputs import may_appear, write_files
@@ -49,6 +49,7 @@ def tune(options: TuneOptions) -> "TuningResult":
     """
     observer = options.watching
     options = replace(options, methods=(*options.methods, *options.method), method=())
+    note_left_out(options, observer)
     combinations = grid(options.sweeps, options)
     pairs = prepared(options.logs, options, options.targets, observer, [one.config for one in combinations])
     _check_plots(options, combinations, len(pairs))

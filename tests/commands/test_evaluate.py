@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+import sys
 from dataclasses import replace
 from io import BytesIO
 
@@ -14,6 +15,7 @@ from seaclutter_cli.commands import cli
 from seaclutter_cli.evaluation.matching import Alarms
 from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, PointCounts
 from seaclutter_cli.runs.evaluate import EvaluateWork, FrameRows, evaluate, frame_table
+from seaclutter_cli.runs.methods import is_installed
 from tests.evaluation.scenes import frame_of
 from tests.evaluation.scenes import lump as lump_at
 from tests.logs import PERIOD_NS, START_NS, Entry, Topic, cloud_message, cloud_topic, write_log
@@ -164,20 +166,32 @@ PAPER = "global_intensity@0.80 global_intensity@0.90 ring_intensity ring_intensi
     ("comparison", "names"),
     [
         ("paper", PAPER),
-        ("peers", "joint confirmed sor ror dror adaptive_radius dsor lior lidsor naive"),
-        ("all", f"{PAPER} confirmed sor ror dror adaptive_radius dsor lior lidsor naive"),
+        ("peers", "joint confirmed sor ror dror adaptive_radius dsor lior lidsor naive patchwork"),
+        ("all", f"{PAPER} confirmed sor ror dror adaptive_radius dsor lior lidsor naive patchwork"),
     ],
 )
 def test_comparisons(log, labels, tmp_path, comparison, names):
     out, summary = tmp_path / "frames.csv", tmp_path / "summary.json"
     result = invoke(log, "--labels", labels, "--compare", comparison, "-m", "none", "-o", out, "--summary", summary)
     assert result.exit_code == 0, result.output
-    expected = [*names.split(), "none"]
+    expected = [*filter(is_installed, names.split()), "none"]
     found = json.loads(summary.read_text())
     assert list(found["methods"]) == list(found["configs"]) == expected
     assert [row["method"] for row in rows(out)] == expected * FRAMES
     assert all(len(line) <= 80 for line in result.stdout.splitlines())
     assert all(name in result.stdout for name in expected)
+
+
+def test_peers_that_are_not_installed_are_left_out(log, labels, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pypatchworkpp", None)
+    result = invoke(log, "--labels", labels, "--compare", "peers")
+    assert result.exit_code == 0, result.output
+    assert "naive" in result.stdout
+    assert "patchwork" not in result.stdout
+    assert result.stderr.count("not installed: patchwork (pip install 'seaclutter[peers]')") == 1
+    result = invoke(log, "--labels", labels, "-m", "patchwork")
+    assert result.exit_code == 1
+    assert "requires an optional dependency: pip install 'seaclutter[peers]'" in result.stderr
 
 
 def test_all_methods_in_one_pass_give_the_same_as_each_alone(log, labels, tmp_path):

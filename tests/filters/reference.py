@@ -337,6 +337,30 @@ class Opening:
         return self.known[name, cell]
 
 
+class Ground(WholeFrame):
+    """Points that Patchwork++, called directly, takes for ground."""
+
+    def __init__(self, params: Any) -> None:
+        super().__init__(params)
+        import pypatchworkpp
+
+        given = pypatchworkpp.Parameters()
+        given.enable_RNR = False
+        names = {"sensor_height_m": "sensor_height", "min_range_m": "min_range", "max_range_m": "max_range"}
+        names |= {"ground_distance_m": "th_dist", "seed_height_m": "th_seeds", "uprightness": "uprightness_thr"}
+        for key, name in names.items():
+            setattr(given, name, getattr(params, key))
+        self.library = pypatchworkpp.patchworkpp(given)
+
+    def removed(self, points: list[Point]) -> list[int]:
+        near = [i for i, point in enumerate(points) if max(map(abs, point.xyz)) <= self.params.max_range_m]
+        near.sort(key=lambda i: tuple(reversed(points[i].xyz)))
+        if not near:
+            return []
+        self.library.estimateGround([points[i].xyz for i in near])
+        return [near[number] for number in self.library.getGroundIndices()]
+
+
 class Nothing(WholeFrame):
     """Method that keeps all points, including invalid ones."""
 
@@ -359,5 +383,6 @@ REFERENCES: dict[str, Callable[[Any], Any]] = {
     "lidsor": WeakDynamicStatisticalOutliers,
     "naive": WeakAndNear,
     "sea_surface": SeaSurface,
+    "patchwork": Ground,
     "none": Nothing,
 }

@@ -69,6 +69,11 @@ PARAMS = {
         {"cell_m": 3.0, "window_m": 7.0, "height_m": 0.25, "up": "-z"},
         {"cell_m": 8.0, "window_m": 4.0, "height_m": 2.0, "up": "x"},
     ],
+    "patchwork": [
+        {},
+        {"sensor_height_m": 5.0, "min_range_m": 0.0, "max_range_m": 40.0},
+        {"ground_distance_m": 0.5, "seed_height_m": 0.4, "uprightness": 0.95},
+    ],
 }
 OF_FEW_CELLS = {"sea_surface": {"cell_m": 4.0, "window_m": 25.0}}
 CASES = [(name, params) for name in FILTERS for params in PARAMS.get(name, [{}])]

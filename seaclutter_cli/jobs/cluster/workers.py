@@ -20,7 +20,7 @@ _QUESTIONS = 2
 """About versions, and files."""
 _NOT_COMPUTING = {"click", "lazy-loader", "tqdm", "annotated-types"}
 _REMOTE = ("seaclutter", "python", "dask", "distributed", "cloudpickle")
-_OPTIONAL = ("laspy", "lazrs", "obstore", "onnxruntime", "scikit-learn", "skops", "velodyne-decoder")
+_OPTIONAL = ("laspy", "lazrs", "obstore", "onnxruntime", "pypatchworkpp", "scikit-learn", "skops", "velodyne-decoder")
 
 
 @dataclass
