@@ -31,6 +31,8 @@ class PatchworkParams:
         Distance above the plane of a patch up to which points are ground, :math:`M_d`, in metres.
     seed_height_m : float
         Height above the lowest points of a patch up to which points begin the fit of its plane, in metres.
+    min_points : int
+        Minimum number of points of a patch; those of others are kept.
     uprightness : float
         Least cosine of a patch's slope for its points to be ground.
     """
@@ -40,6 +42,7 @@ class PatchworkParams:
     max_range_m: Annotated[float, Gt(0)] = 80.0
     ground_distance_m: Annotated[float, Gt(0)] = 0.125
     seed_height_m: Annotated[float, Gt(0)] = 0.125
+    min_points: Annotated[int, Ge(3)] = 10
     uprightness: Annotated[float, Interval(ge=0, le=1)] = 0.707
 
     def __post_init__(self) -> None:
@@ -80,6 +83,7 @@ class Patchwork(WholeFrameFilter[PatchworkParams]):
             raise MissingExtraError("the method patchwork", "peers") from error
         given, own = library.Parameters(), self.params
         given.enable_RNR, given.uprightness_thr, given.sensor_height = False, own.uprightness, own.sensor_height_m
+        given.num_min_pts = own.min_points
         given.min_range, given.max_range = own.min_range_m, own.max_range_m
         given.th_dist, given.th_seeds = own.ground_distance_m, own.seed_height_m
         with _no_output():

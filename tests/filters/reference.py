@@ -348,6 +348,7 @@ class Ground(WholeFrame):
         given.enable_RNR = False
         names = {"sensor_height_m": "sensor_height", "min_range_m": "min_range", "max_range_m": "max_range"}
         names |= {"ground_distance_m": "th_dist", "seed_height_m": "th_seeds", "uprightness": "uprightness_thr"}
+        names["min_points"] = "num_min_pts"
         for key, name in names.items():
             setattr(given, name, getattr(params, key))
         self.library = pypatchworkpp.patchworkpp(given)

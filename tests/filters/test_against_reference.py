@@ -71,7 +71,7 @@ PARAMS = {
     ],
     "patchwork": [
         {},
-        {"sensor_height_m": 5.0, "min_range_m": 0.0, "max_range_m": 40.0},
+        {"sensor_height_m": 5.0, "min_range_m": 0.0, "max_range_m": 40.0, "min_points": 3},
         {"ground_distance_m": 0.5, "seed_height_m": 0.4, "uprightness": 0.95},
     ],
 }
