@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -15,32 +15,12 @@ _STEM_MAPS = 3
 _OPSET, _IR_VERSION = 17, 8  # from 2022, to be readable by older runtimes
 
 
-@dataclass(frozen=True)
-class BottleneckBlock:
-    """A bottleneck: 1x1 expansion, 3x3 depthwise convolution, 1x1 projection; ReLU6 after the first two."""
+_EXPANSION = 4
+_BLOCKS = tuple(product((8, 16, 32, 64), (2, 1)))
+"""Maps and stride of the bottlenecks, from 3 maps of 112 by 112 to 64 maps of 7 by 7; those of stride 1 are residual.
 
-    maps: int
-    stride: int
-    expansion: int = 4
-
-    def is_residual(self, maps_in: int) -> bool:
-        """Return whether the input is added to the output."""
-        return self.stride == 1 and self.maps == maps_in
-
-
-BLOCKS = (
-    BottleneckBlock(8, 2),
-    BottleneckBlock(8, 1),
-    BottleneckBlock(16, 2),
-    BottleneckBlock(16, 1),
-    BottleneckBlock(32, 2),
-    BottleneckBlock(32, 1),
-    BottleneckBlock(64, 2),
-    BottleneckBlock(64, 1),
-)
-"""Alternating bottlenecks and residual bottlenecks, from 3 maps of 112 by 112 to 64 maps of 7 by 7.
-
-The figure gives both ends and the types of the layers; their number and widths are our choice.
+A bottleneck is a 1x1 expansion, a 3x3 depthwise convolution and a 1x1 projection, with ReLU6 after the first two. The
+figure gives both ends and the types of the layers; their number and widths are our choice.
 """
 
 
@@ -56,18 +36,17 @@ def make_network(classes: int) -> Any:
             return maps + super().forward(maps)
 
     layers = [_convolution(1, _STEM_MAPS, 3, stride=2)]
-    maps = _STEM_MAPS
-    for block in BLOCKS:
-        wide = block.expansion * maps
-        kind = Residual if block.is_residual(maps) else nn.Sequential
+    before = _STEM_MAPS
+    for maps, stride in _BLOCKS:
+        wide = _EXPANSION * before
         layers.append(
-            kind(
-                _convolution(maps, wide, 1),
-                _convolution(wide, wide, 3, stride=block.stride, groups=wide),
-                _convolution(wide, block.maps, 1, activated=False),
+            (Residual if stride == 1 else nn.Sequential)(
+                _convolution(before, wide, 1),
+                _convolution(wide, wide, 3, stride=stride, groups=wide),
+                _convolution(wide, maps, 1, activated=False),
             )
         )
-        maps = block.maps
+        before = maps
     return nn.Sequential(*layers, nn.AdaptiveAvgPool2d(1), nn.Flatten(), nn.Linear(maps, classes))
 
 
@@ -91,14 +70,12 @@ def to_onnx(network: Any, classes: Sequence[str], extent_m: float) -> bytes:
     writer = _Writer()
     maps = writer.add("Cast", ["image"], to=TensorProto.FLOAT)
     maps = writer.convolution(maps, network[0])
-    width = _STEM_MAPS
-    for block, layer in zip(BLOCKS, network[1:], strict=False):
+    for (_, stride), layer in zip(_BLOCKS, network[1:], strict=False):
         before = maps
         for step in layer:
             maps = writer.convolution(maps, step)
-        if block.is_residual(width):
+        if stride == 1:
             maps = writer.add("Add", [before, maps])
-        width = block.maps
     pooled = writer.add("Flatten", [writer.add("GlobalAveragePool", [maps])])
     last = network[-1]
     scores = writer.add(
