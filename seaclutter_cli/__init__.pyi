@@ -49,9 +49,9 @@ from .runs.plan import plan_convert as plan_convert
 from .runs.plan import plan_filter as plan_filter
 from .runs.report import report as report
 from .runs.report import view_logs as view_logs
-from .runs.scene.classify import evaluate_scenes as evaluate_scenes
-from .runs.scene.classify import predict_scenes as predict_scenes
-from .runs.scene.classify import train_scenes as train_scenes
+from .runs.scenes import evaluate_scenes as evaluate_scenes
+from .runs.scenes import predict_scenes as predict_scenes
+from .runs.scenes import train_scenes as train_scenes
 from .runs.simulate import simulate as simulate
 from .runs.simulate import simulate_seeds as simulate_seeds
 from .runs.tune import tune as tune

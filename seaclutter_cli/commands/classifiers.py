@@ -16,7 +16,7 @@ from seaclutter_cli.runs.options.classifiers import (
 _SCENE = [
     command(
         "scene train",
-        "runs.scene.classify:train_scenes",
+        "runs.scenes:train_scenes",
         {"logs": LabelledLogs, "options": TrainSceneOptions},
         """Train a classifier on logs with known scenes, and write it as an ONNX file.
 
@@ -29,7 +29,7 @@ _SCENE = [
     ),
     command(
         "scene evaluate",
-        "runs.scene.classify:evaluate_scenes",
+        "runs.scenes:evaluate_scenes",
         {"logs": LabelledLogs, "options": ClassifierOptions, "reading": ReadOptions},
         """Evaluate a classifier on logs with known scenes: confusion matrix, precision and recall of each class.
 
@@ -40,7 +40,7 @@ _SCENE = [
     ),
     command(
         "scene predict",
-        "runs.scene.classify:predict_scenes",
+        "runs.scenes:predict_scenes",
         {
             "logs": option("LOGS...", "Logs.", kind=Anything()),
             "options": ClassifierOptions,

@@ -14,7 +14,7 @@ from seaclutter_cli.errors import UsageError
 from seaclutter_cli.options import declared, function_of
 from seaclutter_cli.runs.batch import Work, run_batch
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import BatchOptions
+from seaclutter_cli.runs.options import BatchOptions, of_options
 from seaclutter_cli.runs.options.logs import SimulateOptions, SimulationOptions
 from seaclutter_cli.runs.outputs import prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, Result, statuses, storing_errors
@@ -211,6 +211,7 @@ class TileSimulationResult(Result):
         return f"{output}\n{indented(shown)}\n{count(total, 'point')} in {self.seconds:.1f} s"
 
 
+@of_options
 def simulate_seeds(
     scene: PathLike,
     output: PathLike,
@@ -220,28 +221,6 @@ def simulate_seeds(
     observer: Observer = SILENT,
 ) -> "SeedsResult":
     """Simulate a recording or tile for each seed, as ``SCENE_SEED.mcap`` or ``.laz`` in a folder.
-
-    Parameters
-    ----------
-    scene : path or str
-        Scene file (YAML), or the name of a built-in scene, layout or tile scene.
-    output : path
-        Folder.
-    seeds : sequence of int
-        Seeds.
-    options : SimulateOptions, optional
-        Values that replace those of the scene, and output options.
-    batch : BatchOptions, optional
-        How many are simulated at the same time.
-    observer : Observer, optional
-        Receives progress.
-
-    Raises
-    ------
-    ConfigError
-        If the scene is not valid.
-    UsageError
-        If an option is for a single recording, or files may not be written.
 
     Examples
     --------

@@ -347,7 +347,9 @@ class OfLabelledLogs(LabelSources, OfLogs):
 _GIVEN_BESIDE = {
     "logs": "path, or sequence of paths\n    Files, folders or globs.",
     "tiles": "path, or sequence of paths\n    Files, folders or globs.",
-    "output": "path\n    File for one tile, folder for several or if it is a `str` that ends in a slash.",
+    "scene": "path or str\n    Scene file (YAML), or the name of a built-in scene, layout or tile scene.",
+    "seeds": "sequence of int\n    Seeds.",
+    "output": "path\n    File for one, folder for several or if it is a `str` that ends in a slash.",
     "observer": "Observer, optional\n    Receives progress, notes and warnings.",
 }
 """Type and meaning of what functions take beside objects of options."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from seaclutter_cli.errors import UsageError
@@ -25,10 +26,18 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from seaclutter_cli.airborne.settings import TileSettings
-    from seaclutter_cli.runs.scene.logs import LabelledLog
+    from seaclutter_cli.sources.recordings import Recording
     from seaclutter_cli.urls import PathLike
 
 _BATCH_HELP = "How several tiles are processed."
+
+
+@dataclass(frozen=True)
+class LabelledLog:
+    """A recording and the true class of its scene."""
+
+    recording: Recording
+    scene: str
 
 
 class LabelledLogs(Options):
@@ -53,9 +62,42 @@ class LabelledLogs(Options):
 
     def find(self) -> list[LabelledLog]:
         """Return the recordings with their true classes; raise `UsageError` if there are none, or one has two."""
-        from seaclutter_cli.runs.scene.logs import find_labelled
+        from seaclutter_cli.sources.recordings import find_recordings
 
-        return find_labelled(self.folders, self.scenes)
+        named = [_class_and_logs(text) for text in self.scenes]
+        named += [(folder.name, str(folder)) for parent in self.folders for folder in _class_folders(parent)]
+        if not named:
+            raise UsageError("no logs: give a folder that contains a folder for each class, or --scene CLASS=LOGS")
+        found: dict[Path, LabelledLog] = {}
+        for scene, pattern in named:
+            for recording in find_recordings([pattern]):
+                first = found.setdefault(recording.key, LabelledLog(recording, scene))
+                if first.scene != scene:
+                    raise UsageError(f"{recording.paths[0]}: labelled as both {first.scene} and {scene}")
+        return list(found.values())
+
+
+def _class_and_logs(text: str) -> tuple[str, str]:
+    scene, equals, pattern = text.partition("=")
+    if not (equals and scene and pattern):
+        raise UsageError(f"--scene {text}: write it as CLASS=LOGS, as in open=trials/offshore")
+    return scene, pattern
+
+
+def _class_folders(parent: Path) -> Sequence[Path]:
+    from seaclutter_cli.sources.frame_files.folder import is_frame_folder
+    from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
+
+    if not parent.is_dir():
+        raise UsageError(f"{parent}: no such folder")
+    folders = [child for child in sorted(parent.iterdir()) if child.is_dir() and not child.name.startswith(".")]
+    recording = next(
+        (child for child in (parent, *folders) if is_rosbag2_folder(child) or is_frame_folder(child)), None
+    )
+    if recording or not folders:
+        found = f"{recording} is a recording" if recording else "it contains no folders"
+        raise UsageError(f"{parent}: must contain a folder of recordings for each class, but {found}")
+    return folders
 
 
 class ClassifierOptions(Replacing):

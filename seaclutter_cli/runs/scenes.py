@@ -20,10 +20,9 @@ from seaclutter_cli.reading import frames
 from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.observer import SILENT, Observer, Step
 from seaclutter_cli.runs.options import Logs, ReadOptions, of_options
-from seaclutter_cli.runs.options.classifiers import ClassifierOptions, LabelledLogs, TrainSceneOptions
+from seaclutter_cli.runs.options.classifiers import ClassifierOptions, LabelledLog, LabelledLogs, TrainSceneOptions
 from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, Result, WithData, expand, opened, storing_errors
-from seaclutter_cli.runs.scene.logs import LabelledLog
 from seaclutter_cli.scenes import TrainingParams
 from seaclutter_cli.scenes.model import SceneDecision, SceneModel, SceneTracker
 from seaclutter_cli.scenes.network import to_onnx

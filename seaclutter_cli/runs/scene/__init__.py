@@ -1,1 +1,0 @@
-"""Scene classifier: training, evaluation and prediction on recordings."""
