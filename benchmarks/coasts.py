@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.simulation.airborne.land import LandParams
-from seaclutter_cli.simulation.airborne.scene import TileObjectParams, TileScene, load_tile_scene
+from seaclutter_cli.simulation.airborne.scene import LandParams, TileObjectParams, TileScene, load_tile_scene
 
 SIZE_M = 500.0, 400.0
 OBJECTS = ("ship", "reef", "seaweed", "fishing fence")

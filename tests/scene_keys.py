@@ -2,8 +2,14 @@
 
 from dataclasses import MISSING, fields
 
-from seaclutter_cli.simulation.airborne.land import LANDS, LandParams
-from seaclutter_cli.simulation.airborne.scene import AirborneParams, TileObjectParams, TileParams, WaterParams
+from seaclutter_cli.simulation.airborne.scene import (
+    LANDS,
+    AirborneParams,
+    LandParams,
+    TileObjectParams,
+    TileParams,
+    WaterParams,
+)
 from seaclutter_cli.simulation.lidar.models import NoiseParams
 from seaclutter_cli.simulation.marine.physics import PhysicsParams
 from seaclutter_cli.simulation.marine.scene import RecordingParams, SceneObjectParams, VesselParams

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, ndimage
 
-from seaclutter_cli.simulation.airborne.land import LANDS, LandParams, Map
-from seaclutter_cli.simulation.airborne.scene import WaterParams
+from seaclutter_cli.simulation.airborne.scene import LANDS, LandParams, Map, WaterParams
 from seaclutter_cli.simulation.marine.sea import directional_variance
 
 Floats = NDArray[np.float64]

@@ -11,8 +11,7 @@ from seaclutter_cli.params import NotNegative, Positive, Share, key
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.marine.motion import Pose
 from seaclutter_cli.simulation.marine.physics import DIVERGENCE_RAD, PULSE_M, whitecap_share
-from seaclutter_cli.simulation.marine.sea import Sea, SeaParams
-from seaclutter_cli.simulation.marine.wake import Wake, patches
+from seaclutter_cli.simulation.marine.sea import Sea, SeaParams, Wake, patches
 from seaclutter_cli.truth import CLUTTER, IGNORED
 
 Floats = NDArray[np.float64]

@@ -25,9 +25,8 @@ from seaclutter_cli.simulation.marine.physics import (
     whitecap_share,
 )
 from seaclutter_cli.simulation.marine.scene import Scene
-from seaclutter_cli.simulation.marine.sea import GRAVITY, SeaParams
+from seaclutter_cli.simulation.marine.sea import GRAVITY, SeaParams, add_droplet_echoes, patches
 from seaclutter_cli.simulation.marine.terrain import MarineWater, SeaTerrain
-from seaclutter_cli.simulation.marine.wake import add_droplet_echoes, patches
 from seaclutter_cli.truth import CLUTTER
 
 Floats = NDArray[np.float64]

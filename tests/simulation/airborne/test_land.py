@@ -5,9 +5,14 @@ import pytest
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.airborne.coast import BUILDING, GROUND, VEGETATION, make_coast
-from seaclutter_cli.simulation.airborne.land import LANDS, LandParams
 from seaclutter_cli.simulation.airborne.recording import simulate_strips
-from seaclutter_cli.simulation.airborne.scene import load_tile_scene, parse_tile_scene, save_tile_scene
+from seaclutter_cli.simulation.airborne.scene import (
+    LANDS,
+    LandParams,
+    load_tile_scene,
+    parse_tile_scene,
+    save_tile_scene,
+)
 
 WATER = 9
 BARE = {"relief_m": 0, "ragged_m": 0, "trees": 0, "houses": 0}
