@@ -286,17 +286,17 @@ def grouped(*left_out: str, default: Options, help: str = "", **words: str) -> A
 class Options:
     """Base of classes of options: frozen dataclasses whose fields are made by `option` and documented by its help.
 
-    If it ``writes_objects``, its output files may be in object storage.
+    If it ``writes_remotely``, its output files may be in object storage.
     """
 
-    writes_objects: ClassVar[bool] = False
+    writes_remotely: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
         """Make a dataclass of a class."""
         own = {name: value for name, value in vars(cls).items() if isinstance(value, Option)}
         for name, value in own.items():
             value.name, value.annotation = name, inspect.get_annotations(cls)[name]
-            value.kind = value.kind or _kind_of(value.annotation, remote=cls.writes_objects)
+            value.kind = value.kind or _kind_of(value.annotation, remote=cls.writes_remotely)
             setattr(cls, name, field(default=value.default, kw_only=value.kw_only, metadata={Option: value}))
         dataclasses.dataclass(frozen=True, repr=False)(cls)
         for name, value in own.items():

@@ -37,14 +37,17 @@ def named_folder(path: str | os.PathLike[str]) -> bool:
     return os.fspath(path).endswith((os.sep, "/"))
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Return a table with a left-aligned first column and right-aligned other columns; long cells are cut."""
+def table(head: Sequence[str], rows: Sequence[Sequence[object]], notes: Sequence[str] = ()) -> str:
+    """Return a table with a left-aligned first column and right-aligned other columns; long cells are cut.
+
+    Behind each row, there is a note of any length, if there are any.
+    """
     cells = [[shortened(printable(str(cell)), _CELL_CHARACTERS) for cell in row] for row in (head, *rows)]
     widths = [max(len(row[column]) for row in cells) for column in range(len(head))]
     lines = []
-    for first, *rest in cells:
+    for (first, *rest), note in zip(cells, ("", *(notes or [""] * len(rows))), strict=True):
         others = (cell.rjust(width) for cell, width in zip(rest, widths[1:], strict=True))
-        lines.append("  ".join((first.ljust(widths[0]), *others)).rstrip())
+        lines.append("  ".join((first.ljust(widths[0]), *others, printable(note))).rstrip())
     return "\n".join(lines)
 
 

@@ -41,11 +41,7 @@ _SCENE = [
     command(
         "scene predict",
         "runs.scenes:predict_scenes",
-        {
-            "logs": option("LOGS...", "Logs.", kind=Anything()),
-            "options": ClassifierOptions,
-            "reading": ReadOptions,
-        },
+        {"logs": option("LOGS...", "Logs.", kind=Anything()), "options": ClassifierOptions, "reading": ReadOptions},
         """Predict the scenes of LOGS: a line for each log and topic, with the share of frames of each class.
 
         --csv writes the scene of each frame and the probabilities of the classes.

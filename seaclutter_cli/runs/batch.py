@@ -261,11 +261,7 @@ def run_batch(
     """
     outcomes: list[O | None] = [None] * len(works)
     passed = 0
-    with (
-        ExitStack() as stack,
-        _progress(works, observer) as on_share,
-        _engine(options, works, observer) as engine,
-    ):
+    with ExitStack() as stack, _progress(works, observer) as on_share, _engine(options, works, observer) as engine:
         here = observer if engine is run_in_turn else None
         # They have names because paths in buckets are URLs at first in another process.
         tasks = [_Task(work, work.recording.name, here) for work in works]

@@ -1,7 +1,7 @@
 """Sums of a calibration over recordings, and its result: as a configuration, as text and as data."""
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -303,9 +303,9 @@ class CalibrationResult(RecordingsResult):
             *mounted,
         ]
 
-    def _table(self) -> Iterator[str]:
-        """Yield the lines of the table of range rings, with notes behind them."""
-        rows, notes = [], [""]
+    def _table(self) -> list[str]:
+        """Return the lines of the table of range rings, with notes behind them."""
+        rows, notes = [], []
         for ring in self.found.rings:
             below = share(ring.below, ring.points)
             span = f"{ring.start_m:g} to {ring.end_m:g} m"
@@ -316,5 +316,4 @@ class CalibrationResult(RecordingsResult):
                 rings = f"rings {first} to {last}" if first < last else f"ring {last}"
                 note = f"{note or ('few points' if ring.points else 'no points')}: {rings}"
             notes.append(note or "no point passes" * (self.calibration.filter_rate == 1))
-        lines = table(("range ring", "clutter points", "threshold", "below"), rows).splitlines()
-        yield from (f"{line}  {note}".rstrip() for line, note in zip(lines, notes, strict=True))
+        return table(("range ring", "clutter points", "threshold", "below"), rows, notes).splitlines()

@@ -17,14 +17,7 @@ from seaclutter_cli.runs.batch import Work, run_batch
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import InfoOptions
-from seaclutter_cli.runs.recordings import (
-    RecordingsResult,
-    expand,
-    expected_frames,
-    opened,
-    statuses,
-    storing_errors,
-)
+from seaclutter_cli.runs.recordings import RecordingsResult, expand, expected_frames, opened, statuses, storing_errors
 from seaclutter_cli.runs.topic_statistics import Described, TopicStatistics
 from seaclutter_cli.sources.mcap.excerpt import Excerpt, excerpt
 from seaclutter_cli.sources.recordings import Recording

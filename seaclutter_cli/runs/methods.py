@@ -10,14 +10,13 @@ from importlib.util import find_spec
 from operator import getitem
 from typing import Any
 
-import yaml
-
 from seaclutter_cli.config import Config, ConfigSource, UnnamedFile, load_config
 from seaclutter_cli.documents import DocumentError, load_yaml
 from seaclutter_cli.errors import ConfigError, UsageError
 from seaclutter_cli.filters import FILTERS, OPTIONAL
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ConfigOptions, MethodOptions
+from seaclutter_cli.validation import yaml_value
 
 _GLOBAL_INTENSITY_AT = {
     f"global_intensity@{rate}": ("filter.threshold=null", f"filter.filter_rate={rate}") for rate in ("0.80", "0.90")
@@ -184,11 +183,6 @@ class Sweep:
         return named and self.own_key.partition(".")[0] in base.keys
 
 
-def shown(value: Any) -> str:
-    """Return a value as YAML on one line."""
-    return str(yaml.safe_dump(value, default_flow_style=True, width=10**6, sort_keys=False)).splitlines()[0]
-
-
 def parse_sweep(text: str) -> Sweep:
     """Return the sweep that ``KEY=V1,V2,…`` or ``KEY=START:STOP:STEP`` describes; raise `UsageError` for other texts.
 
@@ -252,7 +246,7 @@ def grid(sweeps: Sequence[Sweep], options: MethodOptions) -> list[Variant]:
             combinations.append(plain[base.name])
             continue
         for values in itertools.product(*(sweep.values for sweep in own[base.name])):
-            settings = [f"{one.own_key}={shown(value)}" for one, value in zip(own[base.name], values, strict=True)]
+            settings = [f"{one.own_key}={yaml_value(value)}" for one, value in zip(own[base.name], values, strict=True)]
             name = " ".join((base.name, *settings) if several else settings)
             variant = base.variant(*(f"filter.{setting}" for setting in settings), name=name)
             section = variant.config.as_dict()["filter"]

@@ -30,20 +30,8 @@ if TYPE_CHECKING:  # imports all filters, which tiles do not need
     from seaclutter_cli.config import Config, ConfigSource
 
 _COLUMNS = (
-    "recording",
-    "input",
-    "output",
-    "status",
-    "frames",
-    "points_in",
-    "points_out",
-    "false_alarms",
-    "missed_targets",
-    "bytes_in",
-    "bytes_out",
-    "seconds",
-    "damaged_parts",
-    "error",
+    *("recording", "input", "output", "status", "frames", "points_in", "points_out", "false_alarms", "missed_targets"),
+    *("bytes_in", "bytes_out", "seconds", "damaged_parts", "error"),
 )
 """Of a manifest; those that a command does not know are empty."""
 

@@ -23,7 +23,7 @@ from seaclutter_cli.runs.outputs import Root, prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expected_frames, open_recording
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sources.recordings import Recording
-from seaclutter_cli.text import count, data_size, printable, table
+from seaclutter_cli.text import count, data_size, table
 
 _STATUSES = ("do", "skip", "refuse")
 
@@ -194,9 +194,8 @@ class RunPlan(RecordingsResult):
             (one.recording, data_size(one.bytes_in), "-" if one.frames is None else f"{one.frames:,}", one.status)
             for one in self.outcomes
         ]
-        head, *lines = table(("recording", "size", "frames", "plan"), rows).splitlines()
-        listed = [f"{line}  {printable(one.explanation)}" for line, one in zip(lines, self.outcomes, strict=True)]
+        lines = table(("recording", "size", "frames", "plan"), rows, [one.explanation for one in self.outcomes])
         found = Counter(one.status for one in self.outcomes)
         numbers = ", ".join(f"{found[status]:,} to {status}" for status in _STATUSES if found[status])
         free = f"; {data_size(self.free_bytes)} free" if self.free_bytes is not None else ""
-        return "\n".join((head, *listed, f"{numbers}; {data_size(self.bytes_in)} in{free}"))
+        return f"{lines}\n{numbers}; {data_size(self.bytes_in)} in{free}"

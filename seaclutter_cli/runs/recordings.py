@@ -1,5 +1,6 @@
 """Runs over recordings: finding and opening them and their labels; outcomes, errors and warnings."""
 
+import math
 import os
 from abc import ABC, abstractmethod
 from collections import Counter
@@ -51,17 +52,20 @@ def data_of(item: Any, names: str) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
+    if callable(value):
+        value = value()
     if hasattr(value, "as_dict"):
         return value.as_dict()
-    if callable(value):
-        return _plain(value())
     if isinstance(value, Path | Damage):
         return str(value)
     if is_dataclass(value):
-        return {one.name: _plain(getattr(value, one.name)) for one in fields(value)}
+        value = {one.name: getattr(value, one.name) for one in fields(value)}
     if isinstance(value, Mapping):
         return {name: _plain(one) for name, one in value.items()}
-    return [_plain(one) for one in value] if isinstance(value, list | tuple) else value
+    value = value.tolist() if hasattr(value, "tolist") else value
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 class WithData:

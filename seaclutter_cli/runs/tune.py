@@ -19,13 +19,14 @@ from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
 from seaclutter_cli.runs.batch import prepared, run_all
 from seaclutter_cli.runs.evaluate import FRAME_ERRORS, FRAMES, Evaluated, EvaluateWork, score_cells, score_legend
-from seaclutter_cli.runs.methods import Sweep, Variant, grid, note_left_out, shown
+from seaclutter_cli.runs.methods import Sweep, Variant, grid, note_left_out
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.options.logs import TuneOptions
 from seaclutter_cli.runs.outputs import may_appear, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, data_of
 from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.text import count, printable, table
+from seaclutter_cli.validation import yaml_value
 
 _RATES = ("frames", "N_FP", "N_FN", "R_FP", "R_FN", "precision", "recall", "f1", "false_alarms", "omitted_alarms")
 _BEST = "<"
@@ -204,7 +205,7 @@ class TuningResult(RecordingsResult):
         chosen = list(self.tuned).index(self.best) if self.best else None
         both = ([(one.r_fp, one.r_fn) for one in part.values()] for part in (self.tuned, self.judged))
         tuned, held_out = (np.array(rates, np.float64).reshape(-1, 2).T for rates in both)  # NaN where unknown
-        values = list(map(shown, sweep.values))
+        values = list(map(yaml_value, sweep.values))
         return render(lambda figure: draw_rates(figure, sweep.key, values, tuned, held_out, chosen), suffix)
 
     @property

@@ -204,6 +204,8 @@ class ClassifiedTile(TileOutcome):
     Clusters that are too unlikely to be objects are left out.
     """
 
+    data = "tile=recording objects=named_objects clusters_left_out points_left_out"
+
     clusters_left_out: int = 0
     points_left_out: int = 0
     map: MappedTile = field(default_factory=lambda: MappedTile("", Crs()), repr=False)
@@ -214,14 +216,9 @@ class ClassifiedTile(TileOutcome):
         """Objects, with centres in the coordinates of the tile."""
         return self.map.objects
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the objects as JSON-compatible data."""
-        return {
-            "tile": self.recording,
-            "objects": [{"class": one.name, **vars(one)} for one in self.objects],
-            "clusters_left_out": self.clusters_left_out,
-            "points_left_out": self.points_left_out,
-        }
+    def named_objects(self) -> list[dict[str, Any]]:
+        """Return the objects with the names of their classes."""
+        return [{"class": one.name, **vars(one)} for one in self.objects]
 
     def described(self, min_probability: float) -> str:
         """Return the objects in lines of at most 80 characters; positions are rounded to the metre."""

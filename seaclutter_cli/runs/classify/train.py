@@ -27,6 +27,8 @@ from seaclutter_cli.sources.tiles import find_tiles, open_tile
 from seaclutter_cli.text import UNKNOWN, count, table
 from seaclutter_cli.truth import OBJECT_CLASSES
 
+_SCORES = ("class", "precision", "recall", "f1", "points", "object_f1")
+
 
 @of_options
 def train_forest(tiles: Logs, options: TrainForestOptions, observer: Observer = SILENT) -> "TrainingReport":
@@ -131,6 +133,10 @@ class TrainingReport(Result):
     """
 
     is_summary = True
+    data = (
+        "held_out points_trained=trained points_tested=tested accuracy=points.accuracy kappa macro_f1=points.macro_f1 "
+        "object_macro_f1=objects.macro_f1 classes confusion=points.counts importances"
+    )
 
     codes: tuple[int, ...]
     points: Confusion
@@ -151,27 +157,16 @@ class TrainingReport(Result):
         several = np.count_nonzero(self.points.counts.sum(axis=1)) > 1
         return self.points.kappa if several else float("nan")
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the report as JSON-compatible data."""
-        points, keys = self.points, ("class", "precision", "recall", "f1", "points", "object_f1")
-        return {
-            "held_out": self.split if self.tested else None,
-            "points_trained": self.trained,
-            "points_tested": self.tested,
-            "accuracy": _plain(points.accuracy),
-            "kappa": _plain(self.kappa),
-            "macro_f1": _plain(points.macro_f1),
-            "object_macro_f1": _plain(self.objects.macro_f1),
-            "classes": [dict(zip(keys, map(_plain, row), strict=True)) for row in self._rows()],
-            "confusion": points.counts.tolist(),
-            "importances": self.importances,
-        }
+    @property
+    def held_out(self) -> str | None:
+        """What was held out; None if nothing was tested."""
+        return self.split if self.tested else None
 
-    def _rows(self) -> list[tuple[Any, ...]]:
-        """Return name, precision, recall, F1 and number of points, and F1 of objects, of each class."""
+    def classes(self) -> list[dict[str, Any]]:
+        """Return the scores and the number of the points of each class, and the F1 of its objects."""
         points = self.points
         columns = (points.precision, points.recall, points.f1, points.counts.sum(axis=1), self.objects.f1)
-        return list(zip(self.names, *columns, strict=True))
+        return [dict(zip(_SCORES, row, strict=True)) for row in zip(self.names, *columns, strict=True)]
 
     def as_text(self) -> str:
         """Return the report as human-readable text; one line if nothing was tested."""
@@ -179,7 +174,9 @@ class TrainingReport(Result):
         if not self.tested:
             return f"{trained}; no test, because nothing could be held out"
         points, objects = self.points, self.objects
-        rows = [(n, _3(p), _3(r), _3(f), f"{c:,}", _3(o)) for n, p, r, f, c, o in self._rows()]
+        rows = [
+            (n, _3(p), _3(r), _3(f), f"{c:,}", _3(o)) for n, p, r, f, c, o in (one.values() for one in self.classes())
+        ]
         head = ("class", "precision", "recall", "F1", "points", "  object F1")
         rows.append(("mean", "", "", _3(points.macro_f1), f"{points.counts.sum():,}", _3(objects.macro_f1)))
         ranked = sorted(self.importances.items(), key=lambda item: -item[1])
@@ -195,8 +192,3 @@ class TrainingReport(Result):
 
 def _3(value: float) -> str:
     return f"{value:.3f}" if np.isfinite(value) else UNKNOWN
-
-
-def _plain(value: Any) -> Any:
-    number = value.item() if hasattr(value, "item") else value
-    return None if isinstance(number, float) and not np.isfinite(number) else number

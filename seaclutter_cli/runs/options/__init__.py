@@ -142,7 +142,7 @@ class ReadOptions(Decoding):
 class OfLogs(Options):
     """What every function for logs takes."""
 
-    writes_objects = True
+    writes_remotely = True
 
     logs: PathLike | Sequence[PathLike] = option(
         "LOGS...", "Files, folders or globs of logs, or URLs of objects.", kind=Anything(is_place=True), kw_only=False
@@ -359,7 +359,7 @@ def of_options(run: Callable[P, R]) -> Callable[P, R]:
     """Document what a function takes, objects of options among others, and the errors that it raises."""
     lines = ["Parameters", "----------"]
     for name, one in inspect.signature(run).parameters.items():
-        kinds = [kind for kind in (one.annotation, *get_args(one.annotation)) if hasattr(kind, "writes_objects")]
+        kinds = [kind for kind in (one.annotation, *get_args(one.annotation)) if hasattr(kind, "writes_remotely")]
         optional = "" if one.default is one.empty else ", optional"
         known = [f"{kind.__name__}{optional}\n    {(kind.__doc__ or '').partition(chr(10))[0]}" for kind in kinds]
         lines.append(f"{name} : {known[0] if known else _GIVEN_BESIDE[name]}")
