@@ -51,7 +51,7 @@ class Stages:
     def __init__(self) -> None:
         self.counts = np.zeros((len(STAGES), 3))
 
-    def add(self, frame: Frame, results: Sequence[FilterResult | None], _: Sequence[float]) -> None:
+    def add(self, frame: Frame, results: Sequence[FilterResult | None]) -> None:
         if frame.index in FRAMES:
             label = frame.cloud.points["label"]
             for stage, result in enumerate(results):
@@ -66,7 +66,8 @@ def table_3(logs: Sequence[Path]) -> None:
         stages = Stages()
         filters = [load_config(method=method).make_filter() for method in STAGES.values()]
         with closing(find_recordings([str(log)])[0].open(rate_hz=10.0)) as source:
-            run_each(source, filters, Selection(), stages.add)
+            for frame, results, _ in run_each(source, filters, Selection()):
+                stages.add(frame, results)
         for stage, found in zip(STAGES, stages.counts / len(FRAMES), strict=True):
             rows[stage].append((*found, 100 * found[2] / found.sum()))
     print("\nTable 3\n")

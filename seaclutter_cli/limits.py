@@ -10,13 +10,15 @@ from typing import Literal, Self
 
 from seaclutter_cli.errors import UsageError
 
+Part = Literal["chunk", "message"]
 CHANNEL_BYTES = 1024
 """Memory of a channel or schema besides its text, approximately."""
 
 _PREFIX = "SEACLUTTER_MAX_"
 _MIB, _GIB = 2**20, 2**30
 _ALWAYS_BYTES = 16 * _MIB
-_CHUNK_SHARE, _MESSAGE_SHARE = 2, 8
+_OF_FILE = {"chunk": (2, 2 * _ALWAYS_BYTES), "message": (8, _ALWAYS_BYTES // 2)}
+"""Part of the ratio of its file that a chunk or message may have, and its size to which no ratio is too large."""
 _UNITS = {
     "chunk_mib": "MiB",
     "chunk_messages": "messages",
@@ -64,13 +66,11 @@ class Limits:
         """Limit of a message in bytes."""
         return self.message_mib * _MIB
 
-    def chunk_bytes_of(self, file: int) -> int:
-        """Return the limit in bytes of a chunk of a file of ``file`` bytes; a small file has no large chunks."""
-        return min(self.chunk_bytes, max(self.file_ratio * file // _CHUNK_SHARE, 2 * _ALWAYS_BYTES))
-
-    def message_bytes_of(self, file: int) -> int:
-        """Return the limit in bytes of a message of a file of ``file`` bytes; a small file has no large messages."""
-        return min(self.message_bytes, max(self.file_ratio * file // _MESSAGE_SHARE, _ALWAYS_BYTES // 2))
+    def bytes_of(self, part: Part, file: int) -> int:
+        """Return the limit in bytes of a part of a file of ``file`` bytes; a small file has no large parts."""
+        share, always = _OF_FILE[part]
+        most = self.chunk_bytes if part == "chunk" else self.message_bytes
+        return min(most, max(self.file_ratio * file // share, always))
 
     def packed_message_bytes(self, packed: int) -> int:
         """Return the limit in bytes of the content of a message that is compressed by itself to ``packed`` bytes."""
@@ -91,10 +91,10 @@ def above(amount: str, name: str) -> str:
     return f"{amount}, above the limit of {getattr(limits(), name):,} {_UNITS[name]} ({variable(name)})"
 
 
-def above_in_file(amount: str, part: Literal["chunk", "message"], file: int) -> str:
+def above_in_file(amount: str, part: Part, file: int) -> str:
     """Return a description of a chunk or message that exceeds the limit for a file of ``file`` bytes, for messages."""
-    most = limits().chunk_bytes_of(file) if part == "chunk" else limits().message_bytes_of(file)
-    if most == (limits().chunk_bytes if part == "chunk" else limits().message_bytes):
+    most = limits().bytes_of(part, file)
+    if most == getattr(limits(), f"{part}_bytes"):
         return above(amount, f"{part}_mib")
     size = f"{most // _MIB} MiB in a file of {file:,} bytes"
     return f"{amount}, above the limit of {size} ({variable('file_ratio')})"

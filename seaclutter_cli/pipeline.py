@@ -190,16 +190,13 @@ def run(
 
 
 def run_each(
-    source: Source,
-    filters: Sequence[Filter],
-    selection: Selection,
-    on_frame: Callable[[Frame, Sequence[FilterResult | None], Sequence[float]], object],
-) -> None:
+    source: Source, filters: Sequence[Filter], selection: Selection
+) -> Iterator[tuple[Frame, Sequence[FilterResult | None], Sequence[float]]]:
     """Filter one cloud topic with several methods in one pass; each frame is decoded once.
 
-    The filters are new; those that need a first pass share it. ``on_frame`` is called with each frame, the result of
-    each filter (None if the filter cannot use the frame), and the seconds that each filter took. Coordinates and
-    ranges, which all filters use, are computed before and not timed. Frames without coordinates are damage.
+    The filters are new; those that need a first pass share it. Yields each frame, the result of each filter (None if
+    the filter cannot use the frame), and the seconds that each filter took. Coordinates and ranges, which all filters
+    use, are computed before and not timed. Frames without coordinates are damage.
     `FieldError` if all frames lack a field that one of the methods needs; `UsageError` if there are several topics.
     """
     clouds = cloud_channels(source, selection.topics)
@@ -214,7 +211,7 @@ def run_each(
     for held in _filtered(source, {topics[0]: filters}, {topics[0]: tallies}, usable):
         if held.frame is not None:
             results = [result if isinstance(result, FilterResult) else None for result in held.results]
-            on_frame(held.frame, results, held.seconds)
+            yield held.frame, results, held.seconds
 
 
 def _filtered(

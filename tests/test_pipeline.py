@@ -313,14 +313,12 @@ class TestSideBySide:
         makers[3] = lambda: confirmed(look_ahead_s=0.2)
         found = [[] for _ in makers]
 
-        def on_frame(frame, results, seconds):
-            for own, result in zip(found, results, strict=True):
-                assert result.frame is frame
-                own.append((frame.topic, frame.index, result.reason.tolist()))
-            assert len(seconds) == len(makers)
-
         with closing(open_source(SEA)) as source:
-            run_each(source, [make() for make in makers], Selection(frames=25), on_frame)
+            for frame, results, seconds in run_each(source, [make() for make in makers], Selection(frames=25)):
+                for own, result in zip(found, results, strict=True):
+                    assert result.frame is frame
+                    own.append((frame.topic, frame.index, result.reason.tolist()))
+                assert len(seconds) == len(makers)
         for make, own in zip(makers, found, strict=True):
             assert own == results_of(SEA, "/points", make, frames=25)
 

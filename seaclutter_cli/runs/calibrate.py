@@ -12,8 +12,7 @@ from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.calibration import Calibration, ClutterSelector
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import LabelError, UsageError
-from seaclutter_cli.evaluation.scores import Summary
-from seaclutter_cli.evaluation.tuning import Parts
+from seaclutter_cli.evaluation.scores import Parts, Summary
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmed import Confirmed

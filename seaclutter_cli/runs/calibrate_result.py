@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.calibration import Calibration, Thresholds, few_points
 from seaclutter_cli.config import Config, SensorParams
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.evaluation.scores import Summary
-from seaclutter_cli.evaluation.tuning import best
+from seaclutter_cli.evaluation.scores import Summary, best
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import MAX_RINGS

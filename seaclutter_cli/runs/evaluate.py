@@ -13,17 +13,16 @@ from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.evaluation.label_check import LabelCheck
-from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, Summary, score_frame
-from seaclutter_cli.evaluation.tuning import Parts
+from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, Parts, Summary, score_frame
 from seaclutter_cli.frame import FilterResult, Frame
-from seaclutter_cli.interfaces import Labels, Source
+from seaclutter_cli.interfaces import Filter, Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.methods import Variant, note_left_out, variants
-from seaclutter_cli.runs.observer import Observer, Step
+from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import EvaluateOptions
 from seaclutter_cli.runs.outputs import PackedRows, may_appear, write_manifest
 from seaclutter_cli.runs.recordings import RecordingsResult
@@ -219,6 +218,12 @@ class Evaluated(Described):
         """Number of frames that at least one method could use, labelled or not."""
         return max((summary.frames + summary.unlabelled for summary in self.methods.values()), default=0)
 
+    def add(self, method: str, frame: Frame, score: FrameScore, seconds: float | None) -> None:
+        """Add a frame to the sums and rows of a method."""
+        self.methods[method].add(score, seconds)
+        if self.rows:
+            self.rows.add(method, frame, score)
+
     def figures(self) -> str:
         """Return frames and rates of the first method, for a line about the outcome."""
         rates = ", ".join(column.figure(self.first) for column in (R_FP, R_FN))
@@ -234,6 +239,10 @@ class Evaluated(Described):
     def first(self) -> Summary:
         """The sums for the first variant."""
         return next(iter(self.methods.values()))
+
+
+Filtered = tuple[Frame, Sequence[FilterResult | None], Sequence[float | None]]
+"""A frame, its result of each method, and the seconds that each took, as far as known."""
 
 
 @dataclass(frozen=True)
@@ -277,69 +286,60 @@ class EvaluateWork(RecordingWork[Evaluated]):
         # The threshold of a method that derives it from the log itself always fits.
         given = [variant for variant, method in zip(self.variants, filters, strict=True) if not method.needs_first_pass]
         checks = {variant.name: Checks(variant.config, source.facts, filtered=by is not None) for variant in given}
+        frames = self._filtered(source, filters, labels, outcome, observer)
+        warn_once(observer, outcome, self.scored(frames, labels, outcome, checks))
+
+    def _filtered(
+        self, source: Source, filters: Sequence[Filter], labels: Labels | None, outcome: Evaluated, observer: Observer
+    ) -> Iterator[Filtered]:
+        """Yield the frames of the recording; then raise `LabelError` or warn if they and the labels do not match."""
         with self.progress(source, observer) as step:
-            scorer = FrameScorer(self, labels, outcome, checks, observer, step)
-            run_each(source, filters, selection, scorer.add)
+            for filtered in run_each(source, filters, self.reading.selection):
+                yield filtered
+                step()
         self.finish(source, labels, outcome.frames)
         if labels and outcome.frames and not any(summary.frames for summary in outcome.methods.values()):
-            recorded = recorded_of(source, selection.topics)
+            recorded = recorded_of(source, self.reading.selection.topics)
             if first := min((one.first_frame for one in recorded), default=0):
                 text = f"it is a part of a recording, with frames from {first} on"
                 raise LabelError(f"{source.name}: no frame is labelled; {text}")
             observer.warn(f"{source.name}: no frame is labelled; check that the labels belong to this recording")
-        scorer.finish()
+
+    def scored(
+        self, frames: Iterable[Filtered], labels: Labels | None, outcome: Evaluated, checks: Mapping[str, Checks]
+    ) -> Iterator[str]:
+        """Score frames for every method that could use them; yield warnings about settings and labels."""
+        evaluation = self.variants[0].config.evaluation
+        label_check = LabelCheck(evaluation)
+        for frame, results, seconds in frames:
+            outcome.note(frame)
+            truth = labels.truth(frame) if labels else None
+            scores = score_frame(frame, results, truth, evaluation)
+            if truth:
+                label_check.add(frame, truth)
+            if truth is not None and outcome.parts:
+                outcome.parts.add(scores)
+            for listener in self.listeners:
+                listener.add(ScoredFrame(frame, results, truth, scores))
+            for variant, result, found, spent in zip(self.variants, results, scores, seconds, strict=True):
+                if result is None or found is None:
+                    continue
+                outcome.add(variant.name, frame, found, spent)
+                if variant.name in checks:
+                    yield from checks[variant.name].add(result)
+        for check in checks.values():  # even after only a few frames
+            yield from check.finish()
+        most = max(outcome.methods.values(), key=attrgetter("frames"))
+        yield from (f"labels: {finding.text}" for finding in label_check.findings(most.targets, most.visible))
 
 
-@dataclass
-class FrameScorer:
-    """Comparison of the frames of one recording with its labels."""
-
-    work: EvaluateWork
-    labels: Labels | None
-    outcome: Evaluated
-    checks: Mapping[str, Checks]
-    observer: Observer
-    step: Step
-
-    def __post_init__(self) -> None:
-        self._evaluation = self.work.variants[0].config.evaluation
-        self._label_check = LabelCheck(self._evaluation)
-        self._warned: set[str] = set()
-
-    def add(self, frame: Frame, results: Sequence[FilterResult | None], seconds: Sequence[float | None]) -> None:
-        """Score a frame for every method that could use it."""
-        self.outcome.note(frame)
-        truth = self.labels.truth(frame) if self.labels else None
-        scores = score_frame(frame, results, truth, self._evaluation)
-        if truth:
-            self._label_check.add(frame, truth)
-        if truth is not None and self.outcome.parts:
-            self.outcome.parts.add(scores)
-        for listener in self.work.listeners:
-            listener.add(ScoredFrame(frame, results, truth, scores))
-        for variant, result, found, spent in zip(self.work.variants, results, scores, seconds, strict=True):
-            if result is None or found is None:
-                continue
-            self.outcome.methods[variant.name].add(found, spent)
-            if self.outcome.rows:
-                self.outcome.rows.add(variant.name, frame, found)
-            if variant.name in self.checks:
-                self._warn(self.checks[variant.name].add(result))
-        self.step()
-
-    def finish(self) -> None:
-        """Warn about settings and labels that do not fit, even after only a few frames."""
-        for checks in self.checks.values():
-            self._warn(checks.finish())
-        found = max(self.outcome.methods.values(), key=lambda summary: summary.frames)
-        findings = self._label_check.findings(found.targets, found.visible)
-        self._warn(f"labels: {finding.text}" for finding in findings)
-
-    def _warn(self, texts: Iterable[str]) -> None:
-        for text in texts:
-            if text not in self._warned:
-                self._warned.add(text)
-                self.observer.warn(f"{self.outcome.recording}: {text}")
+def warn_once(observer: Observer, outcome: Evaluated, texts: Iterable[str]) -> None:
+    """Warn of each text when it comes first."""
+    warned = set[str]()
+    for text in texts:
+        if text not in warned:
+            warned.add(text)
+            observer.warn(f"{outcome.recording}: {text}")
 
 
 @dataclass(frozen=True)

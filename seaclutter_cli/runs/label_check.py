@@ -136,15 +136,12 @@ class _LabelCheckWork(RecordingWork[CheckedLabels]):
         unfiltered = load_config(None, method="none")
         check = LabelCheck(unfiltered.evaluation)
         with self.progress(source, observer) as step:
-
-            def on_frame(frame: Frame, *_: object) -> None:
+            for frame, *_ in run_each(source, [unfiltered.make_filter()], self.reading.selection):
                 truth = labels.truth(frame) if labels else None
                 outcome.add(frame, truth, unfiltered.evaluation)
                 if truth:
                     check.add(frame, truth)
                 step()
-
-            run_each(source, [unfiltered.make_filter()], self.reading.selection, on_frame)
         self.finish(source, labels, outcome.labelled + outcome.unlabelled)
         outcome.findings = check.findings(outcome.boxes, outcome.visible)
 

@@ -1,6 +1,6 @@
 """What shows the effect of a filter: a page that opens offline, figures for print, and the Rerun viewer."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -20,7 +20,7 @@ from seaclutter_cli.reporting.collector import Collector, FrameListener, Method
 from seaclutter_cli.reporting.page import render_page, report_data
 from seaclutter_cli.reporting.replay import filtered_topics, recorded_config, replay
 from seaclutter_cli.runs.batch import prepared
-from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork, FrameScorer
+from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork, Filtered, warn_once
 from seaclutter_cli.runs.methods import Variant, is_default, note_left_out
 from seaclutter_cli.runs.methods import variants as variants_of
 from seaclutter_cli.runs.observer import SILENT, Observer
@@ -286,15 +286,20 @@ class _ReplayWork(EvaluateWork):
 
     def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
         """Read all frames."""
+        frames = self._replayed(source, labels, outcome, observer)
+        warn_once(observer, outcome, self.scored(frames, labels, outcome, {}))
+
+    def _replayed(
+        self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer
+    ) -> Iterator[Filtered]:
         selection = self.reading.selection
         clouds = [channel for channel in source.channels if channel.topic == self.topic]
         with self.progress(source, observer, clouds) as step:
-            scorer = FrameScorer(self, labels, outcome, {}, observer, step)
             for result in replay(source, self.topic, selection):
-                scorer.add(result.frame, [result], [None])
+                yield result.frame, [result], [None]
+                step()
         if not outcome.frames:
             require_frames(source, 0, selection)
             missing = f"no frame of {self.topic} has removed points and diagnostics"
             raise InputError(f"{source.name}: nothing to show; {source.damage[0] if source.damage else missing}")
         self.finish(source, labels, outcome.frames)
-        scorer.finish()

@@ -11,8 +11,7 @@ import numpy as np
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.evaluation.matching import point_truth
-from seaclutter_cli.evaluation.scores import Summary
-from seaclutter_cli.evaluation.tuning import Parts, best, ideal_threshold
+from seaclutter_cli.evaluation.scores import Parts, Summary, best, ideal_threshold
 from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.curves import draw_rates, draw_thresholds
 from seaclutter_cli.plots.figure import check_target, render

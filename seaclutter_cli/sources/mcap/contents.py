@@ -215,7 +215,7 @@ class McapContents:
             self._report(span.offset, f"damaged chunk ({error})", span.end - span.offset)
             self._follows_chunk = False
             return
-        size, unpacked = span.end - span.offset, min(header.size, limits().chunk_bytes_of(len(self._file)))
+        size, unpacked = span.end - span.offset, min(header.size, limits().bytes_of("chunk", len(self._file)))
         self.chunks.append(McapChunk(span.offset, size, header.start_ns, header.end_ns, header, unpacked=unpacked))
 
     def _extra(self, span: Span) -> None:

@@ -306,7 +306,7 @@ def parse(read: Callable[[ReadDataStream], R], content: Buffer) -> R:
 def unpack(header: ChunkHeader, data: Bytes[Buffer]) -> Buffer:
     """Return the records of a chunk; `BrokenRecordError` if they are damaged, or exceed the limit of a chunk."""
     size = max(header.size, header.data_end - header.data_start)
-    if size > limits().chunk_bytes_of(len(data)):
+    if size > limits().bytes_of("chunk", len(data)):
         raise BrokenRecordError(f"has {above_in_file(count(size, 'byte'), 'chunk', len(data))}")
     if header.compression not in COMPRESSIONS:
         raise BrokenRecordError(f"cannot be decompressed (unknown compression {header.compression[:8]!r})")
@@ -324,7 +324,7 @@ def unpack(header: ChunkHeader, data: Bytes[Buffer]) -> Buffer:
 
 def salvage(header: ChunkHeader, data: Bytes[Buffer]) -> Buffer:
     """Return the records at the beginning of a truncated or damaged chunk, as far as they can be decompressed."""
-    most = limits().chunk_bytes_of(len(data))
+    most = limits().bytes_of("chunk", len(data))
     packed = data[header.data_start : min(header.data_end, header.data_start + most, len(data))]
     if header.compression not in COMPRESSIONS:
         return b""

@@ -128,7 +128,7 @@ class BagSource(ChunkedSource[Chunk, Content]):
             self._report(len(self._file) + min(missing, 0), problem, 0)
 
     def _take_chunk(self, record: BagRecord) -> None:
-        unpacked = min(record.number(b"size"), limits().chunk_bytes_of(len(self._file)))
+        unpacked = min(record.number(b"size"), limits().bytes_of("chunk", len(self._file)))
         chunk = Chunk(record.start, record.end - record.start, *_ANY_TIME, unpacked=unpacked)
         index = None if record.repaired else read_index(self._file, record.end)
         if index is None:
@@ -303,7 +303,7 @@ def read_index(view: Bytes[Buffer], at: int) -> Index | None:
 
 def _unpacked(packed: memoryview, chunk: BagRecord, *, ends_bag: bool, bag_bytes: int) -> tuple[memoryview, str | None]:
     """Return the readable content of a chunk's data, and a description of its damage; None if it is intact."""
-    size, limit = chunk.number(b"size"), limits().chunk_bytes_of(bag_bytes)
+    size, limit = chunk.number(b"size"), limits().bytes_of("chunk", bag_bytes)
     most = min(limit, max(size, MAX_AHEAD_BYTES))
     compression = chunk.fields[b"compression"]
     if compression == b"none":

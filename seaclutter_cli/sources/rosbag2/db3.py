@@ -68,7 +68,7 @@ class Db3Source(Source):
         yield from self.metadata
         del self.damage[self._at_opening :]
         size = self._path.stat().st_size
-        lost, large, most = 0, 0, limits().message_bytes_of(size)
+        lost, large, most = 0, 0, limits().bytes_of("message", size)
         try:
             for _, time_ns, topic, data in read_rows(self._db, self._report, start_ns, end_ns):
                 message = self._message(time_ns, topic, data, most)
@@ -100,7 +100,7 @@ class Db3Source(Source):
 
     def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
         """Return the last message before a time of each of some channels; none where damage prevents finding it."""
-        found, most = [], limits().message_bytes_of(self._path.stat().st_size)
+        found, most = [], limits().bytes_of("message", self._path.stat().st_size)
         for channel in channels:
             with suppress(*BROKEN):
                 row = latest_row(self._db, channel, before_ns)

@@ -194,7 +194,7 @@ class ChunkedSource(Source, Generic[C, P]):
         except LostDataError as error:
             self._report(chunk.offset, error.problem, chunk.size, chunk.messages or None)
             return []
-        most = limits().message_bytes_of(len(self._file))
+        most = limits().bytes_of("message", len(self._file))
         large = [len(message.data) for message in messages if len(message.data) > most]
         if not large:
             return messages

@@ -57,7 +57,7 @@ class SplitSource(Source):
         self._open_file = open_file
         self._expected = expected
         self._packed_messages = packed_messages
-        self._most = limits().message_bytes_of(sum(file.stat().st_size for file in files if file.is_file()))
+        self._most = limits().bytes_of("message", sum(file.stat().st_size for file in files if file.is_file()))
         self._packed_damage: dict[Path, Damage] = {}
         self._stack = ExitStack()
         self._current: tuple[Path, Source] | None = None
