@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.buckets import fetch, on_paths, shown
-from seaclutter_cli.documents import MAX_DEPTH
 from seaclutter_cli.errors import AdaptedThresholdsWarning, ConfigError
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.filters import FILTERS
@@ -28,6 +27,7 @@ from seaclutter_cli.validation import (
     descriptions,
     find_file,
     merged,
+    parse_override,
     parse_yaml,
     plain,
     raise_problems,
@@ -179,7 +179,7 @@ def load_config(
         shared = {key: value for key, value in sections["filter"].items() if key in kept}
         sections["filter"] = {**shared, "method": method}
     for override in overrides:
-        sections = merged(sections, _parse_override(override))
+        sections = merged(sections, parse_override(override, _SECTIONS, "filter.KEY=VALUE or evaluation.KEY=VALUE"))
     if not undetermined_thresholds:
         sections = _with_adapted_thresholds(sections, config.filter, overrides)
     return _validate(prepare(sections), origin)
@@ -252,18 +252,6 @@ def _with_adapted_thresholds(
     )
     sensor = sections["sensor"] or (plain(DEFAULT_SENSOR) if _are_default(given) else {})
     return {**sections, "filter": {**sections["filter"], "initial_thresholds": thresholds}, "sensor": sensor}
-
-
-def _parse_override(text: str) -> dict[str, Any]:
-    """Return ``section.key=value`` as the section of a file; dots separate nested keys."""
-    path, equals, value = text.partition("=")
-    section, *keys = path.strip().split(".")
-    if not (equals and all(keys) and 0 < len(keys) <= MAX_DEPTH and section in _SECTIONS):
-        raise ConfigError(f"--set {text}: write it as filter.KEY=VALUE or evaluation.KEY=VALUE")
-    settings = parse_yaml(value, f"--set {text}")
-    for name in reversed((section, *keys)):
-        settings = {name: settings}
-    return dict(settings)
 
 
 def _validate(raw: Mapping[str, Any], where: str) -> Config:

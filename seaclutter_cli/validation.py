@@ -4,7 +4,7 @@ import json
 import math
 import operator
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 
 import yaml
 
-from seaclutter_cli.documents import MAX_YAML_CHARACTERS, DocumentError, load_yaml
+from seaclutter_cli.documents import MAX_DEPTH, MAX_YAML_CHARACTERS, DocumentError, load_yaml
 from seaclutter_cli.errors import ConfigError, RenamedKeyWarning
 from seaclutter_cli.params import OneOf
 from seaclutter_cli.text import count, printable, suggestion
@@ -64,6 +64,18 @@ def parse_yaml(text: str, where: str, sections: Sequence[str] = ()) -> Any:
     if sections and raw is not None and not isinstance(raw, dict):
         raise ConfigError(f"{where}: must contain sections ({', '.join(sections)}), got {kind_of(raw)}")
     return {} if sections and raw is None else raw
+
+
+def parse_override(text: str, sections: Collection[str], form: str) -> dict[str, Any]:
+    """Return ``section.key=value`` of ``--set`` as the section of a file; dots separate nested keys."""
+    path, equals, value = text.partition("=")
+    section, *keys = path.strip().split(".")
+    if not (equals and all(keys) and 0 < len(keys) <= MAX_DEPTH and section in sections):
+        raise ConfigError(f"--set {text}: write it as {form}")
+    settings = parse_yaml(value, f"--set {text}")
+    for name in reversed((section, *keys)):
+        settings = {name: settings}
+    return dict(settings)
 
 
 def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, problems: list[str]) -> Any:

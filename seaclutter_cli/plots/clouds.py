@@ -133,9 +133,8 @@ def _set_limits(panels: Any, sample: Sample) -> None:
     middle, half = (low + high) / 2, 1.08 * (high - low) / 2 + 1.0
     ahead = max(float(half[0]), float(half[1]) / _WIDE)
     for axes in panels:
-        axes.set(aspect="equal", ylabel="Ahead (m)")
-        axes.set_xlim(-middle[1] - _WIDE * ahead, -middle[1] + _WIDE * ahead)
-        axes.set_ylim(middle[0] - ahead, middle[0] + ahead)
+        xlim, ylim = -middle[1] + _WIDE * np.array([-ahead, ahead]), middle[0] + np.array([-ahead, ahead])
+        axes.set(aspect="equal", ylabel="Ahead (m)", xlim=xlim, ylim=ylim)
     panels[-1].set_xlabel("To starboard (m)")
 
 

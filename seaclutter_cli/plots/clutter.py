@@ -106,10 +106,8 @@ def draw_clutter(figure: "Figure", density: ClutterDensity, found: Thresholds) -
         found.initial_thresholds, edges, baseline=None, linewidth=1.6, color="#d1495b", zorder=3, label="threshold"
     )
     axes.axvline(found.end_m, color="#333333", linewidth=0.9, linestyle="--", label=f"far limit ({found.end_m:g} m)")
-    axes.set_xlim(edges[0], grid.range_m[-1])
-    axes.set_ylim(grid.intensity[0], grid.intensity[-1])
-    axes.set_xlabel("Range (m)")
-    axes.set_ylabel("Intensity (sensor units)")
+    axes.set(xlim=(edges[0], grid.range_m[-1]), ylim=(grid.intensity[0], grid.intensity[-1]))
+    axes.set(xlabel="Range (m)", ylabel="Intensity (sensor units)")
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.2, handlelength=1.6)
 
 

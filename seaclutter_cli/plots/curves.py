@@ -37,9 +37,7 @@ def draw_rates(
         axes.axvline(best, color="0.7", linewidth=0.8, zorder=0)
         axes.annotate("best", (best, 1), xycoords=("data", "axes fraction"), xytext=(2, -8), textcoords="offset points")
     axes.set_xticks(positions, values, rotation=0 if len(values) <= 6 else 60)
-    axes.set_xlabel(parameter)
-    axes.set_ylabel("Frames (%)")
-    axes.set_ylim(bottom=0)
+    axes.set(xlabel=parameter, ylabel="Frames (%)", ylim=(0, None))
     figure.legend(loc="outside upper center", ncols=2)
 
 
@@ -58,8 +56,7 @@ def draw_thresholds(
     known = np.concatenate([ideal[np.isfinite(ideal)], *curves.values()])
     if len(known):
         axes.set_ylim(0, 1.3 * float(np.quantile(known, 0.98)))
-    axes.set_xlabel("Frame")
-    axes.set_ylabel(f"Threshold, {ring}")
+    axes.set(xlabel="Frame", ylabel=f"Threshold, {ring}")
     longest = max(len(name) for name in curves)
     figure.legend(loc="outside upper center", ncols=max(1, min(len(curves) + 1, 50 // (longest + 6))), title=title)
 

@@ -68,21 +68,14 @@ def _draw_intensity(figure: "Figure", collected: Collector) -> None:
         own = shown[reason[shown] == one]
         own = own[:: max(1, len(own) * 3 // _MAX_POINTS)]
         if len(own):
-            style: dict[str, Any] = {
-                "markersize": 2.2,
-                "color": palette.REASONS[one],
-                "label": palette.REASON_NAMES[one],
-            }
+            style: Any = {"markersize": 2.2, "color": palette.REASONS[one], "label": palette.REASON_NAMES[one]}
             axes.plot(range_m[own], intensity[own], ".", rasterized=True, markeredgewidth=0, **style)
     if edges:
         axes.stairs(thresholds, edges, baseline=None, color="white", linewidth=4, zorder=3)
         line = axes.stairs(thresholds, edges, baseline=None, color=palette.INK["ink"], linewidth=2, zorder=4)
         line.set_label("mean threshold")
-    axes.set(
-        xlabel="Range (m)",
-        ylabel="Intensity (sensor units)",
-        ylim=(min(0.0, float(intensity[shown].min(initial=0))), top),
-    )
+    low = min(0.0, float(intensity[shown].min(initial=0)))
+    axes.set(xlabel="Range (m)", ylabel="Intensity (sensor units)", ylim=(low, top))
     figure.legend(loc="outside upper center", ncols=3, markerscale=3, handlelength=1.4)
 
 
@@ -94,10 +87,8 @@ def _draw_own_structure(figure: "Figure", collected: Collector) -> None:
     reach_m = 1.3 * float(np.abs(xyz[excluded, :2]).max(initial=1.0))
     axes = figure.add_subplot()
     shown = (np.abs(xyz[:, :2]) < reach_m).all(axis=1)
-    for mask, color, label in (
-        (shown & ~excluded, "0.75", "other points"),
-        (shown & excluded, palette.REASONS[Reason.EXCLUDED], palette.REASON_NAMES[Reason.EXCLUDED]),
-    ):
+    own = palette.REASONS[Reason.EXCLUDED], palette.REASON_NAMES[Reason.EXCLUDED]
+    for mask, color, label in ((shown & ~excluded, "0.75", "other points"), (shown & excluded, *own)):
         places = xyz[mask][:: max(1, int(mask.sum()) // _MAX_POINTS)]
         style: dict[str, Any] = {"markersize": 2, "color": color, "label": label}
         axes.plot(-places[:, 1], places[:, 0], ".", rasterized=True, markeredgewidth=0, **style)
@@ -154,12 +145,8 @@ def _draw_reasons(figure: "Figure", collected: Collector) -> None:
     stacked = np.stack([counts[:, reason] for reason in used])
     if len(counts) == 1:
         stacked = np.repeat(stacked, 2, axis=1)
-    axes.stackplot(
-        frames,
-        stacked / 1000,
-        colors=[palette.REASONS[reason] for reason in used],
-        labels=[palette.REASON_NAMES[one] for one in used],
-    )
+    colors, labels = ([names[one] for one in used] for names in (palette.REASONS, palette.REASON_NAMES))
+    axes.stackplot(frames, stacked / 1000, colors=colors, labels=labels)
     _set_frame_axis(axes, len(counts))
     axes.set(ylabel="Points (thousands)", ylim=(0, float(stacked.sum(axis=0).max(initial=1)) / 1000))
     figure.legend(loc="outside upper center", ncols=3, handlelength=1.2, handleheight=0.9)
@@ -230,8 +217,7 @@ def _set_frame_axis(axes: "Axes", frames: int, *, whole: bool = False) -> None:
     """Set the limits, label and ticks of a frame axis; ``whole`` shows the first and last frame at full width."""
     from matplotlib.ticker import MaxNLocator
 
-    axes.set_xlim((-0.5, frames - 0.5) if whole or frames == 1 else (0, frames - 1))
-    axes.set_xlabel("Frame")
+    axes.set(xlim=(-0.5, frames - 0.5) if whole or frames == 1 else (0, frames - 1), xlabel="Frame")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
 
 

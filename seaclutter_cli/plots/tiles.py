@@ -55,9 +55,7 @@ def draw_tile(
         axes.plot(*np.vstack((ring, ring[:1])).T, color=color, linewidth=0.4)
         top = ring[:, 0].mean(), ring[:, 1].max()
         axes.annotate(name, top, (0, 1.5), textcoords="offset points", fontsize=5, ha="center", color=color)
-    axes.set_aspect("equal")
-    axes.set_xlabel("x (m)")
-    axes.set_ylabel("y (m)")
+    axes.set(aspect="equal", xlabel="x (m)", ylabel="y (m)")
     if points:
         figure.legend(loc="outside upper center", ncols=min(4, len(points)), handletextpad=0.2, columnspacing=1.0)
 
@@ -74,8 +72,7 @@ def draw_confusion(figure: "Figure", names: Sequence[str], matrix: NDArray[np.in
             axes.text(column, row, text, ha="center", va="center", fontsize=6, color=color)
     axes.set_xticks(range(len(names)), names, rotation=45, ha="right", rotation_mode="anchor")
     axes.set_yticks(range(len(names)), names)
-    axes.set_xlabel("Predicted class")
-    axes.set_ylabel("True class")
+    axes.set(xlabel="Predicted class", ylabel="True class")
     figure.colorbar(image, ax=axes, label="Share of the true class (%)", format=lambda value, _: f"{100 * value:.0f}")
 
 
@@ -128,11 +125,7 @@ def draw_map(figure: "Figure", parts: Sequence[MapPart], title: str) -> None:
             axes.imshow(shown.T, cmap=ListedColormap([color]), vmin=0, vmax=1, **place)
         for line in part.shoreline:
             axes.plot(*(line - low).T, color=_SHORE, linewidth=0.6)
-    axes.set_xlim(0, high[0] - low[0])
-    axes.set_ylim(0, high[1] - low[1])
-    axes.set_aspect("equal")
-    axes.set_xlabel("x (m)")
-    axes.set_ylabel("y (m)")
+    axes.set(xlim=(0, high[0] - low[0]), ylim=(0, high[1] - low[1]), aspect="equal", xlabel="x (m)", ylabel="y (m)")
     axes.set_title(title, fontsize=7)
     if image is not None and len(known):
         figure.colorbar(image, ax=axes, label="Elevation of the water (m)", shrink=0.8, aspect=30)

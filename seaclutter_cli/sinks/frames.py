@@ -1,10 +1,9 @@
 """Frames as files: a folder with a file for each frame, or a single file."""
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO
 
 from seaclutter_cli import __version__
@@ -35,7 +34,7 @@ TOPIC = "/points"
 """Topic of the frames when they are read again."""
 
 
-class FrameSink(AbstractContextManager["FrameSink"]):
+class FrameSink(ExitStack):
     """Sink that writes each frame of one topic to a file: the target itself, or one named by its number in a folder.
 
     ``write_frame`` writes a cloud to a file, and returns the number of points that it cannot contain. With ``as_is``,
@@ -52,22 +51,18 @@ class FrameSink(AbstractContextManager["FrameSink"]):
         suffix: str,
         as_is: bool = False,
     ) -> None:
+        super().__init__()
         self._path, self._options, self._as_is = path, options, as_is
         self._write_frame, self._suffix = write_frame, suffix
         is_file = path.suffix.lower() == suffix
         self._output = AtomicFile(path, group) if is_file else AtomicFolder(path, group, last=SIDECAR)
+        self.push(self._output)
         self._metadata: list[Metadata] = []
         self._stamps_ns: list[int] = []
         self._first_frame = 0
         self._others: set[str] = set()
         self._attachments = self._points = 0
         self._has_log_times = False
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Complete the frames under their name, or remove them after an error."""
-        self._output.__exit__(kind, error, trace)
 
     @property
     def messages(self) -> int:

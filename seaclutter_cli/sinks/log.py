@@ -1,11 +1,10 @@
 """A recording as a log: filtered, a drop-in replacement for the input, or as it is."""
 
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING
 
 from seaclutter_cli import __version__
@@ -45,7 +44,7 @@ _Output = tuple[int, Callable[[FilterResult], Buffer]]
 """Channel id of the messages that are written for the frames of a cloud topic, and their encoder."""
 
 
-class LogSink(AbstractContextManager["LogSink"]):
+class LogSink(ExitStack):
     """Sink that writes a recording to a log; with ``as_is``, frames are written with `keep`, and nothing is added."""
 
     def __init__(
@@ -57,7 +56,10 @@ class LogSink(AbstractContextManager["LogSink"]):
         output: Callable[..., LogOutput] = McapOutput,
         as_is: bool = False,
     ) -> None:
+        super().__init__()
         self._output = output(path, group, split=options.split is not None)
+        self.push(self._output)
+        self.push(self._abort)
         self._options, self._as_is = options, as_is
         self._layout = WATER if options.water else PLAIN
         self._parts = Parts(options.split)
@@ -75,14 +77,10 @@ class LogSink(AbstractContextManager["LogSink"]):
         """Number of messages written; complete after `end`."""
         self._translations = _translations(self._output.encoding) if self._output.encoding else None
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Complete the log under its name, or remove it after an error."""
-        if kind is not None:
-            for writer in self._writers:
-                writer.abort()
-        self._output.__exit__(kind, error, trace)
+    def _abort(self, kind: type[BaseException] | None, *_: object) -> None:
+        """End the writers after an error."""
+        for writer in self._writers if kind is not None else ():
+            writer.abort()
 
     @property
     def lost(self) -> Sequence[str]:
