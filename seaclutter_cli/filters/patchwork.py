@@ -7,43 +7,35 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Ge
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.filters.base import WholeFrameFilter, valid_points
 from seaclutter_cli.frame import Frame
+from seaclutter_cli.params import NotNegative, Positive, Share, key
 
 
 @dataclass(frozen=True, kw_only=True)
 class PatchworkParams:
-    """Parameters of Patchwork++; its other parameters have the values of its authors.
+    """Parameters of Patchwork++; its other parameters have the values of its authors."""
 
-    Parameters
-    ----------
-    sensor_height_m : float
-        Height of the lidar above the water in metres, to begin with; corrected by each frame with water near by.
-    min_range_m : float
-        Horizontal range at which the ground begins, in metres; nearer points are kept.
-    max_range_m : float
-        Horizontal range at which the ground ends, in metres; farther points are kept.
-    ground_distance_m : float
-        Distance above the plane of a patch up to which points are ground, :math:`M_d`, in metres.
-    seed_height_m : float
-        Height above the lowest points of a patch up to which points begin the fit of its plane, in metres.
-    min_points : int
-        Minimum number of points of a patch; those of others are kept.
-    uprightness : float
-        Least cosine of a patch's slope for its points to be ground.
-    """
-
-    sensor_height_m: Annotated[float, Gt(0)] = 1.723
-    min_range_m: Annotated[float, Ge(0)] = 2.7
-    max_range_m: Annotated[float, Gt(0)] = 80.0
-    ground_distance_m: Annotated[float, Gt(0)] = 0.125
-    seed_height_m: Annotated[float, Gt(0)] = 0.125
-    min_points: Annotated[int, Ge(3)] = 10
-    uprightness: Annotated[float, Interval(ge=0, le=1)] = 0.707
+    sensor_height_m: Positive = key(
+        1.723,
+        "Height of the lidar above the water in metres, to begin with; corrected by each frame with water near by.",
+    )
+    min_range_m: NotNegative = key(
+        2.7, "Horizontal range at which the ground begins, in metres; nearer points are kept."
+    )
+    max_range_m: Positive = key(80.0, "Horizontal range at which the ground ends, in metres; farther points are kept.")
+    ground_distance_m: Positive = key(
+        0.125, "Distance above the plane of a patch up to which points are ground, M_d, in metres."
+    )
+    seed_height_m: Positive = key(
+        0.125, "Height above the lowest points of a patch up to which points begin the fit of its plane, in metres."
+    )
+    min_points: Annotated[int, Ge(3)] = key(10, "Minimum number of points of a patch; those of others are kept.")
+    uprightness: Share = key(0.707, "Least cosine of a patch's slope for its points to be ground.")
 
     def __post_init__(self) -> None:
         """Check the range limits."""
