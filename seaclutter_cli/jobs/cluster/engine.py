@@ -18,7 +18,7 @@ from uuid import uuid4
 from seaclutter_cli.errors import ClusterError
 from seaclutter_cli.jobs.cluster.connection import Connection
 from seaclutter_cli.jobs.cluster.remote import TOPIC, run_remotely
-from seaclutter_cli.jobs.cluster.workers import Workers, versions_question
+from seaclutter_cli.jobs.cluster.versions import skew, versions_question
 from seaclutter_cli.jobs.engine import DIED, DONE, ERROR, SHARE, OnShare, R, Report, Results, Task, run_with_retries
 
 if TYPE_CHECKING:
@@ -28,9 +28,14 @@ Check = Task[str | None]
 """Task that returns why a worker cannot be used; None if it can."""
 
 _CANCELLED = (asyncio.CancelledError, futures.CancelledError)
+_LOST = (OSError, TimeoutError, futures.CancelledError)
+"""Signs that the scheduler is gone; CommClosedError is an OSError."""
 _NEVER = logging.CRITICAL + 1
 _LIBRARIES = ("distributed", "dask_jobqueue", "tornado")
 _LOOK_S = 1.0
+_WARN_S = 10.0
+_QUESTIONS = 2
+"""About versions, and files."""
 _END_S = 10.0
 _STEPS_OF_RELEASE = 2
 """Callbacks of the event loop until the scheduler is sent a release: one counts the references, one sends."""
@@ -58,10 +63,8 @@ class Cluster:
         """
         if not tasks:
             return
-        with _quiet(), self.connection.connected() as client:
-            workers = Workers(client, self.connection, self.warn)
-            with _Pool(client, workers, self.check, self.limit or len(tasks)) as pool:
-                yield from run_with_retries(pool, tasks, on_share)
+        with _quiet(), self.connection.connected() as client, _Pool(client, self, self.limit or len(tasks)) as pool:
+            yield from run_with_retries(pool, tasks, on_share)
 
 
 @dataclass
@@ -78,11 +81,27 @@ class _Job:
     receive: Callable[[str, Any], None] | None = None
 
 
-class _Pool:
-    """The workers of a cluster, each with at most one task."""
+@dataclass
+class _Worker:
+    """A worker; ``home`` starts it again after its death, ``answers`` counts its answers to questions about its use."""
 
-    def __init__(self, client: "Client", workers: Workers, check: Check, limit: int) -> None:
-        self._client, self._workers, self._check, self._limit = client, workers, check, limit
+    home: str
+    process: str
+    is_first: bool
+    is_running: bool = True
+    answers: int = 0
+    refusal: str | None = None
+
+
+class _Pool:
+    """The workers of a cluster, each with at most one task; those with the same software and the files of the run."""
+
+    def __init__(self, client: "Client", cluster: Cluster, limit: int) -> None:
+        self._client, self._cluster, self._limit = client, cluster, limit
+        self._name = cluster.connection.name
+        self._known: dict[str, _Worker] = {}
+        self._deaths: dict[int, str] = {}  # homes of the workers that died with a task, by its number
+        self._any_since_s, self._had_any, self._has_warned = monotonic(), False, False
         self._jobs: dict[str, _Job] = {}
         self._events: SimpleQueue[tuple[str, str, Any]] = SimpleQueue()
         run = uuid4().hex
@@ -91,10 +110,24 @@ class _Pool:
 
     def __enter__(self) -> Self:
         """Compare the versions of the scheduler, and listen to the workers."""
-        with self._workers.connection():
-            self._workers.compare_scheduler()
+        collect, packages = versions_question()
+        self._versions = collect(packages)
+        with self._connection():
+            there = self._client.run_on_scheduler(collect, packages)
+            if difference := skew(self._versions, there, of_scheduler=True):
+                raise ClusterError(f"{self._name}: the scheduler {difference}")
         self._client.subscribe_topic(TOPIC, lambda event: self._events.put((event[1][0], SHARE, event[1][1])))
         return self
+
+    @contextmanager
+    def _connection(self) -> Iterator[None]:
+        """Make one error of all signs that the scheduler is gone."""
+        try:
+            yield
+        except _LOST as error:
+            raise ClusterError(
+                f"{self._name}: the connection to the scheduler is lost; outputs that are complete stay"
+            ) from error
 
     @property
     def _busy(self) -> int:
@@ -103,14 +136,15 @@ class _Pool:
     def give(self, waiting: deque[int], tasks: Sequence[Task[Any]]) -> list[int]:
         """Give waiting tasks to idle workers and return their numbers; ask new workers whether they can be used."""
         given: list[int] = []
-        with self._workers.connection():
+        with self._connection():
             busy = {job.worker for job in self._jobs.values()}
-            for address in self._workers.new():
-                if address not in busy:
+            idle = {a: one for a, one in self._known.items() if a not in busy and not one.refusal}
+            for address, worker in idle.items():
+                if worker.answers < _QUESTIONS:
                     self._ask(address)
-            for address in self._workers.usable():
-                number = next((n for n in waiting if not self._workers.is_avoided(address, n)), None)
-                if number is not None and address not in busy and self._busy < self._limit:
+                    continue
+                number = next((n for n in waiting if not self._is_avoided(address, n)), None)
+                if number is not None and worker.is_running and self._busy < self._limit:
                     waiting.remove(number)
                     self._submit(address, run_remotely, *_sent(tasks[number]), number=number)
                     given.append(number)
@@ -118,15 +152,15 @@ class _Pool:
 
     def _ask(self, address: str) -> None:
         """Ask a worker for its versions, then for other obstacles, as tasks: a worker that hangs delays nothing."""
-        if self._workers.known[address].answers:
-            self._submit(address, run_remotely, *_sent(self._check), receive=self._receive_check)
+        if self._known[address].answers:
+            self._submit(address, run_remotely, *_sent(self._cluster.check), receive=self._receive_check)
         else:
-            self._submit(address, *versions_question(), receive=self._workers.note_versions)
+            self._submit(address, *versions_question(), receive=self._receive_versions)
 
     def _submit(self, address: str, function: Callable[..., Any], *arguments: Any, **kind: Any) -> None:
         key = next(self._keys)
         future = self._client.submit(function, *arguments, key=key, workers=[address], pure=False)
-        worker = self._workers.known.get(address)
+        worker = self._known.get(address)
         self._jobs[key] = _Job(address, worker.home if worker else address, future, **kind)
         self._client.loop.add_callback(self._fetch, key, future)
 
@@ -142,15 +176,18 @@ class _Pool:
             await asyncio.sleep(0)
         self._events.put((key, kind, content))
 
+    def _receive_versions(self, address: str, found: Any) -> None:
+        self._note(address, skew(self._versions, found))
+
     def _receive_check(self, address: str, found: bytes) -> None:
         kind, content = pickle.loads(found)  # noqa: S301 - of our worker
         if kind != DONE:
             raise content
-        self._workers.note(address, content)
+        self._note(address, content)
 
     def answers(self) -> Iterator[tuple[int, str, Any]]:
         """Yield answers, as `Pool.answers` says."""
-        with self._workers.connection():
+        with self._connection():
             with suppress(Empty):
                 key, kind, content = self._events.get(timeout=max(0.0, self._next_look_s - monotonic()))
                 if key in self._jobs:
@@ -178,17 +215,66 @@ class _Pool:
 
     def _died(self, job: _Job) -> Iterator[tuple[int, str, Any]]:
         if job.number is not None:
-            self._workers.deaths[job.number] = job.home
+            self._deaths[job.number] = job.home
             yield job.number, DIED, _DEAD
+
+    def _note(self, address: str, reason: str | None) -> None:
+        """Note an answer of a worker: why it cannot be used, or None."""
+        if (worker := self._known.get(address)) is None:
+            return
+        worker.answers, worker.refusal = worker.answers + 1, reason
+        if reason is not None and worker.is_first:
+            raise ClusterError(f"{self._name}: worker {address} {reason}")
+        if reason is not None:
+            self._cluster.warn(f"{self._name}: worker {address} is left out: it {reason}")
 
     def _look(self) -> Iterator[tuple[int, str, Any]]:
         """See which workers have come, and yield the deaths of those that are gone."""
-        here = self._workers.update(is_busy=self._busy > 0)
+        here = self._update()
         for key, job in list(self._jobs.items()):
             if job.worker not in here:
                 del self._jobs[key]
                 job.future.cancel()
                 yield from self._died(job)
+
+    def _update(self) -> set[str]:
+        """Ask the scheduler for its workers and return the addresses of those whose tasks go on.
+
+        Raise `ClusterError` if there have been none for too long, or those that were there first cannot be used.
+        """
+        if self._client.status != "running":
+            raise ConnectionError
+        found = self._client.scheduler_info(n_workers=-1)["workers"]
+        gone = {a for a, worker in self._known.items() if worker.process != found.get(a, {}).get("local_directory")}
+        for address in gone:
+            del self._known[address]
+        new: set[str] = found.keys() - self._known.keys()
+        for address in new:
+            home, process = found[address].get("nanny") or address, found[address]["local_directory"]
+            self._known[address] = _Worker(home, process, is_first=not self._had_any)
+        for address, worker in self._known.items():
+            worker.is_running = found[address].get("status", "running") == "running"
+        self._had_any = self._had_any or bool(new)
+        self._require_any()
+        return self._known.keys() - (new & gone)
+
+    def _require_any(self) -> None:
+        if self._busy or any(worker.refusal is None for worker in self._known.values()):
+            self._any_since_s, self._has_warned = monotonic(), False
+            return
+        waited_s, patience_s = monotonic() - self._any_since_s, self._cluster.connection.patience_s
+        if waited_s > _WARN_S and not self._has_warned:
+            self._has_warned = True
+            self._cluster.warn(f"{self._name}: no workers yet; the run waits for them")
+        if patience_s is not None and waited_s > patience_s:
+            raise ClusterError(f"{self._name}: there has been no worker for {patience_s / 60:.0f} minutes")
+
+    def _is_avoided(self, address: str, number: int) -> bool:
+        """Return whether a task should rather run elsewhere: it died there, and there is another place."""
+        home = self._deaths.get(number)
+        return home == self._known[address].home and any(
+            worker.home != home for worker in self._known.values() if worker.refusal is None
+        )
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Cancel the tasks that run, and wait until they have removed their incomplete files."""

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from seaclutter_cli.errors import ClusterError, InputError
-from seaclutter_cli.jobs.cluster import workers
 from seaclutter_cli.jobs.cluster.connection import connection_to
 from seaclutter_cli.jobs.cluster.engine import Cluster
 from seaclutter_cli.jobs.engine import Lost
@@ -213,7 +212,7 @@ def test_workers_that_come_later_with_other_versions_are_left_out(own_cluster, o
 
 def test_no_workers_for_too_long(own_cluster, monkeypatch):
     warnings = []
-    monkeypatch.setattr(workers, "_WARN_S", 0.5)
+    monkeypatch.setattr("seaclutter_cli.jobs.cluster.engine._WARN_S", 0.5)
     place = replace(connection_to(own_cluster.address), patience_s=2.0)
     with pytest.raises(ClusterError, match="there has been no worker for "):
         run(Cluster(place, Allow(), warnings.append), [Square(1)])
