@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Labels, Source
@@ -133,10 +135,5 @@ def _spans(starts: Sequence[float]) -> list[str]:
     >>> _spans([-180.0, -179.0, 3.0])
     ['-180° to -178°', '3° to 4°']
     """
-    spans: list[list[float]] = []
-    for start in starts:
-        if spans and start == spans[-1][1]:
-            spans[-1][1] = start + 1
-        else:
-            spans.append([start, start + 1])
-    return [f"{first:g}° to {last:g}°" for first, last in spans]
+    runs = np.split(starts, np.flatnonzero(np.diff(starts) != 1) + 1)
+    return [f"{run[0]:g}° to {run[-1] + 1:g}°" for run in runs]

@@ -47,12 +47,12 @@ class Variant:
     values: Mapping[str, Any] = field(default_factory=dict)
 
 
-def configured(options: ConfigOptions, *additional: str, undetermined_thresholds: bool = False) -> Config:
-    """Return the configuration of a run, with additional settings; see `load_config` for parameters and errors."""
+def configured(options: ConfigOptions, *, undetermined_thresholds: bool = False) -> Config:
+    """Return the configuration of a run; see `load_config` for parameters and errors."""
     return load_config(
         options.config,
         method=options.method,
-        overrides=(*options.settings, *additional),
+        overrides=options.settings,
         undetermined_thresholds=undetermined_thresholds,
     )
 
