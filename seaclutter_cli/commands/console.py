@@ -184,7 +184,6 @@ class _PlainProgress:
         self._next = time.monotonic() + _LINE_SECONDS
 
     def step(self) -> None:
-        """Count a frame."""
         self._count += 1
         if time.monotonic() >= self._next:
             self._next += _LINE_SECONDS

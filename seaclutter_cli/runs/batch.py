@@ -170,11 +170,9 @@ class _Messages(Silent):
         yield lambda: self.report(min(next(done) / total, 1.0)) if total else None
 
     def note(self, text: str, *, detail: bool = False) -> None:
-        """Keep a note, or pass it on."""
         self._add("note", text, detail=detail)
 
     def warn(self, text: str) -> None:
-        """Keep a warning, or pass it on."""
         self._add("warn", text)
 
     def _add(self, kind: str, text: str, **options: bool) -> None:
@@ -185,7 +183,6 @@ class _Messages(Silent):
             self.messages.append((kind, named, options))
 
     def fail(self, error: SeaclutterError) -> None:
-        """Keep an error."""
         self.error = error
 
 

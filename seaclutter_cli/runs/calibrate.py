@@ -218,7 +218,6 @@ class _CalibrateWork(RecordingWork[Calibrated]):
         return Calibrated(recording=self.recording.name, error=reason)
 
     def study(self, source: Source, labels: Labels | None, outcome: Calibrated, observer: Observer) -> None:
-        """Read the recording."""
         selection, params = self.reading.selection, self.config.filter
         found = outcome.clutter = Clutter(params, self.options)
         topics = sorted({channel.topic for channel in cloud_channels(source, selection.topics)})

@@ -324,7 +324,6 @@ class _FitChecks(Checks):
         self._written_anew: str | None = None
 
     def see(self, result: FilterResult) -> None:
-        """Check a frame."""
         self._warn(self.add(result))
         if not self._written_anew and (change := rewrapped(result.frame.cloud)):
             self._written_anew = change

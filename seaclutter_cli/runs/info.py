@@ -54,7 +54,6 @@ class _InfoWork(Work["Content"]):
     recording: Recording
 
     def run(self, observer: Observer) -> "Content":
-        """Read the recording; store an error in the outcome."""
         content = self.without_result(None)
         with storing_errors(content, observer):
             part = excerpt_of(self.recording) if self.reading.selection.is_whole else None
@@ -79,7 +78,6 @@ class _InfoWork(Work["Content"]):
                     step()
 
     def without_result(self, reason: str | None) -> "Content":
-        """Return an outcome without content."""
         return Content(recording=self.recording.name, path=str(self.recording.paths[0]), error=reason)
 
 

@@ -132,7 +132,6 @@ class _LabelCheckWork(RecordingWork[CheckedLabels]):
         return CheckedLabels(recording=self.recording.name, labels=path, error=reason)
 
     def study(self, source: Source, labels: Labels | None, outcome: CheckedLabels, observer: Observer) -> None:
-        """Compare each frame with its labels."""
         unfiltered = load_config(None, method="none")
         check = LabelCheck(unfiltered.evaluation)
         with self.progress(source, observer) as step:

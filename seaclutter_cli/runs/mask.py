@@ -72,7 +72,6 @@ class _MaskWork(RecordingWork[Outcome]):
         return Outcome(recording=self.recording.name, error=reason)
 
     def study(self, source: Source, labels: Labels | None, outcome: Outcome, observer: Observer) -> None:  # noqa: ARG002
-        """Add the frames of the recording."""
         selection = self.reading.selection
         if len({channel.topic for channel in cloud_channels(source, selection.topics)}) > 1:
             raise UsageError(f"{source.name}: each lidar needs a mask of its own; choose one topic with -t")

@@ -101,7 +101,6 @@ class _PlanWork(Work["Planned"]):
         return planned
 
     def without_result(self, reason: str | None) -> "Planned":
-        """Return a plan without content."""
         recording, target = self.recording, self.work.output
         size = input_bytes(recording)
         return Planned(recording=recording.name, input=recording.paths[0], output=target, bytes_in=size, error=reason)

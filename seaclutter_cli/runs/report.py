@@ -285,7 +285,6 @@ class _ReplayWork(EvaluateWork):
     topic: str = ""
 
     def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
-        """Read all frames."""
         frames = self._replayed(source, labels, outcome, observer)
         warn_once(observer, outcome, self.scored(frames, labels, outcome, {}))
 

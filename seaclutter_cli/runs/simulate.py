@@ -254,15 +254,12 @@ class _Simulated(Outcome):
     result: SimulationResult | TileSimulationResult | None = None
 
     def figures(self) -> str:
-        """Return output and duration, for a line about the outcome."""
         return f"{self.seconds:.1f} s -> {printable(str(self.output))}"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the outcome as JSON-compatible data."""
         return {"seed": self.seed, "error": self.error, **(self.result.as_dict() if self.result else {})}
 
     def as_text(self) -> str:
-        """Return the result as human-readable text."""
         return self.result.as_text() if self.result else ""
 
 
@@ -283,7 +280,6 @@ class _SimulateWork(Work[_Simulated]):
         return self.recording.paths
 
     def run(self, observer: Observer) -> _Simulated:
-        """Simulate; store an error in the outcome."""
         outcome = self.without_result(None)
         with storing_errors(outcome, observer):
             outcome.result = self.simulate(observer)

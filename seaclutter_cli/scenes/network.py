@@ -114,7 +114,6 @@ class _Writer:
         return name
 
     def weights(self, values: NDArray[np.float32]) -> str:
-        """Add weights and return their name."""
         from onnx import numpy_helper
 
         name = f"weights{len(self.initializers)}"

@@ -146,7 +146,6 @@ class _SeparateWork(TileWork["SeparatedTile"]):
         return SeparatedTile(recording=self.recording.name, output=self.target, error=reason)
 
     def run(self, observer: Observer) -> "SeparatedTile":
-        """Separate the tile; store an error in the outcome."""
         outcome = self.without_result(None)
         replaced = self.options.force or self.options.batch.resume
         with storing_errors(outcome, observer), same_output_accepted(self), OutputGroup(replace=replaced) as files:
@@ -183,14 +182,12 @@ class _SeparateWork(TileWork["SeparatedTile"]):
         return None if self.pixel_m is None else mapped(tile, found, self.tile.name, self.pixel_m, objects)
 
     def identity(self) -> RunIdentity:
-        """Return what the separated tile depends on."""
         places = (self.margin.region if self.margin else None, self.tile.window)
         options = (self.options.with_height, *map(str, places))
         params = asdict(self.settings.separation)
         return RunIdentity(digest_of_paths(self.reads), digest_of(params), digest_of(options), digest_of([]))
 
     def earlier(self) -> "tuple[SeparatedTile | None, str]":
-        """Return the outcome of an earlier run whose output is complete; otherwise None, and what differs."""
         try:
             record = _recorded_run(self.target)
         except UsageError:  # may be replaced, or is refused before

@@ -202,7 +202,6 @@ class _Window(Recording):
 
     @property
     def name(self) -> str:
-        """Name of the window."""
         return self.tile.name
 
     @property
