@@ -9,19 +9,7 @@ from seaclutter_cli.commands.console import ARGUMENTS
 from seaclutter_cli.commands.groups import CommandGroup
 from seaclutter_cli.commands.options import command
 from seaclutter_cli.options import Anything, option
-from seaclutter_cli.runs.options.logs import (
-    CalibrateOptions,
-    ConvertOptions,
-    EvaluateOptions,
-    FilterOptions,
-    InfoOptions,
-    LabelCheckOptions,
-    MaskOptions,
-    ReportOptions,
-    SimulationOptions,
-    TuneOptions,
-    ViewOptions,
-)
+from seaclutter_cli.runs.options import logs
 
 _OUTPUTS = ("-o", "--output", "--figures", "--log-file")
 _FLAGS = ("--force", "-q", "--quiet", "-v", "--verbose", "--debug", "--json")
@@ -53,7 +41,7 @@ _LABELS = [
     command(
         "labels check",
         "runs.label_check:check_labels",
-        LabelCheckOptions,
+        logs.LabelCheckOptions,
         """Compare labels with the points of LOGS, and name probable mistakes with their remedies.
 
         Found are yaws in degrees or in the other direction, length and width or x and y swapped, centimetres and
@@ -69,7 +57,7 @@ COMMANDS = (
     command(
         "info",
         "runs.info:info",
-        InfoOptions,
+        logs.InfoOptions,
         """Show the content of LOGS: topics, frames, fields, extents, and the settings that a filter run needs.
 
         Every frame is read; -n N stops after the first N. Of an MCAP file of more than 16 MB in object storage, the
@@ -79,7 +67,7 @@ COMMANDS = (
     command(
         "filter",
         "runs.filter:filter_log",
-        FilterOptions,
+        logs.FilterOptions,
         """Filter each frame of LOGS and write filtered logs, by default MCAP files.
 
         LOGS are MCAP files, ROS bags, rosbag2 folders, packet captures (PCAP, PCAPNG), folders of frames, or globs.
@@ -92,7 +80,7 @@ COMMANDS = (
     command(
         "convert",
         "runs.convert:convert_log",
-        ConvertOptions,
+        logs.ConvertOptions,
         """Convert LOGS to another format, without filtering.
 
         LOGS are MCAP files, ROS bags, rosbag2 folders, packet captures (PCAP, PCAPNG), folders of frames, or globs. All
@@ -105,7 +93,7 @@ COMMANDS = (
     command(
         "mask",
         "runs.mask:find_mask",
-        MaskOptions,
+        logs.MaskOptions,
         """Find own ship's masts, rails and roofs in LOGS, and write a mask of them.
 
         Own structure returns in the same directions at the same ranges while all else changes, so use a log under way.
@@ -118,7 +106,7 @@ COMMANDS = (
     command(
         "view",
         "runs.report:view_logs",
-        {"logs": option("LOGS...", "Logs.", kind=Anything()), "options": ViewOptions},
+        {"logs": option("LOGS...", "Logs.", kind=Anything()), "options": logs.ViewOptions},
         """Show LOGS in the Rerun viewer: raw, removed and kept points, boxes, clusters and threshold curves.
 
         LOGS are raw logs, which are filtered first, or logs written by `filter --keep-raw --with-removed`. The viewer
@@ -129,7 +117,7 @@ COMMANDS = (
     command(
         "calibrate",
         "runs.calibrate:calibrate",
-        CalibrateOptions,
+        logs.CalibrateOptions,
         """Find the threshold of each range ring and the far limit of clutter in LOGS, and write a configuration.
 
         LOGS should contain sea clutter recorded by your sensor, and no targets; use --labels to leave targets out. All
@@ -140,7 +128,7 @@ COMMANDS = (
     command(
         "evaluate",
         "runs.evaluate:evaluate",
-        EvaluateOptions,
+        logs.EvaluateOptions,
         """Filter LOGS, cluster the remaining points and compare the clusters with labels.
 
         LOGS are MCAP files, ROS bags, rosbag2 folders, packet captures (PCAP, PCAPNG), folders of frames, or globs.
@@ -150,7 +138,7 @@ COMMANDS = (
     command(
         "tune",
         "runs.tune:tune",
-        TuneOptions,
+        logs.TuneOptions,
         """Filter LOGS with every combination of methods and parameter values, and report the best one.
 
         The best combination has the fewest bad frames: those with a false alarm plus those with a missed target. Ties
@@ -162,7 +150,7 @@ COMMANDS = (
     command(
         "report",
         "runs.report:report",
-        ReportOptions,
+        logs.ReportOptions,
         """Write a page that shows the effect of a filter on LOGS and, with labels, its quality.
 
         LOGS are raw logs, which are filtered for the report, or logs written by `filter --keep-raw --with-removed`,
@@ -175,7 +163,7 @@ COMMANDS = (
     command(
         "simulate",
         "runs.simulate:simulate",
-        SimulationOptions,
+        logs.SimulationOptions,
         """Simulate a labelled lidar recording of SCENE: a scene file (YAML), or the name of a built-in scene or layout.
 
         LOG.mcap has clouds with a field `label`: 0 for clutter, 65535 for own ship or ignored points, otherwise the

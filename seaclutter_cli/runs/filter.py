@@ -21,12 +21,7 @@ from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.batch import input_bytes
 from seaclutter_cli.runs.checks import Checks
-from seaclutter_cli.runs.log_work import (
-    LogOutcome,
-    LogRun,
-    LogSummary,
-    LogWork,
-)
+from seaclutter_cli.runs.log_work import LogOutcome, LogRun, LogSummary, LogWork
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
