@@ -1,11 +1,13 @@
 """Reader of logs that store messages in chunks: in time order, ahead of the consumer, in bounded memory."""
 
 from abc import abstractmethod
+from bisect import bisect_left
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from heapq import heappop, heappush, heapreplace
+from heapq import heappop, heappush
+from itertools import islice
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
@@ -29,8 +31,6 @@ _OBJECT_BYTES = 300
 _WAITING_LEAST, _WAITING_RATIO = 48 * 2**20, 8
 _NEVER = 2**64
 
-_log_time = attrgetter("log_time_ns")
-
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
@@ -48,6 +48,10 @@ C = TypeVar("C", bound=Chunk)
 P = TypeVar("P")
 
 _UNPACKERS = 2
+_log_time = attrgetter("log_time_ns")
+
+_Entry = tuple[int, int, int, Message]
+"""Time of a waiting message, the offset of its chunk, and its number in the chunk, which are its place in order."""
 
 
 def in_time_order(
@@ -64,52 +68,31 @@ def in_time_order(
     they do (a file regrouped by topic), waiting messages above ``most`` bytes are yielded early.
     """
     most = MAX_WAITING_BYTES if most is None else most
-    waiting = _Waiting()
-    for chunk, messages in _ahead(sorted(chunks, key=attrgetter("start_ns", "offset")), unpack, load):
-        yield from waiting.before(chunk.start_ns)
-        waiting.add(chunk, messages)
-        while waiting.size > most:
-            yield waiting.pop()
-    yield from waiting.before(_NEVER)
+    ordered = sorted(chunks, key=attrgetter("start_ns", "offset"))
+    following = iter([*(chunk.start_ns for chunk in ordered[1:]), _NEVER])
+    waiting: list[_Entry] = []
+    size = 0
+    for chunk, messages in _ahead(ordered, unpack, load):
+        before_ns = next(following)
+        if not waiting:  # as in most logs: faster than a heap
+            messages.sort(key=_log_time)
+            ready = bisect_left(messages, before_ns, key=_log_time)
+            yield from islice(messages, ready)
+            del messages[:ready]
+        size += _add(waiting, chunk, messages, before_ns)
+        del messages
+        while waiting and (waiting[0][0] < before_ns or size > most):
+            size -= _bytes_of(waiting[0][-1])
+            yield heappop(waiting)[-1]
 
 
-class _Waiting:
-    """Waiting messages, and their size in memory.
-
-    Views keep the whole chunk in memory, so those that wait when another chunk is added are copied.
-    """
-
-    def __init__(self) -> None:
-        self.size = 0
-        self._heap: list[tuple[int, int, int, list[Message]]] = []
-        self._newest: list[Message] = []
-        self._added = 0
-
-    def add(self, chunk: Chunk, messages: list[Message]) -> None:
-        """Add the messages of a chunk."""
-        self._newest[:] = [replace(message, data=bytes(message.data)) for message in self._newest]
-        self._newest = sorted(messages, key=_log_time)
-        self._newest.reverse()
-        if messages:
-            self.size += sum(map(_bytes_of, messages))
-            self._added += 1
-            heappush(self._heap, (self._newest[-1].log_time_ns, chunk.offset, self._added, self._newest))
-
-    def before(self, time_ns: int) -> Iterator[Message]:
-        """Yield the messages before a time."""
-        while self._heap and self._heap[0][0] < time_ns:
-            yield self.pop()
-
-    def pop(self) -> Message:
-        """Return the next message."""
-        _, offset, number, messages = self._heap[0]
-        message = messages.pop()
-        self.size -= _bytes_of(message)
-        if messages:
-            heapreplace(self._heap, (messages[-1].log_time_ns, offset, number, messages))
-        else:
-            heappop(self._heap)
-        return message
+def _add(waiting: list[_Entry], chunk: Chunk, messages: list[Message], before_ns: int) -> int:
+    """Add the messages of a chunk, as copies if they wait for the next one, and return their size in memory."""
+    for number, message in enumerate(messages):
+        waits = message.log_time_ns >= before_ns  # a view keeps the whole chunk in memory
+        entry = replace(message, data=bytes(message.data)) if waits else message
+        heappush(waiting, (message.log_time_ns, chunk.offset, number, entry))
+    return sum(map(_bytes_of, messages))
 
 
 def _bytes_of(message: Message) -> int:
@@ -143,7 +126,7 @@ def keep_latest(
     """Keep the last message before a time of each wanted channel, with data that outlive the source."""
     last = {
         message.channel.id: message
-        for message in sorted(messages, key=lambda message: message.log_time_ns)
+        for message in sorted(messages, key=_log_time)
         if message.log_time_ns < before_ns and message.channel.id in wanted
     }
     for id_, message in last.items():
