@@ -8,12 +8,13 @@ from pathlib import Path
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
+from seaclutter_cli.sensors.catalog import ADVICE
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.folder import FolderSource, is_frame_folder
 from seaclutter_cli.sources.pcap import CAPTURE_MAGICS
 from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder, open_rosbag2
-from seaclutter_cli.sources.shared.packet_messages import advice_on, packet_type
+from seaclutter_cli.sources.shared.packet_messages import is_undecoded, packet_type
 from seaclutter_cli.threads import keep_freed_memory
 
 _HEAD_BYTES = 16
@@ -92,9 +93,9 @@ def wrap_packets(
     be decoded unless some are given.
     """
     source.warnings += [
-        f"{channel.topic} is not decoded: {channel.schema.name} is not supported; {advice}"
+        f"{channel.topic} is not decoded: {channel.schema.name} is not supported; {ADVICE}, or convert it to this"
         for channel in source.channels
-        if channel.schema and (advice := advice_on(channel))
+        if channel.schema and is_undecoded(channel)
     ]
     if not any(map(packet_type, source.channels)):
         return source

@@ -1,5 +1,6 @@
 """Messages of lidar drivers that contain packets: their layouts, and their packets."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -71,39 +72,11 @@ DRIVER_MESSAGES: Mapping[str, DriverMessage] = {
 }
 """Messages of drivers by their ROS 2 type. Add new ones here."""
 
-_CLOUDS = "record the driver's sensor_msgs/PointCloud2"
-_SCANS = f"{_CLOUDS}, or its messages of whole scans"
-_CONVERT = "convert it to sensor_msgs/PointCloud2"
-UNSUPPORTED: Mapping[str, str] = {
-    "robosense_msgs/msg/RobosenseScan": f"{_CLOUDS}, or the packets with rslidar_sdk",
-    **dict.fromkeys(
-        (
-            "innovusion_msgs/msg/InnovusionPacket",
-            "innovusion_msgs/msg/InnovusionScan",
-            "innoviz_msgs/msg/InnovizScan",
-            "livox_msgs/msg/LidarScan",
-            "lslidar_msgs/msg/LslidarPacket",
-            "lslidar_msgs/msg/LslidarScan",
-            "seyond/msg/SeyondScan",
-            "vanjee_lidar_msg/msg/VanjeelidarPacket",
-        ),
-        _CLOUDS,
-    ),
-    **dict.fromkeys(
-        (
-            "hesai_lidar/msg/PandarPacket",
-            "hesai_ros_driver/msg/UdpPacket",
-            "nebula_msgs/msg/NebulaPacket",
-            "pandar_msgs/msg/PandarJumboPacket",
-            "pandar_msgs/msg/PandarPacket",
-            "robosense_msgs/msg/RobosensePacket",
-            "velodyne_msgs/msg/VelodynePacket",
-        ),
-        _SCANS,
-    ),
-    **dict.fromkeys(("sensor_msgs/msg/PointCloud", "foxglove_msgs/msg/LaserScan", "foxglove.LaserScan"), _CONVERT),
-}
-"""Known messages of lidar drivers and clouds that are not decoded, and what is needed instead."""
+_MAKERS = "hesai|innoviz|innovusion|livox|lslidar|nebula|pandar|robosense|seyond|vanjee|velodyne"
+_UNDECODED = re.compile(
+    rf"({_MAKERS})\w*/msg/\w*(Packet|Scan)|sensor_msgs/msg/PointCloud|foxglove(_msgs/msg/|\.)LaserScan", re.IGNORECASE
+)
+"""Messages of lidar drivers, and clouds, that are not decoded unless they are in `DRIVER_MESSAGES`."""
 
 
 def ros2_type(channel: Channel) -> str | None:
@@ -119,10 +92,10 @@ def _ros2_name(typename: str) -> str:
     return f"{package}/msg/{name.removeprefix('msg/')}"
 
 
-def advice_on(channel: Channel) -> str | None:
-    """Return what is needed instead of the messages of a channel; None if they are not known to be unsupported."""
-    name = channel.schema.name if channel.schema else ""
-    return UNSUPPORTED.get(ros2_type(channel) or name)
+def is_undecoded(channel: Channel) -> bool:
+    """Return whether the messages of a channel are known, but not decoded."""
+    name = ros2_type(channel) or (channel.schema.name if channel.schema else "")
+    return name not in DRIVER_MESSAGES and _UNDECODED.fullmatch(name) is not None
 
 
 def packet_type(channel: Channel) -> str | None:

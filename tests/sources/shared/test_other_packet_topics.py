@@ -5,7 +5,6 @@ from contextlib import closing
 import pytest
 
 from seaclutter_cli.sources.formats import open_source
-from seaclutter_cli.sources.shared.packet_messages import UNSUPPORTED
 from tests import logs
 from tests.paths import shared
 from tests.sensors.hesai import test_decoder as hesai
@@ -168,8 +167,31 @@ def test_a_truncated_packet_is_reported(tmp_path):
     source.close()
 
 
+UNDECODED = (
+    "robosense_msgs/msg/RobosenseScan",
+    "robosense_msgs/msg/RobosensePacket",
+    "innovusion_msgs/msg/InnovusionPacket",
+    "innovusion_msgs/msg/InnovusionScan",
+    "innoviz_msgs/msg/InnovizScan",
+    "livox_msgs/msg/LidarScan",
+    "lslidar_msgs/msg/LslidarPacket",
+    "lslidar_msgs/msg/LslidarScan",
+    "seyond/msg/SeyondScan",
+    "vanjee_lidar_msg/msg/VanjeelidarPacket",
+    "hesai_lidar/msg/PandarPacket",
+    "hesai_ros_driver/msg/UdpPacket",
+    "nebula_msgs/msg/NebulaPacket",
+    "pandar_msgs/msg/PandarJumboPacket",
+    "pandar_msgs/msg/PandarPacket",
+    "velodyne_msgs/msg/VelodynePacket",
+    "sensor_msgs/msg/PointCloud",
+    "foxglove_msgs/msg/LaserScan",
+    "foxglove.LaserScan",
+)
+
+
 @pytest.mark.parametrize("encoding", ["cdr", "ros1", "protobuf"])
-@pytest.mark.parametrize("kind", UNSUPPORTED)
+@pytest.mark.parametrize("kind", UNDECODED)
 def test_known_messages_that_are_not_supported_are_named(tmp_path, kind, encoding):
     if ("/" in kind) == (encoding == "protobuf"):
         pytest.skip("messages of ROS are not protobuf, and others are")
