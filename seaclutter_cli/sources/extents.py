@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import CloudError, InputError
-from seaclutter_cli.sources.crs import Crs
 from seaclutter_cli.sources.frame_files.las import is_copc, read_chunks, read_index
-from seaclutter_cli.sources.tiles import CloudTile, LasTile, Tile, open_tile
+from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile, Tile, open_tile
 
 _REPEATED = 0.5
 LEAST_M = 600.0

@@ -13,7 +13,7 @@ from seaclutter_cli.airborne.separation import OTHER, WATER, SeaState, Separatio
 from seaclutter_cli.commands import cli
 from seaclutter_cli.runs.classify.maps import MappedTile, geojson_of
 from seaclutter_cli.runs.observer import SILENT
-from seaclutter_cli.sources.crs import Crs
+from seaclutter_cli.sources.tiles import Crs
 from tests.paths import ROOT, shared
 
 SHIP = FoundObject(1, 1, 0.9, 500, (1000.0, 2000.0), (120.0, 20.0), 0.0, 25.0, 2000.0)

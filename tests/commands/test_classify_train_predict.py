@@ -119,7 +119,7 @@ def test_objects_are_listed_with_numbers_in_80_columns():
     from seaclutter_cli.airborne.objects import FoundObject
     from seaclutter_cli.runs.classify.maps import MappedTile
     from seaclutter_cli.runs.classify.predict import ClassifiedTile
-    from seaclutter_cli.sources.crs import Crs
+    from seaclutter_cli.sources.tiles import Crs
 
     far = FoundObject(1, 7, 0.621, 123456, (833978.4, 9997964.9), (1234.5, 234.5), 0.1, 12.34, 123456.7)
     objects = [replace(far, number=number) for number in range(1, 100)]

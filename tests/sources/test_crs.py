@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.errors import MissingExtraError
-from seaclutter_cli.sources.crs import Crs, read_crs
+from seaclutter_cli.sources.tiles import Crs, read_crs
 
 FOOT_US = 1200 / 3937
 

@@ -18,9 +18,8 @@ from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import MapPart, aspect_of, draw_map
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.classifiers import MapOptions
-from seaclutter_cli.sources.crs import Crs, ToLongitudeLatitude
 from seaclutter_cli.sources.extents import TileHead
-from seaclutter_cli.sources.tiles import CloudTile, LasTile
+from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile, ToLongitudeLatitude
 from seaclutter_cli.text import listed
 
 _WGS84 = 4326

@@ -41,8 +41,7 @@ from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions
 from seaclutter_cli.runs.outputs import write_files
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.sinks.atomic import CompleteFile, OutputGroup
-from seaclutter_cli.sources.crs import Crs
-from seaclutter_cli.sources.tiles import CloudTile, LasTile, find_tiles, open_tile
+from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile, find_tiles, open_tile
 from seaclutter_cli.text import count, printable, table
 from seaclutter_cli.urls import PathLike
 

@@ -22,7 +22,6 @@ from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las
 from seaclutter_cli.sinks.point_files import POINT_WRITERS, with_columns, write_points
-from seaclutter_cli.sources.crs import Crs
 from seaclutter_cli.sources.extents import (
     Margin,
     PointsWithMargin,
@@ -36,7 +35,7 @@ from seaclutter_cli.sources.extents import (
 )
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.recordings import Recording
-from seaclutter_cli.sources.tiles import CloudTile, LasTile
+from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile
 from seaclutter_cli.text import count
 from seaclutter_cli.threads import in_threads
 from seaclutter_cli.urls import PathLike
