@@ -2,9 +2,12 @@
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import yaml
+
+from seaclutter_cli.errors import InputError
 
 MAX_YAML_CHARACTERS = 4 * 2**20
 MAX_YAML_NODES = 250_000
@@ -24,6 +27,15 @@ class DocumentError(ValueError):
 
     def __init__(self, problem: str, line: int = 0, column: int = 0) -> None:
         super().__init__(f"line {line}, column {column}: {problem}" if line else problem)
+
+
+def read_document(path: Path) -> bytes:
+    """Return the content of a file, cut above the limit of JSON; `InputError` if it is not readable."""
+    try:
+        with path.open("rb") as file:
+            return file.read(MAX_JSON_BYTES + 1)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
 
 
 def load_yaml(text: str) -> Any:

@@ -42,7 +42,7 @@ CORE = (
 ALLOWED = {
     "text": set(),
     "errors": set(),
-    "documents": set(),
+    "documents": {"errors"},
     "parts": set(),
     "paths": set(),
     "urls": {"errors"},

@@ -45,6 +45,17 @@ _LIVOX_MESSAGES = {
 """Clouds of Livox's drivers for ROS 2."""
 
 
+_RENAMED = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
+
+
+@lru_cache(maxsize=1024)
+def full_name(name: str) -> str:
+    """Return the name of a type with its namespace, as in ROS 2; ROS 1 and the first versions of ROS 2 left it out."""
+    package, _, rest = name.partition("/")
+    full = name if "/" in rest or not rest else f"{package}/msg/{rest}"
+    return _RENAMED.get(full, full)
+
+
 @lru_cache(maxsize=64)
 def ros2_schema(typename: str) -> Schema:
     """Return the schema of a known ROS 2 message with those of nested messages; `KeyError` if it is unknown."""

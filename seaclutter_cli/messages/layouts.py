@@ -15,7 +15,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 
 from seaclutter_cli.errors import SeaclutterError
-from seaclutter_cli.messages.definitions import ros2_types
+from seaclutter_cli.messages.definitions import full_name, ros2_types
 from seaclutter_cli.messages.serialisation import Reader, Ros, Writer
 from seaclutter_cli.records import Buffer, Schema
 
@@ -30,7 +30,6 @@ _SIZES = {
     **dict.fromkeys(("int64", "uint64", "float64"), 8),
 }
 _PLACEHOLDER = "structure_needs_at_least_one_member"
-_RENAMED = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
 _MAX_DEFINITION = 2**18
 _MAX_FIELDS, _MAX_DEPTH = 10_000, 50
 _MORE_ITEMS = 10_000
@@ -207,13 +206,6 @@ def _change(source: _Node, target: _Node) -> tuple[Change, list[str]] | None:
 
 def _changed(parts: Sequence[tuple[int | None, Any, Change]], values: Sequence[Any]) -> list[Any]:
     return [default if place is None else change(values[place]) for place, default, change in parts]
-
-
-def full_name(name: str) -> str:
-    """Return the name of a type with its namespace, as in ROS 2."""
-    package, _, rest = name.partition("/")
-    full = name if "/" in rest or not rest else f"{package}/msg/{rest}"
-    return _RENAMED.get(full, full)
 
 
 @cache

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.messages import CODECS, declares_latched, find_codec
+from seaclutter_cli.messages.definitions import full_name
 from seaclutter_cli.messages.layouts import (
     ItemReader,
     Layouts,
@@ -16,7 +17,6 @@ from seaclutter_cli.messages.layouts import (
     as_is,
     change_between,
     definition_of,
-    full_name,
     known_types,
     types_of,
 )

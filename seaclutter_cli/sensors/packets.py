@@ -9,8 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.documents import MAX_JSON_BYTES
-from seaclutter_cli.errors import InputError
+from seaclutter_cli.documents import read_document
 from seaclutter_cli.records import SensorFacts
 
 CALIBRATION_SUFFIXES: Mapping[str, str] = {"ouster": ".json"}
@@ -81,17 +80,8 @@ class DecoderOptions:
     def unit(self) -> tuple[bytes, str] | None:
         """Calibration of the unit, and the name of its file or what stands for it; None without one."""
         if self.calibration is not None:
-            return read_calibration(self.calibration), str(self.calibration)
+            return read_document(self.calibration), str(self.calibration)
         return None if self.recorded is None else (self.recorded, "recorded with the packets")
-
-
-def read_calibration(path: Path) -> bytes:
-    """Return the content of a calibration file, cut above the limit of its size; `InputError` if it is not readable."""
-    try:
-        with path.open("rb") as file:
-            return file.read(MAX_JSON_BYTES + 1)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
 
 
 class PacketDecoder(Protocol):
@@ -130,7 +120,9 @@ class PacketFamily(ABC):
 
 
 def view_packets(payloads: NDArray[np.uint8], layout: np.dtype[Any]) -> NDArray[np.void]:
-    """Return payloads, shape (P, L), as packets of a layout of L bytes, shape (P,)."""
+    """Return payloads, shape (P, L), as packets of a layout, shape (P,); none if they have another length."""
+    if payloads.shape[1] != layout.itemsize:
+        return np.empty(0, layout)
     return np.ascontiguousarray(payloads).view(layout)[:, 0]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import from_array
-from seaclutter_cli.documents import MAX_JSON_BYTES, DocumentError, load_json
+from seaclutter_cli.documents import DocumentError, load_json, read_document
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
@@ -87,10 +87,7 @@ class DetectionSource(TimedSource):
 
 def _items(path: Path) -> list[Any]:
     try:
-        with path.open("rb") as file:
-            items = load_json(file.read(MAX_JSON_BYTES + 1))
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
+        items = load_json(read_document(path))
     except DocumentError as error:
         raise InputError(f"{path}: {error}") from error
     if not isinstance(items, list):

@@ -7,7 +7,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.messages import CODECS, find_codec
-from seaclutter_cli.messages.layouts import TranslationError, full_name
+from seaclutter_cli.messages.definitions import full_name
+from seaclutter_cli.messages.layouts import TranslationError
 from seaclutter_cli.messages.translation import CDR, ROS1, translator
 from seaclutter_cli.records import Channel, Schema
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.documents import read_document
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.catalog import ADVICE
-from seaclutter_cli.sensors.packets import DecoderOptions, read_calibration
+from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sensors.robosense.models import (
     AIRY,
     AIRY_BY_MOUNTING,
@@ -143,7 +144,7 @@ def packet_angles(model: RobosenseModel, packet: NDArray[np.uint8]) -> Angles | 
 
 def _file_angles(model: RobosenseModel, path: Path) -> Angles:
     """Return the angles in a file with one line per laser, ``elevation,azimuth offset`` in degrees; or `InputError`."""
-    lines = read_calibration(path).decode(errors="replace").splitlines()
+    lines = read_document(path).decode(errors="replace").splitlines()
     rows = [row for line in lines if (row := _numbers(line))]
     if len(rows) != model.lasers:
         raise InputError(f"{path}: expected {model.lasers} lines of angles for the {model.name}, got {len(rows)}")

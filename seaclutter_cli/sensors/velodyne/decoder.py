@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError, MissingExtraError
 from seaclutter_cli.records import SensorFacts
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily, PacketFrame, Packets, point_dtype
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily, PacketFrame, Packets, point_dtype, view_packets
 
 FULL_CIRCLE = 36_000
 _HOUR_NS = 3_600 * 10**9
@@ -60,13 +60,6 @@ MODELS: Mapping[int, VelodyneModel] = {
 }
 """Models by factory byte. VLP-32A and VLP-32B share one."""
 VLP32B = VelodyneModel("VLP-32B", "VLP32B", 32, 663.552)
-
-
-def view_packets(payloads: NDArray[np.uint8]) -> NDArray[Any]:
-    """Return payloads, shape (P, L), as packets, shape (P,); empty if L is not the length of a packet."""
-    if payloads.shape[1] != PACKET.itemsize:
-        return np.empty(0, PACKET)
-    return np.ascontiguousarray(payloads).view(PACKET).reshape(-1)
 
 
 def valid_packets(packets: NDArray[Any]) -> NDArray[np.bool_]:
@@ -211,7 +204,7 @@ class Velodyne(PacketFamily):
 
 def _known_models(payloads: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return the factory bytes of known models in valid packets among payloads, shape (P, L)."""
-    packets = view_packets(payloads)
+    packets = view_packets(payloads, PACKET)
     models = packets["model"][valid_packets(packets)]
     return np.asarray(models[np.isin(models, list(MODELS))])
 
@@ -255,7 +248,7 @@ class VelodyneDecoder:
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
         """Yield the frames that these packets complete. Position packets are ignored; invalid packets are counted."""
-        views = view_packets(packets.payloads)
+        views = view_packets(packets.payloads, PACKET)
         good = valid_packets(views) & (views["model"] == self._factory)
         if packets.payloads.shape[1] != _POSITION_BYTES:
             self.facts.bad_packets += len(packets) - int(good.sum())

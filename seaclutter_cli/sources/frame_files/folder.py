@@ -7,7 +7,7 @@ from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
-from seaclutter_cli.documents import MAX_JSON_BYTES
+from seaclutter_cli.documents import read_document
 from seaclutter_cli.errors import CloudError, InputError, UsageError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
@@ -115,9 +115,8 @@ class FolderSource(TimedSource):
 def _read_metadata(folder: Path) -> Sequence[Metadata]:
     """Return the metadata records in the file ``seaclutter.json``, which this program writes."""
     try:
-        with (folder / SIDECAR).open("rb") as file:
-            return from_text(file.read(MAX_JSON_BYTES))
-    except OSError:
+        return from_text(read_document(folder / SIDECAR))
+    except InputError:
         return ()
 
 

@@ -11,7 +11,7 @@ from seaclutter_cli.documents import DocumentError, load_yaml
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
-from seaclutter_cli.messages.definitions import ros2_schema
+from seaclutter_cli.messages.definitions import full_name, ros2_schema
 from seaclutter_cli.messages.metadata import from_custom_data
 from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record, Schema
 from seaclutter_cli.sources.rosbag2.database import BROKEN, has_table, latest_row, open_database, read_rows
@@ -186,9 +186,7 @@ class Db3Source(Source):
         return rows
 
     def _schema(self, topic: str, typename: str, definitions: dict[str, Schema]) -> Schema:
-        package, slash, name = typename.partition("/")
-        if slash and "/" not in name:  # the first ROS 2 versions left out msg
-            typename = f"{package}/msg/{name}"
+        typename = full_name(typename)
         if typename in definitions:
             return definitions[typename]
         try:

@@ -3,11 +3,11 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from seaclutter_cli.errors import CloudError
+from seaclutter_cli.messages.definitions import full_name
 from seaclutter_cli.messages.serialisation import Reader
 from seaclutter_cli.records import Buffer, Channel, Message
 from seaclutter_cli.sensors.packets import Packets
@@ -83,13 +83,7 @@ def ros2_type(channel: Channel) -> str | None:
     """Return the ROS 2 name of the type of a channel's messages; None if they are not ROS messages."""
     if channel.schema is None or channel.message_encoding not in ("cdr", "ros1"):
         return None
-    return _ros2_name(channel.schema.name)
-
-
-@lru_cache(maxsize=1024)
-def _ros2_name(typename: str) -> str:
-    package, _, name = typename.partition("/")
-    return f"{package}/msg/{name.removeprefix('msg/')}"
+    return full_name(channel.schema.name)
 
 
 def is_undecoded(channel: Channel) -> bool:
