@@ -185,8 +185,5 @@ def _model(payloads: NDArray[np.uint8]) -> HesaiModel | None:
 
 def _matching(model: HesaiModel, payloads: NDArray[np.uint8]) -> NDArray[np.void]:
     """Return the payloads, shape (P, L), that are packets of a model."""
-    layout = model.layouts.get(payloads.shape[1])
-    if layout is None:
-        return np.empty(0, next(iter(model.layouts.values())))
-    data = view_packets(payloads, layout)
+    data = view_packets(payloads, model.layouts.get(payloads.shape[1], next(iter(model.layouts.values()))))
     return data[model.matches(data)]
