@@ -99,50 +99,42 @@ class CloudCodec(Protocol):
         ...
 
 
-class Filter(Protocol):
-    """A method that separates sea clutter from targets.
+class Filter(ABC):
+    """A method that separates sea clutter from targets; by default without state, first pass or look-ahead.
 
-    A filter keeps state from frame to frame, so each topic of each recording needs a filter of its own, or a `reset`.
+    A filter may keep state from frame to frame, so each topic of each recording needs one of its own, or a `reset`.
     """
 
     Params: ClassVar[type[Any]]
     """Dataclass of the method's configuration keys; the constructor takes an instance."""
-    has_scenes: ClassVar[bool]
+    has_scenes: ClassVar[bool] = False
     """Whether the method has presets for classes of scene, which its results name."""
-    has_water: ClassVar[bool]
+    has_water: ClassVar[bool] = False
     """Whether the method estimates the water."""
-    needs_height: ClassVar[bool]
+    needs_height: ClassVar[bool] = False
     """Whether the method depends on the heights of points."""
+    needs_first_pass: bool = False
+    """Whether the filter must `observe` all frames before the first `step`."""
+    look_ahead_s: float = 0.0
+    """Time after a frame whose frames its result depends on, in seconds; 0 if it depends on no later frame."""
 
-    def observe(self, frame: Frame) -> None:
+    def observe(self, frame: Frame) -> None:  # noqa: B027 - most filters need no first pass
         """Receive a frame of the first pass; called only if `needs_first_pass` is true."""
-        ...
-
-    @property
-    def needs_first_pass(self) -> bool:
-        """Whether the filter must `observe` all frames before the first `step`."""
-        ...
-
-    @property
-    def look_ahead_s(self) -> float:
-        """Time after a frame whose frames its result depends on, in seconds; 0 if it depends on no later frame."""
-        ...
 
     def process(self, frame: Frame) -> Sequence[FilterResult]:
         """Receive the next frame and return the results that are complete, in the order of the frames."""
-        ...
+        return [self.step(frame)]
 
     def flush(self) -> Sequence[FilterResult]:
         """Return the results of all frames received so far, without waiting for later ones."""
-        ...
+        return []
 
+    @abstractmethod
     def step(self, frame: Frame) -> FilterResult:
         """Receive the next frame and return its result at once, without later frames; do not mix with `process`."""
-        ...
 
-    def reset(self) -> None:
+    def reset(self) -> None:  # noqa: B027 - most filters have no state
         """Discard all state before another recording."""
-        ...
 
 
 class Labels(Protocol):

@@ -1,13 +1,13 @@
-"""Base classes and helpers of the filters."""
+"""Base class and helpers of the filters."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from abc import abstractmethod
 from typing import ClassVar, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.frame import FilterResult, Frame, Reason
+from seaclutter_cli.interfaces import Filter
 
 P = TypeVar("P")
 
@@ -15,35 +15,7 @@ ROUNDING = 1e-9
 """Relative difference below which distances are equal; prevents outliers by rounding error in even spacing."""
 
 
-class BaseFilter(ABC):
-    """Base of filters without state, first pass or look-ahead; subclasses add ``Params`` and ``step``."""
-
-    has_scenes: ClassVar[bool] = False
-    has_water: ClassVar[bool] = False
-    needs_height: ClassVar[bool] = False
-    needs_first_pass = False
-    look_ahead_s = 0.0
-
-    def observe(self, frame: Frame) -> None:  # noqa: B027 - most filters need no first pass
-        """Ignore the frame."""
-
-    def process(self, frame: Frame) -> Sequence[FilterResult]:
-        """Return the result of the frame."""
-        return [self.step(frame)]
-
-    def flush(self) -> Sequence[FilterResult]:
-        """Return nothing: no frame waits."""
-        return []
-
-    @abstractmethod
-    def step(self, frame: Frame) -> FilterResult:
-        """Return the reason of every point of a frame."""
-
-    def reset(self) -> None:  # noqa: B027 - most filters have no state
-        """Do nothing: there is no state."""
-
-
-class WholeFrameFilter(BaseFilter, Generic[P]):
+class WholeFrameFilter(Filter, Generic[P]):
     """Base of filters that remove valid points of a frame for a single reason."""
 
     reason: ClassVar[Reason] = Reason.OUTLIER

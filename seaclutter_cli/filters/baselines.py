@@ -6,10 +6,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.filters.base import BaseFilter, WholeFrameFilter
+from seaclutter_cli.filters.base import WholeFrameFilter
 from seaclutter_cli.filters.histogram import IntensityHistogram
 from seaclutter_cli.filters.zones import ZoneParams, Zones
 from seaclutter_cli.frame import FilterResult, Frame, Reason
+from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.params import Positive, Share, key
 
 
@@ -25,7 +26,7 @@ class GlobalIntensityParams(ZoneParams):
     )
 
 
-class GlobalIntensity(BaseFilter):
+class GlobalIntensity(Filter):
     """One intensity threshold for all ranges.
 
     This is the baseline of [Li2023].
@@ -97,7 +98,7 @@ class NothingParams:
     """Empty parameters: the method has no config keys."""
 
 
-class Nothing(BaseFilter):
+class Nothing(Filter):
     """No filtering: every point is kept, invalid ones too."""
 
     Params: ClassVar[type[NothingParams]] = NothingParams

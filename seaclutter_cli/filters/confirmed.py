@@ -8,7 +8,6 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.filters.base import BaseFilter
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.beams import Beams, Sight
 from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, measure
@@ -17,6 +16,7 @@ from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distances, within
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
+from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.water import Faces, WaterTracker
 
 Floats = NDArray[np.float64]
@@ -52,7 +52,7 @@ class _Undecided:
     water: WaterState | None
 
 
-class Confirmed(BaseFilter):
+class Confirmed(Filter):
     r"""Confirmed objects: what rises out of the water and stays.
 
     Notes

@@ -8,11 +8,11 @@ import numpy as np
 from annotated_types import Interval, Len
 from numpy.typing import NDArray
 
-from seaclutter_cli.filters.base import BaseFilter
 from seaclutter_cli.filters.radius import Preset, isolated_by_range
 from seaclutter_cli.filters.statistical import outliers
 from seaclutter_cli.filters.zones import ZoneParams, Zones, ring_edges
 from seaclutter_cli.frame import FilterResult, Frame, Reason
+from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.params import Count, NotNegative, Positive, Share, key
 
 Floats = NDArray[np.float64]
@@ -137,7 +137,7 @@ def _outlying(points: Floats, params: RingIntensityOutlierParams) -> NDArray[np.
     return outliers(points, max(1, min(params.max_neighbors, share)), params.std_ratio)
 
 
-class RingIntensity(BaseFilter):
+class RingIntensity(Filter):
     """Intensity threshold for each range ring.
 
     This is step 2 of the joint filter [Li2023].
