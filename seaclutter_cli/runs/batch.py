@@ -226,17 +226,23 @@ def run_all(
     in_order: Callable[[O], object] = lambda _: None,
     *,
     together: bool = False,
+    earlier: Sequence[O | None] = (),
 ) -> list[O]:
     """Return the outcome of each recording; raise `SelectionError` if none has a frame in the selected time.
 
     The only recording of a run is processed in this process, with its progress and messages as they come; `run_batch`
-    describes several, and the last parameters.
+    describes several, ``in_order`` and ``together``. Nothing is left to do where there is an ``earlier`` outcome.
     """
+    known = earlier or [None] * len(works)
+    left = [work for work, outcome in zip(works, known, strict=True) if outcome is None]
     if batch.runs_here(len(works)):
-        outcomes = [works[0].run(raising(observer) if together else observer)]
-        in_order(outcomes[0])
+        outcomes = [work.run(raising(observer) if together else observer) for work in left]
+        for outcome in outcomes:
+            in_order(outcome)
     else:
-        outcomes = run_batch(works, batch, observer, in_order, together=together)
+        outcomes = run_batch(left, batch, observer, in_order, together=together)
+    done = iter(outcomes)
+    outcomes = [outcome or next(done) for outcome in known]
     require_selected(outcomes)
     return outcomes
 

@@ -143,7 +143,9 @@ def _trade_off(
     config, options, frames = works[0].config, works[0].options, sum(outcome.frames for _, outcome in pairs)
     if frames < _MIN_FRAMES:
         raise LabelError(f"{count(frames, 'labelled frame')}: too few to compare filter rates")
-    observer = raising(_OnlyProgress(observer))
+    quiet = Silent()  # warnings and damage were reported when the log was read before
+    quiet.progress = observer.progress  # type: ignore[assignment,method-assign]
+    observer = raising(quiet)
     used = Candidate(options.filter_rate, options.max_left)
     compared = candidates(used)
     variants = []
@@ -197,13 +199,6 @@ def _held_out_scores(works: Sequence[EvaluateWork], observer: Observer) -> list[
             for summary in halves:
                 total.update(summary)
     return scores
-
-
-class _OnlyProgress(Silent):
-    """Observer that shows progress only: warnings and damage were reported when the log was read before."""
-
-    def __init__(self, observer: Observer) -> None:
-        self.progress = observer.progress  # type: ignore[assignment,method-assign]
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Channel, Metadata
-from seaclutter_cli.runs.batch import RecordingWork, run_batch, size_of
+from seaclutter_cli.runs.batch import RecordingWork, run_all, size_of
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import WritingLogs
 from seaclutter_cli.runs.outputs import Paths, Root, inputs_of, is_file, is_folder, prepare_outputs, write_manifest
@@ -24,7 +24,6 @@ from seaclutter_cli.runs.recordings import (
     assign_labels,
     expand,
     require_frames,
-    require_selected,
     statuses,
 )
 from seaclutter_cli.runs.resume import (
@@ -241,17 +240,8 @@ class LogRun(Generic[W]):
         self, works: Sequence[W], observer: Observer, in_order: Callable[[Any], object] = lambda _: None
     ) -> list[Any]:
         """Do the work that is left, as `run_all` does, and return all outcomes."""
-        left = [work for work in works if not work.is_done]
-        if self.is_alone:
-            outcomes = [work.run(observer) for work in left]
-            for outcome in outcomes:
-                in_order(outcome)
-        else:
-            outcomes = run_batch(left, self.options.batch, observer, in_order)
-        done = iter(outcomes)
-        outcomes = [work.complete if work.is_done else next(done) for work in works]
-        require_selected(outcomes)
-        return outcomes
+        earlier = [work.complete if work.is_done else None for work in works]
+        return run_all(works, self.options.batch, observer, in_order, earlier=earlier)
 
     def list_outputs(self, outcomes: "Sequence[LogOutcome]") -> None:
         """Store the sizes of the outputs, and write the manifest."""
