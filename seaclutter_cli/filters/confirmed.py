@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.beams import Beams, Sight
 from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, measure
-from seaclutter_cli.filters.confirmation.objects import DetectedObject, find_objects
+from seaclutter_cli.filters.confirmation.objects import SHORT_RUN, DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distances, within
 from seaclutter_cli.filters.zones import Zones
@@ -29,6 +29,7 @@ _COMPANY = 2
 _FLAT = -0.4
 _ONE_BEAM_RISES, _HIDDEN_RISES = 2.0, 0.5
 _EXPECTED_M = 0.8
+_ALONE = 0.75
 _GROWTH_RATIO = 0.01
 _MAX_GAP_S, _MAX_STEP_BACK_S = 5.0, 0.1
 _SLACK_S = 1e-6
@@ -63,12 +64,13 @@ class Confirmed(Filter):
     2. *Band*: points higher above the water than :math:`\max(0.2\,\mathrm{m}, 4\sigma)` stand out.
     3. *Candidates*: points in faces, which are echoes above each other in one direction at nearly one range (`Faces`);
        points that stand out, if two others do within 2.5 % of their range; in the band, bright points with enough
-       candidates around them, as in the adaptive radius filter, where the next beam passes above low objects. Echoes in
-       a volume, such as spray, rain and fog, are none: few of their neighbours lie on one surface.
+       candidates around them, as in the adaptive radius filter, and echoes beside each other in one beam, where the
+       next beam passes above low objects. Echoes in a volume, such as spray, rain and fog, are none: few of their
+       neighbours lie on one surface.
     4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. Their shape is evidence
        from -0.5 (flat on the water) to 1: the face that a quarter of their points reach, or a surface higher than any
-       wave. Where the beams are too far apart to show the shape, persistent brightness is some evidence, unless echoes
-       of the water are all around.
+       wave. Where the beams are too far apart to show the shape, persistent brightness is some evidence, and so are
+       many echoes beside each other, unless echoes of the water are all around.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
        most tracks have in common. The score of a track is its mean evidence within ``look_ahead_s``
        of the frame, plus what it collected before. Evidence adds up over the time in which the water becomes
@@ -161,6 +163,7 @@ class Confirmed(Filter):
         del faces  # less to hold
         # 3. Candidates
         candidates = heights.upright | self._accompanied(echoes, heights) | self._dense(echoes, heights)
+        candidates |= self._unbroken(echoes, heights)
         # 4. Objects
         near = echoes.is_near
         objects = find_objects(echoes, candidates & ~near, heights, self._beams, self._params, near=False)
@@ -214,6 +217,13 @@ class Confirmed(Filter):
         needed = np.where(self._in_one_beam(echoes, heights, chosen), _MIN_IN_ONE_BEAM, _MIN_NEIGHBORS)
         dense[chosen[self._enough(echoes, among, asked, needed)]] = True
         return dense
+
+    def _unbroken(self, echoes: Echoes, heights: Heights) -> Mask:
+        """Return the points in runs near the water, where it has hardly any echoes and the next beam passes above."""
+        found = (heights.run >= SHORT_RUN) & (heights.unseen > _ALONE) & (np.abs(heights.height_m) <= heights.rise_m)
+        runs = np.flatnonzero(found)
+        found[runs] = self._next_beam_m(echoes, heights, runs) >= heights.rise_m[runs]
+        return found
 
     def _enough(self, echoes: Echoes, among: Indices, asked: Indices, needed: Indices) -> Mask:
         """Return which of the points asked for have enough others within 2.5 % of their range."""

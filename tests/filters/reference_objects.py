@@ -103,7 +103,6 @@ def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, fac
     for (number, point, ring), face in zip(used, faces.of_point, strict=True):
         one = echo_of(number, point, ring, water, params)
         one.face, one.run = face.above(point.z - one.height), face.run
-        one.bright |= one.run >= heights.RUN and one.unseen > 0 and abs(one.height) <= one.rise
         echoes.append(one)
     linked, loose = faces.neighbors([one.height > one.rise for one in echoes])
     for one, joined, apart in zip(echoes, linked, loose, strict=True):
@@ -162,7 +161,7 @@ def cells_in_volume(echoes: Sequence[Echo]) -> set[tuple[int, int]]:
 
 
 def candidates_of(echoes: Sequence[Echo], lidar: "Beams") -> list[Echo]:
-    """Return points in faces, high ones in company, and bright ones with enough bright or high ones around them."""
+    """Return points in faces, high ones in company, bright ones with enough others around them, and those in runs."""
     company = places_of(echo.xyz for echo in echoes if echo.high or echo.upright)
     among = places_of(echo.xyz for echo in echoes if echo.bright or echo.high)
     found = []
@@ -171,8 +170,10 @@ def candidates_of(echoes: Sequence[Echo], lidar: "Beams") -> list[Echo]:
         chosen = echo.upright
         if not chosen and echo.high:
             chosen = (distances(echo.xyz, company) <= reach).sum() - 1 >= confirmed._COMPANY
+        next_m = echo.height + math.tan(math.radians(lidar.above(echo.elevation_bin))) * echo.range_m
+        if abs(echo.height) <= echo.rise <= next_m and echo.run >= objects.SHORT_RUN:
+            chosen = chosen or echo.unseen > confirmed._ALONE
         if not chosen and echo.bright:
-            next_m = echo.height + math.tan(math.radians(lidar.above(echo.elevation_bin))) * echo.range_m
             in_one_beam = echo.unseen > 0 and next_m >= confirmed._ONE_BEAM_RISES * echo.rise
             needed = confirmed._MIN_IN_ONE_BEAM if in_one_beam else confirmed._MIN_NEIGHBORS
             hidden = next_m >= confirmed._HIDDEN_RISES * echo.rise
@@ -301,7 +302,7 @@ def evidence_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any)
     if shape >= 0:
         return shape
     hidden = min(max((top + above) / rise - 1, 0.0), 1.0) * mean([echo.unseen for echo in echoes])
-    unbroken = min(max((mean([echo.run for echo in echoes]) - heights.RUN) / objects._LONG_RUN, 0.0), 1.0)
+    unbroken = min(max((mean([echo.run for echo in echoes]) - objects.SHORT_RUN) / objects._LONG_RUN, 0.0), 1.0)
     found = max(evidence_of_brightness(echoes, params), objects._BRIGHT_EVIDENCE * unbroken)
     return (1 - hidden) * shape + hidden * found
 

@@ -21,8 +21,6 @@ _GROWTH_SIGMAS = 1.5
 _UNSEEN_M = 100.0
 _VOLUME = 2.5
 _OWN, _SHOWN = 4.0, 12.0
-RUN = 4
-"""Number of echoes beside each other in one beam that rare echoes of water do not have."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,14 +73,13 @@ class Heights:
     linked, loose : ndarray, float64
         Numbers of neighbours that stand out, too, and lie on one surface with a point, or do not.
     high, bright, low, upright, grows, mirrored : ndarray, bool
-        Whether a point stands out; is near the water and reaches its threshold, or is in a run where the water has few
-        echoes; does not reach it; belongs to a face that water does not have; may return to a confirmed object; is
-        below the water under a body.
+        Whether a point stands out; is near the water and reaches its threshold; does not reach it; belongs to a face
+        that water does not have; may return to a confirmed object; is below the water under a body.
     brightness : ndarray, float64
         Intensity divided by the threshold; 0 without thresholds.
     unseen : ndarray, float64
         1 where the water has no echoes but those that an object itself may have, 0 where echoes show it all around.
-    run : ndarray, float64
+    run : ndarray, int32
         Number of echoes beside each other in one beam, at nearly one range.
     sigma_m : float
         Standard deviation of the water; 0 without water.
@@ -102,7 +99,7 @@ class Heights:
     mirrored: Mask
     brightness: Floats
     unseen: Floats
-    run: Floats
+    run: NDArray[np.int32]
     sigma_m: float
 
 
@@ -130,8 +127,6 @@ def measure(
     upright = faces.stands(level, sigma) & (height >= -mirrored_below_m(deviation)) & solid
     high = (height > rise) & solid
     bodies = high | upright
-    unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
-    in_run = (faces.run >= RUN) & (unseen > 0)
     mirrored = np.zeros_like(bodies) if water is None else water.mirrored(height, deviation, bodies)
     return Heights(
         height,
@@ -141,14 +136,14 @@ def measure(
         linked,
         loose,
         high,
-        (reached | in_run) & (np.abs(height) <= rise),
+        reached & (np.abs(height) <= rise),
         ~reached,
         upright,
         (height > np.maximum(params.growth_height_m, _GROWTH_SIGMAS * deviation)) | upright,
         mirrored,
         brightness,
-        unseen,
-        faces.run.astype(np.float64),
+        np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1),
+        faces.run,
         sigma,
     )
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.beams import Beams
-from seaclutter_cli.filters.confirmation.echoes import RUN, Echoes, Heights
+from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights
 from seaclutter_cli.groups import group_sizes, group_starts
 
 Floats = NDArray[np.float64]
@@ -24,7 +24,7 @@ _LOOSE_SHARE = 0.2
 _BRIGHT_EVIDENCE = 0.4
 _DIM_SHARE = 0.25
 _BRIGHT_OCTAVES = 2.0
-_LONG_RUN = 8.0
+SHORT_RUN, _LONG_RUN = 4, 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +100,11 @@ class Clusters:
             for k in np.lexsort(center.T[::-1]).tolist()
         ]
 
-    def sum(self, values: Floats) -> Floats:
+    def sum(self, values: Floats | NDArray[np.int32]) -> Floats:
         """Return the sum of the points' values in each cluster, shape (K,)."""
         return np.asarray(np.add.reduceat(values[self.points], self.start))
 
-    def mean(self, values: Floats) -> Floats:
+    def mean(self, values: Floats | NDArray[np.int32]) -> Floats:
         """Return the mean of the points' values in each cluster, shape (K,)."""
         return self.sum(values) / self.count
 
@@ -173,7 +173,7 @@ def _evidence(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams
     (brightness,) = clusters.ranked(heights.brightness, clusters.count // 2)
     octaves = np.clip(np.log2(np.maximum(brightness, 1)) / _BRIGHT_OCTAVES, 0, 1)
     bright = np.where(brightness >= 1, _BRIGHT_EVIDENCE * (_DIM_SHARE + (1 - _DIM_SHARE) * octaves), 0.0)
-    unbroken = _BRIGHT_EVIDENCE * np.clip((clusters.mean(heights.run) - RUN) / _LONG_RUN, 0, 1)
+    unbroken = _BRIGHT_EVIDENCE * np.clip((clusters.mean(heights.run) - SHORT_RUN) / _LONG_RUN, 0, 1)
     return np.asarray((1 - hidden) * shape + hidden * np.maximum(bright, unbroken))
 
 
