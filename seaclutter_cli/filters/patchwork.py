@@ -44,13 +44,13 @@ class PatchworkParams:
 
 
 class Patchwork(WholeFrameFilter[PatchworkParams]):
-    """Ground segmentation by planes of patches, Patchwork++ [1]_, with the sea as ground.
+    """Patchwork++: ground segmentation by patches, with the sea as ground.
 
     Notes
     -----
-    Points that the library calls ground are removed as outliers. They are passed to it from the lowest to the highest,
-    so that their order in the cloud does not matter. Its removal of reflected noise is off: it only keeps points out of
-    the ground, and expects intensities from 0 to 1.
+    Points that the library [1]_ calls ground are removed as outliers. They are passed to it from the lowest to the
+    highest, so that their order in the cloud does not matter. Its removal of reflected noise is off: it only keeps
+    points out of the ground, and expects intensities from 0 to 1.
 
     **State**: height of the lidar, and flatness and height of up to 1000 earlier patches in each of four rings.
 
