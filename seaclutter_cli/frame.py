@@ -338,7 +338,7 @@ class FilterResult:
     >>> import seaclutter
     >>> result = seaclutter.filter_points(np.array([[20.0, 0, 0], [5, 0, 0]]), np.array([90, 90]))
     >>> result.keep, result.reason, result.counts
-    (array([ True, False]), array([0, 2], dtype=uint8), array([1, 0, 1, 0, 0, 0, 0, 0]))
+    (array([ True, False]), array([0, 2], dtype=uint8), array([1, 0, 1, 0, 0, 0, 0, 0, 0]))
     """
 
     frame: Frame

@@ -1,6 +1,5 @@
 import csv
 import io
-import json
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from seaclutter_cli.airborne.features import NonSeaPoints
 from seaclutter_cli.airborne.objects import (
     ObjectFindingParams,
     as_csv,
-    as_geojson,
     find_objects,
     likely_object,
     object_around,
@@ -50,9 +48,7 @@ def test_points_on_a_line(points):
 @pytest.mark.parametrize("points", [[(1, 2)], [(1, 2), (4, 6)], [(0, 0), (3, 4), (6, 8)]])
 def test_the_outline_of_points_on_a_line_has_an_area(points):
     one = object_around(1, np.array(points, float).T, np.zeros(len(points)), None, 1.0)
-    (feature,) = json.loads(as_geojson([("tile", [one])]))["features"]
-    (x, y) = np.array(feature["geometry"]["coordinates"][0]).T
-    area = (x[:-1] * y[1:] - x[1:] * y[:-1]).sum() / 2
+    area = shoelace(one.corners_in(1.0))
     assert area == pytest.approx(0.1 * max(one.size[0], 0.1), abs=0.02)
     assert one.size[1] == pytest.approx(0)
 
@@ -103,15 +99,16 @@ def test_no_points_no_objects():
     assert (objects, len(number), len(left_out)) == ([], 0, 0)
 
 
-def test_csv_and_geojson_of_objects():
+def shoelace(corners):
+    """Return the area within corners, positive if they are counter-clockwise, as GeoJSON requires."""
+    x, y = np.asarray(corners).T
+    return 0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+def test_csv_and_outlines_of_objects():
     objects, _ = two_objects()
     rows = list(csv.DictReader(io.StringIO(as_csv([("a", objects), ("b", [])]))))
     assert [row["class"] for row in rows] == ["ship", "seaweed"]
     assert (rows[0]["tile"], float(rows[0]["length"]), float(rows[0]["yaw"])) == ("a", 40.0, 0.4)
-    features = json.loads(as_geojson([("a", objects)]))["features"]
-    outline = np.array(features[0]["geometry"]["coordinates"][0])
-    assert (outline[0] == outline[-1]).all()
-    x, y = outline[:-1].T
-    shoelace = 0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1))
-    assert shoelace == pytest.approx(320, rel=1e-3), "counter-clockwise, as GeoJSON requires"
-    assert features[1]["properties"]["class"] == "seaweed"
+    assert shoelace(objects[0].corners_in(1.0)) == pytest.approx(320, rel=1e-3)
+    assert objects[1].attributes["class"] == "seaweed"
