@@ -62,7 +62,8 @@ class PolarCells:
         """Return the cells of points between `NEAREST_M` and `FARTHEST_M`, shape (3, N).
 
         ``feet`` are the lower ends of the faces of bodies, shape (3, M). What is above them, or behind or beside them,
-        is part of a body, such as a deck; what is below is mirrored, or water. They stand in the water themselves.
+        is part of a body, such as a deck; what is below is mirrored, or water. They stand in the water themselves. What
+        else fills a cell upwards is fog, or spray.
         """
         z, cell = xyz[2], _cell(xyz)
         if feet is not None:
@@ -85,6 +86,7 @@ class PolarCells:
         if feet is None:
             return cls(cell, lows, number, trust)
         trust[np.isfinite(around.reshape(-1)[number])] *= _BESIDE
+        trust *= (flat / np.bincount(cell, minlength=len(low))[number]) ** 2
         trust = np.concatenate((trust, _FEET * _nearness(feet)))
         return cls(cell, np.concatenate((lows, feet), axis=1), np.concatenate((number, _cell(feet))), trust)
 

@@ -26,7 +26,8 @@ class WaterTracker:
     1. *Plane*: the lowest echo of each polar cell of 10° by 3 m, from 5 to 45 m; a plane through them by iteratively
        reweighted least squares, from the plane of the frame before. Echoes in faces belong to bodies, as do those above
        their feet, such as decks, and echoes much lower than the plane before are mirrored; none of them counts, but
-       feet stand in the water. Cells count more that are near and have several echoes at one height.
+       feet stand in the water. Cells count more that are near and have several echoes at one height, and none above,
+       as fog has.
     2. *Level and deviation*: medians over the echoes near that plane, with the weights of the cells.
     3. *Swell*: a mean over 2.5 m of the echoes near the plane, and then of those near this surface, so that it follows
        crests. Echoes in faces do not count.

@@ -168,7 +168,7 @@ def cells_of(points: Sequence[XYZ], used: Sequence[int], feet: Mapping[tuple[int
     for key, own in members.items():
         cell = Cell(min(own, key=lambda point: point[2]), 0.0)
         count = sum(z <= cell.lowest[2] + plane._FLAT_M for _, _, z in own)
-        cell.trust = (min(count, plane._ENOUGH) / plane._ENOUGH) ** 2
+        cell.trust = (count / len(own) * min(count, plane._ENOUGH) / plane._ENOUGH) ** 2
         cell.trust /= 1 + cell.distance_squared / plane._SURE_M**2
         if foot_around(key, feet) < math.inf:
             cell.trust *= plane._BESIDE

@@ -67,6 +67,17 @@ def test_cells_are_trusted_by_flat_echoes_and_nearness():
     assert trust(6, -2, -2, -2) == trust(6, -2, -2, -2, -2) > trust(30, -2, -2, -2)
 
 
+def test_fog_around_the_lidar_is_not_taken_for_the_water():
+    """It fills the air within 12 m, while the water 5.6 m below is seen by few echoes."""
+    rng = np.random.default_rng(6)
+    bearing, distance = rng.uniform(-np.pi, np.pi, 3000), rng.uniform(5, 12, 3000)
+    fog = np.stack((distance * np.cos(bearing), distance * np.sin(bearing), rng.uniform(-3, 3, 3000)))
+    water = spread(rng, 400, -5.6)
+    beyond = np.hypot(*water[:2]) > 12
+    plane, _ = fit_plane(PolarCells.of(np.hstack((fog, water[:, beyond])), np.empty((3, 0))), None)
+    assert plane.level_m == pytest.approx(-5.6, abs=0.1)
+
+
 def test_cells_that_hold_bodies_are_hardly_trusted():
     water = np.array([(10.0, 0.0, -2.0), (-10.0, 0.5, -2.0)]).T
     alone, beside = PolarCells.of(water), PolarCells.of(water, np.array([[10.5], [0.0], [1.0]]))
