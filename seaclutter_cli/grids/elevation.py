@@ -52,12 +52,6 @@ class ElevationGrid:
         """Index of each block in `lowest`, by its block number along x and y."""
         return self._slots
 
-    @property
-    def sides_m(self) -> tuple[float, float]:
-        """Sides of the bounding rectangle of all points, in whole cells."""
-        columns, rows = (self._extent[:, 1] - self._extent[:, 0] + 1).tolist()
-        return columns * self.cell_m, rows * self.cell_m
-
     def add(self, xyz: NDArray[np.float64]) -> NDArray[np.int64]:
         """Update the cells with points, shape (3, N), in metres and finite; return the cell of each, as `locate` does.
 

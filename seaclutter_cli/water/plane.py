@@ -67,12 +67,11 @@ class PolarCells:
         """
         z, cell = xyz[2], _cell(xyz)
         if feet is not None:
-            feet = _lowest_feet(feet)
-            foot = np.full((_BEARINGS, _RINGS), np.inf)
-            foot.reshape(-1)[_cell(feet)] = feet[2]
-            around = np.minimum(foot, np.minimum(np.roll(foot, 1, axis=0), np.roll(foot, -1, axis=0)))
-            around[:, 1:] = np.minimum(around[:, 1:], around[:, :-1])
-            cell[z > around.reshape(-1)[cell] + _FLAT_M] = _OF_BODIES
+            of_feet, feet = _lowest_feet(feet)
+            foot = np.full(_OF_BODIES, np.inf)
+            foot[of_feet] = feet[2]
+            foot = _lowest_around(foot.reshape(_BEARINGS, _RINGS)).reshape(-1)
+            cell[z > foot[cell] + _FLAT_M] = _OF_BODIES
         low = np.full(_OF_BODIES + 1, np.inf)
         np.minimum.at(low, cell, z)
         low[_OF_BODIES] = np.inf
@@ -85,10 +84,10 @@ class PolarCells:
         trust = _nearness(lows) * (np.minimum(flat, _ENOUGH) / _ENOUGH) ** 2
         if feet is None:
             return cls(cell, lows, number, trust)
-        trust[np.isfinite(around.reshape(-1)[number])] *= _BESIDE
+        trust[np.isfinite(foot[number])] *= _BESIDE
         trust *= (flat / np.bincount(cell, minlength=len(low))[number]) ** 2
         trust = np.concatenate((trust, _FEET * _nearness(feet)))
-        return cls(cell, np.concatenate((lows, feet), axis=1), np.concatenate((number, _cell(feet))), trust)
+        return cls(cell, np.concatenate((lows, feet), axis=1), np.concatenate((number, of_feet)), trust)
 
     @property
     def enough(self) -> bool:
@@ -101,17 +100,25 @@ def _nearness(xyz: Floats) -> Floats:
     return np.asarray(1 / (1 + (xyz[0] ** 2 + xyz[1] ** 2) / _SURE_M**2))
 
 
-def _lowest_feet(feet: Floats) -> Floats:
-    """Return one foot for each occupied cell, in its middle and higher than a tenth of its feet: those are mirrored."""
+def _lowest_around(foot: Floats) -> Floats:
+    """Return the least of each cell's values, shape (36, 14), those beside it, and those before them."""
+    around = np.minimum(foot, np.minimum(np.roll(foot, 1, axis=0), np.roll(foot, -1, axis=0)))
+    around[:, 1:] = np.minimum(around[:, 1:], around[:, :-1])
+    return np.asarray(around)
+
+
+def _lowest_feet(feet: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """Return the occupied cells, and one foot for each, in its middle.
+
+    It is higher than a tenth of the feet in its cell: those are mirrored.
+    """
     cm = np.clip((feet[2] + _DEEPEST_M) * 100, 0, _CELL_CM - 1).astype(np.int64)
     ordered = np.sort(_cell(feet) * _CELL_CM + cm)
     start = group_starts(ordered // _CELL_CM)
     cell, cm = np.divmod(ordered[start + group_sizes(start, len(ordered)) // 10], _CELL_CM)
-    bearing, distance = (
-        (cell // _RINGS + 0.5) * (2 * np.pi / _BEARINGS) - np.pi,
-        NEAREST_M + (cell % _RINGS + 0.5) * _STEP_M,
-    )
-    return np.stack((distance * np.cos(bearing), distance * np.sin(bearing), cm / 100 - _DEEPEST_M))
+    bearing = (cell // _RINGS + 0.5) * (2 * np.pi / _BEARINGS) - np.pi
+    distance = NEAREST_M + (cell % _RINGS + 0.5) * _STEP_M
+    return cell, np.stack((distance * np.cos(bearing), distance * np.sin(bearing), cm / 100 - _DEEPEST_M))
 
 
 def _cell(xyz: Floats) -> NDArray[np.int64]:
