@@ -31,6 +31,7 @@ from .runs.filter import filter_log as filter_log
 from .runs.info import info as info
 from .runs.label_check import check_labels as check_labels
 from .runs.mask import find_mask as find_mask
+from .runs.objects import find_objects as find_objects
 from .runs.observer import LoggingObserver as LoggingObserver
 from .runs.observer import Observer as Observer
 from .runs.options import BatchOptions as BatchOptions

@@ -32,7 +32,7 @@ BASE = {
 }
 CORE = (
     BASE
-    | {"messages", "sensors", "sources", "sinks", "labels", "filters", "evaluation", "clustering", "water"}
+    | {"messages", "sensors", "sources", "sinks", "labels", "filters", "evaluation", "clustering", "tracking", "water"}
     | {
         "selection",
         "reading",
@@ -64,7 +64,8 @@ ALLOWED = {
     "messages": BASE,
     "sensors": BASE,
     "sources": BASE | {"messages", "sensors"},
-    "sinks": BASE | {"messages"},
+    "tracking": BASE | {"clustering"},
+    "sinks": BASE | {"messages", "tracking"},
     "labels": BASE,
     "clustering": BASE,
     "grids": BASE,

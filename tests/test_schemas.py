@@ -32,6 +32,7 @@ COMMANDS = [
     f"calibrate {SEA} -o b.yaml {LABELS} --choose -n 20",
     f"calibrate {SEA} -o c.yaml -m confirmed -n 20",
     f"mask {SEA} cut.mcap -o m.csv",
+    f"objects {SEA} cut.mcap -o o.csv",
     f"labels check {SEA} {LABELS} -n 9",
     f"labels check {SEA} --labels swapped.csv",
     f"evaluate {SEA} {LABELS} -m joint -m none -n 3",

@@ -29,6 +29,7 @@ COMMANDS: Mapping[str, str] = {
     "filter": "Filter logs into drop-in logs, MCAP or another format.",
     "convert": "Convert logs to another format, whole or in part.",
     "calibrate": "Find thresholds and the far limit for a sensor, and write a configuration.",
+    "objects": "Follow objects over time: a table of boxes, velocities and ids.",
     "mask": "Propose a mask of own ship's structure.",
     "labels": "Check labels of recordings.",
     "evaluate": "Count false alarms and missed targets against labels; compare methods.",

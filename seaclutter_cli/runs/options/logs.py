@@ -87,6 +87,18 @@ class InfoOptions(OfLogs):
     batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
 
 
+class ObjectsOptions(Replacing, OfLogs, ConfigOptions):
+    """Options of a search for objects; the default method is ``confirmed``."""
+
+    output: OptionalPath = option(
+        "-o --output OBJECTS",
+        "Write a table with a row for each frame and object (.csv, .parquet), or tracks on earth (.geojson).",
+        default=None,
+        kw_only=False,
+    )
+    batch: Grouped[BatchOptions] = grouped("resume", default=BatchOptions())
+
+
 class MaskOptions(Replacing, OfLogs):
     """Options of the search for own ship's structure."""
 

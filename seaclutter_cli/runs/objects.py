@@ -1,0 +1,177 @@
+"""Objects of recordings: what was there, where, how large, and how it moved."""
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from tempfile import TemporaryFile
+from typing import IO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.buckets import on_paths
+from seaclutter_cli.config import Config
+from seaclutter_cli.interfaces import Labels, Source
+from seaclutter_cli.options import function_of
+from seaclutter_cli.pipeline import run
+from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
+from seaclutter_cli.runs.methods import configured
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.options.logs import ObjectsOptions
+from seaclutter_cli.runs.outputs import PackedRows, may_appear
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+from seaclutter_cli.sinks.csv import csv_line
+from seaclutter_cli.sinks.objects import COLUMNS, ObjectTable, TrackSummary
+from seaclutter_cli.text import count, printable, table
+
+_MOST_SHOWN = 20
+KINDS = tuple(COLUMNS.items())
+
+
+@function_of(ObjectsOptions)
+@on_paths
+def find_objects(options: ObjectsOptions) -> "ObjectsResult":
+    """Follow the objects of one or several logs over time, and measure their boxes and velocities.
+
+    Returns
+    -------
+    ObjectsResult
+        ``table()``, a row for each frame and object; ``outcomes``, sums for each recording.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> found = seaclutter.find_objects("samples/sea.mcap")
+    >>> table = found.table()
+    >>> table.dtype.names[2:6], len(set(table["track_id"][table["state"] == "confirmed"].tolist()))
+    (('frame', 'stamp_ns', 'track_id', 'state'), 2)
+    """
+    observer, config = options.watching, _configured(options)
+    pairs = prepared(options.logs, options, {"-o": options.output}, observer, [config])
+    works = [_ObjectsWork(options.reading, *each, config) for each in pairs]
+    with OutputGroup(replace=options.force) as files:
+        with ExitStack() as stack:
+            target = stack.enter_context(AtomicFile(options.output, files)) if options.output else None
+            if target and options.batch.runs_here(len(works)):
+                works = [replace(works[0], spool=stack.enter_context(TemporaryFile(dir=target.part.parent)))]
+            outcomes = run_all(works, options.batch, observer)
+            result = ObjectsResult(outcomes)
+            if target:
+                target.stream.write(csv_line(COLUMNS))
+                target.stream.writelines(result.lines())
+        if not may_appear([options.output], outcomes, observer):
+            files.discard()
+    return result
+
+
+@dataclass(kw_only=True)
+class RecordedObjects(Outcome):
+    """Objects of one recording: its number of frames, its tracks, and the rows of the table."""
+
+    data = "recording error damage seconds=rounded_s frames tracks=confirmed candidates"
+
+    frames: int = 0
+    tracks: Mapping[tuple[str, int], TrackSummary] = field(default_factory=dict)
+    rows: PackedRows = field(default_factory=PackedRows, repr=False)
+
+    @property
+    def confirmed(self) -> list[TrackSummary]:
+        """Tracks that were confirmed in any frame."""
+        return [one for one in self.tracks.values() if one.is_confirmed]
+
+    @property
+    def candidates(self) -> int:
+        """Number of tracks that were not."""
+        return len(self.tracks) - len(self.confirmed)
+
+    def figures(self) -> str:
+        """Return the main figures, for a line about the outcome."""
+        return f"{count(self.frames, 'frame')}, {count(len(self.confirmed), 'object')}, {self.seconds:.1f} s"
+
+    def as_text(self) -> str:
+        """Return the tracks that were confirmed as a table."""
+        found = sorted(self.confirmed, key=lambda one: -one.frames)
+        rows = [
+            (
+                one.topic,
+                one.track_id,
+                one.frames,
+                f"{one.length_m:.1f}",
+                f"{one.width_m:.1f}",
+                f"{one.height_m:.1f}",
+                f"{one.nearest_m:.0f}",
+                f"{one.speed_ms:.1f}",
+                f"{one.score:.2f}",
+            )
+            for one in found[:_MOST_SHOWN]
+        ]
+        head = f"{printable(self.recording)}: {self.figures()}"
+        if self.candidates:
+            head += f"; {count(self.candidates, 'candidate')}, seen only for a short time"
+        if not rows:
+            return head
+        names = "topic", "id", "frames", "length m", "width m", "height m", "nearest m", "speed m/s", "score"
+        more = [f"and {count(len(found) - _MOST_SHOWN, 'other object')}"] if len(found) > _MOST_SHOWN else []
+        speeds = "Speeds are over ground." if found[0].over_ground else "Speeds are relative to own ship."
+        return "\n".join([head, table(names, rows), *more, speeds])
+
+
+@dataclass(frozen=True)
+class _ObjectsWork(RecordingWork[RecordedObjects]):
+    """Search for the objects of one recording."""
+
+    config: Config
+    spool: IO[bytes] | None = None
+
+    def without_result(self, reason: str | None) -> RecordedObjects:
+        return RecordedObjects(recording=self.recording.name, error=reason)
+
+    def study(self, source: Source, labels: Labels | None, outcome: RecordedObjects, observer: Observer) -> None:
+        outcome.rows = PackedRows(self.spool)
+        table = object_table(self.config, outcome.rows)
+        with self.progress(source, observer) as step:
+            run(source, self.config.make_filter, [table], self.reading.selection, lambda _: step())
+        outcome.frames, outcome.tracks = table.frames, table.tracks
+        self.finish(source, labels, outcome.frames)
+
+
+def object_table(config: Config, rows: PackedRows) -> ObjectTable:
+    """Return the sink that writes the objects of a recording to rows."""
+    return ObjectTable(rows.write, config.evaluation.cluster_tolerance_m, config.evaluation.min_cluster_points)
+
+
+def _configured(options: ObjectsOptions) -> Config:
+    """Return the configuration of a run, by default that of ``confirmed``."""
+    is_given = options.method or options.config is not None or any("method" in text for text in options.settings)
+    return configured(options if is_given else replace(options, method="confirmed"))
+
+
+@dataclass(frozen=True)
+class ObjectsResult(RecordingsResult):
+    """Objects of several recordings."""
+
+    data = "recordings=outcomes"
+
+    outcomes: Sequence[RecordedObjects]
+
+    def lines(self) -> Iterator[bytes]:
+        """Yield the lines of the table (CSV) without its head."""
+        for outcome in self.outcomes:
+            if not outcome.error:
+                yield from outcome.rows
+
+    def table(self) -> NDArray[np.void]:
+        """Return the table as an array with a field for each column."""
+        types = [(name, object if kind is str else np.int64 if kind is int else np.float64) for name, kind in KINDS]
+        text = (line.decode(errors="surrogateescape") for line in self.lines())
+        rows = [
+            tuple(kind(cell) if cell or kind is str else np.nan for (_, kind), cell in zip(KINDS, row, strict=True))
+            for row in csv.reader(text)
+        ]
+        return np.array(rows, types)
+
+    def as_text(self) -> str:
+        """Return the objects of each recording as human-readable text."""
+        return self.details()

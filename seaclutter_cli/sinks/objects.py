@@ -1,0 +1,120 @@
+"""Table of the objects of a recording, with a row for each frame and object."""
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from seaclutter_cli.frame import FilterResult
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.records import Attachment, Channel, Message, Metadata
+from seaclutter_cli.sinks.csv import csv_line
+from seaclutter_cli.tracking.follow import CONFIRMED, LOST, Follower, FrameObjects
+
+COLUMNS = {
+    "recording": str,
+    "topic": str,
+    "frame": int,
+    "stamp_ns": int,
+    "track_id": int,
+    "state": str,
+    **dict.fromkeys(("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad"), float),
+    **dict.fromkeys(("speed_ms", "course_rad"), float),
+    "velocity": str,
+    "points": int,
+    "score": float,
+    "top_m": float,
+    "sides": int,
+    "first_ns": int,
+    "last_ns": int,
+}
+"""Columns of the table and the types of their values; numbers with a fraction may be empty."""
+
+OVER_GROUND, RELATIVE = "ground", "own_ship"
+
+
+@dataclass
+class TrackSummary:
+    """A track as a whole: the number of frames in which it was seen, its size, greatest speed, and least distance."""
+
+    topic: str
+    track_id: int
+    frames: int = 0
+    is_confirmed: bool = False
+    length_m: float = 0.0
+    width_m: float = 0.0
+    height_m: float = 0.0
+    nearest_m: float = math.inf
+    speed_ms: float = 0.0
+    score: float = 0.0
+    over_ground: bool = False
+
+
+class ObjectTable:
+    """Sink that passes one line for each frame and object of a recording to a function."""
+
+    def __init__(self, write: Callable[[bytes], object], tolerance_m: float, min_points: int) -> None:
+        self._write = write
+        self._new = partial(Follower, tolerance_m, min_points)
+        self._followers: dict[str, Follower] = {}
+        self._recording = ""
+        self.frames = 0
+        self.tracks: dict[tuple[str, int], TrackSummary] = {}
+
+    def begin(self, source: Source, clouds: Sequence[Channel]) -> None:
+        """Start a recording."""
+        self._recording = source.name
+        self._followers = {channel.topic: self._new() for channel in clouds}
+
+    def copy(self, record: Message | Attachment | Metadata) -> None:
+        """Ignore other records."""
+
+    def write(self, result: FilterResult) -> None:
+        """Follow the objects of a frame; write the rows of frames that are complete."""
+        topic = result.frame.topic
+        self.frames += 1
+        self._write_all(topic, self._followers[topic].add(result, None))
+
+    def end(self) -> None:
+        """Write the rows of all frames that are left."""
+        for topic, follower in self._followers.items():
+            self._write_all(topic, follower.finish())
+
+    def _write_all(self, topic: str, frames: Iterable[FrameObjects]) -> None:
+        for frame in frames:
+            for row in rows_of(frame):
+                self._write(csv_line((self._recording, topic, *row)))
+            self._sum_up(topic, frame)
+
+    def _sum_up(self, topic: str, frame: FrameObjects) -> None:
+        for k, (track, state) in enumerate(zip(frame.tracks, frame.states, strict=True)):
+            one = self.tracks.setdefault((topic, track), TrackSummary(topic, track))
+            one.frames += state != LOST
+            one.is_confirmed |= state == CONFIRMED
+            one.length_m, one.width_m, one.height_m = frame.sizes[k].round(2).tolist()
+            one.nearest_m = min(one.nearest_m, round(float(np.hypot(*frame.centers[k, :2])), 1))
+            one.speed_ms = max(one.speed_ms, round(float(np.hypot(*frame.velocities[k])), 2))
+            one.score, one.over_ground = round(float(frame.scores[k]), 3), frame.over_ground
+
+
+def rows_of(frame: FrameObjects) -> Iterable[Sequence[object]]:
+    """Return the rows of the objects of a frame, from the column ``frame`` on; to a millimetre or a thousandth."""
+    speed, course = np.hypot(*frame.velocities.T), np.arctan2(frame.velocities[:, 1], frame.velocities[:, 0])
+    numbers = np.column_stack((frame.centers, frame.sizes, frame.yaws, speed, course)).round(3) + 0.0
+    tops = [round(top, 3) if np.isfinite(top) else "" for top in frame.tops_m.tolist()]
+    velocity = OVER_GROUND if frame.over_ground else RELATIVE
+    each = zip(
+        frame.tracks,
+        frame.states,
+        numbers.tolist(),
+        frame.points.tolist(),
+        frame.scores.round(3).tolist(),
+        tops,
+        (1 + frame.measured).tolist(),
+        frame.spans_ns.tolist(),
+        strict=True,
+    )
+    for track, state, values, points, score, top, sides, span in each:
+        yield (frame.index, frame.stamp_ns, track, state, *values, velocity, points, score, top, sides, *span)

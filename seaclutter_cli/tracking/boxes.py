@@ -1,0 +1,178 @@
+"""Boxes of tracks: orientation and size fitted over many frames, position and velocity smoothed over time."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_ANGLES = np.radians(np.arange(0, 180, 2))
+_QUARTER = len(_ANGLES) // 2
+_TOWARDS = np.stack((np.cos(_ANGLES), np.sin(_ANGLES))).astype(np.float32)
+_SKIN_M = 0.1
+_STEADY_S = 0.7
+_SIZE_QUANTILE = 0.9
+_OBLIQUE = np.sin(np.radians(10))
+_USUAL_BEAM = 0.3
+_ACCELERATION = 0.1
+_NOISE_M, _HIDDEN_NOISE, _BETWEEN_NOISE = 0.08, 0.1, 0.4
+_SPEED_MS = 4.0
+_OUTLYING = 3.0
+_MAX_SIZES = 512
+
+
+@dataclass
+class Shape:
+    """What is known of the shape of a track: extents along and across in frames so far, and its last yaw."""
+
+    along: list[float] = field(default_factory=list)
+    across: list[float] = field(default_factory=list)
+    oblique: bool = False
+    yaw: float | None = None
+    yaw_s: float = 0.0
+
+
+def orientation(hulls: Floats, times_s: Floats) -> Floats:
+    """Return the yaws of the rectangles of least area around a track, shape (T,), smooth over time, modulo 90°."""
+    projected = hulls.astype(np.float32) @ _TOWARDS
+    widths = np.ptp(projected, axis=1) + np.float32(_SKIN_M)
+    cost = np.log(widths[:, :_QUARTER]) + np.log(widths[:, _QUARTER:])
+    total = np.cumsum(np.concatenate((np.zeros((1, _QUARTER)), cost)), axis=0)
+    first, last = (np.searchsorted(times_s, times_s + side * (_STEADY_S + 1e-6)) for side in (-1, 1))
+    mean = (total[last] - total[first]) / (last - first)[:, None]
+    best = mean.argmin(axis=1)
+    rows = np.arange(len(mean))
+    # The cost has a kink where the sides are parallel: the lines on both sides of it meet there.
+    far_left, left, right, far_right = (mean[rows, (best + step) % _QUARTER] for step in (-2, -1, 1, 2))
+    fall, rise = left - far_left, far_right - right
+    meet = (right - rise - left - fall) / np.minimum(fall - rise, -1e-9)
+    offset = np.where(rise > fall, np.clip(meet, -1, 1), 0)
+    return np.unwrap((best + offset) * (_ANGLES[1] - _ANGLES[0]), period=np.pi / 2)
+
+
+def extents(hulls: Floats, yaws: Floats) -> tuple[Floats, Floats]:
+    """Return the least and the greatest coordinates along and across, shape (T, 2) each."""
+    cos, sin = np.cos(yaws)[:, None], np.sin(yaws)[:, None]
+    x, y = hulls[..., 0], hulls[..., 1]
+    axes = np.stack((x * cos + y * sin, y * cos - x * sin), axis=2)
+    return axes.min(axis=1), axes.max(axis=1)
+
+
+def fit(shape: Shape, hulls: Floats, sensor: Floats, times_s: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return yaws, shape (T,), centres, (T, 2), their standard deviations, (T,), and the size, (2,), of a track.
+
+    The frames are added to what is known of its shape. Of a side that was never seen, the length is that of a usual
+    vessel. A face that is nearer than the rest of the rectangle is taken for the side of it.
+    """
+    yaws = orientation(hulls, times_s)
+    if shape.yaw is not None:
+        known = np.interp(shape.yaw_s, times_s, yaws)
+        yaws += np.round((shape.yaw - known) / (np.pi / 2)) * (np.pi / 2)
+    low, high = extents(hulls, yaws)
+    size = high - low
+    fresh = times_s > shape.yaw_s if shape.yaw is not None else np.ones(len(times_s), np.bool_)
+    along, across = ([*old, *new[fresh].tolist()] for old, new in zip((shape.along, shape.across), size.T, strict=True))
+    if np.quantile(across, _SIZE_QUANTILE) > 1.1 * np.quantile(along, _SIZE_QUANTILE):
+        along, across = across, along
+        yaws = yaws + np.pi / 2
+        low, high = extents(hulls, yaws)
+    shape.along, shape.across = along[-_MAX_SIZES:], across[-_MAX_SIZES:]
+    shape.yaw, shape.yaw_s = float(yaws[-1]), float(times_s[-1])
+    whole = np.array([np.quantile(values, _SIZE_QUANTILE) for values in (along, across)])
+    cos, sin = np.cos(yaws), np.sin(yaws)
+    seen_from = np.stack((sensor[:, 0] * cos + sensor[:, 1] * sin, sensor[:, 1] * cos - sensor[:, 0] * sin), axis=1)
+    shape.oblique |= bool(_is_oblique(seen_from, low, high, whole).any())
+    if not shape.oblique:
+        whole[1] = max(whole[1], _USUAL_BEAM * whole[0])
+    middle, deviation = _placed(seen_from, low, high, whole)
+    center = np.stack((middle[:, 0] * cos - middle[:, 1] * sin, middle[:, 0] * sin + middle[:, 1] * cos), axis=1)
+    return yaws, center, deviation, whole
+
+
+def _is_oblique(seen_from: Floats, low: Floats, high: Floats, size: Floats) -> Mask:
+    """Return in which frames two sides of a box were in view, at 10° or more each."""
+    offset = np.abs(seen_from - (low + high) / 2)
+    distance = np.hypot(*offset.T)[:, None]
+    return np.asarray(((offset - size / 2) > _OBLIQUE * distance).all(axis=1))
+
+
+def _placed(seen_from: Floats, low: Floats, high: Floats, size: Floats) -> tuple[Floats, Floats]:
+    """Return the centres along and across, shape (T, 2), and their standard deviations, shape (T,)."""
+    missing = np.maximum(size - (high - low), 0)
+    before, beyond = seen_from < low, seen_from > high
+    shift = np.where(before, missing / 2, np.where(beyond, -missing / 2, 0))
+    noise = np.where(before | beyond, _HIDDEN_NOISE, _BETWEEN_NOISE) * missing
+    return (low + high) / 2 + shift, _NOISE_M + np.hypot(*noise.T)
+
+
+def smoothed(places: Floats, deviations: Floats, times_s: Floats) -> tuple[Floats, Floats]:
+    """Return positions and velocities of N tracks in F frames, shape (F, N, 2), NaN before and after their life.
+
+    ``places``, shape (F, N, 2), are measured ones, NaN where a track was not seen, with standard deviations, shape
+    (F, N). A Kalman filter of constant velocity runs forward, then the smoother of Rauch, Tung and Striebel back.
+    """
+    frames, tracks, _ = places.shape
+    seen = np.isfinite(places[..., 0])
+    first, last = seen.argmax(axis=0), frames - 1 - seen[::-1].argmax(axis=0)
+    at, speed = np.full(places.shape, np.nan), np.full(places.shape, np.nan)
+    var = np.full((frames, tracks, 3), np.nan)
+    prior = [np.empty(0)] * frames
+    for f in range(frames):
+        born = first == f
+        noise = deviations[f] ** 2
+        if f:
+            dt = times_s[f] - times_s[f - 1]
+            a, v, p = _ahead(at[f - 1], speed[f - 1], var[f - 1], dt)
+            prior[f] = p
+            off = places[f] - a
+            expected = p[:, 0] + noise
+            # What is far off what is expected is doubtful.
+            far = np.hypot(*off.T) ** 2 / (_OUTLYING**2 * expected)
+            noise = np.where(far > 1, noise + (far - 1) * expected, noise)
+            gain = p[:, :2] / (p[:, 0] + noise)[:, None]
+            use = seen[f] & ~born
+            off, gain = np.where(use[:, None], off, 0.0), np.where(use[:, None], gain, 0.0)
+            at[f], speed[f] = a + gain[:, :1] * off, v + gain[:, 1:] * off
+            var[f] = np.stack(
+                ((1 - gain[:, 0]) * p[:, 0], (1 - gain[:, 0]) * p[:, 1], p[:, 2] - gain[:, 1] * p[:, 1]), axis=1
+            )
+        at[f, born], speed[f, born] = places[f, born], 0.0
+        var[f, born] = np.stack((noise[born], 0 * noise[born], np.full(born.sum(), _SPEED_MS**2)), axis=1)
+    for f in range(frames - 2, -1, -1):
+        go = (first <= f) & (f < last)
+        dt = times_s[f + 1] - times_s[f]
+        a, v, p = (values[go] for values in (*_ahead(at[f], speed[f], var[f], dt)[:2], prior[f + 1]))
+        own = var[f, go]
+        det = np.maximum(p[:, 0] * p[:, 2] - p[:, 1] ** 2, 1e-30)
+        cross = np.stack((own[:, 0] + dt * own[:, 1], own[:, 1], own[:, 1] + dt * own[:, 2], own[:, 2]), axis=1)
+        c = (
+            np.stack(
+                (
+                    cross[:, 0] * p[:, 2] - cross[:, 1] * p[:, 1],
+                    cross[:, 1] * p[:, 0] - cross[:, 0] * p[:, 1],
+                    cross[:, 2] * p[:, 2] - cross[:, 3] * p[:, 1],
+                    cross[:, 3] * p[:, 0] - cross[:, 2] * p[:, 1],
+                ),
+                axis=1,
+            )
+            / det[:, None]
+        )
+        da, dv = at[f + 1, go] - a, speed[f + 1, go] - v
+        at[f, go] += c[:, :1] * da + c[:, 1:2] * dv
+        speed[f, go] += c[:, 2:3] * da + c[:, 3:] * dv
+    alive = (np.arange(frames)[:, None] >= first) & (np.arange(frames)[:, None] <= last)
+    return np.where(alive[..., None], at, np.nan), np.where(alive[..., None], speed, np.nan)
+
+
+def _ahead(at: Floats, speed: Floats, var: Floats, dt: float) -> tuple[Floats, Floats, Floats]:
+    """Return positions, velocities and variances after a time."""
+    position, both, velocity = var.T
+    q = _ACCELERATION
+    ahead = (
+        position + 2 * dt * both + dt**2 * velocity + q * dt**3 / 3,
+        both + dt * velocity + q * dt**2 / 2,
+        velocity + q * dt,
+    )
+    return at + dt * speed, speed, np.stack(ahead, axis=1)

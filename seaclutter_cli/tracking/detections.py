@@ -1,0 +1,131 @@
+"""Detections: the clusters of a filtered frame, reduced to what tracks need of them."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.clustering import ClusterFinder
+from seaclutter_cli.frame import FilterResult, Reason
+from seaclutter_cli.groups import group_sizes, group_starts
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+DIRECTIONS = 36
+_CELL_M = 0.5
+_MAX_CELL = 1 << 19
+_FLATTENED = 0.3
+_MAX_DETECTIONS = 2000
+_ANGLES = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
+_TOWARDS = np.stack((np.cos(_ANGLES), np.sin(_ANGLES)))
+
+
+class Pose(NamedTuple):
+    """Position in metres and yaw in radians of a lidar."""
+
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+
+    def applied(self, points: Floats) -> Floats:
+        """Return points, shape (…, 2), of the cloud in the coordinates of the pose."""
+        return np.asarray(self.turned(points) + (self.x, self.y))  # noqa: RUF005 - an array
+
+    def turned(self, vectors: Floats) -> Floats:
+        """Return vectors, shape (…, 2), in the axes of the cloud in those of the pose."""
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        return np.asarray(vectors @ ((cos, sin), (-sin, cos)))
+
+    def undone(self, points: Floats) -> Floats:
+        """Return points, shape (…, 2), of the coordinates of the pose in those of the cloud."""
+        return Pose(yaw=-self.yaw).turned(points - (self.x, self.y))
+
+
+@dataclass(frozen=True)
+class Detections:
+    """K objects of a frame, in the coordinates of its cloud.
+
+    ``hulls``, shape (K, 36, 2), are the outermost points in 36 directions, seen from above; ``centers``, shape (K, 2),
+    the mean positions; ``spans``, shape (K, 2), the lowest and the highest z; ``points``, shape (K,), the numbers of
+    points. A detection is ``kept``, shape (K,), unless it consists of points of objects that were not confirmed.
+    ``cells``, shape (m, 2), are the mean positions in cells of 0.5 m, detection by detection, ``owner``, shape (m,),
+    the detection of each.
+    """
+
+    hulls: Floats
+    centers: Floats
+    spans: Floats
+    points: Indices
+    kept: NDArray[np.bool_]
+    cells: Floats
+    owner: Indices
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def moved(self, pose: Pose) -> "Detections":
+        """Return the detections in the coordinates in which the lidar has a pose."""
+        hulls, centers, cells = (pose.applied(points) for points in (self.hulls, self.centers, self.cells))
+        return replace(self, hulls=hulls, centers=centers, cells=cells)
+
+    @classmethod
+    def of(cls, result: FilterResult, tolerance_m: float, min_points: int) -> "Detections":
+        """Return the clusters of the points that a filter kept, then those of points that it did not confirm.
+
+        Vertical distances count a third, because beams far from each other meet one body at different heights. Of more
+        than 2,000 clusters, those with the most points are detections.
+        """
+        frame = result.frame
+        # Without thresholds, the reason of the water is the same as that of objects.
+        doubtful = np.equal(result.reason, Reason.UNCONFIRMED) & (result.rings is not None)
+        kept, doubtful = result.keep & frame.valid, doubtful & frame.valid
+        flat = frame.coordinates * np.array([[1], [1], [_FLATTENED]])
+        finder = ClusterFinder(flat, kept | doubtful, tolerance_m)
+        cluster = finder.clusters(kept, min_points)
+        clusters = int(cluster.max(initial=-1)) + 1
+        others = finder.clusters(doubtful, min_points)
+        cluster[others >= 0] = others[others >= 0] + clusters
+        members = np.flatnonzero(cluster >= 0)
+        members = members[np.argsort(cluster[members], kind="stable")]
+        return cls._made(frame.coordinates.take(members, axis=1), cluster[members], clusters)
+
+    @classmethod
+    def _made(cls, xyz: Floats, cluster: Indices, kept: int) -> "Detections":
+        """Return the detections of points, shape (3, n), sorted by cluster; the first ``kept`` clusters are kept."""
+        if not len(cluster):
+            none = np.empty((0, 2))
+            whole = np.empty(0, np.int64)
+            return cls(np.empty((0, DIRECTIONS, 2)), none, none, whole, np.empty(0, np.bool_), none, whole)
+        starts = group_starts(cluster)
+        count = group_sizes(starts, len(cluster))
+        chosen = np.sort(np.argsort(-count, kind="stable")[:_MAX_DETECTIONS])
+        xy = xyz[:2]
+        spans = np.stack([reduce.reduceat(xyz[2], starts) for reduce in (np.minimum, np.maximum)], axis=1)
+        centers = (np.add.reduceat(xy, starts, axis=1) / count).T
+        hulls = np.empty((len(chosen), DIRECTIONS, 2))
+        for row, k in zip(hulls, chosen.tolist(), strict=True):
+            own = xy[:, starts[k] : starts[k] + count[k]].T
+            row[:] = own[(own @ _TOWARDS).argmax(axis=0)]
+        number = np.full(len(starts), -1)
+        number[chosen] = np.arange(len(chosen))
+        owner = number[cluster]
+        return cls(
+            hulls,
+            centers[chosen],
+            spans[chosen],
+            count[chosen],
+            chosen < kept,
+            *_cells(xy[:, owner >= 0], owner[owner >= 0]),
+        )
+
+
+def _cells(xy: Floats, owner: Indices) -> tuple[Floats, Indices]:
+    """Return the mean positions of points in cells of 0.5 m of each owner, and the owner of each cell."""
+    column, row = np.clip(np.floor(xy / _CELL_M), -_MAX_CELL, _MAX_CELL - 1).astype(np.int64) + _MAX_CELL
+    key = (owner * (2 * _MAX_CELL) + column) * (2 * _MAX_CELL) + row
+    order = np.argsort(key, kind="stable")
+    first = group_starts(key[order])
+    return (np.add.reduceat(xy[:, order], first, axis=1) / group_sizes(first, len(key))).T, owner[order[first]]

@@ -1,0 +1,186 @@
+"""Objects of the frames of a recording: tracks, smoothed over a limited time."""
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.frame import FilterResult, WaterState
+from seaclutter_cli.tracking.boxes import Shape, fit, smoothed
+from seaclutter_cli.tracking.detections import Detections, Pose
+from seaclutter_cli.tracking.tracker import Track, Tracker
+
+Floats = NDArray[np.float64]
+
+CONFIRMED, CANDIDATE, LOST = "confirmed", "candidate", "lost"
+_CONTEXT_S = 10.0
+_MAX_GAP_S = 5.0
+_MAX_WAITING = 50_000
+_SURE = 0.5
+
+
+@dataclass(frozen=True)
+class FrameObjects:
+    """The N objects of a frame, in the coordinates of its cloud.
+
+    ``tracks`` are their numbers from 1. A state is ``confirmed``; ``candidate`` if an object was seen for a short time
+    or only in points that were removed; or ``lost`` if it was not seen in this frame, but before and after. ``centers``
+    and ``sizes``, shape (N, 3), ``yaws`` and ``velocities``, shape (N, 2), describe boxes; velocities are over ground
+    if ``over_ground``. ``tops_m`` are heights above the water, NaN where it is unknown. ``spans_ns``, shape (N, 2), are
+    the first and the last time of the track, as far as it is known ten seconds later. A box is ``measured`` if two of
+    its sides were seen; otherwise its width is at least that of a usual vessel.
+    """
+
+    index: int
+    stamp_ns: int
+    frame_id: str
+    tracks: Sequence[int]
+    states: Sequence[str]
+    centers: Floats
+    sizes: Floats
+    yaws: Floats
+    velocities: Floats
+    points: NDArray[np.int64]
+    scores: Floats
+    tops_m: Floats
+    spans_ns: NDArray[np.int64]
+    measured: NDArray[np.bool_]
+    over_ground: bool
+
+
+@dataclass(frozen=True)
+class _Waiting:
+    """A frame whose objects are not final yet: its detections, with the track of each that has one."""
+
+    index: int
+    stamp_ns: int
+    frame_id: str
+    time_s: float
+    pose: Pose
+    over_ground: bool
+    water: WaterState | None
+    found: Detections
+    rows: Sequence[int]
+    tracks: Sequence[Track]
+
+
+class Follower:
+    """The objects of the frames of one topic; complete after up to ``context_s``, twice that at most."""
+
+    def __init__(self, tolerance_m: float, min_points: int, context_s: float = _CONTEXT_S) -> None:
+        self._clustering = tolerance_m, min_points
+        self._context_s = context_s
+        self._tracker = Tracker()
+        self._frames: deque[_Waiting] = deque()
+        self._done = 0
+        self._shapes: dict[Track, Shape] = {}
+        self._records = 0
+
+    def add(self, result: FilterResult, pose: Pose | None) -> Iterator[FrameObjects]:
+        """Add a filtered frame with the pose of the lidar, None if it is not known; yield frames that are complete."""
+        frame = result.frame
+        time_s = frame.stamp_ns / 1e9
+        last_s = self._frames[-1].time_s if self._frames else time_s
+        if not -_MAX_GAP_S <= time_s - last_s <= _MAX_GAP_S:
+            yield from self.finish()
+        elif time_s <= last_s and self._frames:
+            time_s = last_s + 1e-3  # a clock that stood or stepped back
+        over_ground = pose is not None
+        pose = pose or Pose()
+        found = Detections.of(result, *self._clustering).moved(pose)
+        tracks = self._tracker.step(found, time_s)
+        rows = [row for row, track in enumerate(tracks) if track is not None]
+        known = [track for track in tracks if track is not None]
+        names = frame.index, frame.stamp_ns, frame.cloud.frame_id
+        self._frames.append(_Waiting(*names, time_s, pose, over_ground, result.water, found, rows, known))
+        self._records += len(rows)
+        if time_s - self._frames[self._done].time_s >= 2 * self._context_s or self._records > _MAX_WAITING:
+            yield from self._complete(time_s - self._context_s)
+
+    def finish(self) -> Iterator[FrameObjects]:
+        """Yield the objects of all frames that wait, and begin anew."""
+        yield from self._complete(np.inf)
+        self._frames.clear()
+        self._done = self._records = 0
+        self._tracker.forget()
+        self._shapes.clear()
+
+    def _complete(self, until_s: float) -> Iterator[FrameObjects]:
+        """Yield the objects of frames up to a time, and forget frames that are no context of later ones."""
+        frames = list(self._frames)
+        end = next((k for k, one in enumerate(frames) if one.time_s > until_s), len(frames))
+        if end <= self._done:
+            return
+        yield from _smoothed(frames, self._done, end, self._shapes)
+        self._done = end
+        while self._done and self._frames[0].time_s < until_s - self._context_s:
+            self._records -= len(self._frames.popleft().rows)
+            self._done -= 1
+        alive = {track for one in self._frames for track in one.tracks}
+        self._shapes = {track: shape for track, shape in self._shapes.items() if track in alive}
+
+
+def _smoothed(frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Track, Shape]) -> Iterator[FrameObjects]:
+    """Yield the objects of frames from ``start`` to ``end``; the others are their context."""
+    records: dict[Track, list[tuple[int, int]]] = {}
+    for f, one in enumerate(frames):
+        for row, track in zip(one.rows, one.tracks, strict=True):
+            records.setdefault(track, []).append((f, row))
+    tracks = list(records)
+    times_s = np.array([one.time_s for one in frames])
+    shape = len(frames), len(tracks)
+    places, deviations = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
+    yaws, spans, points = np.full(shape, np.nan), np.full((*shape, 2), np.nan), np.zeros(shape, np.int64)
+    kept = np.zeros(shape, np.bool_)
+    sizes = np.empty((len(tracks), 3))
+    sensor = np.array([one.pose[:2] for one in frames])
+    for n, track in enumerate(tracks):
+        seen = np.array([f for f, _ in records[track]])
+        hulls = np.stack([frames[f].found.hulls[row] for f, row in records[track]])
+        yaws[seen, n], places[seen, n], deviations[seen, n], sizes[n, :2] = fit(
+            shapes.setdefault(track, Shape()), hulls, sensor[seen], times_s[seen]
+        )
+        spans[seen, n] = [frames[f].found.spans[row] for f, row in records[track]]
+        points[seen, n] = [frames[f].found.points[row] for f, row in records[track]]
+        kept[seen, n] = [frames[f].found.kept[row] for f, row in records[track]]
+        for values in (yaws, spans[..., 0], spans[..., 1]):
+            values[:, n] = np.interp(times_s, times_s[seen], values[seen, n])
+        sizes[n, 2] = np.quantile(spans[seen, n, 1] - spans[seen, n, 0], 0.9)
+    at, velocity = smoothed(places, deviations, times_s)
+    scores = np.array([track.score for track in tracks])
+    measured = np.array([shapes[track].oblique for track in tracks], np.bool_)
+    first = np.array([round(track.first_s * 1e9) for track in tracks], np.int64)
+    last = np.array([round(track.seen_s * 1e9) for track in tracks], np.int64)
+    for f in range(start, end):
+        one = frames[f]
+        there = np.flatnonzero(np.isfinite(at[f, :, 0]))
+        seen = np.isfinite(places[f, there, 0])
+        sure = (scores[there] >= _SURE) & kept[f, there]
+        xy = one.pose.undone(at[f, there])
+        yield FrameObjects(
+            one.index,
+            one.stamp_ns,
+            one.frame_id,
+            [tracks[n].number for n in there.tolist()],
+            np.where(~seen, LOST, np.where(sure, CONFIRMED, CANDIDATE)).tolist(),
+            np.column_stack((xy, spans[f, there].mean(axis=1))),
+            sizes[there],
+            (yaws[f, there] - one.pose.yaw + np.pi) % (2 * np.pi) - np.pi,
+            Pose(yaw=-one.pose.yaw).turned(velocity[f, there]),
+            points[f, there],
+            scores[there],
+            _above_water(one.water, xy, spans[f, there, 1]),
+            np.stack((first[there], last[there]), axis=1),
+            measured[there],
+            one.over_ground,
+        )
+
+
+def _above_water(water: WaterState | None, xy: Floats, top_m: Floats) -> Floats:
+    """Return the heights above the water of the tops of objects."""
+    if water is None:
+        return np.full(len(xy), np.nan)
+    slope = np.array([np.tan(np.radians(water.pitch_deg)), -np.tan(np.radians(water.roll_deg))])
+    return np.asarray(top_m - water.level_m - xy @ slope)

@@ -1,0 +1,157 @@
+"""Tracks: detections of one object in successive frames."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.tracking.detections import Detections
+
+Floats = NDArray[np.float64]
+
+_GATE_M, _GATE_SIGMAS, _MAX_GATE_M = 0.8, 2.0, 8.0
+_LEAST_OVERLAP = 0.25
+_DISTANCE_WEIGHT, _NEW_PENALTY = 0.5, 0.3
+_SPEED_MS = 4.0
+_ACCELERATION = 1.0
+_JITTER_M, _JITTER_SHARE = 0.15, 0.1
+_KNOWN_AFTER_S, _NEW_COAST_S, _COAST_S = 0.5, 0.5, 4.0
+_SLACK_S = 1e-6
+
+
+@dataclass(eq=False)
+class Track:
+    """An object over time, as it was when last seen.
+
+    ``center`` and ``velocity``, shape (2,), are filtered; ``variance`` are those of position, both, and velocity.
+    ``cells``, shape (m, 2), are its parts. It was seen in ``hits`` of the frames since ``first_s``.
+    """
+
+    number: int
+    center: Floats
+    cells: Floats
+    first_s: float
+    seen_s: float
+    velocity: Floats
+    variance: tuple[float, float, float]
+    hits: int = 1
+    misses: int = 0
+
+    @property
+    def is_new(self) -> bool:
+        """Whether its velocity is not yet known."""
+        return self.seen_s - self.first_s < _KNOWN_AFTER_S
+
+    @property
+    def score(self) -> float:
+        """Confidence that it is an object, from 0 to 1: how long and how steadily it was seen."""
+        share = self.hits / (self.hits + self.misses)
+        return share * (1 - math.exp(-(self.seen_s - self.first_s) / _KNOWN_AFTER_S))
+
+    def predicted(self, time_s: float) -> tuple[float, float, float]:
+        """Return the variances at a time."""
+        position, both, velocity = self.variance
+        dt, q = time_s - self.seen_s, _ACCELERATION
+        return (
+            position + 2 * dt * both + dt**2 * velocity + q * dt**3 / 3,
+            both + dt * velocity + q * dt**2 / 2,
+            velocity + q * dt,
+        )
+
+    def gate_m(self, time_s: float) -> float:
+        """Return the distance from the place where its parts are expected within which they may be."""
+        return min(_GATE_M + _GATE_SIGMAS * math.sqrt(self.predicted(time_s)[0]), _MAX_GATE_M)
+
+    def update(self, center: Floats, cells: Floats, time_s: float, jitter_m: float) -> None:
+        """Add a detection (Kalman filter of constant velocity)."""
+        position, both, velocity = self.predicted(time_s)
+        gain = position / (position + jitter_m**2), both / (position + jitter_m**2)
+        expected = self.center + self.velocity * (time_s - self.seen_s)
+        off = center - expected
+        self.center, self.velocity = expected + gain[0] * off, self.velocity + gain[1] * off
+        self.variance = (1 - gain[0]) * position, (1 - gain[0]) * both, velocity - gain[1] * both
+        self.cells, self.seen_s = cells, time_s
+        self.hits += 1
+
+
+class Tracker:
+    """Assignment of detections to tracks, frame by frame, in coordinates that do not turn with the lidar."""
+
+    def __init__(self) -> None:
+        self._tracks: list[Track] = []
+        self._born = 0
+        self._time_s: float | None = None
+
+    def step(self, found: Detections, time_s: float) -> list[Track | None]:
+        """Return the track of each detection of a frame; None for doubtful ones that continue no track."""
+        interval_s = 0.0 if self._time_s is None else time_s - self._time_s
+        self._time_s = time_s
+        splits = np.split(found.cells, np.flatnonzero(np.diff(found.owner)) + 1) if len(found) else []
+        sizes = np.hypot(*np.ptp(found.hulls, axis=1).T) if len(found) else np.empty(0)
+        result: list[Track | None] = [None] * len(found)
+        pairs, covered = self._pairs(found, time_s)
+        for t, d in pairs:
+            track = self._tracks[t]
+            track.update(found.centers[d], splits[d], time_s, _JITTER_M + _JITTER_SHARE * sizes[d])
+            result[d] = track
+        seen = {t for t, _ in pairs}
+        for t, track in enumerate(self._tracks):
+            track.misses += t not in seen and not covered[t]
+        new_coast_s = _NEW_COAST_S + interval_s + _SLACK_S
+        self._tracks = [one for one in self._tracks if time_s - one.seen_s <= (new_coast_s if one.is_new else _COAST_S)]
+        for d in np.flatnonzero(found.kept).tolist():
+            if result[d] is None:
+                result[d] = self._begin(found.centers[d], splits[d], time_s, _JITTER_M + _JITTER_SHARE * sizes[d])
+        return result
+
+    def _begin(self, center: Floats, cells: Floats, time_s: float, jitter_m: float) -> Track:
+        self._born += 1
+        variance = jitter_m**2, 0.0, _SPEED_MS**2
+        self._tracks.append(Track(self._born, center, cells, time_s, time_s, np.zeros(2), variance))
+        return self._tracks[-1]
+
+    def _pairs(self, found: Detections, time_s: float) -> tuple[list[tuple[int, int]], NDArray[np.bool_]]:
+        """Return which track each detection continues, and which tracks lie in detections at all, shape (T,).
+
+        The pairs with the most common cells and the nearest centres are taken first, kept detections before others.
+        """
+        tracks = self._tracks
+        if not tracks or not len(found):
+            return [], np.zeros(len(tracks), np.bool_)
+        from scipy.spatial import cKDTree  # slow to import
+
+        moved = [one.velocity * (time_s - one.seen_s) for one in tracks]
+        gate = np.array([one.gate_m(time_s) for one in tracks])
+        cells = np.concatenate([one.cells + shift for one, shift in zip(tracks, moved, strict=True)])
+        owner = np.repeat(np.arange(len(tracks)), [len(one.cells) for one in tracks])
+        shape = len(tracks), len(found)
+        forth, back = np.zeros(shape), np.zeros(shape)
+        distance, index = cKDTree(found.cells).query(cells)
+        met = distance <= gate[owner]
+        np.add.at(forth, (owner[met], found.owner[index[met]]), 1)
+        distance, index = cKDTree(cells).query(found.cells)
+        near = distance <= gate[owner[index]]
+        np.add.at(back, (owner[index[near]], found.owner[near]), 1)
+        counts = np.bincount(owner), np.bincount(found.owner)
+        overlap = np.maximum(forth / counts[0][:, None], back / counts[1])
+        apart = np.linalg.norm(
+            np.array([one.center + shift for one, shift in zip(tracks, moved, strict=True)])[:, None] - found.centers,
+            axis=2,
+        )
+        cost = 1 - overlap + _DISTANCE_WEIGHT * np.minimum(apart / gate[:, None], 2) + 2.0 * ~found.kept
+        cost += _NEW_PENALTY * np.array([one.is_new for one in tracks])[:, None]
+        rows, columns = np.nonzero(overlap >= _LEAST_OVERLAP)
+        order = np.argsort(cost[rows, columns], kind="stable")
+        taken_rows, taken_columns, pairs = set[int](), set[int](), []
+        for t, d in zip(rows[order].tolist(), columns[order].tolist(), strict=True):
+            if t not in taken_rows and d not in taken_columns:
+                taken_rows.add(t)
+                taken_columns.add(d)
+                pairs.append((t, d))
+        covered = np.bincount(owner, weights=met) / counts[0] >= 0.5
+        return pairs, covered
+
+    def forget(self) -> None:
+        """Forget all tracks; numbers go on."""
+        self._tracks, self._time_s = [], None

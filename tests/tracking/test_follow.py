@@ -1,0 +1,112 @@
+"""Tracks of boxes that move as is known: ids, sizes, positions, velocities."""
+
+import numpy as np
+import pytest
+
+from seaclutter_cli.frame import FilterResult, Frame, Reason
+from seaclutter_cli.tracking.detections import Pose
+from seaclutter_cli.tracking.follow import CANDIDATE, CONFIRMED, LOST, Follower
+
+LENGTH_M, WIDTH_M = 8.0, 3.0
+SPEED_MS = 2.0
+
+
+def hull(center, yaw, sensor=(0.0, 0.0)):
+    """Return points on the two faces of a box that a sensor sees, every 0.2 m, at two heights."""
+    along, across = np.arange(-LENGTH_M / 2, LENGTH_M / 2 + 0.1, 0.2), np.arange(-WIDTH_M / 2, WIDTH_M / 2 + 0.1, 0.2)
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    axes = np.array([[cos, sin], [-sin, cos]])
+    seen_from = axes @ (np.asarray(sensor) - center)
+    near = np.sign(seen_from) * (LENGTH_M / 2, WIDTH_M / 2)
+    side, end = (
+        np.column_stack((along, np.full(len(along), near[1]))),
+        np.column_stack((np.full(len(across), near[0]), across)),
+    )
+    xy = np.vstack((side, end)) @ axes + center
+    return np.vstack([np.column_stack((xy, np.full(len(xy), z))) for z in (-1.0, 0.5)])
+
+
+def place(k):
+    return np.array([-25.0, 20.0]) + 0.1 * k * SPEED_MS * np.array([np.cos(0.3), np.sin(0.3)])
+
+
+def frame_of(k, points, reason=None):
+    frame = Frame.of_arrays(points, np.full(len(points), 50.0), stamp_ns=10**9 + k * 10**8, index=k)
+    return FilterResult(frame, np.zeros(len(points), np.uint8) if reason is None else reason)
+
+
+def followed(results, poses=None, **options):
+    follower = Follower(1.5, 5, **options)
+    found = [one for k, result in enumerate(results) for one in follower.add(result, poses and poses[k])]
+    return found + list(follower.finish())
+
+
+def test_box_and_velocity_are_measured():
+    found = followed([frame_of(k, hull(place(k), 0.3)) for k in range(40)])
+    assert [one.index for one in found] == list(range(40))
+    for k, one in enumerate(found):
+        assert (one.tracks, one.states) == ([1], [CONFIRMED])
+        assert np.allclose(one.centers[0, :2], place(k), atol=0.1)
+        assert np.allclose(one.sizes[0], (LENGTH_M, WIDTH_M, 1.5), atol=0.15)
+        assert np.allclose(one.velocities[0], SPEED_MS * np.array([np.cos(0.3), np.sin(0.3)]), atol=0.1)
+        assert abs((one.yaws[0] - 0.3 + np.pi / 2) % np.pi - np.pi / 2) < 0.03
+        assert one.measured[0]
+        assert not one.over_ground
+
+
+def test_ids_survive_two_seconds_without_the_object():
+    hidden = range(15, 35)
+    empty = np.array([[60.0, 60, 0]])
+    found = followed([frame_of(k, empty if k in hidden else hull(place(k), 0.3)) for k in range(60)])
+    assert {track for one in found for track in one.tracks} == {1}
+    assert [one.index for one in found if one.states == [LOST]] == list(hidden)
+    assert all(np.allclose(one.centers[0, :2], place(one.index), atol=0.3) for one in found)
+
+
+def test_what_is_seen_for_a_moment_is_a_candidate():
+    found = followed([frame_of(k, hull(place(0), 0.3) if k < 3 else np.array([[60.0, 60, 0]])) for k in range(9)])
+    assert [one.states for one in found if one.tracks] == [[CANDIDATE]] * 3
+
+
+def test_removed_points_continue_an_object_but_begin_none():
+    unconfirmed = np.full(len(hull(place(0), 0.3)), Reason.UNCONFIRMED, np.uint8)
+
+    def results(removed):
+        for k in range(30):
+            one = frame_of(k, hull(place(k), 0.3), unconfirmed if k in removed else None)
+            yield FilterResult(one.frame, one.reason, rings=object())
+
+    continued = followed(results(range(20, 25)))
+    assert [one.index for one in continued if one.states == [CANDIDATE]] == list(range(20, 25))
+    assert not any(one.tracks for one in followed(results(range(30))))
+
+
+def test_velocity_is_over_ground_where_the_pose_is_known():
+    poses = [Pose(0.5 * k, -0.2 * k, 0.05 * k) for k in range(40)]
+    clouds = []
+    for k, pose in enumerate(poses):
+        points = hull(place(k), 0.3, pose[:2])
+        points[:, :2] = pose.undone(points[:, :2])
+        clouds.append(frame_of(k, points))
+    for one, pose in zip(followed(clouds, poses), poses, strict=True):
+        assert one.over_ground
+        assert np.allclose(pose.applied(one.centers[:, :2]), place(one.index), atol=0.15)
+        assert np.allclose(pose.turned(one.velocities), SPEED_MS * np.array([[np.cos(0.3), np.sin(0.3)]]), atol=0.1)
+
+
+@pytest.mark.parametrize("frames", [400])
+def test_frames_are_complete_after_a_limited_time(frames):
+    follower = Follower(1.5, 5, context_s=1.0)
+    waiting = []
+    done = 0
+    for k in range(frames):
+        done += len(list(follower.add(frame_of(k, hull(place(0), 0.3)), None)))
+        waiting.append(k + 1 - done)
+    assert max(waiting) <= 21
+    assert done + len(list(follower.finish())) == frames
+
+
+def test_a_gap_ends_all_tracks():
+    results = [frame_of(k + (100 if k >= 20 else 0), hull(place(0), 0.3)) for k in range(40)]
+    found = followed(results)
+    assert [one.tracks for one in found] == [[1]] * 20 + [[2]] * 20
