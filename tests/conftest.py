@@ -1,6 +1,7 @@
 """Settings for all tests."""
 
 import io
+import os
 import signal
 from pathlib import Path
 
@@ -18,6 +19,10 @@ settings.load_profile("same")
 # Background jobs of a shell ignore SIGINT, and so would the programs that tests start and interrupt.
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+# Thousands of outputs need not survive a power failure.
+os.fsync = os.sync = lambda *_: None
 
 
 def pytest_runtest_setup(item):

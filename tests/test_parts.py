@@ -61,8 +61,16 @@ def test_files_of_dead_processes_are_removed(tmp_path):
     pid = dead_pid()
     for name in ("a.mcap", "b.csv", "odd-1-00000000.part"):
         part_of(tmp_path / name, pid=pid)
-    assert remove_stale(tmp_path) == 3
-    assert list(tmp_path.iterdir()) == []
+    kept = part_of(tmp_path / "another.mcap", pid=pid)
+    assert remove_stale(tmp_path, {"a.mcap", "b.csv", "odd-1-00000000.part"}) == 3
+    assert list(tmp_path.iterdir()) == [kept]
+
+
+@POSIX
+@pytest.mark.parametrize("name", ["trial_12.mcap", "x" * 255])
+def test_other_parts_and_cut_names_are_of_the_same_output(tmp_path, name):
+    part_of(tmp_path / name, pid=dead_pid())
+    assert remove_stale(tmp_path, {name.replace("12", "0")}) == 1
 
 
 @POSIX
@@ -70,7 +78,7 @@ def test_an_earlier_process_with_the_number_of_this_one(tmp_path):
     """In a container, every run may have the number 1."""
     part_of(tmp_path / "a.mcap")
     with AtomicFile(tmp_path / "b.mcap"):
-        assert remove_stale(tmp_path) == 1
+        assert remove_stale(tmp_path, {"a.mcap", "b.mcap"}) == 1
     assert [path.name for path in tmp_path.iterdir()] == ["b.mcap"]
 
 
@@ -83,9 +91,9 @@ def test_files_of_living_processes_and_of_other_hosts_stay(tmp_path):
     for name in (".log.mcap.part", ".log.mcap.4711.part", "log-1-00000000.part", ".log.host-x-00000000.part"):
         (tmp_path / name).touch()
         kept.add(tmp_path / name)
-    assert remove_stale(tmp_path) == 0
+    assert remove_stale(tmp_path, {path.name.split(".")[1] + ".mcap" for path in kept}) == 0
     assert set(tmp_path.iterdir()) == kept
 
 
 def test_folders_that_do_not_exist_have_no_stale_files(tmp_path):
-    assert remove_stale(tmp_path / "none") == 0
+    assert remove_stale(tmp_path / "none", {"a"}) == 0

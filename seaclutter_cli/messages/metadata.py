@@ -17,6 +17,9 @@ SIDECAR = "seaclutter.json"
 
 STRING = "std_msgs/String"
 
+RUN = "seaclutter.run"
+"""Name of the metadata record of the run that wrote a log."""
+
 TOPICS_RECORD = "seaclutter.topics"
 """Name of the metadata record about topics; its entries are JSON by topic."""
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeAlias, TypeVar
 from seaclutter_cli.buckets import mirror_of
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Labels, Source
+from seaclutter_cli.messages.metadata import RUN
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Channel, Metadata
 from seaclutter_cli.runs.batch import RecordingWork, run_all, size_of
@@ -27,7 +28,6 @@ from seaclutter_cli.runs.recordings import (
     statuses,
 )
 from seaclutter_cli.runs.resume import (
-    NAME,
     RunIdentity,
     earlier_outcomes,
     from_entries,
@@ -193,7 +193,7 @@ class LogWork(RecordingWork[L], Generic[L, O]):
 
     def record(self, source: Source, outcome: L) -> Metadata:
         """Return the metadata record of the run."""
-        return Metadata(NAME, to_entries(self.identity(), outcome.topics, source.damage))
+        return Metadata(RUN, to_entries(self.identity(), outcome.topics, source.damage))
 
 
 W = TypeVar("W", bound=LogWork[Any, Any])

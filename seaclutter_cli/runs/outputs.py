@@ -5,6 +5,7 @@ import gzip
 import io
 import json
 import os
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -15,12 +16,13 @@ from typing import IO, TYPE_CHECKING, Any
 
 from seaclutter_cli.buckets import look, mirror_of, shown
 from seaclutter_cli.errors import OutputError, UsageError
-from seaclutter_cli.parts import remove_stale
+from seaclutter_cli.parts import remove_stale, take_back
 from seaclutter_cli.paths import Identities, Identity, files_in
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.recordings import Outcome, data_of
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+from seaclutter_cli.sinks.folders import why_kept
 from seaclutter_cli.sinks.formats import is_single_frame
 from seaclutter_cli.sources.recordings import Recording, metadata_beside
 from seaclutter_cli.text import count, named_folder
@@ -130,6 +132,9 @@ def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
         if mirror := mirror_of(folder):
             mirror.list_folder(folder)  # with one request for each folder
     known = Identities()
+    for folder in () if dry else {known(path).parent for _, path in _flat(outputs)}:
+        for back in take_back(folder):
+            observer.warn(f"{back}: is back; a run was killed while it replaced this folder")
     targets = [_Target(path, option, known, markers.get(option, "")) for option, path in _flat(outputs)]
     log_file = getattr(observer, "log_file", None)
     log = [_Target(log_file, "--log-file", known)] if log_file else []
@@ -207,11 +212,11 @@ def _check_place(target: _Target, *, force: bool) -> None:
         if not target.marker:
             raise UsageError(f"{path}: is a folder; {target.option} takes a file")
         look(target.file)
-        if not (target.file / target.marker).exists():
-            problem = "of something else; choose"
-            if mirror_of(path):
-                problem = f"without {target.marker}, so it is incomplete or of something else; delete it, or choose"
-            raise UsageError(f"{path}: is a folder {problem} another output for {target.option}")
+        if mirror_of(path) and not (target.file / target.marker).exists():
+            problem = f"is a folder without {target.marker}, so it is incomplete or of something else; delete it, or"
+            raise UsageError(f"{path}: {problem} choose another output for {target.option}")
+        if problem := why_kept(target.file, target.marker):
+            raise UsageError(f"{path}: {problem}; choose another output for {target.option}")
     elif target.exists and target.marker and not is_single_frame(target.path):
         raise UsageError(f"{path}: is a file, but the output is a folder")
     if target.exists and not force:
@@ -222,6 +227,9 @@ def _prepare_folders(targets: Sequence[_Target], root: Root | None, observer: Ob
     """Check that folders of outputs exist or can be created; create and tidy them. Each is looked at only once."""
     top, at_any_depth = Path(os.path.realpath(root.place)) if root else None, _making_parents.get()
     folders = {target.file.parent: target.path for target in reversed(targets)}
+    names: defaultdict[Path, set[str]] = defaultdict(set)
+    for target in targets:
+        names[target.file.parent].add(target.file.name)
     for folder, path in reversed(folders.items()):
         above = top if top and top in folder.parents else folder
         if not (at_any_depth or mirror_of(path) or os.path.lexists(above) or os.path.lexists(above.parent)):
@@ -232,7 +240,7 @@ def _prepare_folders(targets: Sequence[_Target], root: Root | None, observer: Ob
                 folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
-        if removed := remove_stale(folder):
+        if removed := remove_stale(folder, names[folder]):
             observer.note(f"{folder}: removed {count(removed, 'incomplete file')} of runs that were killed")
 
 

@@ -21,6 +21,7 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ConvertOptions, FilterOptions
 from seaclutter_cli.runs.outputs import Root, prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expected_frames, open_recording
+from seaclutter_cli.runs.resume import earlier_of
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, data_size, table
@@ -108,7 +109,7 @@ class _PlanWork(Work["Planned"]):
     def _look(self, planned: "Planned") -> None:
         options = self.work.options
         if self.exists and options.batch.resume:
-            outcome, planned.reason = self.work.earlier()
+            outcome, planned.reason = earlier_of(self.work)
             if outcome is not None:
                 planned.skipped, planned.frames, planned.reason = True, outcome.frames, "the output is complete"
                 return

@@ -3,10 +3,12 @@
 import hashlib
 import json
 import os
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from time import time
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -17,7 +19,8 @@ from seaclutter_cli import __version__
 from seaclutter_cli.buckets import copies_removed, mirror_of
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import InputError, OutputError, UsageError
-from seaclutter_cli.frame import Reason, Rings
+from seaclutter_cli.frame import WATER_COLUMNS, Reason, Rings
+from seaclutter_cli.messages.metadata import RUN
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Damage, Metadata
 from seaclutter_cli.runs.batch import Work
@@ -33,10 +36,8 @@ if TYPE_CHECKING:  # imports all filters, which tiles do not need
 
 O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
 
-NAME = "seaclutter.run"
-"""Name of the metadata record in a filtered MCAP file."""
-
 _MIB = 2**20
+_MAX_COUNT = 2**53
 _MAX_DIGESTS = 64
 _PARTS = {
     "version": "another version of seaclutter",
@@ -57,8 +58,8 @@ _LATER = ("split", "include", "exclude")
 class RunIdentity:
     """What the bytes of an output depend on, as digests, and the version of the program.
 
-    They are of the sizes, and first and last MiB of the files of the recording; of the effective configuration with its
-    models, of all other options, and of the labels.
+    They are of the sizes, and beginnings and ends of the files of the recording; of the effective configuration with
+    its models, of all other options, and of the labels.
     """
 
     input: str
@@ -111,7 +112,7 @@ def earlier_outcomes(works: Sequence[Work[O]], observer: Observer, verb: str = "
 
     def look(work: Work[O]) -> tuple[O | None, str]:
         with copies_removed():
-            return work.earlier() if os.path.lexists(work.writes[0]) else (None, "")
+            return earlier_of(work) if os.path.lexists(work.writes[0]) else (None, "")
 
     found = in_threads(look, works)
     for work, (outcome, difference) in zip(works, found, strict=True):
@@ -122,6 +123,14 @@ def earlier_outcomes(works: Sequence[Work[O]], observer: Observer, verb: str = "
     return [outcome for outcome, _ in found]
 
 
+def earlier_of(work: Work[O]) -> tuple[O | None, str]:
+    """Return the outcome of an earlier run as `Work.earlier`, unless a file that it read was changed since."""
+    outcome, difference = work.earlier()
+    if outcome is not None and _changed_after(work.reads, work.writes[0]):
+        return None, "the earlier output is of an input that was changed since"
+    return outcome, difference
+
+
 @contextmanager
 def same_output_accepted(work: Work[O]) -> Iterator[None]:
     """Accept an output that another process has completed, which died or was given up before its answer came."""
@@ -129,7 +138,7 @@ def same_output_accepted(work: Work[O]) -> Iterator[None]:
         yield
     except OutputError:
         with suppress(UsageError, OSError):  # not an output of a run, or none at all
-            if not mirror_of(work.writes[0]) and work.earlier()[0] is not None:
+            if not mirror_of(work.writes[0]) and earlier_of(work)[0] is not None:
                 return
         raise
 
@@ -142,7 +151,7 @@ def record_in(output: Path) -> Mapping[str, str] | None:
     if not output.exists():
         return None
     try:
-        found = [one.entries for one in _metadata_in(output) if one.name == NAME]
+        found = [one.entries for one in _metadata_in(output) if one.name == RUN]
     except (McapError, InputError, OSError, ValueError, EOFError) as error:
         raise UsageError(f"{output}: not a filtered log, not replaced ({error}); use --force to replace it") from error
     if not found:
@@ -163,21 +172,25 @@ def _metadata_in(output: Path) -> list[Metadata]:
 def digest_of_paths(paths: Iterable[Path]) -> str:
     """Return a digest of files by their sizes, and first and last MiB; of folders, by their files and names.
 
-    Of more than 64 files, names and sizes are enough. Objects have the digest that their copies would have.
+    Of more than 64 files, the beginnings and ends are shorter, 128 MiB together. Objects have the digest that their
+    copies would have; of more than 64, what identifies their content for the service counts instead.
 
     Raise `InputError` if a file cannot be read.
     """
     digest = hashlib.sha256()
     try:
         found = [file for path in paths for file in _files(path)]
+        length = _MIB * _MAX_DIGESTS // max(len(found), _MAX_DIGESTS)
         for name, path in found:
             mirror = mirror_of(path)
-            if mirror and len(found) <= _MAX_DIGESTS:
-                mirror.fetch_ends(path)
             size = path.stat().st_size
             digest.update(os.fsencode(f"{name}\0{size}\0"))  # the same in every locale
-            if len(found) <= _MAX_DIGESTS:
-                digest.update(hashlib.sha256(_ends(path, size)).digest())
+            if mirror and length < _MIB:
+                digest.update(f"{mirror.version(path)}\0".encode())
+                continue
+            if mirror:
+                mirror.fetch_ends(path)
+            digest.update(hashlib.sha256(_ends(path, size, length)).digest())
     except OSError as error:
         raise InputError(f"{error.filename}: cannot be read ({error.strerror})") from error
     return digest.hexdigest()
@@ -193,11 +206,24 @@ def _files(path: Path) -> list[tuple[str, Path]]:
     ]
 
 
-def _ends(path: Path, size: int) -> bytes:
+def _ends(path: Path, size: int, length: int) -> bytes:
     with path.open("rb") as file:
-        first = file.read(_MIB)
-        file.seek(max(size - _MIB, 0))
-        return first + file.read(_MIB)
+        first = file.read(length)
+        file.seek(max(size - length, 0))
+        return first + file.read(length)
+
+
+def _changed_after(paths: Iterable[Path], output: Path) -> bool:
+    """Return whether a local file, or one in a folder, was changed after an output was complete; not in the future."""
+    if mirror_of(output):
+        return False
+    written, now = (output.stat().st_mtime if output.is_file() else _latest(output)), time()
+    files = (file for path in paths if not mirror_of(path) for _, file in _files(path))
+    return any(written < file.stat().st_mtime <= now for file in files)
+
+
+def _latest(folder: Path) -> float:
+    return max((file.stat().st_mtime for file in folder.iterdir()), default=0.0)
 
 
 def digest_of(value: Any) -> str:
@@ -227,10 +253,8 @@ def from_entries(entries: Mapping[str, str], paths: Iterable[Path]) -> tuple[dic
     try:
         outcome = load_json(entries["outcome"])
         topics = {topic: _tally_from_json(tally) for topic, tally in outcome["topics"].items()}
-        damage = [
-            Damage(**{**item, "path": by_name.get(item["path"], Path(item["path"]))}) for item in outcome["damage"]
-        ]
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        damage = [_damage_from_json(item, by_name) for item in outcome["damage"]]
+    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
         raise ValueError(f"incomplete record: {error!r}") from error
     return topics, damage
 
@@ -241,10 +265,36 @@ def _tally_as_json(tally: TopicTally) -> dict[str, Any]:
     return {**sums, "counts": tally.counts[:end]}
 
 
+def _damage_from_json(stored: Mapping[str, Any], by_name: Mapping[str, Path]) -> Damage:
+    _require_counts(stored["offset"] or 0, stored["lost_messages"] or 0, stored["lost_bytes"])
+    path = by_name.get(stored["path"], Path(stored["path"]))
+    return Damage(**{**stored, "path": path, "problem": str(stored["problem"])})
+
+
 def _tally_from_json(stored: Mapping[str, Any]) -> TopicTally:
-    tally = TopicTally(frames=stored["frames"], points_in=stored["points_in"], water_frames=stored["water_frames"])
-    tally.counts[: len(stored["counts"])], tally.water = stored["counts"], np.array(stored["water"], np.float64)
-    tally.scenes.update(stored["scenes"])
-    if stored["rings"] is not None:
-        tally.rings = Rings(**{name: np.array(values) for name, values in stored["rings"].items()})
+    counts, rings, scenes = _array(stored["counts"], "i"), stored["rings"], dict(stored["scenes"])
+    numbers = {name: stored[name] for name in ("frames", "points_in", "water_frames")}
+    _require_counts(*numbers.values(), *scenes.values())
+    tally = TopicTally(**numbers, water=_array(stored["water"], "if"), scenes=Counter(scenes))
+    if not 0 <= len(tally.counts) - len(counts) <= 1 or len(tally.water) != len(WATER_COLUMNS):
+        raise ValueError("numbers are missing")
+    tally.counts[: len(counts)] = counts
+    if rings is not None:
+        tally.rings = Rings(**{name: _array(values, "if") for name, values in rings.items()})
+        sizes = {len(values) for name, values in vars(tally.rings).items() if name != "beyond"}
+        if len(sizes) != 1 or len(tally.rings.beyond) != len(("before", "after")):
+            raise ValueError("numbers are missing")
     return tally
+
+
+def _require_counts(*values: Any) -> None:
+    if not all(type(value) is int and 0 <= value < _MAX_COUNT for value in values):
+        raise ValueError("not a count")
+
+
+def _array(values: Any, kinds: str) -> Any:
+    """Return numbers of a record, an array of one dimension and of one of some kinds."""
+    array = np.array(values)
+    if array.ndim != 1 or array.dtype.kind not in kinds or (np.abs(array) >= _MAX_COUNT).any():
+        raise ValueError("not a row of numbers")
+    return array

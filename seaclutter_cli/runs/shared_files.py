@@ -25,15 +25,17 @@ def shared_files(reads: Iterable[Path], writes: Iterable[Path]) -> Iterator[Task
     for path in reads:
         if not mirror_of(path):
             read.setdefault(path.parent, path)
-    written = dict.fromkeys(path.parent for path in writes if not mirror_of(path))
+    files = [path for path in writes if not mirror_of(path)]
+    written = dict.fromkeys(path.parent for path in files)
+    names = frozenset(path.name for path in files)
     samples = [(path, _size(path)) for path in list(read.values())[:_MAX_FOLDERS]]
     with ExitStack() as stack:
-        marks = [stack.enter_context(_marked(folder)) for folder in written]
-        yield partial(_check, samples, marks)
+        marks = [stack.enter_context(_marked(folder, names)) for folder in written]
+        yield partial(_check, samples, marks, names)
 
 
 @contextmanager
-def _marked(folder: Path) -> Iterator[Path]:
+def _marked(folder: Path, names: frozenset[str]) -> Iterator[Path]:
     mark = part_path(folder / "seaclutter")
     try:
         folder.mkdir(exist_ok=True)
@@ -46,25 +48,29 @@ def _marked(folder: Path) -> Iterator[Path]:
         with suppress(OSError):
             mark.unlink()
             release(mark)
-            remove_stale(folder)  # of workers here that died
+            remove_stale(folder, names)  # of workers here that died
             folder.rmdir()  # only if it is empty
 
 
-def _check(samples: Sequence[tuple[Path, int | None]], marks: Sequence[Path], report: Report) -> str | None:
+def _check(
+    samples: Sequence[tuple[Path, int | None]], marks: Sequence[Path], names: frozenset[str], report: Report
+) -> str | None:
     """Return why a worker cannot use the files of a run; None if it can. Network file systems show new ones late.
 
     ``samples`` are a file of each folder that is read with its size in bytes, or a folder; ``marks`` are files in
-    folders that are written.
+    folders where files of some names are written.
     """
     for _ in range(_ATTEMPTS):
         report(0.0)
-        if not (reason := next(_problems(samples, marks), None)):
+        if not (reason := next(_problems(samples, marks, names), None)):
             break
         sleep(_PAUSE_S)
     return reason
 
 
-def _problems(samples: Sequence[tuple[Path, int | None]], marks: Sequence[Path]) -> Iterator[str]:
+def _problems(
+    samples: Sequence[tuple[Path, int | None]], marks: Sequence[Path], names: frozenset[str]
+) -> Iterator[str]:
     for path, size in samples:
         if _size(path) != size or not path.exists():
             seen = "sees another file under" if path.exists() else "cannot see"
@@ -73,7 +79,7 @@ def _problems(samples: Sequence[tuple[Path, int | None]], marks: Sequence[Path])
         if not mark.exists():
             yield f"cannot see the folder {mark.parent.absolute()}; outputs need a folder that all workers share"
         try:
-            remove_stale(mark.parent)
+            remove_stale(mark.parent, names)
             probe = part_path(mark)
             probe.touch()
             probe.unlink()

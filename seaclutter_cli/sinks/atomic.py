@@ -12,10 +12,14 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Self, cast
 
 from seaclutter_cli.buckets import look, mirror_of
 from seaclutter_cli.errors import OutputError
-from seaclutter_cli.parts import part_path, release
+from seaclutter_cli.parts import exchange, part_path, release
+from seaclutter_cli.sinks.folders import why_kept
 
 if TYPE_CHECKING:
     from seaclutter_cli.buckets import Pending
+
+_MANY = 100
+"""Files that are not flushed one by one."""
 
 
 class PartFile(io.FileIO):
@@ -54,12 +58,19 @@ class CompleteFile:
 
     def prepare(self, *, replace: bool = True) -> None:
         """Do all work before it can appear, such as uploads; `OutputError` if it may not be written or replaced."""
+        is_folder = self.part.is_dir()
         if mirror := mirror_of(self._target):
             self._pending = mirror.send(self.part, self._target, self._last)
-        is_folder = self.part.is_dir()
+        else:
+            try:
+                _flush(self.part)
+            except OSError as error:
+                raise OutputError(_explain(self.path, error)) from error
         if (self._target.is_dir() and not is_folder) or not os.access(self._target.parent, os.W_OK):
             kind = "folder" if is_folder else "file"
             raise OutputError(f"{self.path}: can no longer be written; the incomplete {kind} was removed")
+        if replace and self._last and self._target.is_dir() and (problem := why_kept(self._target, self._last)):
+            raise OutputError(f"{self.path}: {problem}, so it was not replaced; this run's folder was removed")
         if not replace:
             if is_folder:
                 look(self._target)
@@ -75,12 +86,12 @@ class CompleteFile:
             return
         try:
             _rename(self.part, self._target, replace=replace)
+            _flush_names(self._target.parent)
         except FileExistsError as error:
             raise OutputError(_appeared(self.path)) from error
         except OSError as error:
             raise OutputError(_explain(self.path, error)) from error
-        self._remover.detach()
-        release(self.part)
+        self._remover()  # of a folder that was replaced
 
     def discard(self) -> None:
         """Remove it, and what was uploaded of it."""
@@ -251,7 +262,7 @@ def _rename(part: Path, target: Path, *, replace: bool) -> None:
         if not os.path.lexists(target):
             part.rename(target)
         elif replace:
-            _exchange(part, target)
+            exchange(part, target)
         else:
             raise FileExistsError
     elif replace:
@@ -271,18 +282,28 @@ def _rename(part: Path, target: Path, *, replace: bool) -> None:
             part.unlink()
 
 
-def _exchange(part: Path, target: Path) -> None:
-    """Move a folder aside, and rename another one to its name."""
-    aside = part_path(target)
-    target.rename(aside)
-    try:
-        part.rename(target)
-    except BaseException:
-        aside.rename(target)
-        raise
-    finally:
-        shutil.rmtree(aside, ignore_errors=True)
-        release(aside)
+def _flush(part: Path) -> None:
+    """Let the disk have a file or those of a folder, so that a power failure cannot leave a name without content."""
+    inner = list(part.iterdir()) if part.is_dir() else []
+    if len(inner) > _MANY and hasattr(os, "sync"):
+        os.sync()
+        return
+    for file in inner or [part]:
+        number = os.open(file, os.O_RDWR)  # Windows flushes only what may be written
+        try:
+            os.fsync(number)
+        finally:
+            os.close(number)
+
+
+def _flush_names(folder: Path) -> None:
+    """Let the disk have the names in a folder, where the system can."""
+    with suppress(OSError):
+        number = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(number)
+        finally:
+            os.close(number)
 
 
 def _note_removal(error: BaseException | None, path: Path) -> None:

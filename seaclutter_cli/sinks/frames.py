@@ -23,11 +23,8 @@ from seaclutter_cli.messages.metadata import (
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile, AtomicFolder, OutputGroup
 from seaclutter_cli.sinks.log import filtered_cloud, message_of
-from seaclutter_cli.sinks.options import McapOptions
+from seaclutter_cli.sinks.options import TIMES, McapOptions
 from seaclutter_cli.text import count
-
-TIMES = "times.txt"
-"""File in a folder of frames with the time of each frame in seconds."""
 
 _NANO = 10**9
 TOPIC = "/points"

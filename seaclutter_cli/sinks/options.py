@@ -21,6 +21,9 @@ FORMATS = ("mcap", "bag", "rosbag2-db3", "rosbag2-mcap", "pcd", "las", "laz", "n
 """The keys of `OUTPUT_FORMATS`, whose import would slow down the help."""
 
 
+TIMES = "times.txt"
+"""File in a folder of frames with the time of each frame in seconds."""
+
 ROSBAG2_METADATA = "metadata.yaml"
 """File that describes a ROS 2 recording, in its folder."""
 

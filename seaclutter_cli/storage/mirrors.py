@@ -50,7 +50,7 @@ class Mirror:
         try:
             root.mkdir(exist_ok=True)
             root = root.resolve()  # errors of libraries name files by their resolved paths
-            remove_stale(root)
+            remove_stale(root, ["seaclutter"])
             self.path = part_path(root / "seaclutter")
             self.path.mkdir(mode=0o700)
         except OSError as error:
@@ -264,6 +264,10 @@ class Mirror:
                 for start in sorted({0, max(found.size - _END_BYTES, 0)}):
                     stream.seek(start)
                     stream.write(read_range(found, start, start + _END_BYTES))
+
+    def version(self, path: Path) -> str:
+        """Return what identifies the content of an object, if the service says so."""
+        return self._objects[path].etag or ""
 
     def parts(self, path: Path) -> tuple[Callable[[int, int], bytes], int] | None:
         """Return a function that reads from a large object, and its size; None if a path is something else."""

@@ -15,6 +15,7 @@ from seaclutter_cli.reading import frames
 from seaclutter_cli.records import Message
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
+from seaclutter_cli.sinks.frames import FrameSink
 from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.sources.recordings import find_recordings
 from tests.logs import Entry, Extra, Topic, cloud_messages, cloud_topic, write_log
@@ -280,6 +281,55 @@ def test_a_folder_of_something_else_is_not_replaced(log, tmp_path):
     result = run("convert", log, "-o", f"{tmp_path}/", "--to", "pcd", "--force", exit_code=2)
     assert "trial: is a folder of something else" in result.stderr
     assert mine.read_text() == "mine"
+
+
+def other_files(folder, kind):
+    """Put what no run wrote into the output of a run; return its name."""
+    if kind == "of a recorder":
+        (folder / "metadata.yaml").write_text("rosbag2_bagfile_information: {version: 5, relative_file_paths: []}")
+        return "metadata.yaml has no record of a run"
+    if kind == "of a program with the same name":
+        (folder / "seaclutter.json").write_text('{"metadata": []}')
+        return "seaclutter.json has no record of a run"
+    if kind == "a folder":
+        (folder / "photos").mkdir()
+        return "not of the run that wrote it, photos"
+    name = {"a frame": "000099.pcd", "a file": "notes.txt", "a log": "trial_7.db3"}[kind]
+    (folder / name).write_bytes(b"mine")
+    return f"not of the run that wrote it, {'0000' if kind == 'a frame' else name}"
+
+
+@pytest.mark.parametrize(
+    ("form", "kind"),
+    [
+        *(("rosbag2-db3", kind) for kind in ("of a recorder", "a file", "a folder", "a log")),
+        *(("pcd", kind) for kind in ("of a program with the same name", "a file", "a folder", "a frame")),
+    ],
+)
+def test_a_folder_with_other_files_is_not_replaced(log, tmp_path, form, kind):
+    out = tmp_path / "out"
+    run("convert", log, "-o", out, "--to", form)
+    run("convert", log, "-o", out, "--to", form, "--force")
+    problem = other_files(out, kind)
+    before = {path: path.is_dir() or path.read_bytes() for path in out.iterdir()}
+    result = run("convert", log, "-o", out, "--to", form, "--force", exit_code=2)
+    assert problem in " ".join(result.stderr.split())
+    assert {path: path.is_dir() or path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_a_file_that_is_put_into_a_folder_while_it_is_replaced(log, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    run("convert", log, "-o", out, "--to", "pcd")
+    end = FrameSink.end
+
+    def busy(sink):
+        (out / "notes.txt").write_text("mine")
+        end(sink)
+
+    monkeypatch.setattr(FrameSink, "end", busy)
+    result = run("convert", log, "-o", out, "--to", "pcd", "--force", "-n", "2", exit_code=1)
+    assert "notes.txt, so it was not replaced" in " ".join(result.stderr.split())
+    assert (out / "notes.txt").read_text() == "mine"
 
 
 def test_an_output_does_not_replace_its_input(log, tmp_path):

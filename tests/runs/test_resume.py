@@ -1,6 +1,7 @@
 """Runs that go on where an earlier one stopped."""
 
 import json
+import os
 import random
 import shutil
 import signal
@@ -8,12 +9,13 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
 from seaclutter_cli.runs import resume
-from tests.logs import cloud_log
+from tests.logs import LAYOUTS, cloud_log
 from tests.runs.test_batch import untimed
 
 
@@ -111,6 +113,69 @@ def test_another_input_is_filtered_again(trial):
     result = run(trial, "--resume")
     assert "b: filtered again; the earlier output is of another input" in result.stderr
     assert result.stdout.startswith("1 done, 2 skipped; ")
+
+
+def frames_as_arrays(folder, frames, points=50):
+    folder.mkdir(exist_ok=True)
+    for number in range(frames):
+        np.save(folder / f"{number:06d}.npy", np.full((points, 4), number + 1, np.float32))
+
+
+@pytest.mark.parametrize("frames", [3, 70])
+def test_a_folder_of_frames_of_which_one_changed_is_filtered_again(tmp_path, frames):
+    frames_as_arrays(tmp_path / "logs", frames)
+    assert run(tmp_path, "-m", "none", out="out.mcap").exit_code == 0
+    time_ns = (tmp_path / "out.mcap").stat().st_mtime_ns
+    np.save(tmp_path / "logs" / "000001.npy", np.full((50, 4), 7, np.float32))
+    os.utime(tmp_path / "logs" / "000001.npy", ns=(time_ns - 10**12,) * 2)
+    assert "is of another input" in run(tmp_path, "-m", "none", "--resume", out="out.mcap").stderr
+
+
+def test_a_change_in_the_middle_of_a_file_is_noticed_by_its_time(trial):
+    path = cloud_log(trial / "logs" / "b.mcap", LAYOUTS["none"], frames=400, points=300)
+    assert path.stat().st_size > 3 * 2**20
+    run(trial)
+    with path.open("r+b") as file:
+        file.seek(path.stat().st_size // 2)
+        file.write(b"change")
+    result = run(trial, "--resume")
+    assert "b: filtered again; the earlier output is of an input that was changed since" in result.stderr
+    assert run(trial, "--resume").stdout.startswith("3 skipped; ")
+    os.utime(path, (2**32, 2**32))  # a clock that was wrong says nothing
+    assert run(trial, "--resume").stdout.startswith("3 skipped; ")
+
+
+@pytest.mark.parametrize(
+    "altered",
+    [
+        {"counts": [1, 2]},
+        {"counts": "many"},
+        {"counts": [[1, 2], [3, 4]]},
+        {"counts": [10**30] * 9},
+        {"counts": [2**62] * 9},
+        {"frames": "six"},
+        {"frames": -1},
+        {"points_in": 1.5},
+        {"water": [1.0]},
+        {"scenes": {"open": "many"}},
+        {"scenes": 5},
+        {"rings": []},
+        {"rings": {"thresholds": [1.0]}},
+    ],
+    ids=repr,
+)
+def test_a_record_that_was_altered_is_filtered_again(trial, altered):
+    out, options = trial / "out", ("--to", "pcd")
+    assert run(trial, *options, logs="logs/b.mcap", out="out").exit_code == 0
+    content = json.loads((out / "seaclutter.json").read_text())
+    (record,) = [one["entries"] for one in content["metadata"] if one["name"] == "seaclutter.run"]
+    outcome = json.loads(record["outcome"])
+    outcome["topics"]["/points"].update(altered)
+    record["outcome"] = json.dumps(outcome)
+    (out / "seaclutter.json").write_text(json.dumps(content))
+    result = run(trial, *options, "--resume", logs="logs/b.mcap", out="out")
+    assert result.exit_code == 0, result.output
+    assert "filtered again; the earlier output is of incomplete record" in result.stderr
 
 
 def test_another_version_is_filtered_again(trial, monkeypatch):

@@ -3,6 +3,7 @@
 import gc
 import os
 import signal
+import stat
 import subprocess
 import sys
 import time
@@ -12,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from seaclutter_cli.errors import OutputError
-from seaclutter_cli.sinks.atomic import AtomicFile
+from seaclutter_cli.sinks.atomic import AtomicFile, AtomicFolder
 from tests.logs import cloud_log
 from tests.paths import ROOT
 
@@ -133,6 +134,25 @@ def test_a_target_that_becomes_a_folder_during_the_run(tmp_path):
     with pytest.raises(OutputError, match="can no longer be written"), AtomicFile(target):
         (target / "full").mkdir(parents=True)
     assert names(tmp_path) == ["out.bin"]
+
+
+@POSIX
+@pytest.mark.parametrize("files", [1, 3, 200])
+def test_the_disk_has_an_output_before_its_name(tmp_path, monkeypatch, files):
+    """A power failure must not leave a name without content."""
+    seen = []
+
+    def flushed(number):
+        kind = "folder" if stat.S_ISDIR(os.fstat(number).st_mode) else "file"
+        seen.append((kind, (tmp_path / "out").exists()))
+
+    monkeypatch.setattr(os, "fsync", flushed)
+    monkeypatch.setattr(os, "sync", lambda: seen.append(("all", (tmp_path / "out").exists())))
+    with AtomicFile(tmp_path / "out") if files == 1 else AtomicFolder(tmp_path / "out") as output:
+        for name in range(files if files > 1 else 0):
+            output.open(str(name)).close()
+    before = [("all", False)] if files == 200 else [("file", False)] * files
+    assert seen == [*before, ("folder", True)]
 
 
 @POSIX

@@ -70,6 +70,16 @@ def test_a_folder_without_its_marker_is_never_replaced(bucket):
 
 
 @pytest.mark.usefixtures("log")
+def test_a_folder_with_other_objects_is_never_replaced(bucket):
+    run(f"convert a.mcap -o {bucket}/out/ --to pcd")
+    put(bucket / "out" / "a" / "photos" / "holiday.jpg", b"not ours")
+    before = names(bucket / "out")
+    error = run(f"convert a.mcap -o {bucket}/out/ --to pcd --force", exit_code=2).stderr
+    assert "not of the run that wrote it, photos" in " ".join(error.split())
+    assert names(bucket / "out") == before
+
+
+@pytest.mark.usefixtures("log")
 def test_a_replaced_folder_has_no_marker_until_it_is_complete(bucket, monkeypatch):
     """Another program that reads it then sees that it is incomplete."""
     run(f"convert a.mcap -o {bucket}/out/ --to pcd -n 3")

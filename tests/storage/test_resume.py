@@ -60,6 +60,15 @@ def test_complete_outputs_are_skipped(logs, bucket, tmp_path, remote):
     assert "b: filtered again; the earlier output is of another input" in other.stderr
 
 
+def test_objects_of_a_large_folder_count_by_their_versions(logs):
+    for number in range(70):
+        put(logs / f"frames/{number:06d}.bin", bytes([number]))
+    before = digest_there([logs / "frames"])
+    assert digest_there([logs / "frames"]) == before
+    put(logs / "frames/000040.bin", b"x")
+    assert digest_there([logs / "frames"]) != before
+
+
 def test_a_run_may_go_on_elsewhere(logs, bucket, tmp_path):
     """A trial is copied into a bucket with its outputs: they are still of these logs."""
     assert run("filter in -o out/").exit_code == 0

@@ -82,7 +82,7 @@ def classify_tiles(
         raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
     model = _load(options, observer)
     # The tiles are the main output: they appear after the tables.
-    with _staging(targets[0].parent) as folder, OutputGroup(replace=options.force) as files:
+    with _staging(targets[0]) as folder, OutputGroup(replace=options.force) as files:
         staged = [folder / target.name for target in targets]
         pairs = zip(heads, targets, staged, strict=True)
         suffix = plot_file.suffix if plot_file else ""
@@ -136,9 +136,9 @@ class _PredictWork(TileWork["ClassifiedTile"]):
 
 
 @contextmanager
-def _staging(folder: Path) -> Iterator[Path]:
+def _staging(target: Path) -> Iterator[Path]:
     """Return a folder for complete files in the folder of the outputs; it is removed at the end."""
-    part = part_path(folder / "tiles")
+    part, folder = part_path(target), target.parent
     try:
         try:
             folder.mkdir(exist_ok=True)

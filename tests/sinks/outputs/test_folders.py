@@ -1,10 +1,14 @@
 """Folders that appear when they are complete."""
 
+import itertools
 import os
+import signal
+import sys
 from pathlib import Path
 
 import pytest
 
+from seaclutter_cli import parts
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.parts import remove_stale
 from seaclutter_cli.sinks.atomic import AtomicFile, AtomicFolder, OutputGroup
@@ -48,6 +52,68 @@ def test_a_folder_is_replaced_as_a_whole(tmp_path):
     assert tree(tmp_path) == ["out", "out/new"]
 
 
+@pytest.fixture
+def in_steps(monkeypatch):
+    """Let the system be unable to exchange two names."""
+    monkeypatch.setattr(parts, "_exchanged", lambda *_: False)
+
+
+@pytest.mark.usefixtures("in_steps")
+def test_a_folder_is_replaced_in_steps(tmp_path):
+    write(tmp_path / "out", "old")
+    write(tmp_path / "out", "new")
+    assert tree(tmp_path) == ["out", "out/new"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems may have no such function")
+def test_linux_exchanges_names_in_one_step(tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "rename", None)
+    (tmp_path / "a" / "of a").mkdir(parents=True)
+    (tmp_path / "b").mkdir()
+    parts.exchange(tmp_path / "b", tmp_path / "a")
+    assert tree(tmp_path) == ["a", "b", "b/of a"]
+
+
+@pytest.mark.usefixtures("in_steps")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes begin anew")
+@pytest.mark.parametrize(("renamed", "left"), [(0, "old"), (1, "old"), (2, "new"), (3, "new")])
+def test_a_run_that_is_killed_while_it_replaces_a_folder(tmp_path, monkeypatch, renamed, left):
+    write(tmp_path / "out", "old")
+    rename, count = Path.rename, itertools.count()
+
+    def killed(self, target):
+        if next(count) == renamed:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return rename(self, target)
+
+    child = os.fork()
+    if not child:
+        monkeypatch.setattr(Path, "rename", killed)
+        monkeypatch.setattr(Path, "rmdir", lambda _: os.kill(os.getpid(), signal.SIGKILL))
+        write(tmp_path / "out", "new")
+    assert os.waitpid(child, 0)[1] == signal.SIGKILL
+    assert [path.name for path in parts.take_back(tmp_path)] == (["out"] if renamed == 1 else [])
+    parts.remove_stale(tmp_path, {"out"})
+    assert tree(tmp_path) == ["out", f"out/{left}"]
+
+
+@pytest.mark.usefixtures("in_steps")
+def test_what_took_the_place_of_a_folder_that_was_moved_aside_stays(tmp_path, monkeypatch):
+    write(tmp_path / "out", "old")
+    write(tmp_path / "new", "new")
+    aside = tmp_path / ".out.host-4194303-00000000.old"
+    monkeypatch.setattr(parts, "_host", lambda: "host")
+    aside.mkdir()
+    (tmp_path / "out").rename(aside / "out")
+    (tmp_path / "new").rename(aside.with_suffix(".part"))
+    write(tmp_path / "out", "theirs")
+    before = tree(tmp_path)
+    assert parts.take_back(tmp_path) == []
+    assert parts.remove_stale(tmp_path, {"out"}) == 0
+    assert tree(tmp_path) == before
+
+
+@pytest.mark.usefixtures("in_steps")
 def test_the_old_folder_comes_back_if_the_new_one_cannot_be_renamed(tmp_path, monkeypatch):
     write(tmp_path / "out", "old")
     rename = Path.rename
@@ -93,7 +159,7 @@ def test_folders_of_killed_runs_are_removed(tmp_path):
     stale = folder.part.with_name(folder.part.name.replace(f"-{os.getpid()}-", "-4194303-"))
     stale.mkdir()
     (stale / "a").write_text("x")
-    assert remove_stale(tmp_path) == 1
+    assert remove_stale(tmp_path, {"out"}) == 1
     assert folder.part.is_dir()
     folder.discard()
     assert tree(tmp_path) == []
