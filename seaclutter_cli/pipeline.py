@@ -11,10 +11,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import FieldError, UsageError
+from seaclutter_cli.errors import CloudError, FieldError, UsageError
 from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Frame, Reason, Rings, WaterState
 from seaclutter_cli.interfaces import Filter, Sink, Source
-from seaclutter_cli.reading import frames, read, report_lost
+from seaclutter_cli.reading import frames, read, rejoined, report_lost
 from seaclutter_cli.records import Message, Record
 from seaclutter_cli.selection import Selection, cloud_channels
 
@@ -23,6 +23,9 @@ _SLACK_NS = 100_000_000
 _MAX_HELD_BYTES = 128 << 20
 
 T = TypeVar("T")
+
+Filtered = tuple[Frame, Sequence[FilterResult | None], Sequence[float | None]]
+"""A frame, its result of each method, and the seconds that each took, as far as known."""
 
 
 @dataclass
@@ -190,13 +193,14 @@ def run(
 
 
 def run_each(
-    source: Source, filters: Sequence[Filter], selection: Selection
-) -> Iterator[tuple[Frame, Sequence[FilterResult | None], Sequence[float]]]:
+    source: Source, filters: Sequence[Filter], selection: Selection, removed: str | None = None
+) -> Iterator[Filtered]:
     """Filter one cloud topic with several methods in one pass; each frame is decoded once.
 
     The filters are new; those that need a first pass share it. Yields each frame, the result of each filter (None if
     the filter cannot use the frame), and the seconds that each filter took. Coordinates and ranges, which all filters
-    use, are computed before and not timed. Frames without coordinates are damage.
+    use, are computed before and not timed. Frames without coordinates are damage. If the log has the points that an
+    earlier run removed, on the topic ``removed``, they are in the frames again when the filters have seen these.
     `FieldError` if all frames lack a field that one of the methods needs; `UsageError` if there are several topics.
     """
     clouds = cloud_channels(source, selection.topics)
@@ -207,11 +211,40 @@ def run_each(
     _observe(source, selection, {topics[0]: filters})
     tallies = [TopicTally() for _ in filters]
     records = read(source, clouds, selection)
-    usable = ((record, frame) for record, frame in records if frame is not None and _has_coordinates(frame, source))
-    for held in _filtered(source, {topics[0]: filters}, {topics[0]: tallies}, usable):
+    usable = (
+        (record, frame)
+        for record, frame in records
+        if (_is_on(record, removed) if frame is None else _has_coordinates(frame, source))
+    )
+    every = _filtered(source, {topics[0]: filters}, {topics[0]: tallies}, usable)
+    if removed:
+        yield from _rejoined(every, source)
+        return
+    for held in every:
         if held.frame is not None:
-            results = [result if isinstance(result, FilterResult) else None for result in held.results]
-            yield held.frame, results, held.seconds
+            yield held.frame, _known(held.results), held.seconds
+
+
+def _known(results: Iterable[FilterResult | FieldError | None]) -> list[FilterResult | None]:
+    return [result if isinstance(result, FilterResult) else None for result in results]
+
+
+def _is_on(record: Record, topic: str | None) -> bool:
+    return isinstance(record, Message) and record.channel.topic == topic
+
+
+def _rejoined(every: Iterable[HeldRecord], source: Source) -> Iterator[Filtered]:
+    """Yield frames and results with the points removed from them, which follow them; frames without are damage."""
+    waiting: HeldRecord | None = None
+    for held in chain(every, [None]):
+        frame = waiting.frame if waiting else None
+        if waiting and frame:
+            try:
+                record = held.record if held and not held.frame else None
+                yield *rejoined(frame, _known(waiting.results), record), waiting.seconds
+            except CloudError as error:
+                report_lost(source, frame.topic, frame.index, frame.nbytes, error)
+        waiting = held if held and held.frame else None
 
 
 def _filtered(

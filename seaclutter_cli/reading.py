@@ -5,8 +5,12 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError, MissingExtraError, UnsupportedCloudError
-from seaclutter_cli.frame import Frame
+from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import declares_latched, find_codec
 from seaclutter_cli.records import Channel, Damage, Message, Record
@@ -76,6 +80,42 @@ def _note_unreadable(
     if unreadable is None:
         raise of_topic from error
     unreadable[topic] = str(of_topic)
+
+
+def removed_points(message: Message) -> tuple[Cloud, NDArray[np.uint8]]:
+    """Return the points that an earlier run removed from a frame, shape (N,), and their reasons, given its message."""
+    codec = find_codec(message.channel)
+    if codec is None:
+        raise CloudError(f"topic {message.channel.topic} contains no point clouds")
+    cloud = codec.decode(message.data)
+    # The filter added the last field, ``reason`` with or without underscores.
+    names = cloud.dtype.names or ("",)
+    if not names[-1].startswith("reason"):
+        raise CloudError("the cloud of removed points has no field 'reason'")
+    return cloud, np.minimum(cloud.points[names[-1]], max(Reason)).astype(np.uint8)
+
+
+def rejoined(
+    frame: Frame, results: Sequence[FilterResult | None], record: Record | None
+) -> tuple[Frame, list[FilterResult | None]]:
+    """Return a frame and its results with the points that an earlier run removed from it, after those that were left.
+
+    The frame has the fields that both clouds have; raise `CloudError` if the record is not of these points.
+    """
+    if not isinstance(record, Message) or record.log_time_ns != frame.log_time_ns:
+        raise CloudError("the points removed from it are missing")
+    removed, reasons = removed_points(record)
+    left = np.flatnonzero(frame.valid)  # organised clouds keep the places of what was removed
+    kept, others = frame.cloud.points, removed.points
+    common = [name for name in kept.dtype.names or () if name in (others.dtype.names or ())]
+    points = np.empty(len(left) + len(others), [(name, kept.dtype[name]) for name in common])
+    for name in common:
+        points[name] = np.concatenate((kept[name][left], others[name]))
+    cloud = from_array(points, stamp_ns=frame.cloud.stamp_ns, frame_id=frame.cloud.frame_id)
+    whole = Frame(cloud, frame.topic, frame.stamp_ns, frame.index, frame.intensity_field, frame.message)
+    return whole, [
+        one and replace(one, frame=whole, reason=np.concatenate((one.reason[left], reasons))) for one in results
+    ]
 
 
 def _latched_before(source: Source, start_ns: int, topics: Collection[str]) -> Iterator[Message]:

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from fractions import Fraction
 
 from seaclutter_cli.errors import InputError, SelectionError, UsageError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import diagnostics, find_codec, main_clouds
-from seaclutter_cli.messages.metadata import FILTERED, REMOVED, RecordedTopic, recorded_topics
+from seaclutter_cli.messages.metadata import FILTERED, RAW, REMOVED, RecordedTopic, recorded_topics
 from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.text import suggestion
 
@@ -130,6 +130,27 @@ def filtered_by(source: Source, topics: Collection[str] = ()) -> str | None:
             return None
     methods = dict.fromkeys(name for topic in named if topic in recorded for name in recorded[topic].methods)
     return f" by {', '.join(methods)}" if methods else ""
+
+
+def removed_topic(source: Source, topic: str) -> str | None:
+    """Return the topic of the points that an earlier run removed from the clouds of a topic; None if there is none."""
+    recorded = recorded_topics(source.metadata)
+    names = {channel.topic for channel in source.channels if find_codec(channel)}
+    if topic in recorded:
+        of = recorded[topic].clouds
+        names &= {name for name, one in recorded.items() if (one.content, one.clouds) == (REMOVED, of)}
+    else:
+        names &= {f"{topic.removesuffix('/filtered')}/removed"}
+    return min(names - {topic}, default=None)
+
+
+def studied(source: Source, selection: Selection) -> Selection:
+    """Return a selection for studies of one cloud topic: by default, copies that an earlier run wrote do not count."""
+    names, recorded = main_topics(source), recorded_topics(source.metadata)
+    content = {name: recorded[name].content if name in recorded else RAW for name in names}
+    first = next((kind for kind in (RAW, FILTERED) if kind in content.values()), REMOVED)
+    chosen = [name for name in names if content[name] == first]
+    return selection if selection.topics or len(chosen) == len(names) else replace(selection, topics=tuple(chosen))
 
 
 def recorded_of(source: Source, topics: Collection[str] = ()) -> list[RecordedTopic]:

@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from recordings import LabelledFrame, Recording, calibrated_thresholds, simulate
-from variants import ABLATIONS, CALIBRATED, IDEAL, Variant
+from variants import ABLATIONS, CALIBRATED, Variant
 
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import FrameTargets, Matches, finder_of, match_clusters, targets_of
-from seaclutter_cli.evaluation.scores import Summary, score_frame
-from seaclutter_cli.frame import FilterResult, Reason
+from seaclutter_cli.evaluation.scores import IDEAL, Summary, ideal, score_frame
+from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.simulation.layouts import scene_class
-from seaclutter_cli.truth import CLUTTER
 
 RANGES_M = (0, 15, 30, 45, 60, np.inf)
 ECHOES = (0, 5, 10, 30, 100, np.inf)
@@ -78,7 +77,7 @@ def filtered(
 ) -> list[FilterResult]:
     """Return the results of the frames of a recording."""
     if variant.method == IDEAL:
-        return [_ideal(one) for one in frames]
+        return [ideal(one.frame, one.truth, EVALUATION) for one in frames]
     with ABLATIONS[variant.ablation]() if variant.ablation else nullcontext():
         method = variant.make_filter(thresholds, kind)
         if method.needs_first_pass:
@@ -86,12 +85,6 @@ def filtered(
                 method.observe(one.frame)
         results = [result for one in frames for result in method.process(one.frame)]
         return [*results, *method.flush()]
-
-
-def _ideal(one: LabelledFrame) -> FilterResult:
-    """Keep exactly the echoes of objects."""
-    kept = one.frame.valid & (one.truth.points != CLUTTER)
-    return FilterResult(one.frame, np.where(kept, Reason.KEPT, Reason.OUTLIER).astype(np.uint8))
 
 
 def matched(one: LabelledFrame, result: FilterResult) -> tuple[FrameTargets, NDArray[np.int64], Matches]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.config import load_config
+from seaclutter_cli.evaluation.scores import IDEAL
 from seaclutter_cli.filters import FILTERS, confirmed
 from seaclutter_cli.filters.confirmation.echoes import Heights, measure
 from seaclutter_cli.filters.confirmation.objects import DetectedObject, find_objects
@@ -23,8 +24,6 @@ from seaclutter_cli.water.surface import GridCells
 Floats = NDArray[np.float64]
 
 PAPER, CALIBRATED, UNUSED = "paper", "calibrated", "unused"
-IDEAL = "ideal"
-"""An imagined method that keeps exactly the echoes of objects: what it misses, no filter could find."""
 
 
 @dataclass(frozen=True)

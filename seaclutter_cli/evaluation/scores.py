@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.matching import Alarms, finder_of, match, targets_of
+from seaclutter_cli.evaluation.matching import Alarms, finder_of, match, point_truth, targets_of
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
@@ -127,6 +127,17 @@ def score_frame(
             )
         )
     return scores
+
+
+IDEAL = "ideal"
+"""Name of an imagined method that keeps exactly the points of targets: what it misses, no filter could find."""
+
+
+def ideal(frame: Frame, truth: Truth, params: EvaluationParams) -> FilterResult:
+    """Return the result of `IDEAL` for a frame."""
+    points = point_truth(frame, truth, params)
+    kept = frame.valid & (points != CLUTTER) & (points != IGNORED)
+    return FilterResult(frame, np.where(kept, Reason.KEPT, Reason.OUTLIER).astype(np.uint8))
 
 
 def _points(result: FilterResult, truth: Truth) -> PointCounts | None:

@@ -11,7 +11,7 @@ from seaclutter_cli.labels import csv, point_labels
 from seaclutter_cli.labels.boxes import LabelOptions
 from seaclutter_cli.labels.json_boxes import SEEPERSEA, SUSTECHPOINTS, AutoferryLabels, find_scenario
 
-__all__ = ["LABELS", "LabelFormat", "LabelOptions", "open_labels"]
+__all__ = ["LABELS", "LabelFormat", "LabelOptions", "has_labels", "open_labels"]
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,12 @@ LABELS: Mapping[str, LabelFormat] = {
     ),
 }
 """Label formats by name. A new format takes one line here."""
+
+
+def has_labels(folder: Path) -> bool:
+    """Return whether a folder of frames contains labels, too."""
+    forms = (known for name, known in LABELS.items() if name not in ("csv", "cloud"))
+    return any(known.find(folder) is not None for known in forms)
 
 
 def open_labels(path: Path, options: LabelOptions = LabelOptions()) -> Labels:  # noqa: B008 - frozen

@@ -45,7 +45,9 @@ function fillSummary(host) {
   if (labelled) host.append(h("h3", {}, "Method comparison"), h("p", { class: "muted" },
     "N_FP and N_FN are the numbers of frames with a false alarm and with a missed target; R_FP and R_FN are the corresponding rates. False/frame is the mean number of false alarms per frame."
     + (hasPointScores() ? " The last columns are the shares of clutter and target points that are removed, and the share of clutter among the kept points, R_c." : "")
-    + (methods.length > 1 ? " Bold: the best filter of a column." : "") + " –: nothing to count."), comparison());
+    + (methods.length > 1 ? " Bold: the best filter of a column." : "") + (methods.some(({ name }) => name === "ideal") ? " The row ideal keeps exactly the points of targets: what it misses, no filter could find." : "")
+    + " –: nothing to count."), comparison());
+  if (data.by_recording.length > 1) host.append(h("h3", {}, "Recordings"), comparison(data.by_recording));
 }
 function tableOf(head, rows) {
   const hint = h("p", { class: "hint muted", hidden: true }, "Scroll sideways to see all columns →");
@@ -62,7 +64,7 @@ function reasonTable(points) {
   return tableOf(["outcome", ...(methods.length > 1 ? methods.map(({ name }) => name) : ["points", "share"])], rows);
 }
 const hasPointScores = () => methods.some(({ summary }) => known(summary.clutter_removal));
-function comparison() {
+function comparison(recordings) { // of all recordings together, or a group of rows for each
   const percent = (value) => `${(100 * value).toFixed(2)} %`;
   const columns = [
     ["frames", "frames", (value) => whole(value), 0], ["N_FP", "N_FP", whole, -1], ["N_FN", "N_FN", whole, -1], ["R_FP", "R_FP", percent, -1], ["R_FN", "R_FN", percent, -1],
@@ -70,15 +72,18 @@ function comparison() {
     ...(hasPointScores() ? [["clutter removed", "clutter_removal", percent, 1], ["target removed", "target_loss", percent, -1], ["R_c", "R_c", percent, -1]] : []),
   ];
   const text = (summary, key, show) => (known(summary[key]) ? show(summary[key]) : "–");
-  const best = columns.map(([, key, show, sense]) => { // the best filters, unless all are alike; `none` is no filter
-    const found = methods.filter(({ name, summary }) => name !== "none" && known(summary[key])).map(({ summary }) => summary);
+  const isFilter = (name) => !["none", "ideal"].includes(name);
+  const best = (own) => columns.map(([, key, show, sense]) => { // the best filters, unless all are alike
+    const found = own.filter(({ name, summary }) => isFilter(name) && known(summary[key])).map(({ summary }) => summary);
     const first = found.reduce((a, b) => (sense * b[key] > sense * a[key] ? b : a), found[0]);
     return sense && new Set(found.map((summary) => text(summary, key, show))).size > 1 ? text(first, key, show) : null;
   });
-  return tableOf(["method", ...columns.map(([head]) => head)], methods.map(({ name, summary }) => [name, ...columns.map(([, key, show], i) => {
+  const rows = (own, marks = best(own)) => own.map(({ name, summary }) => [name, ...columns.map(([, key, show], i) => {
     const cell = text(summary, key, show);
-    return name !== "none" && cell === best[i] ? h("strong", { class: "best" }, cell) : cell;
-  })]));
+    return isFilter(name) && cell === marks[i] ? h("strong", { class: "best" }, cell) : cell;
+  })]);
+  const heads = ["method", ...columns.map(([head]) => head)];
+  return recordings ? tableOf(["recording", ...heads], recordings.flatMap(({ recording, methods: own }) => rows(own).map((row) => [recording, ...row]))) : tableOf(heads, rows(methods));
 }
 
 const alarms = methods.map((method) => ({ name: method.name, bits: unpack(method.alarms, Uint8Array),

@@ -16,7 +16,7 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
 from seaclutter_cli.messages.metadata import DIAGNOSTICS, recorded_topics
-from seaclutter_cli.reading import read
+from seaclutter_cli.reading import read, removed_points
 from seaclutter_cli.records import Damage, Message, Metadata
 from seaclutter_cli.selection import Selection
 
@@ -85,19 +85,13 @@ def _reasons(frame: Frame, message: Message) -> NDArray[np.uint8]:
 
     Points are matched by their bytes; points with equal bytes are interchangeable.
     """
-    codec, raw = find_codec(message.channel), frame.cloud
-    if codec is None:
-        raise CloudError(f"topic {message.channel.topic} contains no point clouds")
-    removed = codec.decode(message.data).points
-    # The filter added the last field, ``reason`` with or without underscores.
-    names = removed.dtype.names or ("",)
-    if not names[-1].startswith("reason"):
-        raise CloudError("the cloud of removed points has no field 'reason'")
-    indices = _find(_keys(removed, raw.dtype.itemsize), _keys(raw.points, raw.dtype.itemsize))
+    raw = frame.cloud
+    removed, reasons = removed_points(message)
+    indices = _find(_keys(removed.points, raw.dtype.itemsize), _keys(raw.points, raw.dtype.itemsize))
     if indices is None:
         raise CloudError(f"frame {frame.index}: a removed point is not in the raw cloud")
     reason = np.full(raw.size, Reason.KEPT, np.uint8)
-    reason[indices] = np.minimum(removed[names[-1]], max(Reason))
+    reason[indices] = reasons
     return reason
 
 

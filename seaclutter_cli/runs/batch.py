@@ -19,6 +19,8 @@ from seaclutter_cli.runs.options import BatchOptions, Logs, OfLogs, ReadOptions
 from seaclutter_cli.runs.options.logs import ViewOptions
 from seaclutter_cli.runs.outputs import Paths, inputs_of, prepare_outputs
 from seaclutter_cli.runs.recordings import (
+    MAX_NAMED,
+    NO_LABELS,
     NOT_PROCESSED,
     LabelFile,
     Outcome,
@@ -90,6 +92,12 @@ class Work(ABC, Generic[O]):
     @abstractmethod
     def without_result(self, reason: str | None) -> O:
         """Return the outcome of work that has not begun, or did not come to an end."""
+
+    def skipped(self, reason: str) -> O:
+        """Return the outcome of a recording that is skipped."""
+        outcome = self.without_result(None)
+        outcome.skipped, outcome.reason = True, reason
+        return outcome
 
 
 @dataclass(frozen=True)
@@ -214,9 +222,7 @@ def _outcome(work: Work[O], observer: Observer) -> O:
         try:
             return work.run(observer)
         except SelectionError as error:
-            outcome = work.without_result("")
-            outcome.error, outcome.skipped, outcome.reason = None, True, str(error)
-            return outcome
+            return work.skipped(str(error))
 
 
 def run_all(
@@ -245,6 +251,14 @@ def run_all(
     outcomes = [outcome or next(done) for outcome in known]
     require_selected(outcomes)
     return outcomes
+
+
+def without_labels(works: Sequence[RecordingWork[O]], observer: Observer) -> list[O | None]:
+    """Return the outcome of recordings without labels, which are skipped, with a warning; None for all others."""
+    if names := [work.recording.name for work in works if not work.labels]:
+        listed = ", ".join(names[:MAX_NAMED]) + (", …" if len(names) > MAX_NAMED else "")
+        observer.warn(f"{count(len(names), 'recording')} of {len(works):,} skipped, without labels: {listed}")
+    return [None if work.labels else work.skipped(NO_LABELS) for work in works]
 
 
 def run_batch(

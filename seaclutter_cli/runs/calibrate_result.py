@@ -19,9 +19,9 @@ from seaclutter_cli.filters.zones import MAX_RINGS
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.plots.clutter import ClutterDensity
 from seaclutter_cli.records import Damage
-from seaclutter_cli.runs.evaluate import F1, FALSE_ALARMS, N_FN, N_FP, POINTS, score_cells, score_legend
 from seaclutter_cli.runs.options.logs import CalibrateOptions
 from seaclutter_cli.runs.recordings import RecordingsResult, data_of
+from seaclutter_cli.runs.score_tables import F1, FALSE_ALARMS, N_FN, N_FP, POINTS, score_cells, score_legend
 from seaclutter_cli.runs.topic_statistics import Described
 from seaclutter_cli.sensors.catalog import RecognisedSensor
 from seaclutter_cli.text import count, printable, share, table

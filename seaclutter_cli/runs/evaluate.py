@@ -1,36 +1,60 @@
-"""Evaluation of several methods against labels, in one pass over the recordings, and tables of their scores."""
+"""Evaluation of several methods against labels, in one pass over the recordings."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from operator import attrgetter, methodcaller
+from operator import attrgetter
 from tempfile import TemporaryFile
-from typing import IO, Literal, TypeVar
+from typing import IO, Any
 
 from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.config import Config
-from seaclutter_cli.errors import LabelError
+from seaclutter_cli.errors import InputError, LabelError
 from seaclutter_cli.evaluation.label_check import LabelCheck
-from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, Parts, Summary, score_frame
+from seaclutter_cli.evaluation.scores import (
+    ALARM_COLUMNS,
+    IDEAL,
+    POINT_COLUMNS,
+    FrameScore,
+    Parts,
+    Summary,
+    ideal,
+    score_frame,
+)
 from seaclutter_cli.frame import FilterResult, Frame
-from seaclutter_cli.interfaces import Filter, Labels, Source
+from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
-from seaclutter_cli.pipeline import run_each
+from seaclutter_cli.pipeline import Filtered, run_each
+from seaclutter_cli.records import Channel
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
-from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
+from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all, without_labels
 from seaclutter_cli.runs.checks import Checks
-from seaclutter_cli.runs.methods import Variant, note_left_out, variants
+from seaclutter_cli.runs.methods import Variant, note_left_out, variants, with_ideal
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import EvaluateOptions
 from seaclutter_cli.runs.outputs import PackedRows, may_appear, write_manifest
-from seaclutter_cli.runs.recordings import RecordingsResult
+from seaclutter_cli.runs.recordings import RecordingsResult, data_of
+from seaclutter_cli.runs.score_tables import (
+    ALARMS,
+    FRAME_ERRORS,
+    FRAMES,
+    OBJECTS,
+    POINTS,
+    R_FN,
+    R_FP,
+    TIMES,
+    score_cells,
+    score_legend,
+    score_table,
+)
 from seaclutter_cli.runs.topic_statistics import Described
-from seaclutter_cli.selection import cloud_channels, filtered_by, recorded_of
+from seaclutter_cli.selection import cloud_channels, filtered_by, main_topics, recorded_of, removed_topic, studied
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import csv_line
-from seaclutter_cli.text import UNKNOWN, count, legend, printable, table
+from seaclutter_cli.text import count, printable, table
+from seaclutter_cli.truth import Truth
 
 
 @function_of(EvaluateOptions)
@@ -52,7 +76,8 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     """
     observer = options.watching
     note_left_out(options, observer)
-    chosen = variants(options, *([f"evaluation.clustering={options.clustering}"] if options.clustering else []))
+    settings = [f"evaluation.clustering={options.clustering}"] if options.clustering else []
+    chosen = with_ideal(variants(options, *settings))
     targets = {"-o": options.frames_file, "--summary": options.summary_file}
     outputs, configs = {**targets, "--manifest": options.batch.manifest}, [one.config for one in chosen]
     pairs = prepared(options.logs, options, outputs, observer, configs)
@@ -62,7 +87,7 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
             table, summary = (stack.enter_context(AtomicFile(it, files)) if it else None for it in targets.values())
             if table and options.batch.runs_here(len(works)):
                 works = [replace(works[0], spool=stack.enter_context(TemporaryFile(dir=table.part.parent)))]
-            outcomes = run_all(works, options.batch, observer)
+            outcomes = run_all(works, options.batch, observer, earlier=without_labels(works, observer))
             comparison = Comparison(chosen, outcomes)
             if table:
                 table.stream.writelines(frame_table([one.rows for one in outcomes if one.rows and not one.error]))
@@ -74,110 +99,8 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     return comparison
 
 
-K = TypeVar("K")
-BASELINE = "none"
-"""Method that is never marked as the best: it loses no target and takes no time, because it does not filter."""
-
-_MARK = "*"
+_MAX_ROWS = 40
 _UNKNOWN_POINTS = b"," * len(POINT_COLUMNS) + b"\n"
-
-
-@dataclass(frozen=True)
-class Column:
-    """Column of a table of scores: its score is None if there is nothing to count, and ``best`` if none is good."""
-
-    head: str
-    meaning: str
-    score: Callable[[Summary], float | None]
-    digits: int = 0
-    unit: str = ""
-    best: Literal["low", "high"] | None = "low"
-
-    def value(self, summary: Summary) -> float | None:
-        """Return the value of a method, in percent if the column says so."""
-        found = self.score(summary)
-        return 100 * found if found is not None and "%" in self.head + self.unit else found
-
-    def cell(self, summary: Summary) -> str:
-        """Return the value of a method as text."""
-        value = self.value(summary)
-        return UNKNOWN if value is None else f"{value:.{self.digits}f}{self.unit}"
-
-    def figure(self, summary: Summary) -> str:
-        """Return head and value for running text, such as ``R_FP 6.63 %``."""
-        head = self.head.removesuffix(" %")
-        unit = self.head[len(head) :] if self.value(summary) is not None else ""
-        return f"{head} {self.cell(summary)}{unit}"
-
-    def best_in(self, summaries: Mapping[K, Summary]) -> set[K]:
-        """Return the names of the best methods, as far as the digits show; empty if all methods are alike."""
-        filters = {name: summary for name, summary in summaries.items() if name != BASELINE}
-        known = {name: value for name, one in filters.items() if (value := self.value(one)) is not None}
-        if self.best is None or len({self.cell(summaries[name]) for name in known}) < 2:
-            return set()
-        best = self.cell(summaries[(min if self.best == "low" else max)(known, key=lambda name: known[name])])
-        return {name for name in known if self.cell(summaries[name]) == best}
-
-
-def _of_points(name: str) -> Callable[[Summary], float | None]:
-    return lambda summary: None if summary.points is None else getattr(summary.points, name)
-
-
-_F1 = "harmonic mean of precision (detected targets among all alarms) and recall (detected among visible targets)"
-FRAMES = Column("frames", "labelled frames", attrgetter("frames"), best=None)
-N_FP = Column("N_FP", "frames with a false alarm, a cluster where there is no target", attrgetter("n_fp"))
-N_FN = Column("N_FN", "frames with a missed target, one that is visible but not detected", attrgetter("n_fn"))
-R_FP = Column("R_FP %", "N_FP in percent of the labelled frames", attrgetter("r_fp"), 2)
-R_FN = Column("R_FN %", "N_FN in percent of the labelled frames", attrgetter("r_fn"), 2)
-F1 = Column("F1", _F1, attrgetter("f1"), 3, best="high")
-FALSE_ALARMS = Column("false/frame", "false alarms per labelled frame", attrgetter("false_alarms_per_frame"), 2)
-P50 = Column("ms p50", "median time to filter a frame, in milliseconds", methodcaller("milliseconds", 0.5), 2)
-
-FRAME_ERRORS = (N_FP, N_FN, R_FP, R_FN, F1)
-ALARMS = (FRAMES, *FRAME_ERRORS, FALSE_ALARMS)
-POINTS = (
-    Column("clutter removed", "share of the clutter points removed", _of_points("clutter_removal"), 2, " %", "high"),
-    Column("target lost", "share of the points of targets removed", _of_points("target_loss"), 2, " %"),
-    Column("R_c", "share of clutter among the points that are left", _of_points("clutter_share"), 2, " %"),
-)
-TIMES = (P50, Column("ms p99", "99th percentile of that time", methodcaller("milliseconds", 0.99), 2))
-OBJECTS = (
-    Column("precision %", "detected targets among all alarms", attrgetter("precision"), 1, best="high"),
-    Column("recall %", "detected among visible targets", attrgetter("recall"), 1, best="high"),
-    F1,
-    Column("noise", "false alarms per labelled frame", attrgetter("false_alarms_per_frame"), 2),
-    Column("unclustered", "points per labelled frame in no cluster", attrgetter("unclustered_per_frame"), 1),
-    P50,
-)
-"""Measures of [Bi] for clusters by density."""
-
-
-def score_table(summaries: Mapping[str, Summary], columns: Sequence[Column]) -> str:
-    """Return a table with a row for each method; an asterisk marks the best values of each column."""
-    rows = [(name, *cells) for name, cells in score_cells(summaries, columns).items()]
-    return table(("method", *(column.head for column in columns)), rows)
-
-
-def score_cells(summaries: Mapping[K, Summary], columns: Sequence[Column]) -> dict[K, list[str]]:
-    """Return the cells of each method, with an asterisk before the best values of each column."""
-    cells: dict[K, list[str]] = {name: [] for name in summaries}
-    for column in columns:
-        best = column.best_in(summaries)
-        for name, summary in summaries.items():
-            cells[name].append(f"{_MARK if name in best else ''}{column.cell(summary)}")
-    return cells
-
-
-def score_legend(text: str, columns: Iterable[Column], others: Mapping[str, str] | None = None) -> str:
-    """Return what the columns of tables, which are given as text, mean; with their marks if there are any."""
-    lines = {column.head: column.meaning for column in columns} | dict(others or {})
-    if "@" in text:
-        lines["@0.80"] = "a threshold that removes 80 % of the points of a recording"
-    if _MARK in text:
-        lines[_MARK] = "best of the filters in this column"
-    if UNKNOWN in text:
-        lines[UNKNOWN] = "nothing to count"
-    return legend(lines)
 
 
 class FrameRows(PackedRows):
@@ -206,8 +129,7 @@ def frame_table(recordings: Sequence[FrameRows]) -> Iterator[bytes]:
 class Evaluated(Described):
     """Sums over the frames of one recording for each variant; its rows and the scores of its parts, if wanted."""
 
-    data = "recording error damage seconds=rounded_s methods=known"
-    listed = "frames=first.frames false_alarms=first.false_alarms missed_targets=first.missed"
+    data = "recording status reason error damage seconds=rounded_s methods=known"
 
     methods: Mapping[str, Summary]
     rows: FrameRows | None = field(default=None, repr=False)
@@ -232,17 +154,19 @@ class Evaluated(Described):
 
     @property
     def known(self) -> Mapping[str, Summary]:
-        """The sums for each variant; empty after an error."""
-        return {} if self.error else self.methods
+        """The sums for each variant; empty if the recording failed or is skipped."""
+        return {} if self.error or self.has_nothing else self.methods
+
+    def manifest_rows(self) -> list[dict[str, Any]]:
+        """Return the main figures of each method; a single row without, if there are none."""
+        figures = "frames false_alarms missed_targets=missed N_FP=n_fp N_FN=n_fn R_FP=r_fp R_FN=r_fn"
+        rows = [{"method": name, **data_of(one, f"{figures} F1=f1")} for name, one in self.known.items()]
+        return rows or [{}]
 
     @property
     def first(self) -> Summary:
         """The sums for the first variant."""
         return next(iter(self.methods.values()))
-
-
-Filtered = tuple[Frame, Sequence[FilterResult | None], Sequence[float | None]]
-"""A frame, its result of each method, and the seconds that each took, as far as known."""
 
 
 @dataclass(frozen=True)
@@ -274,29 +198,53 @@ class EvaluateWork(RecordingWork[Evaluated]):
     def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
         """Filter the recording with every method, and score each frame."""
         outcome.rows = FrameRows(self.recording.name, self.spool) if self.tabulated else None
-        selection = self.reading.selection
+        selection = studied(source, self.reading.selection)
         by = filtered_by(source, selection.topics)
-        if by is not None and any(variant.config.method != "none" for variant in self.variants):
-            text = "this run only filters the remaining points, and lost targets count as not visible"
-            observer.warn(f"{source.name}: already filtered{by}; {text}")
+        clouds = cloud_channels(source, selection.topics)
+        for other in set(main_topics(source)) - {clouds[0].topic} if selection != self.reading.selection else ():
+            if removed_topic(source, other):
+                observer.note(f"{source.name}: raw clouds are evaluated; what an earlier run left of them: -t {other}")
+        topic = clouds[0].topic
+        removed = None if by is None else removed_topic(source, topic)
+        if by is not None:
+            earlier = {name for one in recorded_of(source, [topic]) for name in one.methods}
+            is_whole = bool(removed) or earlier == {"none"}
+            self._check_filtered(f"{source.name}: already filtered{by}", observer, removed, is_whole=is_whole)
         methods = ", ".join(variant.name for variant in self.variants)
-        topic = printable(cloud_channels(source, selection.topics)[0].topic)
-        observer.note(f"{source.name}: {source.format}, {methods} on {topic}", detail=True)
+        observer.note(f"{source.name}: {source.format}, {methods} on {printable(topic)}", detail=True)
         filters = [variant.config.make_filter() for variant in self.variants]
         # The threshold of a method that derives it from the log itself always fits.
         given = [variant for variant, method in zip(self.variants, filters, strict=True) if not method.needs_first_pass]
+        given = [variant for variant in given if variant.name != IDEAL]
         checks = {variant.name: Checks(variant.config, source.facts, filtered=by is not None) for variant in given}
-        frames = self._filtered(source, filters, labels, outcome, observer)
+        every = run_each(source, filters, selection, removed)
+        frames = self._finished(source, self._stepped(every, source, clouds, observer), labels, outcome, observer)
         warn_once(observer, outcome, self.scored(frames, labels, outcome, checks))
 
-    def _filtered(
-        self, source: Source, filters: Sequence[Filter], labels: Labels | None, outcome: Evaluated, observer: Observer
+    def _check_filtered(self, text: str, observer: Observer, removed: str | None, *, is_whole: bool) -> None:
+        """Raise `InputError` if nobody knows what an earlier run lost; say it if this run filters again."""
+        if self.labels and not is_whole:
+            remedy = "evaluate the raw log, or one that was filtered with --with-removed"
+            raise InputError(f"{text}, without the removed points, so missed targets cannot be counted; {remedy}")
+        if self.labels and removed and self.labels.is_by_order:
+            raise InputError(f"{text}, which changes the order of the points, as these labels have it; use the raw log")
+        if any(variant.config.method != "none" for variant in self.variants):
+            also = "; what the earlier one removed is counted, too" if removed else ""
+            observer.warn(f"{text}; this run only filters the remaining points{also}")
+
+    def _stepped(
+        self, every: Iterable[Filtered], source: Source, clouds: Sequence[Channel], observer: Observer
     ) -> Iterator[Filtered]:
-        """Yield the frames of the recording; then raise `LabelError` or warn if they and the labels do not match."""
-        with self.progress(source, observer) as step:
-            for filtered in run_each(source, filters, self.reading.selection):
+        with self.progress(source, observer, clouds) as step:
+            for filtered in every:
                 yield filtered
                 step()
+
+    def _finished(
+        self, source: Source, every: Iterable[Filtered], labels: Labels | None, outcome: Evaluated, observer: Observer
+    ) -> Iterator[Filtered]:
+        """Yield the frames of the recording; then raise `LabelError` or warn if they and the labels do not match."""
+        yield from every
         self.finish(source, labels, outcome.frames)
         if labels and outcome.frames and not any(summary.frames for summary in outcome.methods.values()):
             recorded = recorded_of(source, self.reading.selection.topics)
@@ -311,9 +259,10 @@ class EvaluateWork(RecordingWork[Evaluated]):
         """Score frames for every method that could use them; yield warnings about settings and labels."""
         evaluation = self.variants[0].config.evaluation
         label_check = LabelCheck(evaluation)
-        for frame, results, seconds in frames:
+        for frame, filtered, seconds in frames:
             outcome.note(frame)
             truth = labels.truth(frame) if labels else None
+            results = self._with_ideal(filtered, frame, truth)
             scores = score_frame(frame, results, truth, evaluation)
             if truth:
                 label_check.add(frame, truth)
@@ -324,13 +273,21 @@ class EvaluateWork(RecordingWork[Evaluated]):
             for variant, result, found, spent in zip(self.variants, results, scores, seconds, strict=True):
                 if result is None or found is None:
                     continue
-                outcome.add(variant.name, frame, found, spent)
+                outcome.add(variant.name, frame, found, None if variant.name == IDEAL else spent)
                 if variant.name in checks:
                     yield from checks[variant.name].add(result)
         for check in checks.values():  # even after only a few frames
             yield from check.finish()
         most = max(outcome.methods.values(), key=attrgetter("frames"))
         yield from (f"labels: {finding.text}" for finding in label_check.findings(most.targets, most.visible))
+
+    def _with_ideal(
+        self, results: Sequence[FilterResult | None], frame: Frame, truth: Truth | None
+    ) -> Sequence[FilterResult | None]:
+        """Return the results with that of `IDEAL`, if it is compared, in place of that of its stand-in."""
+        if truth is None or self.variants[-1].name != IDEAL:
+            return results
+        return [*results[:-1], ideal(frame, truth, self.variants[0].config.evaluation)]
 
 
 def warn_once(observer: Observer, outcome: Evaluated, texts: Iterable[str]) -> None:
@@ -361,11 +318,11 @@ class Comparison(RecordingsResult):
 
     def configs(self) -> dict[str, Config]:
         """Return the configuration of each method."""
-        return {variant.name: variant.config for variant in self.variants}
+        return {variant.name: variant.config for variant in self.variants if variant.name != IDEAL}
 
     def as_text(self) -> str:
         """Return the comparison as human-readable text; for DBSCAN clusters, include the measures of [Bi]."""
-        if all(outcome.error for outcome in self.outcomes):
+        if not any(outcome.known for outcome in self.outcomes):
             return ""
         totals = self.totals()
         points_known = any(summary.points for summary in totals.values())
@@ -373,18 +330,42 @@ class Comparison(RecordingsResult):
         if self.variants[0].config.evaluation.clustering == "dbscan":
             groups.insert(1, OBJECTS)
         tables = "\n\n".join(score_table(totals, columns) for columns in groups)
+        tables += self._by_recording(_MAX_ROWS)
         foot = score_legend(tables, (column for columns in groups for column in columns))
         return f"{self._title(totals)}\n\n{tables}\n\n{foot}"
 
+    def details(self) -> str:
+        """Return the scores of each recording, if not all are in the text."""
+        every = self._by_recording(None)
+        return "" if every == self._by_recording(_MAX_ROWS) else every.lstrip()
+
+    def _by_recording(self, most: int | None) -> str:
+        """Return the scores of each of several recordings; of many, those with most errors of the first method."""
+        known = [(outcome.recording, outcome.known) for outcome in self.outcomes if outcome.known]
+        if len(known) < 2:
+            return ""
+        shown = len(known) if most is None else max(most // len(self.variants), 1)
+        errors = [first.n_fp + first.n_fn for first in (next(iter(one.values())) for _, one in known)]
+        worst = sorted(sorted(range(len(known)), key=lambda k: -errors[k])[:shown])
+        rows = []
+        for recording, summaries in (known[k] for k in worst):
+            cells = score_cells(summaries, (FRAMES, *FRAME_ERRORS))
+            rows += [(printable(recording), name, *cells[name]) for name in summaries]
+        heads = (column.head for column in (FRAMES, *FRAME_ERRORS))
+        left = len(known) - len(worst)
+        more = f"\nworst of {len(known):,} recordings; all with -v, --manifest or --summary" if left else ""
+        return f"\n\n{table(('recording', 'method', *heads), rows)}{more}"
+
     def _title(self, totals: Mapping[str, Summary]) -> str:
         """Return what was compared: recordings, frames, targets and, where they are labelled, points."""
-        done = sum(not outcome.error for outcome in self.outcomes)
+        done = sum(bool(outcome.known) for outcome in self.outcomes)
+        skipped = sum(outcome.has_nothing for outcome in self.outcomes)
         first = max(totals.values(), key=lambda summary: summary.frames)
         least = self.variants[0].config.evaluation.min_visible_points
         frames = f"{count(first.frames, 'labelled frame')}, {first.unlabelled:,} unlabelled"
         visible = f"{first.visible:,} visible (at least {count(least, 'point')})"
         part = "" if done == len(self.outcomes) else f"{done:,} of "
-        recordings = f"{part}{count(len(self.outcomes), 'recording')}"
+        recordings = f"{part}{count(len(self.outcomes), 'recording')}{f', {skipped:,} skipped' if skipped else ''}"
         lines = [f"{recordings}; {frames}", f"{count(first.targets, 'target')}, {visible}"]
         if points := first.points:
             lines.append(f"{count(points.target_in, 'target point')}, {count(points.clutter_in, 'clutter point')}")

@@ -15,7 +15,7 @@ from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import run_each
-from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
+from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all, without_labels
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import LabelCheckOptions
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
@@ -41,7 +41,7 @@ def check_labels(options: LabelCheckOptions) -> "LabelCheckResult":
     observer = options.watching
     pairs = prepared(options.logs, options, {}, observer)
     works = [_LabelCheckWork(options.reading, *each) for each in pairs]
-    return LabelCheckResult(run_all(works, options.batch, observer))
+    return LabelCheckResult(run_all(works, options.batch, observer, earlier=without_labels(works, observer)))
 
 
 @dataclass(kw_only=True)

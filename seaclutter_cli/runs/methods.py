@@ -13,6 +13,7 @@ from typing import Any
 from seaclutter_cli.config import Config, ConfigSource, UnnamedFile, load_config
 from seaclutter_cli.documents import DocumentError, load_yaml
 from seaclutter_cli.errors import ConfigError, UsageError
+from seaclutter_cli.evaluation.scores import IDEAL
 from seaclutter_cli.filters import FILTERS, OPTIONAL
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ConfigOptions, MethodOptions
@@ -86,6 +87,12 @@ def variants(options: MethodOptions, *additional: str, configured_first: bool = 
     `ConfigError` if a name is unknown or a configuration is not valid.
     """
     return [one.variant() for one in bases(options, *additional, configured_first=configured_first)]
+
+
+def with_ideal(chosen: list[Variant]) -> list[Variant]:
+    """Return variants with `IDEAL` after them if one leaves logs as they are, whose errors it explains."""
+    unfiltered = [one for one in chosen if one.config.method == "none"]
+    return [*chosen, replace(unfiltered[0], name=IDEAL)] if unfiltered else chosen
 
 
 def bases(options: MethodOptions, *additional: str, configured_first: bool = False) -> list["Base"]:

@@ -3,6 +3,7 @@
 import csv
 import gzip
 import io
+import itertools
 import json
 import os
 from collections import defaultdict
@@ -35,7 +36,7 @@ _COLUMNS = (
     *("recording", "input", "output", "status", "frames", "points_in", "points_out", "false_alarms", "missed_targets"),
     *("bytes_in", "bytes_out", "seconds", "damaged_parts", "error"),
 )
-"""Of a manifest; those that a command does not know are empty."""
+"""Of every manifest; those that a command does not know are empty."""
 
 _LABELS = "--labels"
 _making_parents = ContextVar("making_parents", default=False)
@@ -299,13 +300,15 @@ def write_manifest(
     rows = []
     for recording, outcome in zip(recordings, outcomes, strict=True):
         known = {"input": str(recording.paths[0]), "damaged_parts": len(outcome.damage)}
-        known |= data_of(outcome, f"recording status seconds=rounded_s error {outcome.listed}")
-        rows.append(shown({name: known.get(name) for name in _COLUMNS}))
+        known |= data_of(outcome, "recording status seconds=rounded_s error")
+        rows += [shown(known | row) for row in outcome.manifest_rows()]
+    columns = list(dict.fromkeys((*_COLUMNS, *itertools.chain(*rows))))
+    rows = [{name: row.get(name) for name in columns} for row in rows]
     text = io.StringIO()
     if path.suffix.lower() == ".json":
         text.write(json.dumps(rows, indent=2) + "\n")
     else:
-        writer = csv.DictWriter(text, _COLUMNS, lineterminator="\n")
+        writer = csv.DictWriter(text, columns, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
     write_files({path: text.getvalue().encode(errors="surrogateescape")}, replace=replace)

@@ -19,7 +19,7 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import Options
 from seaclutter_cli.records import Channel, Damage, SensorFacts
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import Decoding, LabelSources, Logs, ReadOptions
+from seaclutter_cli.runs.options import Decoding, LabelSources, Logs, OfLabelledLogs, ReadOptions
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions
 from seaclutter_cli.sources.recordings import (
@@ -37,6 +37,10 @@ if TYPE_CHECKING:
     from seaclutter_cli.labels import LabelOptions
 
 LABEL_SUFFIX = ".labels.csv"
+NO_LABELS = "no labels"
+"""Reason to skip a recording."""
+MAX_NAMED = 10
+"""Maximum number of names in a message."""
 NOT_PROCESSED = "not processed"
 """Error of a recording that a run which stopped after an error did not come to."""
 _STATUSES = ("done", "damaged", "failed", NOT_PROCESSED, "skipped")
@@ -115,6 +119,10 @@ class Outcome(WithData):
         """Duration in seconds, rounded to milliseconds."""
         return round(self.seconds, 3)
 
+    def manifest_rows(self) -> list[dict[str, Any]]:
+        """Return what the manifest has about the outcome beside its status, in rows."""
+        return [data_of(self, self.listed)]
+
     def line(self) -> str:
         """Return a line about the outcome, for runs over several recordings."""
         if self.error:
@@ -185,7 +193,8 @@ class RecordingsResult(Result):
 
     def details(self) -> str:
         """Return the outcomes without an error as human-readable text."""
-        return "\n\n".join(filter(None, (outcome.as_text() for outcome in self.outcomes if not outcome.error)))
+        done = (outcome for outcome in self.outcomes if not outcome.error and not outcome.has_nothing)
+        return "\n\n".join(filter(None, (outcome.as_text() for outcome in done)))
 
 
 def statuses(outcomes: Sequence[Outcome]) -> str:
@@ -229,7 +238,8 @@ def _files_of(recording: Recording) -> list[Path]:
 def assign_labels(sources: Options, recordings: Sequence[Recording]) -> list["LabelFile | None"]:
     """Return the labels of each recording, not yet read; None for all recordings if there are no paths.
 
-    Raise `UsageError` if they cannot be assigned to the recordings, or some do not exist.
+    A function that needs labels leaves out recordings without: None for them, too. Raise `UsageError` if labels cannot
+    be assigned to the recordings, or some do not exist.
     """
     if not isinstance(sources, LabelSources) or not sources.labels:
         return [None] * len(recordings)
@@ -240,8 +250,9 @@ def assign_labels(sources: Options, recordings: Sequence[Recording]) -> list["La
     for path in sources.labels:
         if mirror := mirror_of(path):
             mirror.know(path)
-    found = zip(recordings, find_labels(recordings, sources.labels), strict=True)
-    return [LabelFile(path, replace(chosen, by_sequence=one.is_frame_folder)) for one, path in found]
+    found = find_labels(recordings, sources.labels, partly=isinstance(sources, OfLabelledLogs))
+    each = zip(recordings, found, strict=True)
+    return [LabelFile(path, replace(chosen, by_sequence=one.is_frame_folder)) if path else None for one, path in each]
 
 
 @dataclass(frozen=True)
@@ -258,10 +269,22 @@ class LabelFile:
         fetch(self.path)
         return open_labels(self.path, self.options)
 
+    @property
+    def is_by_order(self) -> bool:
+        """Whether points have their labels by their order in the frame."""
+        from seaclutter_cli.labels.point_labels import find_semantickitti
 
-def find_labels(recordings: Sequence[Recording], paths: Sequence[Path]) -> list[Path]:
-    """Return the path of each recording's labels; raise `UsageError` if one is ambiguous or missing."""
-    if len(paths) == 1 and paths[0].is_dir() and (found := _in_folder(recordings, paths[0])):
+        return self.path.is_dir() and find_semantickitti(self.path) is not None
+
+
+def find_labels(
+    recordings: Sequence[Recording], paths: Sequence[Path], *, partly: bool = False
+) -> list[Path] | list[Path | None]:
+    """Return the path of each recording's labels; raise `UsageError` if one is ambiguous or missing.
+
+    If recordings may be labelled ``partly``, it is None for those whose labels are missing in a folder.
+    """
+    if len(paths) == 1 and paths[0].is_dir() and (found := _in_folder(recordings, paths[0], partly=partly)):
         return found
     if len(paths) != len(recordings):
         raise UsageError(
@@ -274,17 +297,33 @@ def find_labels(recordings: Sequence[Recording], paths: Sequence[Path]) -> list[
     return list(paths)
 
 
-def _in_folder(recordings: Sequence[Recording], folder: Path) -> list[Path]:
+def _in_folder(recordings: Sequence[Recording], folder: Path, *, partly: bool) -> list[Path | None]:
     """Return the labels in a folder; an empty list if the folder itself is the labels of a single recording."""
-    named = [folder / f"{recording.name}{LABEL_SUFFIX}" for recording in recordings]
-    missing = [path for path in named if not path.is_file()]
+    found = [_named_in(folder, recording) for recording in recordings]
+    known = [path for path in found if path]
+    missing = [f"{one.name}{LABEL_SUFFIX}" for one, path in zip(recordings, found, strict=True) if not path]
     if missing and len(recordings) == 1:
         return []
-    if missing:
-        raise UsageError(f"{folder}: labels of some recordings are missing: {', '.join(p.name for p in missing)}")
-    if len(set(named)) < len(named):
+    if missing and not (partly and known):
+        some = "some" if known else "all"
+        names = ", ".join(missing[:MAX_NAMED]) + (", …" if len(missing) > MAX_NAMED else "")
+        raise UsageError(f"{folder}: labels of {some} recordings are missing: {names}")
+    if len(set(known)) < len(known):
         raise UsageError(f"{folder}: two recordings have the same name and would share labels; give --labels for each")
-    return named
+    return found
+
+
+def _named_in(folder: Path, recording: Recording) -> Path | None:
+    """Return the labels of a recording in a folder: beside the log or in it, in the same inner folder, or directly."""
+    log = recording.paths[0]
+    is_below = folder.resolve() in log.resolve().parents
+    places = [*([log.parent] if is_below else []), folder.joinpath(*recording.inside), folder]
+    named = (place / f"{recording.name}{LABEL_SUFFIX}" for place in places)
+    if found := next((path for path in named if path.is_file()), None):
+        return found
+    from seaclutter_cli.labels import has_labels
+
+    return log if is_below and recording.is_frame_folder and has_labels(log) else None
 
 
 def open_recording(recording: Recording, reading: Decoding) -> Source:

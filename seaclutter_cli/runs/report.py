@@ -12,16 +12,18 @@ from seaclutter_cli import __version__
 from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.config import parse_config
 from seaclutter_cli.errors import ConfigError, InputError, UsageError
+from seaclutter_cli.evaluation.scores import Summary
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
+from seaclutter_cli.pipeline import Filtered
 from seaclutter_cli.plots.figure import check_target
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.reporting.collector import Collector, FrameListener, Method
 from seaclutter_cli.reporting.page import render_page, report_data
 from seaclutter_cli.reporting.replay import filtered_topics, recorded_config, replay
 from seaclutter_cli.runs.batch import prepared
-from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork, Filtered, warn_once
-from seaclutter_cli.runs.methods import Variant, is_default, note_left_out
+from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork, warn_once
+from seaclutter_cli.runs.methods import Variant, is_default, note_left_out, with_ideal
 from seaclutter_cli.runs.methods import variants as variants_of
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import Logs, MethodOptions, ReadOptions, of_options
@@ -85,13 +87,23 @@ def _collector(variants: Sequence[Variant], options: ReportOptions) -> Collector
 
 def _page(comparison: Comparison, collected: Collector, origin: Mapping[str, Any]) -> bytes:
     """Return the page, without processing times: the same input must give the same bytes."""
-    summaries = {name: summary.as_dict() for name, summary in comparison.totals().items()}
-    for summary in summaries.values():
-        del summary["filter_ms"]
+    summaries = _untimed(comparison.totals())
+    recordings = [
+        {"recording": one.recording, "methods": [{"name": k, "summary": v} for k, v in _untimed(one.known).items()]}
+        for one in comparison.outcomes[:_MAX_LISTED]
+        if one.known and collected.labelled
+    ]
     outcomes = comparison.outcomes
     notes = [f"{outcome.recording} is left out: {outcome.error}" for outcome in outcomes if outcome.error]
     notes += [f"Damaged: {item}" for outcome in outcomes for item in outcome.damage[:20]]
-    return render_page({**report_data(collected, summaries, notes), "provenance": origin})
+    return render_page({**report_data(collected, summaries, notes), "by_recording": recordings, "provenance": origin})
+
+
+def _untimed(summaries: Mapping[str, Summary]) -> dict[str, dict[str, Any]]:
+    return {
+        name: {key: value for key, value in summary.as_dict().items() if key != "filter_ms"}
+        for name, summary in summaries.items()
+    }
 
 
 @dataclass(frozen=True)
@@ -236,6 +248,7 @@ def filter_or_replay(
     recordings = [recording for recording, _ in pairs]
     variant, topics = _recorded_run(recordings, reading) if is_default(methods) else (None, ())
     variants = [variant] if variant else variants_of(methods, configured_first=True)
+    variants = with_ideal(variants) if any(labels for _, labels in pairs) and not variant else variants
     listener = make_listener(variants)
     works = [EvaluateWork(reading, *pair, variants, [listener]) for pair in pairs]
     if variant:

@@ -16,13 +16,14 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.curves import draw_rates, draw_thresholds
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
-from seaclutter_cli.runs.batch import prepared, run_all
-from seaclutter_cli.runs.evaluate import FRAME_ERRORS, FRAMES, Evaluated, EvaluateWork, score_cells, score_legend
+from seaclutter_cli.runs.batch import prepared, run_all, without_labels
+from seaclutter_cli.runs.evaluate import Evaluated, EvaluateWork
 from seaclutter_cli.runs.methods import Sweep, Variant, grid, note_left_out
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.options.logs import TuneOptions
 from seaclutter_cli.runs.outputs import may_appear, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, data_of
+from seaclutter_cli.runs.score_tables import FRAME_ERRORS, FRAMES, score_cells, score_legend
 from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.text import count, printable, table
 from seaclutter_cli.validation import yaml_value
@@ -57,7 +58,7 @@ def tune(options: TuneOptions) -> "TuningResult":
     listeners = [history] if history else []
     works = [EvaluateWork(options.reading, *each, combinations, listeners, in_parts=True) for each in pairs]
     batch = BatchOptions() if history else options.batch  # frames reach listeners in this process only
-    outcomes = run_all(works, batch, observer)
+    outcomes = run_all(works, batch, observer, earlier=without_labels(works, observer))
     scores = _split_scores(outcomes, [one.name for one in combinations], options.hold_out)
     result = TuningResult(options.sweeps, combinations, outcomes, *scores)
     if may_appear(options.targets.values(), result.outcomes, observer):
@@ -135,7 +136,7 @@ def _split_scores(outcomes: Sequence[Evaluated], names: Sequence[str], share: fl
     Of four or more recordings, a share of whole ones is held out, evenly spaced; of fewer, the last frames of each.
     Neighbouring frames are alike, so single frames would tell nothing new.
     """
-    used = [outcome for outcome in outcomes if not outcome.error]
+    used = [outcome for outcome in outcomes if not outcome.error and not outcome.has_nothing]
     held: list[Evaluated] = []
     if share and len(used) >= _MIN_RECORDINGS:
         number = min(max(round(share * len(used)), 1), len(used) - 1)

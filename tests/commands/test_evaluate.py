@@ -126,12 +126,12 @@ def test_the_table_of_frames(log, labels, tmp_path):
     table = rows(out)
     assert tuple(table[0]) == ("recording", "method", "frame", "stamp_ns", *ALARM_COLUMNS)
     assert [(row["method"], int(row["frame"])) for row in table] == [
-        (method, frame) for frame in range(FRAMES) for method in ("ring_intensity", "none")
+        (method, frame) for frame in range(FRAMES) for method in ("ring_intensity", "none", "ideal")
     ]
     second = {"targets": "1", "visible": "1", "detected": "1", "omitted_alarms": "0", "clusters": "2"}
     second |= {"recording": "log", "stamp_ns": str(START_NS + PERIOD_NS), "false_alarms": "1"}
     second |= {"points_in": "30", "points_out": "20"}
-    assert {name: table[2][name] for name in second} == second
+    assert {name: table[3][name] for name in second} == second
     assert [table[-1][name] for name in ALARM_COLUMNS] == ["", "", "", "", "2", "", "20", "20"]
 
 
@@ -176,8 +176,9 @@ def test_comparisons(log, labels, tmp_path, comparison, names):
     assert result.exit_code == 0, result.output
     expected = [*filter(is_installed, names.split()), "none"]
     found = json.loads(summary.read_text())
-    assert list(found["methods"]) == list(found["configs"]) == expected
-    assert [row["method"] for row in rows(out)] == expected * FRAMES
+    assert list(found["configs"]) == expected
+    assert list(found["methods"]) == [*expected, "ideal"]
+    assert [row["method"] for row in rows(out)] == [*expected, "ideal"] * FRAMES
     assert all(len(line) <= 80 for line in result.stdout.splitlines())
     assert all(name in result.stdout for name in expected)
 
@@ -199,6 +200,8 @@ def test_all_methods_in_one_pass_give_the_same_as_each_alone(log, labels, tmp_pa
     assert invoke(log, "--labels", labels, "--compare", "all", "-o", together).exit_code == 0
     table = rows(together)
     for name in dict.fromkeys(row["method"] for row in table):
+        if name in ("none", "ideal"):  # never alone
+            continue
         alone = tmp_path / "alone.csv"
         assert invoke(log, "--labels", labels, "-m", name, "-o", alone, "--force").exit_code == 0
         assert rows(alone) == [row for row in table if row["method"] == name]
