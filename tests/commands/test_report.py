@@ -48,7 +48,7 @@ def test_a_small_recording(log, labels, page):
     data = data_of(page)
     assert data["recordings"] == ["log"]
     assert bits(data) == [1, 3, 1, 3, 5, 0]  # labelled 1, false alarm 2, missed target 4
-    assert [method["name"] for method in data["methods"]] == ["ring_intensity", "none"]
+    assert [method["name"] for method in data["methods"]] == ["ring_intensity", "none", "ideal"]
     assert data["methods"][0]["summary"]["N_FP"] == 2
     assert "filter_ms" not in data["methods"][0]["summary"]
     rows = [sample["row"] for sample in data["samples"]]
