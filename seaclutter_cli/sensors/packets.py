@@ -88,6 +88,12 @@ class PacketDecoder(Protocol):
     """Decoder for the packets of one sensor; keeps the incomplete revolution between calls."""
 
     facts: SensorFacts
+    places_end: int
+    """End of the range of places, after which they begin again."""
+
+    def places(self, packets: Packets) -> NDArray[np.int64]:
+        """Return the place of each packet among those of the sensor, shape (P,): a number or a time; -1 without one."""
+        ...
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
         """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
@@ -117,6 +123,10 @@ class PacketFamily(ABC):
     @abstractmethod
     def decoder(self, packets: Packets, options: DecoderOptions) -> PacketDecoder:
         """Return a decoder for the sensor that sent these packets; `InputError` if information is missing."""
+
+
+NO_END = 1 << 62
+"""End of the range of places that do not begin again."""
 
 
 def view_packets(payloads: NDArray[np.uint8], layout: np.dtype[Any]) -> NDArray[np.void]:
@@ -181,7 +191,7 @@ class SensorClock:
 class LossCounter:
     """Counter of packets ``lost`` in a number that grows constantly and wraps; jumps of over 100,000 restart it."""
 
-    def __init__(self, wrap: int = 1 << 62) -> None:
+    def __init__(self, wrap: int = NO_END) -> None:
         self.lost = 0
         self._wrap = wrap
         self._last: int | None = None

@@ -35,6 +35,8 @@ class HesaiDecoder:
     firing give one point. If asked for ``returns``, points have a ``return_number``.
     """
 
+    places_end = 1 << 32
+
     def __init__(self, model: HesaiModel, scan: Scan, *, returns: bool) -> None:
         self.facts = SensorFacts(model.name, {"intensity": "reflectivity, 0 to 255"})
         self.facts.details |= EXPERIMENTAL if model.is_experimental else {}
@@ -44,6 +46,15 @@ class HesaiDecoder:
         """Parts of incomplete revolutions: points, number of slots, and the time of the last one."""
         self._clock = SensorClock(self.facts)
         self._numbered, self._timed = LossCounter(wrap=1 << 32), LossCounter()
+
+    def places(self, packets: Packets) -> NDArray[np.int64]:
+        """Return the numbers of data packets, shape (P,), or their times in microseconds; -1 for other packets."""
+        layout = self._model.layouts.get(packets.payloads.shape[1])
+        if layout is None:
+            return np.full(len(packets), -1)
+        data = view_packets(packets.payloads, layout)
+        is_numbered = "sequence" in (layout.names or ())
+        return data["sequence"].astype(np.int64) if is_numbered else utc_ns(data) // 1000 % self.places_end
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
         """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""

@@ -150,6 +150,7 @@ class OusterDecoder:
         self._rows, returns = len(metadata.altitude_rad), len(profile.ranges)
         self._layout = packet_layout(metadata.profile, self._rows, metadata.packet_columns)
         self._expected = metadata.expected_packets()
+        self.places_end = 0x10000 * len(self._expected)
         unit_m = np.float32(profile.range_unit_mm / 1000)
         directions, origins = metadata.directions()
         self._directions, self._origins = directions * unit_m, origins
@@ -160,6 +161,13 @@ class OusterDecoder:
         self._waiting: Packets | None = None
         self._pending: list[Packets] = []
         self._is_first = True
+
+    def places(self, packets: Packets) -> NDArray[np.int64]:
+        """Return the number of each data packet since the revolution with the frame id 0, shape (P,); -1 for others."""
+        data = view_packets(packets.payloads, self._layout)
+        if not len(data):
+            return np.full(len(packets), -1)
+        return frame_ids(data) * len(self._expected) + first_columns(data) // self._metadata.packet_columns
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
         """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
@@ -183,7 +191,7 @@ class OusterDecoder:
         """Add packets with measurements; a last one with another frame id waits for its successor."""
         if self._waiting is not None:
             packets, self._waiting = Packets.joined([self._waiting, packets]), None
-        places = self._places(packets)
+        places = self.places(packets)
         ids = places // len(self._expected)
         starts = np.append(0, np.flatnonzero(np.diff(ids)) + 1).tolist()
         for start, end in zip(starts, [*starts[1:], len(ids)], strict=True):
@@ -198,15 +206,10 @@ class OusterDecoder:
             yield from self._collect(int(ids[start]), run)
             self._place = int(places[end - 1])
 
-    def _places(self, packets: Packets) -> NDArray[np.int64]:
-        """Return the number of each packet since the revolution with the frame id 0, shape (P,)."""
-        data = view_packets(packets.payloads, self._layout)
-        return frame_ids(data) * len(self._expected) + first_columns(data) // self._metadata.packet_columns
-
     def finish(self) -> Iterator[PacketFrame]:
         """Yield the remaining points as frames."""
         if self._waiting is not None:
-            yield from self._collect(int(self._places(self._waiting)[0]) // len(self._expected), self._waiting)
+            yield from self._collect(int(self.places(self._waiting)[0]) // len(self._expected), self._waiting)
             self._waiting = None
         if self._pending:
             yield self._complete(is_last=True)

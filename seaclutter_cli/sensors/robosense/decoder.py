@@ -12,6 +12,7 @@ from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.packets import (
     DAY_NS,
     EXPERIMENTAL,
+    NO_END,
     DecoderOptions,
     LossCounter,
     PacketFamily,
@@ -240,6 +241,8 @@ class RoboSenseDecoder:
     State: the blocks of the current revolution (about 200 kB), the azimuth of the last block, and the clock.
     """
 
+    places_end = NO_END
+
     def __init__(self, device: Device, angles: Angles, warnings: list[str], sample: Packets) -> None:
         self._device = device
         self._geometry = Geometry(device, angles)
@@ -261,10 +264,21 @@ class RoboSenseDecoder:
         if wrong:
             warnings.append("the sensor clock is off by more than a day: times are shifted to the recording time")
 
+    def places(self, packets: Packets) -> NDArray[np.int64]:
+        """Return the times of data packets, shape (P,), and -1 for device information and others."""
+        is_data = self._are_data(packets)
+        if not is_data.any():
+            return np.full(len(packets), -1)
+        times_ns = header_times(data_packets(self._device.model, packets.payloads), is_utc=self._is_utc)
+        return np.where(is_data, times_ns, -1)
+
+    def _are_data(self, packets: Packets) -> NDArray[np.bool_]:
+        return _are(packets.payloads, self._device.model.format.id, {self._device.model.packet_bytes})
+
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
         """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
         model = self._device.model
-        is_data = _are(packets.payloads, model.format.id, {model.packet_bytes})
+        is_data = self._are_data(packets)
         if not is_data.all():
             is_info = _are(packets.payloads, INFO_ID[:4], {INFO_BYTES})
             self.facts.bad_packets += int((~is_data & ~is_info).sum())

@@ -11,6 +11,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.packets import (
     EXPERIMENTAL,
+    NO_END,
     DecoderOptions,
     PacketFamily,
     PacketFrame,
@@ -102,6 +103,8 @@ class RoboSenseSolid(PacketFamily):
 class SolidDecoder:
     """Decoder for the packets of one sensor. A frame ends where the numbers of packets begin again."""
 
+    places_end = NO_END
+
     def __init__(self, model: SolidModel) -> None:
         details = {"angles": "in the packets", "intensity": "reflectivity, 0 to 255"}
         self.facts = SensorFacts(model.name, details | EXPERIMENTAL)
@@ -110,6 +113,11 @@ class SolidDecoder:
         self._size = self._end_ns = self._longest = 0
         self._number: int | None = None
         self._begins_late = False
+
+    def places(self, packets: Packets) -> NDArray[np.int64]:
+        """Return the times of data packets, shape (P,), and -1 for device information."""
+        data = view_packets(packets.payloads, self._model.packet)
+        return header_times(data, is_utc=True) if len(data) else np.full(len(packets), -1)
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
         """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""

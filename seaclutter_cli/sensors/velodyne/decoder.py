@@ -226,6 +226,8 @@ class VelodyneDecoder:
     sector is known. A packet in which a revolution ends is duplicated; each copy keeps the channels of one revolution.
     """
 
+    places_end = _HOUR_NS // 1000
+
     def __init__(self, factory: int, options: DecoderOptions) -> None:
         """Select the model and read its calibration."""
         self._factory, self._model = factory, _choose_model(factory, options.model)
@@ -245,6 +247,11 @@ class VelodyneDecoder:
         self._packets = np.empty(0, PACKET)
         self._times_ns = np.empty(0, np.int64)
         self._starts_at_cut = False
+
+    def places(self, packets: Packets) -> NDArray[np.int64]:
+        """Return the times of data packets in the hour, shape (P,), in microseconds; -1 for position packets."""
+        views = view_packets(packets.payloads, PACKET)
+        return views["time_us"].astype(np.int64) if len(views) else np.full(len(packets), -1)
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
         """Yield the frames that these packets complete. Position packets are ignored; invalid packets are counted."""

@@ -252,7 +252,7 @@ class CaptureSource(Source):
         udp = Udp(self._file)
         try:
             for number, packets in udp.packets(self._reader(), kinds.get):
-                for frame in streams[number].decoder.add(packets):
+                for frame in streams[number].add(packets):
                     yield from merge.add(number, frame)
                 if end_ns is not None and merge.latest_ns >= end_ns:
                     yield from merge.finish()
@@ -260,7 +260,7 @@ class CaptureSource(Source):
         except LostDataError as error:
             self.add_damage(Damage(self._path, None, f"{error.problem}; the frames after this are missing"))
         for number, stream in enumerate(streams):
-            for frame in stream.decoder.finish():
+            for frame in stream.finish():
                 yield from merge.add(number, frame)
         yield from merge.finish()
         for number, stream in enumerate(streams):

@@ -22,7 +22,7 @@ _VERSIONS = {b"\x08\x00": 4, b"\x86\xdd": 6}
 _MAX_TAGS = 4
 _UDP, _HEADER = 17, Struct(">IHxx")
 _MAX_OTHERS, _MAX_HEADERS = 10_000, 64
-_MAX_OPEN, _MAX_BYTES = 64, 2**17
+_MAX_OPEN, _MAX_DONE, _MAX_BYTES = 64, 128, 2**17
 
 Flow = tuple[bytes, int]
 """Address of the sender, and its port and that of the receiver as one number."""
@@ -50,10 +50,14 @@ class _Header(NamedTuple):
 
 
 class _Fragments:
-    """Reassembly of up to 64 IPv4 datagrams; a new one replaces the oldest. ``lost`` counts the discarded ones."""
+    """Reassembly of up to 64 IPv4 datagrams; a new one replaces the oldest. ``lost`` counts the discarded ones.
+
+    Fragments of the last 128 complete ones are known, since each may be received again.
+    """
 
     def __init__(self) -> None:
         self._open: OrderedDict[bytes, dict[int, bytes]] = OrderedDict()
+        self._done: OrderedDict[bytes, dict[int, bytes]] = OrderedDict()
         self.lost = 0
 
     def add(self, key: bytes, offset: int, more: bool, piece: bytes) -> bytes | None:
@@ -61,6 +65,9 @@ class _Fragments:
 
         The key is sender, receiver and identification, the offset that of the fragment in the datagram in bytes.
         """
+        if self._done.get(key, {}).get(offset) == piece:
+            return None
+        self._done.pop(key, None)
         if self._open.get(key, {}).get(offset, piece) != piece:
             self._discard(key)  # the identification is reused
         if key not in self._open and len(self._open) >= _MAX_OPEN:
@@ -73,7 +80,9 @@ class _Fragments:
         while found := pieces.get(len(data)):
             data += found
         if len(data) in pieces:
-            del self._open[key]
+            self._done[key] = self._open.pop(key)
+            if len(self._done) > _MAX_DONE:
+                self._done.popitem(last=False)
             return data
         if sum(map(len, pieces.values())) > _MAX_BYTES:
             self._discard(key)

@@ -12,6 +12,7 @@ from seaclutter_cli.errors import CloudError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.records import Channel, Damage, Message
+from seaclutter_cli.sensors.order import PacketOrder
 from seaclutter_cli.sensors.packets import PacketDecoder, PacketFamily, PacketFrame, Packets
 from seaclutter_cli.text import count
 
@@ -63,6 +64,20 @@ class CloudStream:
     frames: int = 0
     partial: int = 0
 
+    def __post_init__(self) -> None:
+        self._order = PacketOrder(self.decoder)
+
+    def add(self, packets: Packets) -> Iterator[PacketFrame]:
+        """Yield the frames that the next packets complete."""
+        for part in self._order.add(packets):
+            yield from self.decoder.add(part)
+
+    def finish(self) -> Iterator[PacketFrame]:
+        """Yield the frames of the remaining packets."""
+        for part in self._order.finish():
+            yield from self.decoder.add(part)
+        yield from self.decoder.finish()
+
     def messages(self, frames: Iterable[PacketFrame]) -> Iterator[Message]:
         """Yield the messages of frames; those that cannot be written are damage."""
         channel = self.channel
@@ -83,12 +98,18 @@ class CloudStream:
 
     def conclude(self, path: Path, where: str, cut: int = 0) -> None:
         """Report, at the end, what was counted, also ``cut`` packets; ``where`` says where revolutions are partial."""
-        topic, facts = self.channel.topic, self.decoder.facts
+        topic, facts, order = self.channel.topic, self.decoder.facts, self._order
         if self.partial:
             facts.details["partial revolutions"] = f"{self.partial}, {where}"
         self.source.warn(*(f"{topic}: {text}" for text in facts.warnings))
-        if facts.lost_packets:
-            self.source.warn(f"{topic}: {count(facts.lost_packets, 'packet')} missing, counted from gaps")
+        for number, problem in (
+            (facts.lost_packets, "missing, counted from gaps"),
+            (order.repeated, "received again, left out"),
+            (order.moved, "received late, put in order"),
+            (order.late, "received too late, left out"),
+        ):
+            if number:
+                self.source.warn(f"{topic}: {count(number, 'packet')} {problem}")
         for number, problem in ((facts.bad_packets, "that cannot be decoded"), (cut, "truncated by the capture")):
             if number:
                 text = f"{topic}: {count(number, 'packet')} {problem}"

@@ -262,7 +262,7 @@ class PacketTopics(SourceWrapper):
             log_ns, publish_ns = stream.times_ns or (0, 0)
             stream.times_ns = max(latest_ns, log_ns), publish_ns
             yield from self._add(stream)
-            yield from stream.messages(stream.decoder.finish())
+            yield from stream.messages(stream.finish())
             stream.conclude(Path(self.name), "where the recording begins, pauses or ends")
 
     def _take(self, message: Message, streams: dict[int, _Stream]) -> _Stream | None:
@@ -294,7 +294,7 @@ class PacketTopics(SourceWrapper):
             stream.frame_id = stream.frame_id if read.frame_id is None else read.frame_id
         stream.scans += len(messages)
         for packets in runs(times_ns, payloads):
-            yield from stream.messages(stream.decoder.add(packets))
+            yield from stream.messages(stream.add(packets))
 
 
 def _points_topic(packets: Channel) -> str:

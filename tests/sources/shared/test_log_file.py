@@ -6,8 +6,10 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.sources.shared.log_file import FilePart, LogFile, LostDataError
 from tests.paths import ROOT
+from tests.sources.pcap.captures import frames, pcap
 from tests.sources.rosbag1.bags import LZ4, write_bag
 from tests.sources.rosbag2.test_db3 import write_file
+from tests.sources.shared.packet_bags import captured
 
 
 def test_slices(tmp_path):
@@ -53,8 +55,9 @@ SAMPLES = ROOT / "samples"
 
 
 def write_capture(path):
-    capture = (SAMPLES / "rs-lidar-32.pcap").read_bytes()
-    path.write_bytes(capture + capture[24:] * 9)
+    packets = captured(SAMPLES / "rs-lidar-32.pcap")
+    rows = [(time_ns + number * 10**9, data, 6699) for number in range(10) for time_ns, data in packets]
+    path.write_bytes(pcap(frames(rows)))
     return path
 
 
