@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -39,6 +39,7 @@ _DEFINITIONS = {
     "foxglove_msgs/TextPrimitive[] texts\nfoxglove_msgs/ModelPrimitive[] models",
     "SceneUpdate": "foxglove_msgs/SceneEntityDeletion[] deletions\nfoxglove_msgs/SceneEntity[] entities",
 }
+_MATCHING_ID = 0
 _PRIMITIVES = ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
 
 
@@ -54,31 +55,50 @@ class SceneBox:
 
 
 @dataclass(frozen=True)
+class SceneTrack:
+    """An object with its name, state, score, box, and velocity along x and y in metres per second."""
+
+    name: str
+    state: str
+    score: float
+    box: SceneBox
+    velocity: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class SceneUpdate:
-    """Boxes of one frame by groups, which replace those of the previous frame; an empty group removes its boxes."""
+    """Boxes of one frame by groups, which replace those of the previous frame; an empty group removes its boxes.
+
+    ``tracks`` by the id of their entities replace those of these ids; ``gone`` are ids of entities to delete.
+    """
 
     stamp_ns: int
     frame_id: str
     groups: Mapping[str, Sequence[SceneBox]]
+    tracks: Mapping[str, SceneTrack] = field(default_factory=dict)
+    gone: Sequence[str] = ()
 
     @property
     def content(self) -> Content:
         """Values of the fields of the message."""
-        entities = [
-            {
-                "timestamp": Time(self.stamp_ns),
-                "frame_id": self.frame_id.encode(errors="replace").decode(),
-                "id": name.encode(errors="replace").decode(),
-                "lifetime": Time(0),
-                "frame_locked": True,
-                "metadata": [],
-                **{kind: [] for kind in _PRIMITIVES},
-                "cubes": [_cube(box) for box in boxes],
-                "texts": [_text(box) for box in boxes if box.text],
-            }
-            for name, boxes in self.groups.items()
-        ]
-        return {"deletions": [], "entities": entities}
+        boxes = [self._entity(name, boxes) for name, boxes in self.groups.items()]
+        tracks = [self._entity(name, [track.box], track) for name, track in self.tracks.items()]
+        gone = [{"timestamp": Time(self.stamp_ns), "type": _MATCHING_ID, "id": name} for name in self.gone]
+        return {"deletions": gone, "entities": boxes + tracks}
+
+    def _entity(self, name: str, boxes: Sequence[SceneBox], track: SceneTrack | None = None) -> dict[str, Any]:
+        return {
+            "timestamp": Time(self.stamp_ns),
+            "frame_id": self.frame_id.encode(errors="replace").decode(),
+            "id": name.encode(errors="replace").decode(),
+            "lifetime": Time(0),
+            "frame_locked": True,
+            "metadata": _metadata(track) if track else [],
+            **{kind: [] for kind in _PRIMITIVES},
+            "arrows": [_arrow(track)] if track and any(track.velocity) else [],
+            "cubes": [_cube(box) for box in boxes],
+            "texts": [_text(box) for box in boxes if box.text],
+        }
 
 
 def scene_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[Content], bytes]]:
@@ -91,23 +111,47 @@ def _typestore() -> Any:
     return make_typestore({f"foxglove_msgs/msg/{name}": f"{text}\n" for name, text in _DEFINITIONS.items()})
 
 
-def _cube(box: SceneBox) -> dict[str, Any]:
+def pose_of(box: SceneBox) -> dict[str, Any]:
+    """Return the pose of a box as the fields of a message."""
     rotation = {"x": 0.0, "y": 0.0, "z": math.sin(box.yaw / 2), "w": math.cos(box.yaw / 2)}
-    pose = {"position": _vector(box.center), "orientation": rotation}
-    return {"pose": pose, "size": _vector(box.size), "color": _color(box.color, 0.3)}
+    return {"position": vector(box.center), "orientation": rotation}
+
+
+def _cube(box: SceneBox) -> dict[str, Any]:
+    return {"pose": pose_of(box), "size": vector(box.size), "color": _color(box.color, 0.3)}
+
+
+def _arrow(track: SceneTrack) -> dict[str, Any]:
+    """Return an arrow as long as the way of one second."""
+    speed = math.hypot(*track.velocity)
+    course = SceneBox(track.box.center, (), math.atan2(track.velocity[1], track.velocity[0]), track.box.color)
+    shape = {"shaft_length": 0.8 * speed, "shaft_diameter": 0.2, "head_length": 0.2 * speed, "head_diameter": 0.4}
+    return {"pose": pose_of(course), **shape, "color": _color(track.box.color, 1.0)}
+
+
+def _metadata(track: SceneTrack) -> list[dict[str, str]]:
+    values = {
+        "id": track.name,
+        "state": track.state,
+        "score": f"{track.score:.3f}",
+        "vx_ms": f"{track.velocity[0]:.3f}",
+        "vy_ms": f"{track.velocity[1]:.3f}",
+    }
+    return [{"key": key, "value": value} for key, value in values.items()]
 
 
 def _text(box: SceneBox) -> dict[str, Any]:
     x, y, z = box.center
     pose = {
-        "position": _vector((x, y, z + box.size[2] / 2 + 1)),
+        "position": vector((x, y, z + box.size[2] / 2 + 1)),
         "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
     }
     style = {"billboard": True, "font_size": 14.0, "scale_invariant": True, "color": _color(box.color, 1.0)}
     return {"pose": pose, **style, "text": box.text.encode(errors="replace").decode()}
 
 
-def _vector(values: Sequence[float]) -> dict[str, float]:
+def vector(values: Sequence[float]) -> dict[str, float]:
+    """Return three numbers as the fields of a message."""
     return dict(zip("xyz", map(float, values), strict=True))
 
 

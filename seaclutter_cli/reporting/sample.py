@@ -1,6 +1,6 @@
 """Samples of frames: a subset of the points with reasons and truth; labelled boxes and clusters, for players, too."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import FrameTargets, Matches, finder_of, match_clusters, point_truth, targets_of
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
 from seaclutter_cli.interfaces import Labels
-from seaclutter_cli.messages.scene import SceneBox, SceneUpdate
+from seaclutter_cli.messages.scene import SceneBox, SceneTrack, SceneUpdate
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
 
@@ -120,14 +120,18 @@ def _rounded(values: NDArray[np.float64]) -> list[float]:
     return [round(float(value), 3) for value in values]
 
 
-def scene_updates(params: EvaluationParams, labels: Labels | None) -> Callable[[FilterResult], SceneUpdate]:
-    """Return a function that makes the scene update of a filtered frame: clusters and, with labels, boxes."""
+def scene_updates(
+    params: EvaluationParams,
+    labels: Labels | None,
+    tracks: Callable[[FilterResult], tuple[Mapping[str, SceneTrack], Sequence[str]]],
+) -> Callable[[FilterResult], SceneUpdate]:
+    """Return a function that makes the scene update of a filtered frame: clusters, tracks and, with labels, boxes."""
 
     def make(result: FilterResult) -> SceneUpdate:
         frame = result.frame
         found = boxes_of(result, labels.truth(frame) if labels else None, params)
         groups = {f"{frame.topic} {name}": boxes for name, boxes in found.items() if labels or name != "labels"}
-        return SceneUpdate(frame.stamp_ns, frame.cloud.frame_id, groups)
+        return SceneUpdate(frame.stamp_ns, frame.cloud.frame_id, groups, *tracks(result))
 
     return make
 

@@ -5,6 +5,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from itertools import chain
+from tempfile import TemporaryFile
 from time import perf_counter
 from typing import IO, Any
 
@@ -61,18 +63,25 @@ def filter_log(options: FilterOptions) -> "FilterSummary":
     """
     started, observer = perf_counter(), options.watching
     run = filter_run(options, observer)
-    works, csv_file = run.begin(observer), options.csv_file
+    works, csv_file, objects_file = run.begin(observer), options.csv_file, options.objects_file
     with OutputGroup(replace=run.works[0].replaces) as files:
         with ExitStack() as stack:
             # A single log appears together with the table, after it. Of several, each appears when it is complete.
             logs = stack.enter_context(OutputGroup(files))
             table = stack.enter_context(AtomicFile(csv_file, files)) if csv_file else None
+            objects = stack.enter_context(AtomicFile(objects_file, files)) if objects_file else None
             if table:
                 _frame_table(works[0].config, table.stream).write_header()
             if run.is_alone:
-                works = [replace(works[0], group=logs, table=table.stream if table else None)]
+                spool = stack.enter_context(TemporaryFile(dir=objects.part.parent)) if objects else None
+                works = [replace(works[0], group=logs, table=table.stream if table else None, spool=spool)]
             outcomes = run.do(works, observer, partial(_append, table))
-        if not may_appear([csv_file], outcomes, observer):
+            if objects and objects_file:
+                from seaclutter_cli.sinks.object_files import write_objects
+
+                found = (one.objects for one in outcomes if one.objects and not one.error)
+                write_objects(objects_file, objects.stream, chain.from_iterable(found))
+        if not may_appear([csv_file, objects_file], outcomes, observer):
             files.discard()
     run.list_outputs(outcomes)
     return FilterSummary(outcomes, perf_counter() - started)
@@ -86,6 +95,10 @@ def filter_run(options: FilterOptions, observer: Observer, *, ahead: bool = True
     """
     if options.labels and not options.with_scene:
         raise UsageError("--labels: only used for the boxes of --with-scene; add that option or leave out --labels")
+    if options.objects_file:
+        from seaclutter_cli.sinks.object_files import check_objects_file  # not needed without
+
+        check_objects_file(options.objects_file)
     return LogRun(options, observer, partial(FilterWork, config=configured(options)), ahead=ahead)
 
 
@@ -94,7 +107,7 @@ class FilterOutcome(LogOutcome):
     """Outcome of filtering one recording.
 
     ``edges`` are those of the range rings of the method in metres, if it has any; ``has_water`` is whether it estimates
-    the water; ``rows`` are those of the table of frames, if there is one.
+    the water; ``rows`` are those of the table of frames, ``objects`` those of the table of objects, if there is one.
     """
 
     data = f"{LogOutcome.data} topics=sums"
@@ -102,6 +115,7 @@ class FilterOutcome(LogOutcome):
     edges: Sequence[float]
     has_water: bool = False
     rows: PackedRows | None = field(default=None, repr=False)
+    objects: PackedRows | None = field(default=None, repr=False)
 
     @property
     def points_out(self) -> int:
@@ -213,24 +227,29 @@ def _frame_table(config: Config, rows: "PackedRows | IO[bytes]") -> FrameTable:
 class FilterWork(LogWork[FilterOutcome, FilterOptions]):
     """Filtering of one recording with a configuration; of a ``complete`` output, only rows of the table are read.
 
-    The rows of the table are in the outcome unless a ``table`` receives them as they come.
+    The rows of the table are in the outcome unless a ``table`` receives them as they come; those of the table of
+    objects are in memory unless there is a file for them, ``spool``.
     """
 
     config: Config
     table: IO[bytes] | None = None
+    spool: IO[bytes] | None = None
 
     @property
     def is_done(self) -> bool:
         """Whether nothing is left to do: rows of a table still have to be read."""
-        return super().is_done and not self.options.csv_file
+        return super().is_done and not self.options.csv_file and not self.options.objects_file
 
     def run(self, observer: Observer) -> FilterOutcome:
         """Filter the recording, unless its output is complete and has the diagnostics that the table needs."""
         if self.complete:
             self.complete.rows = PackedRows()
-            if _read_rows(self.complete, _frame_table(self.config, self.complete.rows)):
+            if self.options.objects_file:
+                observer.note("filtered again, for the table of objects")
+            elif _read_rows(self.complete, _frame_table(self.config, self.complete.rows)):
                 return self.complete
-            observer.note("filtered again; the output lacks the diagnostics that the table needs")
+            else:
+                observer.note("filtered again; the output lacks the diagnostics that the table needs")
         return super().run(observer)
 
     def clouds(self, source: Source) -> list[Channel]:
@@ -263,7 +282,12 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         checks = {topic: _FitChecks(self.config, source, topic, observer) for topic in topics}
         outcome.rows = PackedRows() if self.options.csv_file and not self.table else None
         rows = self.table or outcome.rows
-        tables = [_frame_table(self.config, rows)] if rows else []
+        tables: list[Sink] = [_frame_table(self.config, rows)] if rows else []
+        if self.options.objects_file:
+            from seaclutter_cli.runs.objects import object_table
+
+            outcome.objects = PackedRows(self.spool)
+            tables.append(object_table(self.config, outcome.objects))
         with self.progress(source, observer, clouds) as step:
 
             def on_result(result: FilterResult) -> None:
@@ -288,8 +312,10 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         if not self.options.with_scene:
             return options
         from seaclutter_cli.reporting.sample import scene_updates
+        from seaclutter_cli.sinks.live_objects import LiveObjects
 
-        return replace(options, scene=scene_updates(config.evaluation, labels))
+        live = LiveObjects(config.evaluation.cluster_tolerance_m, config.evaluation.min_cluster_points)
+        return replace(options, objects=live, scene=scene_updates(config.evaluation, labels, live.tracks))
 
 
 def _read_rows(complete: FilterOutcome, table: FrameTable) -> bool:

@@ -216,7 +216,11 @@ class LogRun(Generic[W]):
         configs = [work.config for work in self.works[:1] if hasattr(work, "config")]
         self.inputs = inputs_of(recordings, options.reading, getattr(options, "config", None), configs)
         self.root = Root(Path(options.output), OUTPUT_FORMATS[form].marker)
-        self.others: Paths = {"--csv": getattr(options, "csv_file", None), "--manifest": options.batch.manifest}
+        self.others: Paths = {
+            "--csv": getattr(options, "csv_file", None),
+            "--objects": getattr(options, "objects_file", None),
+            "--manifest": options.batch.manifest,
+        }
         self.is_alone = options.batch.runs_here(len(recordings))
 
     def prepare(self, observer: Observer, *, dry: bool = False) -> None:

@@ -1,6 +1,5 @@
 """Objects of recordings: what was there, where, how large, and how it moved."""
 
-import csv
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
@@ -22,12 +21,12 @@ from seaclutter_cli.runs.options.logs import ObjectsOptions
 from seaclutter_cli.runs.outputs import PackedRows, may_appear
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.sinks.csv import csv_line
+from seaclutter_cli.sinks.object_files import check_objects_file, parsed, write_objects
 from seaclutter_cli.sinks.objects import COLUMNS, ObjectTable, TrackSummary
 from seaclutter_cli.text import count, printable, table
 
 _MOST_SHOWN = 20
-KINDS = tuple(COLUMNS.items())
+_TYPES = {str: object, int: np.int64, float: np.float64}
 
 
 @function_of(ObjectsOptions)
@@ -49,6 +48,7 @@ def find_objects(options: ObjectsOptions) -> "ObjectsResult":
     (('frame', 'stamp_ns', 'track_id', 'state'), 2)
     """
     observer, config = options.watching, _configured(options)
+    check_objects_file(options.output)
     pairs = prepared(options.logs, options, {"-o": options.output}, observer, [config])
     works = [_ObjectsWork(options.reading, *each, config) for each in pairs]
     with OutputGroup(replace=options.force) as files:
@@ -58,9 +58,8 @@ def find_objects(options: ObjectsOptions) -> "ObjectsResult":
                 works = [replace(works[0], spool=stack.enter_context(TemporaryFile(dir=target.part.parent)))]
             outcomes = run_all(works, options.batch, observer)
             result = ObjectsResult(outcomes)
-            if target:
-                target.stream.write(csv_line(COLUMNS))
-                target.stream.writelines(result.lines())
+            if target and options.output:
+                write_objects(options.output, target.stream, result.lines())
         if not may_appear([options.output], outcomes, observer):
             files.discard()
     return result
@@ -164,12 +163,8 @@ class ObjectsResult(RecordingsResult):
 
     def table(self) -> NDArray[np.void]:
         """Return the table as an array with a field for each column."""
-        types = [(name, object if kind is str else np.int64 if kind is int else np.float64) for name, kind in KINDS]
-        text = (line.decode(errors="surrogateescape") for line in self.lines())
-        rows = [
-            tuple(kind(cell) if cell or kind is str else np.nan for (_, kind), cell in zip(KINDS, row, strict=True))
-            for row in csv.reader(text)
-        ]
+        types = [(name, _TYPES[kind]) for name, kind in COLUMNS.items()]
+        rows = [tuple(np.nan if value is None else value for value in row) for row in parsed(self.lines())]
         return np.array(rows, types)
 
     def as_text(self) -> str:

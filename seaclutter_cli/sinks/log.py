@@ -14,6 +14,8 @@ from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import CloudCodec, Source
 from seaclutter_cli.messages import find_codec, has_fixed_fields
 from seaclutter_cli.messages.definitions import points_channel
+from seaclutter_cli.messages.detections import TOPIC as OBJECTS_TOPIC
+from seaclutter_cli.messages.detections import detections_format
 from seaclutter_cli.messages.diagnostics import PLAIN, WATER, Diagnostics, diagnostics_format
 from seaclutter_cli.messages.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
 from seaclutter_cli.messages.metadata import (
@@ -110,6 +112,8 @@ class LogSink(ExitStack):
 
     def copy(self, record: Message | Attachment | Metadata) -> None:
         """Write a record unchanged."""
+        if self._options.objects:
+            self._options.objects.copy(record)
         if isinstance(record, Message):
             if self._takes(record.channel):
                 self._make_room(record, len(record.data))
@@ -213,6 +217,10 @@ class LogSink(ExitStack):
             encoding, schema, draw = scene_format(text)
             number, _ = self._shared_channel(Channel(_NEW, SCENE_TOPIC, encoding, schema), taken)
             outputs.append((number, lambda result: draw(scene(result).content)))
+        if live := options.objects:
+            encoding, schema, write = detections_format(text)
+            number, _ = self._shared_channel(Channel(_NEW, OBJECTS_TOPIC, encoding, schema), taken)
+            outputs.append((number, lambda result: write(live.detections(result).content)))
         return outputs
 
     def _shared_channel(self, channel: Channel, taken: set[str]) -> tuple[int, str]:

@@ -9,8 +9,10 @@ import numpy as np
 
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Source
+from seaclutter_cli.messages.navigation import Fix, Navigation, on_earth
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
 from seaclutter_cli.sinks.csv import csv_line
+from seaclutter_cli.tracking.detections import Pose
 from seaclutter_cli.tracking.follow import CONFIRMED, LOST, Follower, FrameObjects
 
 COLUMNS = {
@@ -29,6 +31,7 @@ COLUMNS = {
     "sides": int,
     "first_ns": int,
     "last_ns": int,
+    **dict.fromkeys(("latitude_deg", "longitude_deg"), float),
 }
 """Columns of the table and the types of their values; numbers with a fraction may be empty."""
 
@@ -59,23 +62,25 @@ class ObjectTable:
         self._write = write
         self._new = partial(Follower, tolerance_m, min_points)
         self._followers: dict[str, Follower] = {}
-        self._recording = ""
+        self._recording, self._navigation = "", Navigation()
         self.frames = 0
         self.tracks: dict[tuple[str, int], TrackSummary] = {}
 
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:
         """Start a recording."""
-        self._recording = source.name
+        self._recording, self._navigation = source.name, Navigation()
         self._followers = {channel.topic: self._new() for channel in clouds}
 
     def copy(self, record: Message | Attachment | Metadata) -> None:
-        """Ignore other records."""
+        """Receive messages about own ship's motion."""
+        if isinstance(record, Message):
+            self._navigation.see(record)
 
     def write(self, result: FilterResult) -> None:
         """Follow the objects of a frame; write the rows of frames that are complete."""
-        topic = result.frame.topic
         self.frames += 1
-        self._write_all(topic, self._followers[topic].add(result, None))
+        topic = result.frame.topic
+        self._write_all(topic, self._followers[topic].add(result, pose_of(self._navigation, result)))
 
     def end(self) -> None:
         """Write the rows of all frames that are left."""
@@ -84,7 +89,8 @@ class ObjectTable:
 
     def _write_all(self, topic: str, frames: Iterable[FrameObjects]) -> None:
         for frame in frames:
-            for row in rows_of(frame):
+            fix = self._navigation.fix(frame.frame_id.lstrip("/"), frame.stamp_ns)
+            for row in rows_of(frame, fix):
                 self._write(csv_line((self._recording, topic, *row)))
             self._sum_up(topic, frame)
 
@@ -99,11 +105,22 @@ class ObjectTable:
             one.score, one.over_ground = round(float(frame.scores[k]), 3), frame.over_ground
 
 
-def rows_of(frame: FrameObjects) -> Iterable[Sequence[object]]:
-    """Return the rows of the objects of a frame, from the column ``frame`` on; to a millimetre or a thousandth."""
+def pose_of(navigation: Navigation, result: FilterResult) -> Pose | None:
+    """Return the pose of the lidar in a frame; None if it is not known."""
+    frame = result.frame
+    pose = navigation.pose(frame.cloud.frame_id.lstrip("/"), frame.stamp_ns)
+    return Pose(*pose) if pose else None
+
+
+def rows_of(frame: FrameObjects, fix: Fix | None) -> Iterable[Sequence[object]]:
+    """Return the rows of the objects of a frame, from the column ``frame`` on; to a millimetre or a thousandth.
+
+    The place of the lidar on earth is given if it is known.
+    """
     speed, course = np.hypot(*frame.velocities.T), np.arctan2(frame.velocities[:, 1], frame.velocities[:, 0])
     numbers = np.column_stack((frame.centers, frame.sizes, frame.yaws, speed, course)).round(3) + 0.0
     tops = [round(top, 3) if np.isfinite(top) else "" for top in frame.tops_m.tolist()]
+    places = on_earth(fix, frame.centers[:, :2]).round(8).tolist() if fix else [("", "")] * len(tops)
     velocity = OVER_GROUND if frame.over_ground else RELATIVE
     each = zip(
         frame.tracks,
@@ -114,7 +131,8 @@ def rows_of(frame: FrameObjects) -> Iterable[Sequence[object]]:
         tops,
         (1 + frame.measured).tolist(),
         frame.spans_ns.tolist(),
+        places,
         strict=True,
     )
-    for track, state, values, points, score, top, sides, span in each:
-        yield (frame.index, frame.stamp_ns, track, state, *values, velocity, points, score, top, sides, *span)
+    for track, state, values, points, score, top, sides, span, place in each:
+        yield (frame.index, frame.stamp_ns, track, state, *values, velocity, points, score, top, sides, *span, *place)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.frame import FilterResult
     from seaclutter_cli.messages.scene import SceneUpdate
     from seaclutter_cli.records import Metadata
+    from seaclutter_cli.sinks.live_objects import LiveObjects
 
 FORMATS = ("mcap", "bag", "rosbag2-db3", "rosbag2-mcap", "pcd", "las", "laz", "npz")
 """The keys of `OUTPUT_FORMATS`, whose import would slow down the help."""
@@ -172,6 +173,9 @@ class McapOptions(Options):
     water: bool = option("", "Whether the method estimates the water, for the diagnostics.", default=False)
     scene: Callable[[FilterResult], SceneUpdate] | None = option(
         "", "Function that returns the boxes of a filtered frame.", default=None, kind=Anything()
+    )
+    objects: LiveObjects | None = option(
+        "", "Objects of filtered frames, with ids and velocities.", default=None, kind=Anything()
     )
     record: Callable[[], Metadata] | None = option(
         "", "Function that returns the record of the run when all frames are written.", default=None, kind=Anything()

@@ -67,11 +67,17 @@ class _Waiting:
 
 
 class Follower:
-    """The objects of the frames of one topic; complete after up to ``context_s``, twice that at most."""
+    """The objects of the frames of one topic.
 
-    def __init__(self, tolerance_m: float, min_points: int, context_s: float = _CONTEXT_S) -> None:
+    They are smoothed with the frames of ``context_s`` before and after, and complete after twice that; with ``live``,
+    they are complete at once, without later frames.
+    """
+
+    def __init__(
+        self, tolerance_m: float, min_points: int, context_s: float = _CONTEXT_S, *, live: bool = False
+    ) -> None:
         self._clustering = tolerance_m, min_points
-        self._context_s = context_s
+        self._context_s, self._ahead_s = context_s, 0.0 if live else context_s
         self._tracker = Tracker()
         self._frames: deque[_Waiting] = deque()
         self._done = 0
@@ -88,6 +94,8 @@ class Follower:
         elif time_s <= last_s and self._frames:
             time_s = last_s + 1e-3  # a clock that stood or stepped back
         over_ground = pose is not None
+        if self._frames and over_ground != self._frames[-1].over_ground:
+            yield from self.finish()
         pose = pose or Pose()
         found = Detections.of(result, *self._clustering).moved(pose)
         tracks = self._tracker.step(found, time_s)
@@ -96,8 +104,8 @@ class Follower:
         names = frame.index, frame.stamp_ns, frame.cloud.frame_id
         self._frames.append(_Waiting(*names, time_s, pose, over_ground, result.water, found, rows, known))
         self._records += len(rows)
-        if time_s - self._frames[self._done].time_s >= 2 * self._context_s or self._records > _MAX_WAITING:
-            yield from self._complete(time_s - self._context_s)
+        if time_s - self._frames[self._done].time_s >= 2 * self._ahead_s or self._records > _MAX_WAITING:
+            yield from self._complete(time_s - self._ahead_s)
 
     def finish(self) -> Iterator[FrameObjects]:
         """Yield the objects of all frames that wait, and begin anew."""

@@ -14,9 +14,10 @@ _GATE_M, _GATE_SIGMAS, _MAX_GATE_M = 0.8, 2.0, 8.0
 _LEAST_OVERLAP = 0.25
 _DISTANCE_WEIGHT, _NEW_PENALTY = 0.5, 0.3
 _SPEED_MS = 4.0
-_ACCELERATION = 1.0
-_JITTER_M, _JITTER_SHARE = 0.15, 0.1
-_KNOWN_AFTER_S, _NEW_COAST_S, _COAST_S = 0.5, 0.5, 4.0
+_ACCELERATION = 0.1
+_JITTER_M, _JITTER_SHARE, _LEARNED = 0.15, 0.1, 0.2
+_STEP_M, _STEP_SPEED_MS, _MAX_STEP_M = 0.4, 5.0, 4.0
+_KNOWN_AFTER_S, _NEW_COAST_S, _COAST_S = 0.5, 0.5, 5.0
 _SLACK_S = 1e-6
 
 
@@ -25,7 +26,8 @@ class Track:
     """An object over time, as it was when last seen.
 
     ``center`` and ``velocity``, shape (2,), are filtered; ``variance`` are those of position, both, and velocity.
-    ``cells``, shape (m, 2), are its parts. It was seen in ``hits`` of the frames since ``first_s``.
+    ``cells``, shape (m, 2), are its parts, ``jitter_m`` is by how far detections miss the place where they are
+    expected. It was seen in ``hits`` of the frames since ``first_s``, and missed in others.
     """
 
     number: int
@@ -35,6 +37,7 @@ class Track:
     seen_s: float
     velocity: Floats
     variance: tuple[float, float, float]
+    jitter_m: float
     hits: int = 1
     misses: int = 0
 
@@ -59,17 +62,25 @@ class Track:
             velocity + q * dt,
         )
 
-    def gate_m(self, time_s: float) -> float:
-        """Return the distance from the place where its parts are expected within which they may be."""
-        return min(_GATE_M + _GATE_SIGMAS * math.sqrt(self.predicted(time_s)[0]), _MAX_GATE_M)
+    def gate_m(self, time_s: float, interval_s: float) -> float:
+        """Return the distance from the place where its parts are expected within which they may be.
+
+        Slow scans, whose frames are ``interval_s`` apart, see other parts of a body each time.
+        """
+        spread = math.sqrt(self.predicted(time_s)[0] + self.jitter_m**2)
+        step = min(_STEP_M + _STEP_SPEED_MS * interval_s, _MAX_STEP_M)
+        return min(max(_GATE_M + _GATE_SIGMAS * spread, step), _MAX_GATE_M)
 
     def update(self, center: Floats, cells: Floats, time_s: float, jitter_m: float) -> None:
         """Add a detection (Kalman filter of constant velocity)."""
         position, both, velocity = self.predicted(time_s)
+        jitter_m = max(jitter_m, self.jitter_m)
         gain = position / (position + jitter_m**2), both / (position + jitter_m**2)
         expected = self.center + self.velocity * (time_s - self.seen_s)
         off = center - expected
         self.center, self.velocity = expected + gain[0] * off, self.velocity + gain[1] * off
+        unexplained = max(float(off @ off) / 2 - position, 0.0)
+        self.jitter_m = math.sqrt((1 - _LEARNED) * self.jitter_m**2 + _LEARNED * unexplained)
         self.variance = (1 - gain[0]) * position, (1 - gain[0]) * both, velocity - gain[1] * both
         self.cells, self.seen_s = cells, time_s
         self.hits += 1
@@ -90,7 +101,7 @@ class Tracker:
         splits = np.split(found.cells, np.flatnonzero(np.diff(found.owner)) + 1) if len(found) else []
         sizes = np.hypot(*np.ptp(found.hulls, axis=1).T) if len(found) else np.empty(0)
         result: list[Track | None] = [None] * len(found)
-        pairs, covered = self._pairs(found, time_s)
+        pairs, covered = self._pairs(found, time_s, interval_s)
         for t, d in pairs:
             track = self._tracks[t]
             track.update(found.centers[d], splits[d], time_s, _JITTER_M + _JITTER_SHARE * sizes[d])
@@ -108,10 +119,12 @@ class Tracker:
     def _begin(self, center: Floats, cells: Floats, time_s: float, jitter_m: float) -> Track:
         self._born += 1
         variance = jitter_m**2, 0.0, _SPEED_MS**2
-        self._tracks.append(Track(self._born, center, cells, time_s, time_s, np.zeros(2), variance))
+        self._tracks.append(Track(self._born, center, cells, time_s, time_s, np.zeros(2), variance, jitter_m))
         return self._tracks[-1]
 
-    def _pairs(self, found: Detections, time_s: float) -> tuple[list[tuple[int, int]], NDArray[np.bool_]]:
+    def _pairs(
+        self, found: Detections, time_s: float, interval_s: float
+    ) -> tuple[list[tuple[int, int]], NDArray[np.bool_]]:
         """Return which track each detection continues, and which tracks lie in detections at all, shape (T,).
 
         The pairs with the most common cells and the nearest centres are taken first, kept detections before others.
@@ -122,7 +135,7 @@ class Tracker:
         from scipy.spatial import cKDTree  # slow to import
 
         moved = [one.velocity * (time_s - one.seen_s) for one in tracks]
-        gate = np.array([one.gate_m(time_s) for one in tracks])
+        gate = np.array([one.gate_m(time_s, interval_s) for one in tracks])
         cells = np.concatenate([one.cells + shift for one, shift in zip(tracks, moved, strict=True)])
         owner = np.repeat(np.arange(len(tracks)), [len(one.cells) for one in tracks])
         shape = len(tracks), len(found)

@@ -2,12 +2,15 @@
 
 import csv
 import json
+import sys
 
 import pytest
 from click.testing import CliRunner
 
 import seaclutter
 from seaclutter_cli.commands import cli
+from seaclutter_cli.sinks.csv import csv_line
+from seaclutter_cli.sinks.object_files import write_objects
 from seaclutter_cli.sinks.objects import COLUMNS
 from tests.paths import ROOT
 
@@ -46,3 +49,44 @@ def test_python_returns_the_same_table(table):
 def test_the_method_is_that_of_the_options():
     tracks = json.loads(run("objects", SEA, "-m", "joint", "-n", 30, "--json").stdout)["recordings"][0]["tracks"]
     assert len(tracks) == 2
+
+
+def test_filter_writes_the_same_table(tmp_path, table):
+    run("filter", SEA, "-m", "confirmed", "-o", tmp_path / "f.mcap", "--objects", tmp_path / "o.csv", "-q")
+    with (tmp_path / "o.csv").open(newline="") as file:
+        assert list(csv.DictReader(file)) == table
+
+
+def test_parquet_has_the_same_rows(tmp_path, table):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    run("objects", SEA, "-o", tmp_path / "o.parquet")
+    found = parquet.read_table(tmp_path / "o.parquet").to_pylist()
+    assert [str(row["x_m"]) for row in found] == [row["x_m"] for row in table]
+    assert {row["latitude_deg"] for row in found} == {None}
+
+
+def test_a_missing_library_is_named_with_its_extra(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    assert "seaclutter[parquet]" in run("objects", SEA, "-o", tmp_path / "o.parquet", code=1).stderr
+
+
+def test_tracks_on_earth_need_a_position(tmp_path):
+    assert "NavSatFix" in run("objects", SEA, "-n", 9, "-o", tmp_path / "o.geojson", code=1).stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_other_suffixes_are_refused(tmp_path):
+    assert ".csv, .parquet, .geojson" in run("objects", SEA, "-o", tmp_path / "o.xlsx", code=2).stderr
+
+
+def test_tracks_on_earth_are_lines(tmp_path):
+    row = dict.fromkeys(COLUMNS, "1") | {"state": "confirmed", "topic": "/points", "recording": "a"}
+    lines = [
+        csv_line((row | {"stamp_ns": k * 5 * 10**8, "latitude_deg": 60 + k, "longitude_deg": 10}).values())
+        for k in range(5)
+    ]
+    with (tmp_path / "o.geojson").open("wb") as stream:
+        write_objects(tmp_path / "o.geojson", stream, lines)
+    (feature,) = json.loads((tmp_path / "o.geojson").read_text())["features"]
+    assert feature["geometry"] == {"type": "LineString", "coordinates": [[10, 60], [10, 62], [10, 64]]}
+    assert feature["properties"]["track_id"] == 1

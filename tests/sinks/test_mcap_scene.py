@@ -2,12 +2,15 @@
 
 import json
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from seaclutter_cli.commands import cli
+from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.sinks.live_objects import LiveObjects
 from tests.commands.test_evaluate import make_labels, make_log
 from tests.logs import cloud_log
 from tests.paths import ROOT
@@ -57,7 +60,33 @@ def test_unconfirmed_clusters_are_named(tmp_path):
 def test_without_labels_there_are_clusters(log, tmp_path):
     filtered(log, tmp_path / "f.mcap", "--with-scene")
     found = scenes(tmp_path / "f.mcap")
-    assert [[entity.id for entity in message.entities] for message in found] == [["/points clusters"]] * 6
+    assert all(message.entities[0].id == "/points clusters" for message in found)
+    assert not any(entity.id.endswith("labels") for message in found for entity in message.entities)
+
+
+def test_objects_keep_their_ids(tmp_path):
+    filtered(ROOT / "samples" / "sea.mcap", tmp_path / "f.mcap", "-m", "confirmed", "-n", 20, "--with-scene")
+    last = {entity.id: entity for entity in scenes(tmp_path / "f.mcap")[-1].entities}
+    boat = last["/points object 1"]
+    assert (len(boat.cubes), len(boat.arrows)) == (1, 1)
+    assert 6 < float({pair.key: pair.value for pair in boat.metadata}["vy_ms"]) < 8
+    with AnyReader([tmp_path / "f.mcap"]) as reader:
+        chosen = [one for one in reader.connections if one.topic == "/seaclutter/objects"]
+        found = [reader.deserialize(data, one.msgtype) for one, _, data in reader.messages(connections=chosen)]
+    assert [[one.id for one in message.detections] for message in found] == [["1", "2"]] * 20
+    assert found[-1].detections[0].results[0].hypothesis.class_id == "confirmed"
+
+
+def test_entities_of_objects_that_are_gone_are_deleted():
+    live = LiveObjects(1.5, 5)
+    box = np.stack(np.meshgrid(np.arange(0, 3, 0.3), np.arange(20, 21, 0.3), [0.0, 0.5]), axis=-1).reshape(-1, 3)
+    results = []
+    for k in range(20):
+        points = box if k < 10 else np.array([[60.0, 60, 0]])
+        frame = Frame.of_arrays(points, np.full(len(points), 50.0), stamp_ns=10**9 + k * 10**8, index=k)
+        results.append(live.tracks(FilterResult(frame, np.zeros(len(points), np.uint8))))
+    assert [len(tracks) for tracks, _ in results] == [1] * 10 + [0] * 10
+    assert [gone for _, gone in results if gone] == [["/points object 1"]]
 
 
 def test_other_logs_than_ros_logs_get_json(tmp_path):

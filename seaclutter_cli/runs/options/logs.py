@@ -63,9 +63,13 @@ class FilterOptions(WritingLogs, LabelSources, ConfigOptions):
     """Options of a filter run."""
 
     csv_file: OptionalPath = option("--csv", "Also write a table with a row for each frame.", default=None)
+    objects_file: OptionalPath = option(
+        "--objects FILE", "Also write a table of objects over time, as the command `objects` does.", default=None
+    )
     with_scene: bool = option(
         "--with-scene",
-        "Write boxes around clusters, and those of --labels, to /seaclutter/scene, for 3D panels.",
+        "Write boxes around clusters, objects with their ids, and the boxes of --labels to /seaclutter/scene, for 3D "
+        "panels; objects also to /seaclutter/objects.",
         default=False,
     )
 

@@ -1,0 +1,244 @@
+"""Own ship's motion from the topics of a log: transforms, odometry and poses; positions on earth from fixes."""
+
+import math
+from bisect import bisect
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.errors import CloudError
+from seaclutter_cli.messages.definitions import full_name
+from seaclutter_cli.messages.serialisation import Reader
+from seaclutter_cli.records import Message
+
+Floats = NDArray[np.float64]
+
+_MAX_TRANSFORMS = 1000
+_KEPT, _MAX_EDGES, _MAX_DEPTH = 256, 256, 32
+_STALE_NS = 1_000_000_000
+_UPRIGHT = 0.5
+_BODY = ""
+"""Frame of poses that name none: the lidar, or own ship where transforms lead from the lidar to no other frame."""
+_CONTINUOUS, _EARTH = "odom", "earth"
+_EQUATOR_M, _SQUARED_ECCENTRICITY = 6_378_137.0, 6.69437999014e-3
+
+
+class _Sample(NamedTuple):
+    """Position and orientation (quaternion, w last) of a frame in its parent at a time."""
+
+    stamp_ns: int
+    at: Floats
+    turn: Floats
+
+
+@dataclass
+class _Edge:
+    """Samples of the transform of a frame to its parent, in the order of time."""
+
+    parent: str
+    samples: deque[_Sample] = field(default_factory=lambda: deque(maxlen=_KEPT))
+
+    def at(self, stamp_ns: int) -> _Sample | None:
+        """Return the transform at a time, between or shortly after samples; a single one is static."""
+        known = self.samples
+        if len(known) == 1:
+            return known[0]
+        k = min(max(bisect(known, stamp_ns, key=lambda one: one.stamp_ns), 1), len(known) - 1)
+        before, after = known[k - 1], known[k]
+        if not before.stamp_ns - _STALE_NS <= stamp_ns <= after.stamp_ns + _STALE_NS:
+            return None
+        share = (stamp_ns - before.stamp_ns) / max(after.stamp_ns - before.stamp_ns, 1)
+        sign = 1 if before.turn @ after.turn >= 0 else -1
+        turn = before.turn + share * (sign * after.turn - before.turn)
+        return _Sample(stamp_ns, before.at + share * (after.at - before.at), turn / np.linalg.norm(turn))
+
+
+class Fix(NamedTuple):
+    """Position on earth in degrees, and heading as the yaw of the x axis from east to north, in radians."""
+
+    latitude_deg: float
+    longitude_deg: float
+    yaw: float
+
+
+class Navigation:
+    """Own ship's motion, as far as the messages so far tell.
+
+    Transforms come from ``tf2_msgs/TFMessage`` and ``nav_msgs/Odometry``, a pose of own ship from
+    ``geometry_msgs/PoseStamped``, a position on earth from ``sensor_msgs/NavSatFix`` with the orientation of a
+    ``sensor_msgs/Imu``, or from transforms to the frame ``earth``. Of several parents of a frame, the first counts.
+    """
+
+    def __init__(self) -> None:
+        self._edges: dict[str, _Edge] = {}
+        self._fix: tuple[int, float, float] | None = None
+        self._imu: tuple[int, Floats, str] | None = None
+
+    def see(self, message: Message) -> None:
+        """Receive a message of any topic; those that cannot be read are left out."""
+        channel = message.channel
+        if channel.schema is None or channel.message_encoding not in ("cdr", "ros1"):
+            return
+        read = _READERS.get(full_name(channel.schema.name))
+        if read is None:
+            return
+        try:
+            read(self, Reader(message.data, 1 if channel.message_encoding == "ros1" else 2), message)
+        except CloudError:
+            return
+
+    def pose(self, frame_id: str, stamp_ns: int) -> tuple[float, float, float] | None:
+        """Return position and yaw of a frame in one that is fixed, in metres and radians; None if it is not known."""
+        found = self._in_fixed(frame_id, stamp_ns, _CONTINUOUS)
+        if found is None:
+            return None
+        at, turn, _ = found
+        axes = _matrix(turn)
+        if axes[2, 2] < _UPRIGHT:  # not upright: positions seen from above would be mirrored
+            return None
+        return float(at[0]), float(at[1]), math.atan2(axes[1, 0], axes[0, 0])
+
+    def fix(self, frame_id: str, stamp_ns: int) -> Fix | None:
+        """Return where on earth a frame is; None if it is not known."""
+        found = self._in_fixed(frame_id, stamp_ns, _EARTH)
+        if found is not None and found[2] == _EARTH:
+            return _from_earth(found[0], _matrix(found[1]))
+        if self._fix is None or self._imu is None:
+            return None
+        if max(abs(stamp_ns - self._fix[0]), abs(stamp_ns - self._imu[0])) > 2 * _STALE_NS:
+            return None
+        axes = _matrix(self._imu[1])
+        return Fix(*self._fix[1:], math.atan2(axes[1, 0], axes[0, 0]))
+
+    def _in_fixed(self, frame_id: str, stamp_ns: int, preferred: str) -> tuple[Floats, Floats, str] | None:
+        """Return position and orientation in the fixed frame, and its name; the topmost frame unless one is preferred.
+
+        None if no transform on the way changes, since the topmost frame is then part of own ship.
+        """
+        at, turn, name, moves = np.zeros(3), np.array([0.0, 0, 0, 1]), frame_id, False
+        for _ in range(_MAX_DEPTH):
+            edge = self._edges.get(name) or (self._edges.get(_BODY) if not moves else None)
+            if edge is None or (moves and name == preferred):
+                return (at, turn, name) if moves else None
+            sample = edge.at(stamp_ns)
+            if sample is None:
+                return None
+            at, turn = _matrix(sample.turn) @ at + sample.at, _product(sample.turn, turn)
+            moves |= len(edge.samples) > 1
+            name = edge.parent
+        return None
+
+    def _add(self, parent: str, child: str, sample: _Sample) -> None:
+        size = np.linalg.norm(sample.turn)
+        if not (np.isfinite(sample.at).all() and np.isfinite(size) and size > 0) or child == parent:
+            return
+        if child not in self._edges and len(self._edges) >= _MAX_EDGES:
+            return
+        edge = self._edges.setdefault(child, _Edge(parent))
+        if edge.parent == parent and (not edge.samples or edge.samples[-1].stamp_ns < sample.stamp_ns):
+            edge.samples.append(sample._replace(turn=sample.turn / size))
+
+    def _transforms(self, read: Reader, _message: Message) -> None:
+        for _ in range(read.length(_MAX_TRANSFORMS, "transform")):
+            head, child = read.header(), read.text()
+            self._add(_plain(head.frame_id), _plain(child), _sample(read, head.stamp_ns))
+
+    def _odometry(self, read: Reader, message: Message) -> None:
+        head, child = read.header(), read.text()
+        sample = _sample(read, head.stamp_ns or message.log_time_ns)
+        self._add(_plain(head.frame_id), _plain(child), sample)
+        if not any(name == _plain(child) for name in self._parents()):
+            self._add(_plain(head.frame_id), _BODY, sample)  # no transform from the lidar: its axes are taken for these
+
+    def _parents(self) -> Iterator[str]:
+        return (edge.parent for edge in self._edges.values())
+
+    def _pose(self, read: Reader, message: Message) -> None:
+        head = read.header()
+        self._add(_plain(head.frame_id), _BODY, _sample(read, head.stamp_ns or message.log_time_ns))
+
+    def _satellites(self, read: Reader, message: Message) -> None:
+        head, (status, _), (north, east, _) = read.header(), (read.number("b"), read.number("H")), read.numbers("ddd")
+        if status >= 0 and abs(north) <= 90 and abs(east) <= 180:
+            self._fix = head.stamp_ns or message.log_time_ns, north, east
+
+    def _orientation(self, read: Reader, message: Message) -> None:
+        head, turn, unknown = read.header(), np.array(read.numbers("dddd")), read.number("d")
+        size = np.linalg.norm(turn)
+        if (
+            unknown != -1
+            and np.isfinite(size)
+            and size > 0
+            and (self._imu is None or self._imu[2] == message.channel.topic)
+        ):
+            self._imu = head.stamp_ns or message.log_time_ns, turn / size, message.channel.topic
+
+
+_READERS: dict[str, Callable[[Navigation, Reader, Message], None]] = {
+    "tf2_msgs/msg/TFMessage": Navigation._transforms,  # noqa: SLF001 - a table of its own methods
+    "nav_msgs/msg/Odometry": Navigation._odometry,  # noqa: SLF001
+    "geometry_msgs/msg/PoseStamped": Navigation._pose,  # noqa: SLF001
+    "sensor_msgs/msg/NavSatFix": Navigation._satellites,  # noqa: SLF001
+    "sensor_msgs/msg/Imu": Navigation._orientation,  # noqa: SLF001
+}
+
+
+def on_earth(fix: Fix, xy: Floats) -> Floats:
+    """Return latitudes and longitudes in degrees, shape (N, 2), of positions in the axes of a fix, shape (N, 2)."""
+    cos, sin = math.cos(fix.yaw), math.sin(fix.yaw)
+    east, north = xy[:, 0] * cos - xy[:, 1] * sin, xy[:, 0] * sin + xy[:, 1] * cos
+    latitude = math.radians(fix.latitude_deg)
+    shrunk = 1 - _SQUARED_ECCENTRICITY * math.sin(latitude) ** 2
+    meridian = _EQUATOR_M * (1 - _SQUARED_ECCENTRICITY) / shrunk**1.5
+    parallel = max(_EQUATOR_M / math.sqrt(shrunk) * math.cos(latitude), 1.0)
+    places = fix.latitude_deg + np.degrees(north / meridian), fix.longitude_deg + np.degrees(east / parallel)
+    return np.stack(places, axis=1)
+
+
+def _from_earth(at: Floats, axes: Floats) -> Fix:
+    """Return the fix of a position and axes in the earth-fixed frame (WGS 84), by Bowring's formula."""
+    x, y, z = at.tolist()
+    flat, e2 = math.sqrt(1 - _SQUARED_ECCENTRICITY), _SQUARED_ECCENTRICITY
+    radius, polar_m = math.hypot(x, y), _EQUATOR_M * flat
+    reduced = math.atan2(z, flat * radius)
+    latitude = math.atan2(
+        z + e2 / (1 - e2) * polar_m * math.sin(reduced) ** 3, radius - e2 * _EQUATOR_M * math.cos(reduced) ** 3
+    )
+    longitude = math.atan2(y, x)
+    east = np.array([-math.sin(longitude), math.cos(longitude), 0])
+    up = np.array(
+        [math.cos(latitude) * math.cos(longitude), math.cos(latitude) * math.sin(longitude), math.sin(latitude)]
+    )
+    forward = axes[:, 0]
+    yaw = math.atan2(float(forward @ np.cross(up, east)), float(forward @ east))
+    return Fix(math.degrees(latitude), math.degrees(longitude), yaw)
+
+
+def _plain(frame_id: str) -> str:
+    return frame_id.lstrip("/")
+
+
+def _sample(read: Reader, stamp_ns: int) -> _Sample:
+    return _Sample(stamp_ns, np.array(read.numbers("ddd")), np.array(read.numbers("dddd")))
+
+
+def _product(first: Floats, second: Floats) -> Floats:
+    """Return the quaternion that turns by the second, then by the first."""
+    (a, p), (b, q) = ((turn[3], turn[:3]) for turn in (first, second))
+    return np.array([*(a * q + b * p + np.cross(p, q)), a * b - p @ q])
+
+
+def _matrix(turn: Floats) -> Floats:
+    """Return the rotation matrix of a quaternion."""
+    x, y, z, w = turn.tolist()
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

@@ -1,0 +1,139 @@
+"""Own ship's pose and place on earth, from messages that the ``rosbags`` library serialises."""
+
+import math
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from seaclutter_cli.messages.navigation import Fix, Navigation, on_earth
+from seaclutter_cli.records import Channel, Message, Schema
+
+STORES = {"cdr": get_typestore(Stores.ROS2_HUMBLE), "ros1": get_typestore(Stores.ROS1_NOETIC)}
+STORES["ros1"].register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms\n", "tf2_msgs/msg/TFMessage"))
+STAMP_NS = 1_700_000_000_000_000_000
+
+
+@pytest.fixture(params=STORES)
+def send(request):
+    """Return a function that gives a message to a navigation."""
+    store, encoding = STORES[request.param], request.param
+    types = store.types
+
+    def header(frame_id, stamp_ns):
+        stamp = types["builtin_interfaces/msg/Time"](*divmod(stamp_ns, 10**9))
+        number = {"seq": 0} if encoding == "ros1" else {}
+        return types["std_msgs/msg/Header"](**number, stamp=stamp, frame_id=frame_id)
+
+    def pose(kinds, at, yaw_deg):
+        half = math.radians(yaw_deg) / 2
+        place, turn = (types[f"geometry_msgs/msg/{kind}"] for kind in kinds)
+        return place(*map(float, at)), turn(0.0, 0.0, math.sin(half), math.cos(half))
+
+    def made(kind, frame_id, stamp_ns, **values):
+        head = header(frame_id, stamp_ns)
+        if kind == "tf2_msgs/msg/TFMessage":
+            transform = types["geometry_msgs/msg/Transform"](
+                *pose(("Vector3", "Quaternion"), values["at"], values["yaw"])
+            )
+            return types[kind]([types["geometry_msgs/msg/TransformStamped"](head, values["child"], transform)])
+        if kind == "nav_msgs/msg/Odometry":
+            placed = types["geometry_msgs/msg/Pose"](*pose(("Point", "Quaternion"), values["at"], values["yaw"]))
+            zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+            twist = types["geometry_msgs/msg/Twist"](zero, zero)
+            uncertain = types["geometry_msgs/msg/PoseWithCovariance"](placed, np.zeros(36))
+            return types[kind](
+                head, values["child"], uncertain, types["geometry_msgs/msg/TwistWithCovariance"](twist, np.zeros(36))
+            )
+        if kind == "sensor_msgs/msg/NavSatFix":
+            status = types["sensor_msgs/msg/NavSatStatus"](0, 1)
+            return types[kind](head, status, *map(float, values["at"]), np.zeros(9), 0)
+        zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+        return types[kind](
+            head,
+            pose(("Vector3", "Quaternion"), (0, 0, 0), values["yaw"])[1],
+            np.zeros(9),
+            zero,
+            np.zeros(9),
+            zero,
+            np.zeros(9),
+        )
+
+    def send(navigation, kind, frame_id, stamp_ns, **values):
+        message = made(kind, frame_id, stamp_ns, **values)
+        serialise = store.serialize_ros1 if encoding == "ros1" else store.serialize_cdr
+        name = kind.replace("/msg", "") if encoding == "ros1" else kind
+        channel = Channel(1, "/topic", encoding, Schema(name, "", b""))
+        navigation.see(Message(channel, stamp_ns, stamp_ns, 0, bytes(serialise(message, kind))))
+
+    return send
+
+
+def test_poses_follow_odometry_and_static_transforms(send):
+    navigation = Navigation()
+    send(navigation, "tf2_msgs/msg/TFMessage", "base_link", STAMP_NS, child="lidar", at=(1, 0, 2), yaw=90)
+    for k in range(3):
+        at = (10 + k, 5, 0)
+        send(navigation, "nav_msgs/msg/Odometry", "odom", STAMP_NS + k * 10**9, child="base_link", at=at, yaw=30 * k)
+    assert np.allclose(navigation.pose("lidar", STAMP_NS), (11, 5, math.pi / 2))
+    between = navigation.pose("lidar", STAMP_NS + 1_500_000_000)
+    assert np.allclose(between, (11.5 + math.cos(math.pi / 4), 5 + math.sin(math.pi / 4), 3 * math.pi / 4))
+    assert navigation.pose("lidar", STAMP_NS + 10 * 10**9) is None
+
+
+def test_odometry_without_transforms_is_that_of_the_lidar(send):
+    navigation = Navigation()
+    for k in range(2):
+        send(navigation, "nav_msgs/msg/Odometry", "odom", STAMP_NS + k, child="base_link", at=(k, 0, 0), yaw=0)
+    assert np.allclose(navigation.pose("lidar", STAMP_NS + 1), (1, 0, 0))
+
+
+def test_static_transforms_alone_are_no_motion(send):
+    navigation = Navigation()
+    send(navigation, "tf2_msgs/msg/TFMessage", "base_link", STAMP_NS, child="lidar", at=(1, 0, 2), yaw=0)
+    assert navigation.pose("lidar", STAMP_NS) is None
+
+
+def test_poses_are_in_the_frame_that_does_not_jump(send):
+    navigation = Navigation()
+    for k in range(2):
+        send(navigation, "tf2_msgs/msg/TFMessage", "odom", STAMP_NS + k, child="lidar", at=(k, 0, 0), yaw=0)
+        send(navigation, "tf2_msgs/msg/TFMessage", "map", STAMP_NS + k, child="odom", at=(100 * k, 0, 0), yaw=0)
+    assert np.allclose(navigation.pose("lidar", STAMP_NS + 1), (1, 0, 0))
+
+
+def test_places_on_earth_come_from_a_fix_and_the_heading(send):
+    navigation = Navigation()
+    send(navigation, "sensor_msgs/msg/NavSatFix", "gnss", STAMP_NS, at=(60, 10, 0))
+    assert navigation.fix("lidar", STAMP_NS) is None
+    send(navigation, "sensor_msgs/msg/Imu", "imu", STAMP_NS, yaw=90)
+    found = navigation.fix("lidar", STAMP_NS)
+    assert np.allclose(found, (60, 10, math.pi / 2))
+    places = on_earth(found, np.array([[1852.0, 0], [0, -1852]]))
+    assert np.allclose(places, [[60 + 1 / 60, 10], [60, 10 + 2 / 60]], atol=2e-4)
+
+
+def test_places_on_earth_come_from_transforms_to_it(send):
+    pyproj = pytest.importorskip("pyproj")
+    navigation = Navigation()
+    for k, (latitude, longitude) in enumerate([(60.0, 10.0), (60.001, 10.002)]):
+        at = pyproj.Transformer.from_crs(4979, 4978).transform(latitude, longitude, 0)
+        send(navigation, "tf2_msgs/msg/TFMessage", "earth", STAMP_NS + k, child="lidar", at=at, yaw=0)
+    assert np.allclose(navigation.fix("lidar", STAMP_NS + 1)[:2], (60.001, 10.002), atol=1e-8)
+
+
+def test_metres_agree_with_geodesics():
+    pyproj = pytest.importorskip("pyproj")
+    ((latitude, longitude),) = on_earth(Fix(48.0, -5.0, 0.3), np.array([[80.0, 60.0]]))
+    bearing, _, metres = pyproj.Geod(ellps="WGS84").inv(-5.0, 48.0, longitude, latitude)
+    assert abs(metres - 100) < 0.01
+    assert abs((90 - bearing) - math.degrees(math.atan2(60, 80) + 0.3)) < 0.01
+
+
+def test_broken_messages_are_left_out():
+    navigation = Navigation()
+    for name in ("tf2_msgs/msg/TFMessage", "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"):
+        channel = Channel(1, "/topic", "cdr", Schema(name, "", b""))
+        for data in (b"", b"\0\1\0\0", b"\0\1\0\0" + b"\xff" * 40):
+            navigation.see(Message(channel, 0, 0, 0, data))
+    assert navigation.pose("lidar", 0) is None
