@@ -33,6 +33,8 @@ COMMANDS = [
     f"calibrate {SEA} -o c.yaml -m confirmed -n 20",
     f"mask {SEA} cut.mcap -o m.csv",
     f"objects {SEA} cut.mcap -o o.csv",
+    f"labels propose {SEA} cut.mcap -n 9 -o proposed/",
+    f"labels compare {ROOT}/samples/sea.labels.csv {ROOT}/samples/sea.labels.csv",
     f"labels check {SEA} {LABELS} -n 9",
     f"labels check {SEA} --labels swapped.csv",
     f"evaluate {SEA} {LABELS} -m joint -m none -n 3",

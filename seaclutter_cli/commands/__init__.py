@@ -31,7 +31,7 @@ COMMANDS: Mapping[str, str] = {
     "calibrate": "Find thresholds and the far limit for a sensor, and write a configuration.",
     "objects": "Follow objects over time: a table of boxes, velocities and ids.",
     "mask": "Propose a mask of own ship's structure.",
-    "labels": "Check labels of recordings.",
+    "labels": "Check, propose and compare labels of recordings.",
     "evaluate": "Count false alarms and missed targets against labels; compare methods.",
     "tune": "Compare methods and parameter values on labelled logs and report the best.",
     "report": "Write a page that shows the effect and quality of a filter.",

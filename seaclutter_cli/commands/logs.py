@@ -50,7 +50,30 @@ _LABELS = [
         `evaluate`, `tune` and `report` give the same as warnings.
         """,
         short_help="Find mistakes in labels that would give wrong rates without an error.",
-    )
+    ),
+    command(
+        "labels propose",
+        "runs.label_proposal:propose_labels",
+        logs.ProposeOptions,
+        """Label the objects in LOGS with boxes, for a person to correct.
+
+        The boxes are those of `objects`, with ids, a class guessed from the size (buoy up to 2 m, small craft up to
+        12 m, vessel; areas to ignore above 50 m), and a mark, sure or doubtful. Doubtful tracks come first. The labels
+        are the method's own, so `evaluate` warns while they are as proposed. Correct them, then clear the mark: in a
+        CSV file the column `proposed`, in JSON the key `annotator`.
+        """,
+        short_help="Label the objects in logs with boxes, for a person to correct.",
+    ),
+    command(
+        "labels compare",
+        "runs.label_compare:compare_labels",
+        logs.CompareOptions,
+        """Show what differs between labels A and B of the same frames: what a person corrected, how good A was.
+
+        Boxes of a frame belong together if they overlap, seen from above. They must be numbered by frames.
+        """,
+        short_help="Show what was corrected in proposed labels, and how good they were.",
+    ),
 ]
 
 COMMANDS = (

@@ -17,13 +17,26 @@ MAX_OBJECTS = 10_000
 
 
 class Labelled(NamedTuple):
-    """Labelled object or area; in metres and radians, with sizes along the axes x, y and z of the box."""
+    """Labelled object or area; in metres and radians, with sizes along the axes x, y and z of the box.
+
+    It is ``proposed`` if the program labelled it and nobody corrected it.
+    """
 
     track: str
     kind: str
     center: tuple[float, float, float]
     size: tuple[float, float, float]
     yaw: float
+    proposed: bool = False
+
+
+class Proposal(NamedTuple):
+    """Labelled object of a frame as the program proposes it; ``mark`` says whether it is ``sure`` or ``doubtful``."""
+
+    frame: int
+    labelled: Labelled
+    score: float
+    mark: str
 
 
 def checked(labelled: Labelled) -> Labelled:
@@ -40,7 +53,7 @@ def truth_of(objects: Sequence[Labelled]) -> Truth:
         raise LabelError(f"{len(objects):,} labels in one frame, more than {MAX_OBJECTS:,}")
     ignored = [labelled for labelled in objects if labelled.kind.lower() == IGNORE]
     targets = [labelled for labelled in objects if labelled.kind.lower() != IGNORE]
-    return Truth(_boxes(targets), _boxes(ignored))
+    return Truth(_boxes(targets), _boxes(ignored), proposed=sum(labelled.proposed for labelled in objects))
 
 
 def _boxes(objects: Sequence[Labelled]) -> Boxes:

@@ -21,6 +21,9 @@ from seaclutter_cli.truth import Truth
 
 _BOX = ("x", "y", "z", "length", "width", "height", "yaw")
 COLUMNS = ("frame", "track_id", "class", *_BOX)
+PROPOSED = "proposed"
+"""Column that is not empty in rows that the program proposed and nobody corrected."""
+
 _KEYS = ("frame", "stamp_ns")
 _NONE = "none"
 _DISTINCTIVE = {*_KEYS, "track_id", "class", "length", "width", "height"}
@@ -104,7 +107,8 @@ def _row(names: Sequence[str], key: str, cells: Sequence[str], line: int) -> _Ro
     if kind.lower() == _NONE:
         return _Row(frame_key, None, line)
     x, y, z, length, width, height, yaw = (_number(values, name) for name in _BOX)
-    labelled = Labelled(values["track_id"], kind, (x, y, z), (length, width, height), yaw)
+    proposed = bool(values.get(PROPOSED))
+    labelled = Labelled(values["track_id"], kind, (x, y, z), (length, width, height), yaw, proposed)
     return _Row(frame_key, checked(labelled), line)
 
 
@@ -186,6 +190,11 @@ class CsvLabels:
             return self._matcher.match(frame.index, frame.stamp_ns)
         except LabelError as error:
             raise LabelError(f"{self._path}: {error}") from error
+
+    @property
+    def frames(self) -> Sequence[int] | None:
+        """Numbers of the labelled frames; None if stamps stand in for them."""
+        return None if self._matcher else sorted(self._frames)
 
     def finish(self) -> None:
         """Check, after a complete log, that it had all labelled frames; `LabelError` names the first missing ones."""

@@ -104,6 +104,11 @@ class FileLabels:
         self._labelled |= truth is not None
         return truth
 
+    @property
+    def frames(self) -> Sequence[int]:
+        """Numbers of the frames that have files."""
+        return sorted(self._files)
+
     def finish(self) -> None:
         """Check, after a complete log, that it had frames for all files, and a labelled one; or raise `LabelError`."""
         left = {number: file for number, file in self._files.items() if number > self._last}

@@ -1,7 +1,7 @@
 """Labels in JSON: a file for each frame (SeePerSea, SUSTechPOINTS), or for a scenario (Autoferry)."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,9 +9,12 @@ from typing import Any
 from seaclutter_cli.documents import MAX_JSON_BYTES, DocumentError, load_json
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.labels.boxes import Labelled, LabelOptions, checked, truth_of
+from seaclutter_cli.labels.boxes import Labelled, LabelOptions, Proposal, checked, truth_of
 from seaclutter_cli.labels.files import FileLabels, files_in, label_folder
 from seaclutter_cli.truth import Truth
+
+ANNOTATOR, PROPOSER = "annotator", "seaclutter"
+"""Key of boxes that tools keep until a person edits them, and its value in those that the program proposed."""
 
 _HEAD_BYTES = 1024
 _BOM = b"\xef\xbb\xbf"
@@ -72,7 +75,28 @@ class JsonForm:
             _numbers(part(box, self.position), ("x", "y", "z")),
             _numbers(part(box, self.size[0]), self.size[1]),
             number(part(box, self.yaw[0]), self.yaw[1]),
+            text(item, ANNOTATOR).startswith(PROPOSER),
         )
+
+    def content(self, objects: Sequence[Proposal]) -> Any:
+        """Return the content of the file of a frame."""
+        items = [self._item(one) for one in objects]
+        return {"labels": items} if self.complete else items
+
+    def _item(self, one: Proposal) -> dict[str, Any]:
+        labelled = one.labelled
+        names, x_axis = self.size[1], dict.fromkeys(("x", "y") if self.yaw[1] == "z" else (), 0.0)
+        return {
+            self.tracks[-1]: labelled.track,
+            self.kind: labelled.kind,
+            self.box: {
+                self.position: dict(zip("xyz", labelled.center, strict=True)),
+                self.size[0]: dict(zip(names, labelled.size, strict=True)),
+                self.yaw[0]: {**x_axis, self.yaw[1]: labelled.yaw},
+            },
+            ANNOTATOR: f"{PROPOSER}, {one.mark}",
+            "score": one.score,
+        }
 
 
 def _head(path: Path) -> bytes:

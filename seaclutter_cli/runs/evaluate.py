@@ -100,6 +100,9 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
 
 
 _MAX_ROWS = 40
+_AS_PROPOSED = (
+    "labels: some boxes are as `labels propose` made them; until a person has corrected them, the method judges itself"
+)
 _UNKNOWN_POINTS = b"," * len(POINT_COLUMNS) + b"\n"
 
 
@@ -266,6 +269,8 @@ class EvaluateWork(RecordingWork[Evaluated]):
             scores = score_frame(frame, results, truth, evaluation)
             if truth:
                 label_check.add(frame, truth)
+                if truth.proposed:
+                    yield _AS_PROPOSED
             if truth is not None and outcome.parts:
                 outcome.parts.add(scores)
             for listener in self.listeners:

@@ -17,6 +17,7 @@ from seaclutter_cli.pipeline import run
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.options import ConfigOptions
 from seaclutter_cli.runs.options.logs import ObjectsOptions
 from seaclutter_cli.runs.outputs import PackedRows, may_appear
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
@@ -47,10 +48,10 @@ def find_objects(options: ObjectsOptions) -> "ObjectsResult":
     >>> table.dtype.names[2:6], len(set(table["track_id"][table["state"] == "confirmed"].tolist()))
     (('frame', 'stamp_ns', 'track_id', 'state'), 2)
     """
-    observer, config = options.watching, _configured(options)
+    observer, config = options.watching, objects_config(options)
     check_objects_file(options.output)
     pairs = prepared(options.logs, options, {"-o": options.output}, observer, [config])
-    works = [_ObjectsWork(options.reading, *each, config) for each in pairs]
+    works = [ObjectsWork(options.reading, *each, config) for each in pairs]
     with OutputGroup(replace=options.force) as files:
         with ExitStack() as stack:
             target = stack.enter_context(AtomicFile(options.output, files)) if options.output else None
@@ -67,11 +68,12 @@ def find_objects(options: ObjectsOptions) -> "ObjectsResult":
 
 @dataclass(kw_only=True)
 class RecordedObjects(Outcome):
-    """Objects of one recording: its number of frames, its tracks, and the rows of the table."""
+    """Objects of one recording: its number of frames and their indices, its tracks, and the rows of the table."""
 
     data = "recording error damage seconds=rounded_s frames tracks=confirmed candidates"
 
     frames: int = 0
+    indices: list[int] = field(default_factory=list, repr=False)
     tracks: Mapping[tuple[str, int], TrackSummary] = field(default_factory=dict)
     rows: PackedRows = field(default_factory=PackedRows, repr=False)
 
@@ -118,21 +120,23 @@ class RecordedObjects(Outcome):
 
 
 @dataclass(frozen=True)
-class _ObjectsWork(RecordingWork[RecordedObjects]):
-    """Search for the objects of one recording."""
+class ObjectsWork(RecordingWork[RecordedObjects]):
+    """Search for the objects of one recording; rows are in memory unless there is a file for them, ``spool``."""
 
     config: Config
     spool: IO[bytes] | None = None
 
     def without_result(self, reason: str | None) -> RecordedObjects:
+        """Return an outcome without objects."""
         return RecordedObjects(recording=self.recording.name, error=reason)
 
     def study(self, source: Source, labels: Labels | None, outcome: RecordedObjects, observer: Observer) -> None:
+        """Filter the recording, and follow its objects."""
         outcome.rows = PackedRows(self.spool)
         table = object_table(self.config, outcome.rows)
         with self.progress(source, observer) as step:
             run(source, self.config.make_filter, [table], self.reading.selection, lambda _: step())
-        outcome.frames, outcome.tracks = table.frames, table.tracks
+        outcome.frames, outcome.indices, outcome.tracks = len(table.indices), table.indices, table.tracks
         self.finish(source, labels, outcome.frames)
 
 
@@ -141,7 +145,7 @@ def object_table(config: Config, rows: PackedRows) -> ObjectTable:
     return ObjectTable(rows.write, config.evaluation.cluster_tolerance_m, config.evaluation.min_cluster_points)
 
 
-def _configured(options: ObjectsOptions) -> Config:
+def objects_config(options: ConfigOptions) -> Config:
     """Return the configuration of a run, by default that of ``confirmed``."""
     is_given = options.method or options.config is not None or any("method" in text for text in options.settings)
     return configured(options if is_given else replace(options, method="confirmed"))

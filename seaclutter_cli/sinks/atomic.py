@@ -283,8 +283,8 @@ def _rename(part: Path, target: Path, *, replace: bool) -> None:
 
 
 def _flush(part: Path) -> None:
-    """Let the disk have a file or those of a folder, so that a power failure cannot leave a name without content."""
-    inner = list(part.iterdir()) if part.is_dir() else []
+    """Let the disk have a file or those in a folder, so that a power failure cannot leave a name without content."""
+    inner = [file for file in part.rglob("*") if file.is_file()] if part.is_dir() else []
     if len(inner) > _MANY and hasattr(os, "sync"):
         os.sync()
         return

@@ -41,6 +41,11 @@ def parsed(lines: Iterable[bytes]) -> Iterator[list[Any]]:
         yield [kind(cell) if cell or kind is str else None for kind, cell in zip(kinds, row, strict=True)]
 
 
+def rows_as_mappings(lines: Iterable[bytes]) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a table by column, given its lines."""
+    return (dict(zip(COLUMNS, values, strict=True)) for values in parsed(lines))
+
+
 def _write_csv(stream: BinaryIO, lines: Iterable[bytes]) -> None:
     stream.write(csv_line(COLUMNS))
     stream.writelines(lines)
@@ -72,8 +77,7 @@ def _write_parquet(stream: BinaryIO, lines: Iterable[bytes]) -> None:
 def _write_geojson(stream: BinaryIO, lines: Iterable[bytes]) -> None:
     """Write the tracks that were confirmed and whose positions on earth are known, with a position each second."""
     tracks: dict[tuple[Any, ...], dict[str, Any]] = {}
-    for values in parsed(lines):
-        row = dict(zip(COLUMNS, values, strict=True))
+    for row in rows_as_mappings(lines):
         if row["latitude_deg"] is None or row["state"] != CONFIRMED:
             continue
         key = row["recording"], row["topic"], row["track_id"]

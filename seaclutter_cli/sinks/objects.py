@@ -63,7 +63,7 @@ class ObjectTable:
         self._new = partial(Follower, tolerance_m, min_points)
         self._followers: dict[str, Follower] = {}
         self._recording, self._navigation = "", Navigation()
-        self.frames = 0
+        self.indices: list[int] = []
         self.tracks: dict[tuple[str, int], TrackSummary] = {}
 
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:
@@ -78,7 +78,7 @@ class ObjectTable:
 
     def write(self, result: FilterResult) -> None:
         """Follow the objects of a frame; write the rows of frames that are complete."""
-        self.frames += 1
+        self.indices.append(result.frame.index)
         topic = result.frame.topic
         self._write_all(topic, self._followers[topic].add(result, pose_of(self._navigation, result)))
 

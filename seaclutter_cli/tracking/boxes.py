@@ -16,6 +16,7 @@ _STEADY_S = 0.7
 _SIZE_QUANTILE = 0.9
 _OBLIQUE = np.sin(np.radians(10))
 _USUAL_BEAM = 0.3
+_ROUND_M, _ROUND = 2.0, 0.9
 _ACCELERATION = 0.1
 _NOISE_M, _HIDDEN_NOISE, _BETWEEN_NOISE = 0.08, 0.1, 0.4
 _SPEED_MS = 4.0
@@ -64,7 +65,8 @@ def fit(shape: Shape, hulls: Floats, sensor: Floats, times_s: Floats) -> tuple[F
     """Return yaws, shape (T,), centres, (T, 2), their standard deviations, (T,), and the size, (2,), of a track.
 
     The frames are added to what is known of its shape. Of a side that was never seen, the length is that of a usual
-    vessel. A face that is nearer than the rest of the rectangle is taken for the side of it.
+    vessel, and what is shorter than two metres is taken to be nearly round. A face that is nearer than the rest of the
+    rectangle is taken for the side of it.
     """
     yaws = orientation(hulls, times_s)
     if shape.yaw is not None:
@@ -84,7 +86,9 @@ def fit(shape: Shape, hulls: Floats, sensor: Floats, times_s: Floats) -> tuple[F
     cos, sin = np.cos(yaws), np.sin(yaws)
     seen_from = np.stack((sensor[:, 0] * cos + sensor[:, 1] * sin, sensor[:, 1] * cos - sensor[:, 0] * sin), axis=1)
     shape.oblique |= bool(_is_oblique(seen_from, low, high, whole).any())
-    if not shape.oblique:
+    if whole[0] <= _ROUND_M:  # such as a buoy, of which the far half is hidden
+        whole[1] = max(whole[1], _ROUND * whole[0])
+    elif not shape.oblique:
         whole[1] = max(whole[1], _USUAL_BEAM * whole[0])
     middle, deviation = _placed(seen_from, low, high, whole)
     center = np.stack((middle[:, 0] * cos - middle[:, 1] * sin, middle[:, 0] * sin + middle[:, 1] * cos), axis=1)

@@ -17,7 +17,7 @@ Indices = NDArray[np.int64]
 DIRECTIONS = 36
 _CELL_M = 0.5
 _MAX_CELL = 1 << 19
-_FLATTENED = 0.3
+_FLATTENED = 0.2
 _MAX_DETECTIONS = 2000
 _ANGLES = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
 _TOWARDS = np.stack((np.cos(_ANGLES), np.sin(_ANGLES)))
@@ -75,7 +75,7 @@ class Detections:
     def of(cls, result: FilterResult, tolerance_m: float, min_points: int) -> "Detections":
         """Return the clusters of the points that a filter kept, then those of points that it did not confirm.
 
-        Vertical distances count a third, because beams far from each other meet one body at different heights. Of more
+        Vertical distances count a fifth, because beams far from each other meet one body at different heights. Of more
         than 2,000 clusters, those with the most points are detections.
         """
         frame = result.frame

@@ -19,6 +19,8 @@ _CONTEXT_S = 10.0
 _MAX_GAP_S = 5.0
 _MAX_WAITING = 50_000
 _SURE = 0.5
+_MOST_COMPARED, _MOSTLY = 20, 0.8
+_PART_SHARE, _STRUCTURE_M = 0.5, 50.0
 
 
 @dataclass(frozen=True)
@@ -157,6 +159,7 @@ def _smoothed(frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Tra
             values[:, n] = np.interp(times_s, times_s[seen], values[seen, n])
         sizes[n, 2] = np.quantile(spans[seen, n, 1] - spans[seen, n, 0], 0.9)
     at, velocity = smoothed(places, deviations, times_s)
+    at[:, _are_parts(at[start:end], yaws[start:end], sizes)] = np.nan
     scores = np.array([track.score for track in tracks])
     measured = np.array([shapes[track].oblique for track in tracks], np.bool_)
     first = np.array([round(track.first_s * 1e9) for track in tracks], np.int64)
@@ -184,6 +187,23 @@ def _smoothed(frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Tra
             measured[there],
             one.over_ground,
         )
+
+
+def _are_parts(at: Floats, yaws: Floats, sizes: Floats) -> NDArray[np.bool_]:
+    """Return which of N tracks are parts of others, such as a mast: small, and almost always inside a larger box.
+
+    Boxes of quays contain water, so nothing is a part of these.
+    """
+    inside, together = (np.zeros((len(sizes), len(sizes))) for _ in range(2))
+    half = sizes[:, :2] / 2
+    for f in range(0, len(at), len(at) // _MOST_COMPARED + 1):
+        x, y = (at[f, :, None] - at[f]).transpose(2, 0, 1)
+        cos, sin = np.cos(yaws[f]), np.sin(yaws[f])
+        inside += (np.abs(x * cos + y * sin) <= half[:, 0]) & (np.abs(y * cos - x * sin) <= half[:, 1])
+        together += np.isfinite(x)
+    area = sizes[:, 0] * sizes[:, 1]
+    smaller = (area[:, None] < _PART_SHARE * area) & (sizes[:, 0] <= _STRUCTURE_M)
+    return np.asarray((smaller & (inside > _MOSTLY * np.maximum(together, 1))).any(axis=1))
 
 
 def _above_water(water: WaterState | None, xy: Floats, top_m: Floats) -> Floats:

@@ -14,6 +14,7 @@ from seaclutter_cli.options import (
     Grouped,
     Number,
     OptionalPath,
+    Options,
     Parsed,
     Place,
     Whole,
@@ -101,6 +102,33 @@ class ObjectsOptions(Replacing, OfLogs, ConfigOptions):
         kw_only=False,
     )
     batch: Grouped[BatchOptions] = grouped("resume", default=BatchOptions())
+
+
+class ProposeOptions(Replacing, OfLogs, ConfigOptions):
+    """Options of a proposal of labels; the default method is ``confirmed``."""
+
+    output: PathLike = option(
+        "-o --output LABELS",
+        "Labels of one recording; folder with RECORDING.labels.csv for each of several, or with a slash at its end.",
+        kind=Place(output=True, or_folder=True),
+        kw_only=False,
+    )
+    to: Literal["csv", "sustechpoints", "seepersea"] = option(
+        "--to", "Form of the labels; sustechpoints and seepersea are folders with the clouds.", default="csv"
+    )
+    batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
+
+
+class CompareOptions(Options):
+    """Options of a comparison of labels."""
+
+    proposed: Converted[PathLike, Path] = option(
+        "A", "Labels before they were corrected, as `labels propose` wrote them.", kind=Place(), kw_only=False
+    )
+    corrected: Converted[PathLike, Path] = option(
+        "B", "Labels of the same frames after that.", kind=Place(), kw_only=False
+    )
+    observer: Observer = option("", "Receives progress.", default=SILENT, kind=Anything(is_place=True))
 
 
 class MaskOptions(Replacing, OfLogs):

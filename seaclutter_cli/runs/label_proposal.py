@@ -1,0 +1,180 @@
+"""Proposal of labels from the objects of recordings."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from seaclutter_cli.buckets import on_paths
+from seaclutter_cli.errors import UsageError
+from seaclutter_cli.interfaces import Labels, Source
+from seaclutter_cli.labels.boxes import Proposal
+from seaclutter_cli.labels.json_boxes import JsonForm
+from seaclutter_cli.labels.proposals import DOUBTFUL, FOLDER_FORMS, files_of, proposals, write_proposals
+from seaclutter_cli.options import function_of
+from seaclutter_cli.reading import frames
+from seaclutter_cli.runs.batch import prepared, run_all
+from seaclutter_cli.runs.objects import ObjectsWork, RecordedObjects, objects_config
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.options.logs import ProposeOptions
+from seaclutter_cli.runs.outputs import is_folder, may_appear
+from seaclutter_cli.runs.recordings import LABEL_SUFFIX, RecordingsResult, open_recording
+from seaclutter_cli.selection import cloud_channels
+from seaclutter_cli.sinks.atomic import AtomicFile, AtomicFolder, OutputGroup
+from seaclutter_cli.sinks.object_files import rows_as_mappings
+from seaclutter_cli.sinks.point_files import FRAME_WRITERS
+from seaclutter_cli.sources.recordings import Recording
+from seaclutter_cli.text import count, printable, table
+
+_NANO = 10**9
+
+
+@function_of(ProposeOptions)
+@on_paths
+def propose_labels(options: ProposeOptions) -> "ProposalResult":
+    """Label the objects of one or several logs with boxes, for a person to correct.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> done = seaclutter.propose_labels("samples/sea.mcap", folder / "sea.labels.csv")
+    >>> done.outcomes[0].boxes, done.outcomes[0].doubtful
+    (120, 0)
+    """
+    observer, config = options.watching, objects_config(options)
+    pairs = prepared(options.logs, options, {}, observer, [config])
+    targets = _targets(options, [recording for recording, _ in pairs])
+    prepared(options.logs, options, {"-o": targets}, observer, [config])
+    works = [ProposeWork(options.reading, *each, config) for each in pairs]
+    outcomes = [one for one in run_all(works, options.batch, observer) if isinstance(one, ProposedLabels)]
+    with OutputGroup(replace=options.force) as files:
+        for work, target, outcome in zip(works, targets, outcomes, strict=True):
+            if not outcome.error and not outcome.skipped:
+                _write(work, target, outcome, options.to, files)
+        if not may_appear(targets, outcomes, observer):
+            files.discard()
+    return ProposalResult(outcomes)
+
+
+def _targets(options: ProposeOptions, recordings: Sequence[Recording]) -> list[Path]:
+    """Return the file or folder of the labels of each recording; `UsageError` if a folder of labels exists."""
+    output, suffix = Path(options.output), "" if options.to in FOLDER_FORMS else LABEL_SUFFIX
+    alone = len(recordings) == 1 and (not suffix or not is_folder(options.output, 1))
+    targets = [output] if alone else [output / f"{recording.name}{suffix}" for recording in recordings]
+    for target in targets if not suffix else ():
+        if target.exists():
+            raise UsageError(f"{target}: exists, and may have labels that somebody corrected; choose another folder")
+    return targets
+
+
+def _write(work: "ProposeWork", target: Path, outcome: "ProposedLabels", to: str, group: OutputGroup) -> None:
+    """Write the labels of a recording; of a form with a folder, the clouds too."""
+    if to not in FOLDER_FORMS:
+        with AtomicFile(target, group) as file:
+            write_proposals(file.stream, outcome.found, outcome.numbers)
+        return
+    form = FOLDER_FORMS[to]
+    folder = AtomicFolder(target, group)
+    with folder:
+        for name in (form.folder, form.clouds, *(["timestamp"] if form.complete else [])):
+            (folder.part / name).mkdir()
+        for name, content in files_of(form, outcome.found, outcome.numbers):
+            with folder.open(name) as stream:
+                stream.write(content)
+        _write_clouds(work, folder, form)
+
+
+def _write_clouds(work: "ProposeWork", folder: AtomicFolder, form: JsonForm) -> None:
+    source = open_recording(work.recording, work.reading)
+    try:
+        for frame in frames(source, work.reading.selection):
+            with folder.open(f"{form.clouds}/{frame.index:06d}.pcd") as stream:
+                FRAME_WRITERS["pcd"](stream, frame.cloud)
+            if form.complete:
+                with folder.open(f"timestamp/{frame.index:06d}.txt") as stream:
+                    stream.write(f"{frame.stamp_ns // _NANO}.{frame.stamp_ns % _NANO:09d}\n".encode())
+    finally:
+        source.close()
+
+
+@dataclass(kw_only=True)
+class ProposedLabels(RecordedObjects):
+    """Proposed labels of one recording: boxes, doubtful ones first, and the numbers of its frames."""
+
+    data = "recording error damage seconds=rounded_s frames boxes doubtful classes"
+
+    found: list[Proposal] = field(default_factory=list, repr=False)
+    numbers: list[int] = field(default_factory=list, repr=False)
+
+    @property
+    def boxes(self) -> int:
+        """Number of boxes."""
+        return len(self.found)
+
+    @property
+    def doubtful(self) -> int:
+        """Number of boxes that are doubtful."""
+        return sum(one.mark == DOUBTFUL for one in self.found)
+
+    @property
+    def classes(self) -> dict[str, int]:
+        """Number of tracks by class."""
+        return dict(sorted(Counter(dict(self._kinds()).values()).items()))
+
+    def _kinds(self) -> list[tuple[str, str]]:
+        return [(one.labelled.track, one.labelled.kind) for one in self.found]
+
+    def as_text(self) -> str:
+        """Return what was proposed, tracks with doubtful boxes first."""
+        rows: dict[str, list[Proposal]] = {}
+        for one in self.found:
+            rows.setdefault(one.labelled.track, []).append(one)
+        lines = [
+            (
+                track,
+                own[0].labelled.kind,
+                f"{min(one.frame for one in own)} to {max(one.frame for one in own)}",
+                len(own),
+                sum(one.mark == DOUBTFUL for one in own),
+                f"{own[0].score:.2f}",
+            )
+            for track, own in rows.items()
+        ]
+        head = f"{printable(self.recording)}: {count(self.frames, 'frame')}, {count(self.boxes, 'box')}"
+        return f"{head}, {self.doubtful:,} doubtful\n" + (
+            table(("id", "class", "frames", "boxes", "doubtful", "score"), lines) if lines else "No object found."
+        )
+
+
+@dataclass(frozen=True)
+class ProposeWork(ObjectsWork):
+    """Proposal of labels for one recording."""
+
+    def without_result(self, reason: str | None) -> ProposedLabels:
+        """Return an outcome without labels."""
+        return ProposedLabels(recording=self.recording.name, error=reason)
+
+    def study(self, source: Source, labels: Labels | None, outcome: RecordedObjects, observer: Observer) -> None:
+        """Follow the objects of the only topic."""
+        topics = dict.fromkeys(channel.topic for channel in cloud_channels(source, self.reading.selection.topics))
+        if len(topics) > 1:
+            choices = " or ".join(f"-t {topic}" for topic in topics)
+            raise UsageError(f"{source.name}: labels are of one topic; choose one: {choices}")
+        super().study(source, labels, outcome, observer)
+        if isinstance(outcome, ProposedLabels):
+            outcome.found = proposals(rows_as_mappings(outcome.rows))
+            outcome.numbers = outcome.indices
+
+
+@dataclass(frozen=True)
+class ProposalResult(RecordingsResult):
+    """Proposed labels of several recordings."""
+
+    data = "recordings=outcomes"
+
+    outcomes: Sequence[ProposedLabels]
+
+    def as_text(self) -> str:
+        """Return what was proposed, and what to do with it."""
+        advice = "The labels are the method's own: correct them, doubtful ones first, before you evaluate with them."
+        return "\n\n".join(filter(None, (self.details(), advice)))

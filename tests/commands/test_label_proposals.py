@@ -1,0 +1,123 @@
+"""``seaclutter labels propose`` and ``labels compare``."""
+
+import csv
+import json
+
+import pytest
+from click.testing import CliRunner
+
+import seaclutter
+from seaclutter_cli.commands import cli
+from seaclutter_cli.labels import open_labels
+from seaclutter_cli.labels.proposals import FOLDER_FORMS, proposals
+from tests.paths import ROOT
+
+SEA = ROOT / "samples" / "sea.mcap"
+TRUTH = ROOT / "samples" / "sea.labels.csv"
+
+
+def run(*words, code=0):
+    result = CliRunner().invoke(cli, [str(word) for word in words])
+    assert result.exit_code == code, result.output
+    return result
+
+
+@pytest.fixture(scope="module")
+def proposed(tmp_path_factory):
+    path = tmp_path_factory.mktemp("labels") / "sea.labels.csv"
+    run("labels", "propose", SEA, "-n", 30, "-o", path)
+    return path
+
+
+def test_proposals_are_near_the_truth(proposed, tmp_path):
+    lines = TRUTH.read_text().splitlines(keepends=True)
+    part = tmp_path / "part.csv"
+    chosen = [line for line in lines[1:] if int(line.split(",")[0]) < 30 and ",ignore," not in line]  # own ship
+    part.write_text("".join([lines[0], *chosen]))
+    found = seaclutter.compare_labels(proposed, part)
+    assert found.frames == 30
+    assert found.recall > 0.9
+    assert found.precision > 0.9
+    assert found.ids_changed == 0
+
+
+def test_evaluate_warns_until_they_are_corrected(proposed, tmp_path):
+    warning = "the method judges itself"
+    assert warning in run("evaluate", SEA, "-n", 30, "--labels", proposed, "-m", "none").stderr
+    with proposed.open(newline="") as file:
+        rows = [{**row, "proposed": ""} for row in csv.DictReader(file)]
+    with (tmp_path / "sea.labels.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    assert warning not in run("evaluate", SEA, "-n", 30, "--labels", tmp_path / "sea.labels.csv", "-m", "none").stderr
+    assert seaclutter.compare_labels(proposed, tmp_path / "sea.labels.csv").changes["unchanged"] == len(rows)
+
+
+@pytest.mark.parametrize("form", FOLDER_FORMS)
+def test_folders_have_clouds_and_the_same_boxes(form, tmp_path):
+    run("labels", "propose", SEA, "-n", 5, "-o", tmp_path / "scene", "--to", form)
+    run("labels", "propose", SEA, "-n", 5, "-o", tmp_path / "sea.csv")
+    same = seaclutter.compare_labels(tmp_path / "sea.csv", tmp_path / "scene")
+    assert (same.frames, same.changes["unchanged"]) == (5, same.boxes_after)
+    clouds = tmp_path / "scene" / FOLDER_FORMS[form].clouds
+    with seaclutter.open_log(clouds) as log:
+        frames = list(log.frames())
+    assert len(frames) == 5
+    labels = open_labels(tmp_path / "scene")
+    assert all(labels.truth(frame).proposed for frame in frames)
+    assert "exists" in run("labels", "propose", SEA, "-o", tmp_path / "scene", "--to", form, "--force", code=2).stderr
+
+
+def test_edited_boxes_are_no_longer_proposed(tmp_path):
+    run("labels", "propose", SEA, "-n", 4, "-o", tmp_path / "scene", "--to", "sustechpoints")
+    path = tmp_path / "scene" / "label" / "000001.json"
+    boxes = [{key: value for key, value in box.items() if key != "annotator"} for box in json.loads(path.read_text())]
+    path.write_text(json.dumps(boxes))
+    labels = open_labels(tmp_path / "scene")
+    with seaclutter.open_log(SEA) as log:
+        first, second = (labels.truth(frame) for frame, _ in zip(log.frames(), range(2), strict=False))
+    assert (first.proposed > 0, second.proposed) == (True, 0)
+
+
+def test_doubtful_tracks_come_first_and_short_ones_are_left_out():
+    size = {"x_m": 0.0, "y_m": 0.0, "z_m": 0.0, "length_m": 1.0, "width_m": 1.0, "height_m": 1.0, "yaw_rad": 0.0}
+    rows = [
+        {**size, "frame": frame, "track_id": track, "score": score, "state": state}
+        for track, score, state, frames in (
+            (1, 1.0, "confirmed", 4),
+            (2, 0.3, "candidate", 3),
+            (3, 0.1, "candidate", 2),
+        )
+        for frame in range(frames)
+    ]
+    found = proposals(rows)
+    assert [one.labelled.track for one in found] == ["2"] * 3 + ["1"] * 4
+    assert [one.mark for one in found] == ["doubtful"] * 3 + ["sure"] * 4
+
+
+def test_frames_without_objects_are_labelled_as_empty(tmp_path):
+    scene = tmp_path / "empty.mcap"
+    seaclutter.simulate("clutter_only", scene, frames=3)
+    run("labels", "propose", scene, "-o", tmp_path / "e.csv")
+    assert (tmp_path / "e.csv").read_text().splitlines()[1:] == [f"{k},,none,,,,,,,,," for k in range(3)]
+
+
+def test_labels_by_stamps_cannot_be_compared(tmp_path):
+    lines = TRUTH.read_text().splitlines()
+    path = tmp_path / "stamps.csv"
+    path.write_text("\n".join(line.replace("frame", "stamp_ns") for line in lines[:2]))
+    assert "by stamps" in run("labels", "compare", path, TRUTH, code=1).stderr
+
+
+def test_comparison_counts_each_change(tmp_path):
+    head, *_ = TRUTH.read_text().splitlines()
+    for name, rows in {
+        "a": ("0,1,boat,0,0,0,4,2,1,0", "0,2,boat,20,0,0,4,2,1,0", "0,3,boat,40,0,0,4,2,1,0", "1,1,boat,0,0,0,4,2,1,0"),
+        "b": ("0,1,boat,0,0,0,4,2,1,0", "0,2,buoy,20.5,0,0,4,2,1,0", "0,9,boat,60,0,0,4,2,1,0"),
+    }.items():
+        (tmp_path / f"{name}.csv").write_text("\n".join((head, *rows)))
+    found = seaclutter.compare_labels(tmp_path / "a.csv", tmp_path / "b.csv")
+    assert dict(found.changes) == {"unchanged": 1, "moved": 1, "class": 1, "deleted": 1, "added": 1}
+    assert (found.only_before, found.good, found.frames) == (1, 2, 1)
+    assert "0.89" in found.as_text()  # mean of 1 and 3.5 / 4.5
