@@ -4,12 +4,11 @@ import csv
 import io
 import re
 
-from click.testing import CliRunner
 from mcap.opcode import Opcode
 from mcap.reader import NonSeekingReader, make_reader
 
-from seaclutter_cli.commands import cli
 from tests.logs import LAYOUTS, PERIOD_NS, START_NS, Entry, cloud_topic, records_of, write_log
+from tests.running import execute
 
 DAMAGED = re.compile(
     r"Damaged: (?P<position>.+?): (?P<problem>.+); left out: (?P<amount>nothing|.*\d (messages?|bytes?))"
@@ -24,7 +23,7 @@ class Outcome:
         if data is not None:
             self.log.write_bytes(data)
         arguments = ["filter", self.log, "-o", out, "--csv", table, "--force", "-v", *options]
-        result = CliRunner().invoke(cli, [str(argument) for argument in arguments])
+        result = execute(*arguments)
         self.code, self.stderr = result.exit_code, result.stderr
         assert result.exception is None or isinstance(result.exception, SystemExit), result.exc_info
         assert "Traceback" not in result.output

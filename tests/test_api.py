@@ -10,13 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import seaclutter
 import seaclutter_cli
-from seaclutter_cli.commands import cli
 from seaclutter_cli.filters import FILTERS
 from tests.paths import ROOT
+from tests.running import execute
 
 SEA, LABELS = ROOT / "samples" / "sea.mcap", ROOT / "samples" / "sea.labels.csv"
 PAGE = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
@@ -24,8 +23,7 @@ NAMES = sorted(set(seaclutter.__all__) - {"__version__"})
 
 
 def command(*arguments):
-    result = CliRunner().invoke(cli, [str(argument) for argument in arguments])
-    assert result.exit_code == 0, result.output
+    result = execute(*arguments, code=0)
     return result.stdout
 
 

@@ -6,7 +6,6 @@ import warnings
 
 import click
 import pytest
-from click.testing import CliRunner
 
 from seaclutter_cli.airborne.settings import load_settings
 from seaclutter_cli.commands import cli
@@ -15,6 +14,7 @@ from seaclutter_cli.errors import AdaptedThresholdsWarning, ConfigError
 from seaclutter_cli.filters import FILTERS
 from tests.commands.test_filter import write_log
 from tests.paths import ROOT
+from tests.running import execute
 
 TEXTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), *sorted((ROOT / "examples").glob("*.sh"))]
 
@@ -59,8 +59,7 @@ def test_thresholds_of_a_file_must_fit(tmp_path):
 def test_the_program_says_so_once(tmp_path):
     log = write_log(tmp_path / "log.mcap")
     line = ["filter", str(log), "-o", str(tmp_path / "f.mcap"), "-s", "filter.start_m=5", "--json"]
-    result = CliRunner().invoke(cli, line)
-    assert result.exit_code == 0, result.output
+    result = execute(*line, code=0)
     assert result.stderr.count("Warning: filter.initial_thresholds: 5 range rings from 5 to 70 m instead of 4;") == 1
     assert len(json.loads(result.stdout)[0]["topics"]["/points"]["rings"]) == 5
 

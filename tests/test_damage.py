@@ -6,13 +6,11 @@ import time
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
 from mcap.records import Footer
 
-from seaclutter_cli.commands import cli
 from tests.logs import (
     LAYOUTS,
     MAGIC,
@@ -26,6 +24,7 @@ from tests.logs import (
     sea_points,
 )
 from tests.outcome import Outcome, all_broken, chunks, flip, log_of
+from tests.running import execute
 
 FRAMES = 6
 
@@ -274,7 +273,7 @@ def test_a_frame_whose_intensity_has_an_unprintable_name(tmp_path, method, name)
     outcome = Outcome(tmp_path, log_of(tmp_path / "log.mcap", messages), "-m", method)
     assert outcome.frames == [number for number in range(FRAMES) if number != 3 or method == "sor"]
     assert all(line.isprintable() for line in outcome.damage)
-    result = CliRunner().invoke(cli, ["info", str(outcome.log)])
+    result = execute("info", outcome.log)
     assert result.exit_code in (0, 3)
     assert all(line.isprintable() for line in result.stdout.splitlines())
 
@@ -288,11 +287,10 @@ def test_a_log_without_clouds(tmp_path):
 def test_info_reports_damage(tmp_path, logs):
     path = tmp_path / "log.mcap"
     path.write_bytes(flip(logs["zstd"], chunks(logs["zstd"])[2].end - 1000))
-    result = CliRunner().invoke(cli, ["info", str(path)])
-    assert result.exit_code == 3
+    result = execute("info", path, code=3)
     assert f"Damaged: {path}: byte " in result.stderr
     path.write_bytes(b"no log")
-    result = CliRunner().invoke(cli, ["info", str(path)])
+    result = execute("info", path)
     assert (result.exit_code, result.stdout.strip()) == (1, "")
 
 

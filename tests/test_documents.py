@@ -4,18 +4,17 @@ import re
 
 import pytest
 import yaml
-from click.testing import CliRunner
 
 from seaclutter_cli import documents
-from seaclutter_cli.commands import cli
 from seaclutter_cli.documents import MAX_DEPTH, DocumentError, load_json, load_yaml
 from tests.attacks import JSON_DOCUMENTS, YAML_DOCUMENTS, YAML_VALUES
+from tests.running import execute
 
 ATTACKS = YAML_DOCUMENTS | {name: f"filter: {{start_m: {value}}}" for name, value in YAML_VALUES.items()}
 
 
 def run(*arguments):
-    result = CliRunner().invoke(cli, [str(argument) for argument in arguments])
+    result = execute(*arguments)
     assert isinstance(result.exception, SystemExit), result.exception
     return result
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from pypcd4 import Encoding, PointCloud
@@ -12,8 +11,8 @@ from rosbags.rosbag2 import Writer as Bag2Writer
 from rosbags.typesys import Stores, get_typestore
 
 from seaclutter_cli.cloud import from_array
-from seaclutter_cli.commands import cli
 from seaclutter_cli.messages import CODECS
+from tests.running import execute
 
 STORE = get_typestore(Stores.LATEST)
 TYPE = "sensor_msgs/msg/PointCloud2"
@@ -104,8 +103,7 @@ FORMATS = {
 def run(log, folder, *options):
     table, out = folder / "frames.csv", folder / "out.mcap"
     arguments = ["filter", str(log), "-o", str(out), "--csv", str(table), "-s", "filter.near=keep", *options]
-    result = CliRunner().invoke(cli, arguments)
-    assert result.exit_code == 0, result.output
+    execute(*arguments, code=0)
     lines = [line.split(",", 2)[2] for line in table.read_text().splitlines()]  # without recording and topic
     clouds = []
     with out.open("rb") as stream:

@@ -3,13 +3,12 @@
 import json
 import re
 
-from click.testing import CliRunner
 from mcap.reader import make_reader
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.frame import Reason
 from seaclutter_cli.reporting import palette
 from tests.paths import ROOT
+from tests.running import execute
 from tests.sinks.runs import decode
 
 LAYOUT = json.loads((ROOT / "configs" / "foxglove" / "seaclutter.json").read_text(encoding="utf-8"))
@@ -29,7 +28,7 @@ def test_topics_and_fields_are_in_a_filtered_log(tmp_path):
     path = tmp_path / "f.mcap"
     words = ["filter", SEA.with_suffix(".mcap"), "-o", path, "-n", 2, "--keep-raw", "--with-removed", "--with-scene"]
     words += ["--labels", SEA.with_suffix(".labels.csv")]
-    assert CliRunner().invoke(cli, list(map(str, words))).exit_code == 0
+    execute(*words, code=0)
     with path.open("rb") as stream:
         found = {
             channel.topic: (schema, message.data) for schema, channel, message in make_reader(stream).iter_messages()

@@ -5,11 +5,10 @@ import subprocess
 import sys
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.frame import Frame
 from tests.paths import ROOT, SAMPLE
+from tests.running import execute
 
 NAMES = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
@@ -95,8 +94,7 @@ def test_only_removed_output_is_mentioned(tmp_path, monkeypatch, words, message)
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(Frame, "coordinates", property(interrupt))
-    result = CliRunner().invoke(cli, words.replace("LOG", str(SAMPLE)).split(" "))
-    assert result.exit_code == 1
+    result = execute(*words.replace("LOG", str(SAMPLE)).split(" "), code=1)
     assert f"\n{message}" in result.stderr
     assert not list(tmp_path.iterdir())
 

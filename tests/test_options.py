@@ -8,7 +8,6 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import seaclutter
 from seaclutter_cli import buckets
@@ -18,6 +17,7 @@ from seaclutter_cli.errors import AdaptedThresholdsWarning, ConfigError, UsageEr
 from seaclutter_cli.options import Group, declared
 from seaclutter_cli.runs.options.logs import FilterOptions, TuneOptions
 from tests.paths import ROOT
+from tests.running import execute
 
 SEA, LABELS = ROOT / "samples" / "sea.mcap", ROOT / "samples" / "sea.labels.csv"
 COMMANDS = {
@@ -80,7 +80,7 @@ def test_a_command_has_the_options_of_its_function(words, name):
 )
 def test_values_are_refused_alike(tmp_path, arguments, keywords):
     given = ["calibrate", str(SEA), "-o", str(tmp_path / "c.yaml"), *arguments]
-    assert CliRunner().invoke(cli, given).exit_code == 2
+    execute(*given, code=2)
     with pytest.raises(UsageError):
         seaclutter.calibrate(
             SEA,
@@ -120,7 +120,7 @@ def test_settings_of_python_are_those_of_the_command_line(tmp_path):
         made = seaclutter.make_filter("joint", start_m=np.float64(3))
     assert made.step(seaclutter.Frame.of_arrays(np.ones((1, 3)), np.ones(1))).rings.thresholds.size == 5
     arguments = ["filter", str(SEA), "-o", str(tmp_path / "c.mcap"), "-q", "-s", "filter.near=keep"]
-    assert CliRunner().invoke(cli, [*arguments, "-s", "filter.update_weight=0.2"]).exit_code == 0
+    execute(*arguments, "-s", "filter.update_weight=0.2", code=0)
     texts = ("filter.near=keep", "filter.update_weight=0.2")
     for settings in (texts, {"filter.near": "keep", "filter.update_weight": 0.2}):
         seaclutter.filter_log(SEA, tmp_path / "p.mcap", settings=settings, force=True)

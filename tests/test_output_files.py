@@ -7,9 +7,7 @@ import sys
 import time
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from tests.logs import (
     LAYOUTS,
     Layout,
@@ -17,6 +15,7 @@ from tests.logs import (
     cloud_messages,
 )
 from tests.outcome import all_broken, log_of, read_whole
+from tests.running import execute
 
 FRAMES = 6
 
@@ -46,8 +45,7 @@ def small_disk(tmp_path):
 
 def test_a_full_disk(tmp_path, small_disk):
     log = cloud_log(tmp_path / "log.mcap", LAYOUTS["none"], frames=30)
-    result = CliRunner().invoke(cli, ["filter", str(log), "-o", str(small_disk / "out.mcap")])
-    assert result.exit_code == 1
+    result = execute("filter", log, "-o", small_disk / "out.mcap", code=1)
     assert (
         result.stderr.splitlines()[-1]
         == f"Error: {small_disk / 'out.mcap'}: the disk is full; the incomplete file was removed"
@@ -59,10 +57,7 @@ def test_a_full_disk(tmp_path, small_disk):
 def test_a_disk_too_full_for_the_table(tmp_path, small_disk, frames):
     log = cloud_log(tmp_path / "log.mcap", frames=frames)
     (small_disk / "filling").write_bytes(bytes(64 * 1024))
-    result = CliRunner().invoke(
-        cli, ["filter", str(log), "-o", str(tmp_path / "out.mcap"), "--csv", str(small_disk / "frames.csv")]
-    )
-    assert result.exit_code == 1
+    result = execute("filter", log, "-o", tmp_path / "out.mcap", "--csv", small_disk / "frames.csv", code=1)
     message = f"Error: {small_disk / 'frames.csv'}: the disk is full; the incomplete file was removed"
     assert set(result.stderr.splitlines()) == {message}
     assert names_in(small_disk) == ["filling"]
@@ -74,8 +69,7 @@ def test_a_full_device(tmp_path, logs):
     log, folder = tmp_path / "log.mcap", tmp_path / "out"
     log.write_bytes(logs["zstd"])
     folder.mkdir()
-    result = CliRunner().invoke(cli, ["filter", str(log), "-o", str(folder / "out.mcap")])
-    assert result.exit_code == 1
+    result = execute("filter", log, "-o", folder / "out.mcap", code=1)
     assert result.stderr == f"Error: {folder / 'out.mcap'}: the disk is full; the incomplete file was removed\n"
     assert names_in(folder) == []
 
@@ -137,11 +131,10 @@ def test_output_that_already_exists(tmp_path, logs):
     log, out = tmp_path / "log.mcap", tmp_path / "out.mcap"
     log.write_bytes(logs["zstd"])
     out.write_bytes(b"precious")
-    refused = CliRunner().invoke(cli, ["filter", str(log), "-o", str(out)])
-    assert refused.exit_code == 2
+    refused = execute("filter", log, "-o", out, code=2)
     assert "already exists; use --force to replace it" in refused.stderr
     assert out.read_bytes() == b"precious"
-    assert CliRunner().invoke(cli, ["filter", str(log), "-o", str(out), "--force"]).exit_code == 0
+    execute("filter", log, "-o", out, "--force", code=0)
     assert len(read_whole(out)["/points"]) == FRAMES
 
 
@@ -149,7 +142,7 @@ def test_output_that_is_kept_when_its_replacement_fails(tmp_path, logs):
     log, out = tmp_path / "log.mcap", tmp_path / "out.mcap"
     log.write_bytes(all_broken(logs["zstd"]))
     out.write_bytes(b"precious")
-    assert CliRunner().invoke(cli, ["filter", str(log), "-o", str(out), "--force"]).exit_code == 1
+    execute("filter", log, "-o", out, "--force", code=1)
     assert out.read_bytes() == b"precious"
 
 
@@ -159,8 +152,7 @@ def test_output_that_is_the_input(tmp_path, logs, force):
     log.write_bytes(logs["zstd"])
     (tmp_path / "link.mcap").symlink_to(log)
     for out in (log, tmp_path / ".." / tmp_path.name / "log.mcap", tmp_path / "link.mcap"):
-        result = CliRunner().invoke(cli, ["filter", str(log), "-o", str(out), *force])
-        assert result.exit_code == 2
+        result = execute("filter", log, "-o", out, *force, code=2)
         assert "is part of the input" in result.stderr
     assert log.read_bytes() == logs["zstd"]
 
@@ -169,8 +161,7 @@ def test_one_broken_log_among_others(tmp_path, logs):
     for name, data in (("a", logs["zstd"]), ("b", b"no log"), ("c", logs["zstd"][:20000])):
         (tmp_path / f"{name}.mcap").write_bytes(data)
     out = tmp_path / "out"
-    result = CliRunner().invoke(cli, ["filter", *(str(tmp_path / f"{name}.mcap") for name in "abc"), "-o", str(out)])
-    assert result.exit_code == 1
+    result = execute("filter", *(str(tmp_path / f"{name}.mcap") for name in "abc"), "-o", out, code=1)
     assert f"Error: {tmp_path / 'b.mcap'}: no readable record in this MCAP file" in result.stderr
     assert f"damaged: {tmp_path / 'c.mcap'}: byte" in result.stderr
     assert names_in(out) == ["a.mcap", "c.mcap"]

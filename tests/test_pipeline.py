@@ -6,12 +6,10 @@ from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import seaclutter
 from seaclutter_cli import pipeline
 from seaclutter_cli.cloud import from_array
-from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.frame import FilterResult, Frame
@@ -24,6 +22,7 @@ from seaclutter_cli.sources.recordings import find_recordings
 from tests.filters.seas import Body, sea_log
 from tests.logs import START_NS, Entry, Topic, cloud_message, cloud_topic, write_log
 from tests.paths import ROOT
+from tests.running import execute
 from tests.sinks.runs import contents
 from tests.test_formats import FORMATS
 
@@ -296,8 +295,7 @@ class TestLogs:
                 write_log(folder / f"sea_{number}.mcap", topics, part)
             out = tmp_path / name / "out.mcap"
             arguments = ["filter", folder, "-m", "confirmed", "-o", out, "--with-removed"]
-            done = CliRunner().invoke(cli, [str(argument) for argument in arguments])
-            assert done.exit_code == 0, done.output
+            execute(*arguments, code=0)
         one, two = ((tmp_path / name / "out.mcap").read_bytes() for name in ("one", "two"))
         end = one.index(b"seaclutter.run")  # this record is about the files
         assert one[:end] == two[:end]

@@ -8,10 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from tests.paths import ROOT
+from tests.running import execute
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
@@ -27,21 +26,21 @@ def test_output_of_the_first_example(tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
     arguments, expected = example(".venv/bin/seaclutter filter ")
     arguments[arguments.index("-o") + 1] = str(tmp_path / "filtered.mcap")
-    printed = CliRunner().invoke(cli, ["filter", *arguments]).stdout.splitlines()
+    printed = execute("filter", *arguments).stdout.splitlines()
     assert printed[1:-1] == expected[1:-1]  # the first line has the file name, the last line the time
 
 
 def test_output_of_the_second_example(monkeypatch):
     monkeypatch.chdir(ROOT)
     arguments, expected = example(".venv/bin/seaclutter evaluate ")
-    printed = CliRunner().invoke(cli, ["evaluate", *arguments]).stdout.splitlines()
+    printed = execute("evaluate", *arguments).stdout.splitlines()
     assert printed[: len(expected)] == expected
 
 
 def test_shares_of_points_in_the_second_example(monkeypatch):
     monkeypatch.chdir(ROOT)
     arguments, _ = example(".venv/bin/seaclutter evaluate ")
-    found = json.loads(CliRunner().invoke(cli, ["evaluate", *arguments, "--json"]).stdout)["methods"]
+    found = json.loads(execute("evaluate", *arguments, "--json").stdout)["methods"]
     text = " ".join(README.split())
     for method, sentence in (
         ("joint", "removes {} of the clutter points and {} of the target points"),

@@ -6,12 +6,12 @@ import shlex
 
 import click
 import pytest
-from click.testing import CliRunner
 from jsonschema import Draft202012Validator
 from referencing import Registry, Resource
 
 from seaclutter_cli.commands import cli
 from tests.paths import ROOT
+from tests.running import execute
 from tests.scenes.walls import write_toys
 
 FOLDER = ROOT / "docs" / "schemas"
@@ -83,7 +83,7 @@ def run(folder, monkeypatch):
     monkeypatch.chdir(folder)
 
     def run(line):
-        return CliRunner().invoke(cli, [*shlex.split(line), "--json", *(["--force"] if " -o " in line else [])])
+        return execute(*shlex.split(line), "--json", *(["--force"] if " -o " in line else []))
 
     return run
 

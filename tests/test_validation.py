@@ -5,15 +5,14 @@ from dataclasses import dataclass, fields
 
 import pytest
 import yaml
-from click.testing import CliRunner
 
 from seaclutter_cli.airborne.settings import load_settings
-from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import RenamedKeyWarning
 from seaclutter_cli.params import key
 from seaclutter_cli.simulation.airborne.scene import builtin_tiles, load_tile_scene, parse_tile_scene
 from seaclutter_cli.simulation.marine.scene import builtin_scenes, load_scene, parse_scene
 from seaclutter_cli.validation import build
+from tests.running import execute
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,6 @@ def test_tiles_and_settings_of_the_first_release_load():
 
 def test_the_program_warns_once(tmp_path):
     (tmp_path / "old.yaml").write_text("recording: {about: old, frames: 1}\nvessel: {sway: 0.2}\nobjects: []\n")
-    result = CliRunner().invoke(cli, ["simulate", str(tmp_path / "old.yaml"), "-o", str(tmp_path / "l.mcap")])
-    assert result.exit_code == 0, result.output
+    result = execute("simulate", tmp_path / "old.yaml", "-o", tmp_path / "l.mcap", code=0)
     assert result.stderr.count("this key is now called") == 2
     assert "Warning: vessel.sway: this key is now called wave_response\n" in result.stderr

@@ -4,21 +4,17 @@ import json
 import re
 import subprocess
 import sys
+from functools import partial
 
 import pytest
-from click.testing import CliRunner
 
 from seaclutter_cli import viewing
-from seaclutter_cli.commands import cli
 from seaclutter_cli.runs import report as runs_report
 from tests.reporting.runs import make_labels, make_log
+from tests.running import execute
 from tests.sinks.runs import filter_log
 
-
-def view(*arguments, status=0):
-    result = CliRunner().invoke(cli, ["view", *map(str, arguments)])
-    assert result.exit_code == status, result.output
-    return result
+view = partial(execute, "view", code=0)
 
 
 def rerun(*words):
@@ -64,20 +60,20 @@ def test_a_filtered_log(log, tmp_path):
 def test_an_error_leaves_nothing(tmp_path):
     pytest.importorskip("rerun", reason="the extra view is not installed")
     (tmp_path / "log.mcap").write_bytes(b"no log")
-    view(tmp_path / "log.mcap", "--save", tmp_path / "a.rrd", status=1)
+    view(tmp_path / "log.mcap", "--save", tmp_path / "a.rrd", code=1)
     assert [path.name for path in tmp_path.iterdir()] == ["log.mcap"]
 
 
 def test_an_existing_file_is_kept(log, tmp_path, monkeypatch):
     monkeypatch.setattr(runs_report, "require_rerun", lambda: None)
     (tmp_path / "a.rrd").write_text("mine")
-    assert "--force" in view(log, "--save", tmp_path / "a.rrd", status=2).stderr
-    assert ".rrd" in view(log, "--save", tmp_path / "a.txt", status=2).stderr
+    assert "--force" in view(log, "--save", tmp_path / "a.rrd", code=2).stderr
+    assert ".rrd" in view(log, "--save", tmp_path / "a.txt", code=2).stderr
 
 
 def test_the_error_names_the_extra(log, monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
-    assert "seaclutter[view]" in view(log, status=1).stderr
+    assert "seaclutter[view]" in view(log, code=1).stderr
 
 
 def test_without_a_display_the_error_names_an_alternative(log, monkeypatch):

@@ -5,16 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from seaclutter_cli.airborne.objects import FoundObject, as_csv
 from seaclutter_cli.airborne.plausibility import doubts_about_objects, doubts_about_sea
 from seaclutter_cli.airborne.separation import OTHER, WATER, SeaState, Separation
-from seaclutter_cli.commands import cli
 from seaclutter_cli.runs.classify.maps import MappedTile, geojson_of
 from seaclutter_cli.runs.observer import SILENT
 from seaclutter_cli.sources.tiles import Crs
 from tests.paths import ROOT, shared
+from tests.running import execute
 
 SHIP = FoundObject(1, 1, 0.9, 500, (1000.0, 2000.0), (120.0, 20.0), 0.0, 25.0, 2000.0)
 
@@ -81,7 +80,7 @@ def test_boxes_in_feet():
 
 def separate(tile, out):
     pytest.importorskip("lazrs", reason="needs the extra las")
-    return CliRunner().invoke(cli, ["classify", "separate", str(tile), "-o", str(out)])
+    return execute("classify", "separate", tile, "-o", out)
 
 
 @pytest.mark.parametrize("tile", ["sample", "airborne"])

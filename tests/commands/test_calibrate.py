@@ -3,16 +3,16 @@
 import json
 import math
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from PIL import Image
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.config import load_config
 from tests.commands.test_filter import POINT, write_log
 from tests.paths import SAMPLE
+from tests.running import execute
 
 
 def sea(number, *, size=2000, last_m=64, scale=1.0, whole=True):
@@ -27,13 +27,11 @@ def sea(number, *, size=2000, last_m=64, scale=1.0, whole=True):
     return cloud
 
 
-def invoke(*arguments):
-    return CliRunner().invoke(cli, ["calibrate", *map(str, arguments)])
+invoke = partial(execute, "calibrate")
 
 
 def data(*arguments):
-    result = invoke(*arguments, "--json")
-    assert result.exit_code == 0, result.output
+    result = invoke(*arguments, "--json", code=0)
     return json.loads(result.stdout)
 
 
@@ -53,8 +51,7 @@ def out(tmp_path):
 
 
 def test_the_thresholds_are_quantiles_of_sorted_intensities(log, out):
-    result = invoke(log, "-o", out)
-    assert result.exit_code == 0, result.output
+    invoke(log, "-o", out, code=0)
     config = load_config(out)
     ranges, intensity = columns([sea(number) for number in range(5)])
     assert config.method == "joint"
@@ -69,8 +66,7 @@ def test_the_thresholds_are_quantiles_of_sorted_intensities(log, out):
 def test_filter_accepts_the_configuration(log, out, tmp_path):
     found = data(log, "-o", out)
     arguments = ["filter", str(log), "-c", str(out), "-o", str(tmp_path / "f.mcap"), "-m", "ring_intensity", "--json"]
-    result = CliRunner().invoke(cli, arguments)
-    assert result.exit_code == 0, result.output
+    result = execute(*arguments, code=0)
     assert "Warning" not in result.stderr
     rings = json.loads(result.stdout)[0]["topics"]["/points"]["rings"]
     assert [ring["points"] for ring in rings] == [ring["points"] for ring in found["rings"]]
@@ -113,7 +109,7 @@ def test_comments_describe_the_origin_of_the_configuration(log, out, tmp_path):
 def test_the_same_input_gives_the_same_bytes(log, tmp_path):
     files = [tmp_path / f"{number}.{kind}" for number in range(2) for kind in ("yaml", "svg", "yaml", "png")]
     for target, plot in zip(files[::2], files[1::2], strict=True):
-        assert invoke(log, "-o", target, "--plot", plot, "--force").exit_code == 0
+        invoke(log, "-o", target, "--plot", plot, "--force", code=0)
     for kind in ("yaml", "svg", "png"):
         first, second = (tmp_path / f"{number}.{kind}" for number in range(2))
         assert first.read_bytes() == second.read_bytes()
@@ -152,8 +148,7 @@ def test_start_values_come_from_a_configuration_and_the_command_line(log, out, t
 
 
 def load_config_after(log, out, *arguments):
-    result = invoke(log, "-o", out, *arguments)
-    assert result.exit_code == 0, result.output
+    invoke(log, "-o", out, *arguments, code=0)
     return load_config(out)
 
 
@@ -175,8 +170,7 @@ def test_rings_with_few_or_no_points(tmp_path, out):
     cloud["x"] = np.where(np.arange(500) < 480, 30, 41)
     cloud["intensity"] = np.arange(500) % 10
     log = write_log(tmp_path / "log.mcap", frames=1, make=lambda _: cloud)
-    result = invoke(log, "-o", out, "-s", "filter.end_m=70")
-    assert result.exit_code == 0, result.output
+    result = invoke(log, "-o", out, "-s", "filter.end_m=70", code=0)
     table = result.stdout.splitlines()
     for span, threshold, note in (
         ("10 to 25 m", 8, "no points: ring 2"),
@@ -275,8 +269,7 @@ class TestLabels:
         for name in "ab":
             write_log(tmp_path / f"{name}.mcap", make=sea)
         self.labels(tmp_path / "a.labels.csv", [])
-        result = invoke(tmp_path / "a.mcap", tmp_path / "b.mcap", "-o", out, "--labels", tmp_path)
-        assert result.exit_code == 2
+        result = invoke(tmp_path / "a.mcap", tmp_path / "b.mcap", "-o", out, "--labels", tmp_path, code=2)
         assert "missing: b.labels.csv" in result.stderr
 
     def test_recordings_with_the_same_name_cannot_share_a_folder_of_labels(self, tmp_path, out):
@@ -284,23 +277,21 @@ class TestLabels:
             (tmp_path / name).mkdir()
             write_log(tmp_path / name / "a.mcap", make=sea)
         self.labels(tmp_path / "a.labels.csv", ["0,,none,,,,,,,\n"])
-        result = invoke(tmp_path / "x/a.mcap", tmp_path / "y/a.mcap", "-o", out, "--labels", tmp_path)
-        assert result.exit_code == 2
+        result = invoke(tmp_path / "x/a.mcap", tmp_path / "y/a.mcap", "-o", out, "--labels", tmp_path, code=2)
         assert "two recordings have the same name" in result.stderr
 
     def test_one_topic_at_a_time(self, tmp_path, out):
         log = write_log(tmp_path / "log.mcap", ("/port", "/starboard"), make=sea)
         labels = self.labels(tmp_path / "l.csv", ["0,,none,,,,,,,\n"])
         assert data(log, "-o", out, "-t", "/port", "-t", "/starboard")["frames"] == 10
-        result = invoke(log, "-o", out, "--force", "-t", "/port", "-t", "/starboard", "--labels", labels)
-        assert result.exit_code == 2
+        result = invoke(log, "-o", out, "--force", "-t", "/port", "-t", "/starboard", "--labels", labels, code=2)
         assert "choose from: -t /port -t /starboard" in result.stderr
 
 
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".PNG"])
 def test_the_plot(log, out, tmp_path, suffix):
     plot = tmp_path / f"sub/plot{suffix}"
-    assert invoke(log, "-o", out, "--plot", plot).exit_code == 0
+    invoke(log, "-o", out, "--plot", plot, code=0)
     if suffix == ".svg":
         assert b"<svg" in plot.read_bytes()
     else:
@@ -366,31 +357,28 @@ def test_refused_arguments(tmp_path, monkeypatch, arguments, status, message):
 def test_matplotlib_is_an_extra(log, out, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    result = invoke(log, "-o", out, "--plot", tmp_path / "x.png")
-    assert result.exit_code == 1
+    result = invoke(log, "-o", out, "--plot", tmp_path / "x.png", code=1)
     assert "pip install 'seaclutter[plot]'" in result.stderr
     assert not out.exists()
-    assert invoke(log, "-o", out).exit_code == 0
+    invoke(log, "-o", out, code=0)
 
 
 def test_damage_is_left_out_and_reported(log, tmp_path, out):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(log.read_bytes()[:-2000])
-    result = invoke(cut, "-o", out)
-    assert result.exit_code == 3
+    result = invoke(cut, "-o", out, code=3)
     assert "Damaged" in result.stderr
     assert load_config(out)
 
 
 def test_frames_that_lack_a_field_are_damage(tmp_path, out):
     log = write_log(tmp_path / "log.mcap", make=lambda n: sea(n)[["x", "y", "z"]] if n == 2 else sea(n))
-    result = invoke(log, "-o", out, "--json")
-    assert result.exit_code == 3
+    result = invoke(log, "-o", out, "--json", code=3)
     found = json.loads(result.stdout)
     assert (found["frames"], len(found["damage"])) == (4, 1)
 
 
 def test_names_of_files_cannot_break_the_configuration(tmp_path, out):
     log = write_log(tmp_path / "log\nfilter: {}.mcap", make=sea)
-    assert invoke(log, "-o", out).exit_code == 0
+    invoke(log, "-o", out, code=0)
     assert load_config(out).filter.end_m == 70

@@ -4,23 +4,22 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import seaclutter
-from seaclutter_cli.commands import cli
 from seaclutter_cli.config import load_config
 from seaclutter_cli.evaluation.scores import Summary
 from seaclutter_cli.runs.calibrate import candidates, training_frames
 from seaclutter_cli.runs.calibrate_result import Candidate, TradeOff
 from tests.commands.test_filter import POINT, write_log
 from tests.paths import ROOT
+from tests.running import execute
 
 SEA, LABELS = ROOT / "samples" / "sea.mcap", ROOT / "samples" / "sea.labels.csv"
 
 
 def calibrate(out, *arguments):
     line = ["calibrate", *map(str, arguments), "-o", str(out), "--force"]
-    return CliRunner().invoke(cli, line)
+    return execute(*line)
 
 
 def data(out, *arguments):
@@ -31,7 +30,7 @@ def data(out, *arguments):
 
 def errors(config):
     line = ["evaluate", str(SEA), "--labels", str(LABELS), "--json", "-m", "joint"]
-    found = json.loads(CliRunner().invoke(cli, [*line, *(["-c", str(config)] if config else [])]).stdout)
+    found = json.loads(execute(*line, *(["-c", str(config)] if config else [])).stdout)
     return sum(found["methods"]["joint"][key] for key in ("N_FP", "N_FN"))
 
 

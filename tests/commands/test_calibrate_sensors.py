@@ -1,15 +1,15 @@
 """`calibrate` and `info` agree on the sensor, and a calibration is of one sensor only."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.config import load_config
 from tests.commands.test_filter import POINT, write_log
 from tests.paths import ROOT, shared
+from tests.running import execute
 
 
 def clouds_of(*more):
@@ -25,13 +25,11 @@ def clouds_of(*more):
     return make
 
 
-def invoke(*arguments):
-    return CliRunner().invoke(cli, ["calibrate", *map(str, arguments)])
+invoke = partial(execute, "calibrate")
 
 
 def sensors(command, *arguments):
-    result = CliRunner().invoke(cli, [command, *map(str, arguments), "--json"])
-    assert result.exit_code == 0, result.output
+    result = execute(command, *arguments, "--json", code=0)
     return json.loads(result.stdout)
 
 
@@ -61,8 +59,7 @@ def test_real_packets(tmp_path):
 def test_two_sensors_are_refused(tmp_path):
     one = write_log(tmp_path / "one.mcap", make=clouds_of("time"))
     other = write_log(tmp_path / "two.mcap", make=clouds_of("timestamp"))
-    result = invoke(one, other, "-o", tmp_path / "c.yaml")
-    assert result.exit_code == 1
+    result = invoke(one, other, "-o", tmp_path / "c.yaml", code=1)
     assert not (tmp_path / "c.yaml").exists()
     assert "two, /points: sensor resembles" in result.stderr
     assert "in one, /points; thresholds are valid for one sensor" in result.stderr
@@ -71,6 +68,5 @@ def test_two_sensors_are_refused(tmp_path):
 
 def test_recordings_without_a_known_sensor_join_any(tmp_path):
     unknown = write_log(tmp_path / "one.mcap", make=clouds_of())
-    result = invoke(unknown, ROOT / "samples" / "rs-lidar-32.pcap", "-o", tmp_path / "c.yaml")
-    assert result.exit_code == 0, result.output
+    invoke(unknown, ROOT / "samples" / "rs-lidar-32.pcap", "-o", tmp_path / "c.yaml", code=0)
     assert load_config(tmp_path / "c.yaml").sensor.intensity == "calibrated by the sensor (mode 3)"

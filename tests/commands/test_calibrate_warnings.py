@@ -4,20 +4,19 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import seaclutter
-from seaclutter_cli.commands import cli
 from tests.commands.test_calibrate import sea
 from tests.commands.test_filter import POINT, write_log
 from tests.paths import ROOT
+from tests.running import execute
 
 SEA = ROOT / "samples" / "sea.mcap"
 TARGETS = "objects rise out of the water"
 
 
 def invoke(tmp_path, *arguments):
-    return CliRunner().invoke(cli, ["calibrate", *map(str, arguments), "-o", str(tmp_path / "c.yaml"), "--force"])
+    return execute("calibrate", *arguments, "-o", tmp_path / "c.yaml", "--force")
 
 
 @pytest.fixture(scope="module")

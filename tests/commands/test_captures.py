@@ -3,15 +3,14 @@
 import json
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.config import load_config
 from seaclutter_cli.sensors.robosense.packets import INFO_ID
+from tests.running import execute
 
 
 def run(*arguments):
-    result = CliRunner().invoke(cli, [str(argument) for argument in arguments])
+    result = execute(*arguments)
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exc_info
     return result
 

@@ -2,19 +2,17 @@
 
 import json
 import re
+from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from tests.airborne.tiles import box, raw_records, read, sea, write
 from tests.paths import ROOT, shared
+from tests.running import execute
 
-
-def run(*arguments):
-    return CliRunner().invoke(cli, ["classify", "separate", *map(str, arguments)])
+run = partial(execute, "classify", "separate")
 
 
 def points():
@@ -50,8 +48,7 @@ def test_las_keeps_everything(tmp_path, suffix, point_format):
     extra = [("echo_width", "f4", np.arange(len(xyz))), ("class_hint", "u1", np.full(len(xyz), 3))]
     tile = write(tmp_path / f"tile{suffix}", xyz, point_format=point_format, extra=extra)
     out = tmp_path / f"out{'.laz' if suffix == '.las' else '.las'}"
-    result = run(tile, "-o", out, "--json")
-    assert result.exit_code == 0, result.output
+    result = run(tile, "-o", out, "--json", code=0)
     assert_same_but_class(tile, out)
     found = np.asarray(read(out).classification)
     assert (found[4000:] == 1).all()
@@ -74,8 +71,7 @@ def sea_state(path):
 def test_waves_are_followed_and_described(tmp_path):
     tile = write(tmp_path / "tile.laz", rough(np.random.default_rng(3)))
     for source in (tile, tmp_path / "out.laz"):  # the record of an earlier run is replaced
-        result = run(source, "-o", tmp_path / "out.laz" if source == tile else tmp_path / "again.laz", "--json")
-        assert result.exit_code == 0, result.output
+        result = run(source, "-o", tmp_path / "out.laz" if source == tile else tmp_path / "again.laz", "--json", code=0)
         (row,) = json.loads(result.stdout)
     assert row["sea_state"] == sea_state(tmp_path / "again.laz") == sea_state(tmp_path / "out.laz")
     assert row["sea_state"]["surface"] == "followed"
@@ -142,8 +138,8 @@ def test_las_1_0_becomes_1_2(tmp_path, suffix):
     data[25] = 0
     tile.write_bytes(data)
     out = tmp_path / f"out{suffix}"
-    assert run(tile, "-o", out).exit_code == 0
-    assert run(tile, "-o", tmp_path / "out.pcd").exit_code == 0
+    run(tile, "-o", out, code=0)
+    run(tile, "-o", tmp_path / "out.pcd", code=0)
     found = read(out)
     assert (str(found.header.version), out.read_bytes()[4:8]) == ("1.2", bytes(4))
     data[4:8], data[25] = bytes(4), 2
@@ -172,7 +168,7 @@ def test_height_as_an_additional_dimension(tmp_path, described):
     tile = write(tmp_path / "tile.laz", points(), extra=extra)
     if described:
         _describe(tile, b"echo_width")
-    assert run(tile, "-o", tmp_path / "out.laz", "--with-height").exit_code == 0
+    run(tile, "-o", tmp_path / "out.laz", "--with-height", code=0)
     assert_same_but_class(tile, tmp_path / "out.laz", added=("height_above_sea",))
     height = np.asarray(read(tmp_path / "out.laz")["height_above_sea"])
     assert 2 < height[4000:].min() < height[4000:].max() < 3.5
@@ -182,21 +178,21 @@ def test_large_tiles_are_read_in_parts(tmp_path, monkeypatch):
     from seaclutter_cli.sources import tiles
 
     tile = write(tmp_path / "tile.laz", points())
-    assert run(tile, "-o", tmp_path / "whole.laz").exit_code == 0
+    run(tile, "-o", tmp_path / "whole.laz", code=0)
     monkeypatch.setattr(tiles, "CHUNK_POINTS", 700)
     monkeypatch.setattr(tiles, "_KEPT_BYTES", 0)
-    assert run(tile, "-o", tmp_path / "parts.laz").exit_code == 0
+    run(tile, "-o", tmp_path / "parts.laz", code=0)
     np.testing.assert_array_equal(read(tmp_path / "whole.laz").points.array, read(tmp_path / "parts.laz").points.array)
 
 
 @pytest.mark.parametrize("suffix", [".pcd", ".ply", ".mcap"])
 def test_other_formats(tmp_path, suffix):
     tile = write(tmp_path / "tile.laz", points(), point_format=1)
-    assert run(tile, "-o", tmp_path / "out.las").exit_code == 0
+    run(tile, "-o", tmp_path / "out.las", code=0)
     out = tmp_path / f"out{suffix}"
-    assert run(tile, "-o", out).exit_code == 0
+    run(tile, "-o", out, code=0)
     if suffix == ".mcap":
-        result = CliRunner().invoke(cli, ["filter", str(out), "-o", str(tmp_path / "f.mcap"), "-m", "none", "--json"])
+        result = execute("filter", out, "-o", tmp_path / "f.mcap", "-m", "none", "--json")
         assert json.loads(result.stdout)[0]["topics"]["/points"]["points_in"] == 4400
         return
     found = FRAME_READERS[suffix](out).points
@@ -204,7 +200,7 @@ def test_other_formats(tmp_path, suffix):
     for name in ("x", "y", "z", "intensity", "classification", "gps_time"):
         np.testing.assert_array_equal(found[name], np.asarray(expected[name]), err_msg=name)
     again = tmp_path / f"again{suffix}"
-    assert run(out, "-o", again).exit_code == 0
+    run(out, "-o", again, code=0)
     assert set(FRAME_READERS[suffix](again).points["classification"]) == {1, 9}
 
 
@@ -212,16 +208,15 @@ def test_several_tiles_are_written_to_a_folder(tmp_path):
     (tmp_path / "in").mkdir()
     for name in "ab":
         write(tmp_path / "in" / f"{name}.las", points())
-    result = run(tmp_path / "in", "-o", tmp_path / "out")
-    assert result.exit_code == 0, result.output
+    run(tmp_path / "in", "-o", tmp_path / "out", code=0)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.las", "b.las"]
 
 
 def test_bad_command_lines(tmp_path):
     tile = write(tmp_path / "tile.las", points())
-    assert run(tmp_path / "none.las", "-o", tmp_path / "o.las").exit_code == 2
+    run(tmp_path / "none.las", "-o", tmp_path / "o.las", code=2)
     assert "is part of the input" in run(tile, "-o", tile, "--force").stderr
-    assert run(tile, "-o", tmp_path / "o.xyz").exit_code == 2
+    run(tile, "-o", tmp_path / "o.xyz", code=2)
     (tmp_path / "o.las").write_text("mine")
     assert "--force" in run(tile, "-o", tmp_path / "o.las").stderr
     assert "unknown key" in run(tile, "-o", tmp_path / "p.las", "-s", "separation.window=3").stderr
@@ -249,7 +244,7 @@ def test_bad_tiles(tmp_path):
 @pytest.mark.parametrize("size", [1, 3])
 def test_a_tile_of_a_few_points_is_sea(tmp_path, size):
     tile = write(tmp_path / "tile.las", points()[:size])
-    assert run(tile, "-o", tmp_path / "out.las").exit_code == 0
+    run(tile, "-o", tmp_path / "out.las", code=0)
     assert_same_but_class(tile, tmp_path / "out.las")
     assert (np.asarray(read(tmp_path / "out.las").classification) == 9).all()
 
@@ -265,8 +260,7 @@ def test_evlrs_with_a_wrong_length_are_refused(tmp_path):
 
 def test_a_real_tile_of_land(tmp_path):
     tile = shared("las") / "autzen_trim.laz"
-    result = run(tile, "-o", tmp_path / "out.laz")
-    assert result.exit_code == 0, result.output
+    run(tile, "-o", tmp_path / "out.laz", code=0)
     assert_same_but_class(tile, tmp_path / "out.laz")
     assert set(np.asarray(read(tmp_path / "out.laz").classification)) == {1, 9}
 
@@ -275,8 +269,7 @@ def test_the_sample_tile(tmp_path):
     from seaclutter_cli.evaluation.confusion import Confusion
 
     sample = ROOT / "samples" / "tile.laz"
-    result = run(sample, "-o", tmp_path / "out.laz")
-    assert result.exit_code == 0, result.output
+    run(sample, "-o", tmp_path / "out.laz", code=0)
     truth, found = (np.asarray(read(path).classification) for path in (sample, tmp_path / "out.laz"))
     assert Confusion.of(truth, found, (1, 9)).kappa > 0.95
 
@@ -312,8 +305,7 @@ def test_trusted_classes_are_kept(tmp_path, how):
     xyz = points()
     given = np.where(np.arange(len(xyz)) < 500, 9, 1)
     tile = write(tmp_path / "tile.las", xyz, classification=given)
-    result = run(tile, "-o", tmp_path / "out.las", *how)
-    assert result.exit_code == 0, result.output
+    result = run(tile, "-o", tmp_path / "out.las", *how, code=0)
     assert (np.asarray(read(tmp_path / "out.las").classification)[:500] == 9).all()
     assert "no points of class 2 to trust" in result.stderr
 
@@ -321,8 +313,7 @@ def test_trusted_classes_are_kept(tmp_path, how):
 @pytest.mark.parametrize("text", ["6", "2;9", "water", ""])
 def test_other_classes_cannot_be_trusted(tmp_path, text):
     tile = write(tmp_path / "tile.las", points())
-    result = run(tile, "-o", tmp_path / "out.las", "--trust-classes", text)
-    assert result.exit_code == 2
+    result = run(tile, "-o", tmp_path / "out.las", "--trust-classes", text, code=2)
     assert "must be 2, 9, or 2,9" in result.stderr
 
 

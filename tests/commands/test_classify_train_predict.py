@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from tests.airborne.tiles import box, read, sea, write
+from tests.running import execute as run
 
 pytest.importorskip("skops")
 pytest.importorskip("sklearn")
@@ -22,17 +21,12 @@ random: {ship: 2, shoal: 1, reef: 2}
 """
 
 
-def run(*arguments):
-    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
-
-
 @pytest.fixture(scope="module")
 def tiles(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tiles")
     (folder / "scene.yaml").write_text(SCENE)
     for seed in range(5):
-        result = run("simulate", folder / "scene.yaml", "-o", folder / f"t{seed}.laz", "--seed", seed)
-        assert result.exit_code == 0, result.output
+        run("simulate", folder / "scene.yaml", "-o", folder / f"t{seed}.laz", "--seed", seed, code=0)
     return folder
 
 
@@ -41,8 +35,7 @@ def trained(tiles):
     """Return the path of a model and its test report."""
     files = [tiles / f"t{seed}.laz" for seed in range(4)]
     model, plot = tiles / "model.skops", tiles / "confusion.png"
-    result = run("classify", "train", *files, "-o", model, "--plot", plot, "--json", "-s", "forest.trees=20")
-    assert result.exit_code == 0, result.output
+    result = run("classify", "train", *files, "-o", model, "--plot", plot, "--json", "-s", "forest.trees=20", code=0)
     return model, json.loads(result.stdout)
 
 
@@ -75,8 +68,7 @@ def test_training_again_gives_the_same_model(trained, tiles):
 def test_predict_writes_points_objects_and_a_picture(trained, tiles, tmp_path):
     out = [tmp_path / name for name in ("out.laz", "o.csv", "o.geojson", "o.png")]
     options = zip(("-o", "--csv", "--geojson", "--plot"), out, strict=True)
-    result = run("classify", "predict", tiles / "t4.laz", "--model", trained[0], *(x for pair in options for x in pair))
-    assert result.exit_code == 0, result.output
+    run("classify", "predict", tiles / "t4.laz", "--model", trained[0], *(x for pair in options for x in pair), code=0)
     one, other = read(tiles / "t4.laz"), read(out[0])
     for name in one.point_format.dimension_names:
         if name != "classification":
@@ -137,8 +129,7 @@ def test_predict_takes_other_clouds(trained, tmp_path):
     xyz = np.concatenate([sea(rng), box(rng, (20, 30), (10, 40), (2, 3))])
     write(tmp_path / "tile.las", xyz, point_format=1)
     run("classify", "separate", tmp_path / "tile.las", "-o", tmp_path / "tile.ply")
-    result = run("classify", "predict", tmp_path / "tile.ply", "--model", trained[0], "-o", tmp_path / "o.pcd")
-    assert result.exit_code == 0, result.output
+    run("classify", "predict", tmp_path / "tile.ply", "--model", trained[0], "-o", tmp_path / "o.pcd", code=0)
     points = FRAME_READERS[".pcd"](tmp_path / "o.pcd").points
     assert {"predicted_class", "probability", "predicted_object", "gps_time"} <= set(points.dtype.names)
 
@@ -146,8 +137,7 @@ def test_predict_takes_other_clouds(trained, tmp_path):
 def test_a_tile_of_sea_has_no_objects(trained, tmp_path):
     tile = write(tmp_path / "sea.laz", sea(np.random.default_rng(1)))
     options = ("--csv", tmp_path / "o.csv", "--plot", tmp_path / "o.png")
-    result = run("classify", "predict", tile, "--model", trained[0], "-o", tmp_path / "o.laz", *options)
-    assert result.exit_code == 0, result.output
+    result = run("classify", "predict", tile, "--model", trained[0], "-o", tmp_path / "o.laz", *options, code=0)
     assert "no objects" in result.stdout
     assert (tmp_path / "o.csv").read_text().count("\n") == 1
 
@@ -159,10 +149,7 @@ def test_a_model_trained_with_other_features_is_refused(trained, tiles, tmp_path
         )
         assert (result.exit_code, "was trained with other features" in result.stderr) == (2, True)
     ok = ("-s", "objects.min_points=40", "-s", "separation.height_m=0.6")
-    assert (
-        run("classify", "predict", tiles / "t4.laz", "--model", trained[0], "-o", tmp_path / "o.laz", *ok).exit_code
-        == 0
-    )
+    run("classify", "predict", tiles / "t4.laz", "--model", trained[0], "-o", tmp_path / "o.laz", *ok, code=0)
 
 
 def test_texture_alone(tiles, tmp_path):
@@ -170,9 +157,7 @@ def test_texture_alone(tiles, tmp_path):
     settings = ("-s", "features.features=texture", "-s", "forest.trees=10")
     result = run("classify", "train", *files, "-o", tmp_path / "m", "--json", *settings)
     assert list(json.loads(result.stdout)["importances"]) == ["homogeneity", "dissimilarity", "second_moment"]
-    assert (
-        run("classify", "predict", tiles / "t4.laz", "--model", tmp_path / "m", "-o", tmp_path / "o.laz").exit_code == 0
-    )
+    run("classify", "predict", tiles / "t4.laz", "--model", tmp_path / "m", "-o", tmp_path / "o.laz", code=0)
 
 
 def labelled(path, codes, **kwargs):
@@ -186,8 +171,7 @@ def labelled(path, codes, **kwargs):
 
 def test_objects_without_numbers_are_clusters(tmp_path):
     tile = labelled(tmp_path / "t.laz", [1, 1, 2])
-    result = run("classify", "train", tile, "-o", tmp_path / "m", "--json", "-s", "forest.trees=5")
-    assert result.exit_code == 0, result.output
+    result = run("classify", "train", tile, "-o", tmp_path / "m", "--json", "-s", "forest.trees=5", code=0)
     report = json.loads(result.stdout)
     assert (report["held_out"], report["points_tested"]) == ("object", 200)
 
@@ -221,8 +205,7 @@ def test_classes_that_could_not_be_tested_are_reported(tmp_path):
 def test_without_held_out_data_there_is_no_test(tmp_path):
     tile = labelled(tmp_path / "t.laz", [1, 2])
     train = ("classify", "train", tile, "-s", "forest.trees=5", "--force", "-o", tmp_path / "m")
-    result = run(*train, "--plot", tmp_path / "p.png")
-    assert result.exit_code == 0, result.output
+    result = run(*train, "--plot", tmp_path / "p.png", code=0)
     assert result.stdout == "trained on 400 points; no test, because nothing could be held out\n"
     assert "no class has two objects; train on more tiles, or on more objects" in result.stderr
     assert "p.png: not drawn" in result.stderr

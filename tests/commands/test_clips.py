@@ -6,11 +6,9 @@ from contextlib import closing
 from datetime import UTC, datetime, timedelta, timezone
 
 import pytest
-from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import SelectionError
 from seaclutter_cli.messages.metadata import TOPICS_RECORD, RecordedTopic, recorded_topics, to_metadata
 from seaclutter_cli.reading import frames
@@ -19,6 +17,7 @@ from seaclutter_cli.selection import Selection, parse_moment
 from seaclutter_cli.sources.formats import open_source
 from tests.logs import PERIOD_NS, START_NS, Entry, Topic, cloud_messages, cloud_topic, write_log
 from tests.paths import ROOT
+from tests.running import execute as run
 
 SEA = ROOT / "samples" / "sea.mcap"
 START = datetime.fromtimestamp(START_NS // 10**9, UTC)
@@ -37,14 +36,8 @@ OTHERS = {
 }
 
 
-def run(*arguments):
-    return CliRunner().invoke(cli, list(map(str, arguments)))
-
-
 def filtered(*arguments):
-    result = run("filter", *arguments, "-m", "none")
-    assert result.exit_code == 0, result.stderr
-    return result
+    return run("filter", *arguments, "-m", "none", code=0)
 
 
 @pytest.fixture
@@ -106,8 +99,7 @@ def test_times_in_all_forms(log, tmp_path, start, end):
 
 @pytest.mark.parametrize("text", ["", "noon", "nan", "inf", "12:30", "2026-13-01", "1e400"])
 def test_other_texts_are_refused(log, tmp_path, text):
-    result = run("filter", log, "-o", tmp_path / "clip.mcap", f"--start={text}")
-    assert result.exit_code == 2
+    result = run("filter", log, "-o", tmp_path / "clip.mcap", f"--start={text}", code=2)
     assert "expected seconds from the start, a time such as" in " ".join(result.stderr.split())
 
 
@@ -127,8 +119,7 @@ def test_an_empty_part_is_refused_and_replaces_nothing(log, tmp_path, command, p
     labels = tmp_path / "labels.csv"
     labels.write_text("frame,track_id,class,x,y,z,length,width,height,yaw\n0,,none,,,,,,,\n")
     more = ["--labels", labels] if command == "evaluate" else []
-    result = run(command, log, "-o", tmp_path / "out.mcap", "--force", *part, *more)
-    assert result.exit_code == 2
+    result = run(command, log, "-o", tmp_path / "out.mcap", "--force", *part, *more, code=2)
     assert "Error: log: no frames " in result.stderr
     assert "; the log is 1.9 s long, from 2023-11-14 22:13:20 UTC" in result.stderr
     assert (tmp_path / "out.mcap").read_text() == "earlier"
@@ -151,8 +142,7 @@ def test_of_several_recordings_those_without_frames_are_skipped(log, tmp_path):
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["log.mcap"]
     assert "short: skipped: short: no frames from 1 s on" in result.stderr
     assert "1 done, 1 skipped" in result.stdout
-    nothing = run("filter", logs, "-o", f"{tmp_path}/none/", "-m", "none", "--start", 100)
-    assert nothing.exit_code == 2
+    run("filter", logs, "-o", f"{tmp_path}/none/", "-m", "none", "--start", 100, code=2)
     assert not list(tmp_path.glob("none/*"))
 
 
@@ -179,16 +169,14 @@ def two(tmp_path_factory):
     ],
 )
 def test_commands_leave_out_recordings_without_frames(two, tmp_path, line, jobs):
-    result = run(*line.format(two, tmp_path).split(), "--start", 1, "-j", jobs)
-    assert result.exit_code == 0, result.output
+    result = run(*line.format(two, tmp_path).split(), "--start", 1, "-j", jobs, code=0)
     assert "b: skipped: b: no frames from 1 s on" in result.stderr
 
 
 def test_a_resumed_run_is_not_empty_because_the_rest_is(two, tmp_path):
     line = ["filter", two, "-o", f"{tmp_path}/out/", "--start", 1, "-m", "none", "--resume"]
     for expected in ("1 done, 1 skipped", "2 skipped"):
-        result = run(*line)
-        assert result.exit_code == 0, result.output
+        result = run(*line, code=0)
         assert expected in result.stdout
 
 
@@ -211,20 +199,17 @@ def test_labels_by_frame_fit_a_clip(log, tmp_path):
     labels.write_text(head + "".join(f"{frame},,none,,,,,,,\n" for frame in range(20)))
     filtered(log, "-o", tmp_path / "clip.mcap", "--start", 0.5, "--end", 1)
     out = tmp_path / "frames.csv"
-    result = run("evaluate", tmp_path / "clip.mcap", "--labels", labels, "-m", "none", "-o", out)
-    assert result.exit_code == 0, result.stderr
+    result = run("evaluate", tmp_path / "clip.mcap", "--labels", labels, "-m", "none", "-o", out, code=0)
     rows = out.read_text().splitlines()[1:]
     assert [int(row.split(",")[2]) for row in rows] == sorted([5, 6, 7, 8, 9] * 2), "none and ideal"
     labels.write_text(head + "0,,none,,,,,,,\n1,,none,,,,,,,\n")
-    result = run("evaluate", tmp_path / "clip.mcap", "--labels", labels, "-m", "none", "-o", out, "--force")
-    assert result.exit_code == 1
+    result = run("evaluate", tmp_path / "clip.mcap", "--labels", labels, "-m", "none", "-o", out, "--force", code=1)
     assert "clip: no frame is labelled; it is a part of a recording, with frames from 5 on" in result.stderr
 
 
 def test_what_a_filtered_log_records_about_its_topics(log, tmp_path):
     filtered(log, "-o", tmp_path / "once.mcap", "--with-removed", "--start", 0.2)
-    result = run("filter", tmp_path / "once.mcap", "-t", "/points", "-o", tmp_path / "twice.mcap", "-m", "sor")
-    assert result.exit_code == 0, result.stderr
+    result = run("filter", tmp_path / "once.mcap", "-t", "/points", "-o", tmp_path / "twice.mcap", "-m", "sor", code=0)
     assert "already filtered by none" in result.stderr
     with closing(open_source(tmp_path / "twice.mcap")) as source:
         assert recorded_topics(source.metadata) == {
@@ -253,8 +238,7 @@ def test_two_lidars_have_a_diagnostics_topic_each_and_reports_of_both(tmp_path):
     assert {"/seaclutter/diagnostics/left", "/seaclutter/diagnostics/right"} < topics
     for topic in ("/left", "/right"):
         page = tmp_path / f"{topic[1:]}.html"
-        result = run("report", tmp_path / "out.mcap", "-t", topic, "-o", page)
-        assert result.exit_code == 0, result.stderr
+        run("report", tmp_path / "out.mcap", "-t", topic, "-o", page, code=0)
         assert page.exists()
 
 

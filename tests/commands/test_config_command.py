@@ -1,18 +1,16 @@
 """Tests of ``seaclutter config``: shown configurations can be read again."""
 
 import json
+from functools import partial
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.config import load_config
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.sensors.catalog import SENSORS
+from tests.running import execute
 
-
-def invoke(*arguments):
-    return CliRunner().invoke(cli, ["config", *map(str, arguments)])
+invoke = partial(execute, "config")
 
 
 @pytest.mark.parametrize("method", FILTERS)
@@ -20,7 +18,7 @@ def test_a_shown_configuration_is_valid(tmp_path, method):
     file = tmp_path / "shown.yaml"
     file.write_text(invoke("show", "-m", method).stdout)
     assert load_config(file) == load_config(method=method)
-    assert invoke("check", file).exit_code == 0
+    invoke("check", file, code=0)
     assert json.loads(invoke("show", "-m", method, "--json").stdout) == load_config(method=method).as_dict()
 
 
@@ -28,8 +26,7 @@ def test_check_reports_every_file(tmp_path):
     (tmp_path / "good.yaml").write_text("filter: {far: drop}\n")
     (tmp_path / "bad.yaml").write_text("filter: {colour: red}\n")
     (tmp_path / "worse.yaml").write_text("filter: [")
-    result = invoke("check", *(tmp_path / f"{name}.yaml" for name in ("bad", "good", "worse")))
-    assert result.exit_code == 2
+    result = invoke("check", *(tmp_path / f"{name}.yaml" for name in ("bad", "good", "worse")), code=2)
     assert "good.yaml: valid, method joint" in result.stdout
     assert "colour" in result.stderr
     assert "worse.yaml: line 1, column 10: not valid YAML" in result.stderr

@@ -6,18 +6,14 @@ from importlib import metadata
 
 import click
 import pytest
-from click.testing import CliRunner
 
 from seaclutter_cli import __version__
 from seaclutter_cli.commands import COMMANDS, cli
 from seaclutter_cli.commands.console import SCHEMA_VERSION
 from tests.paths import ROOT
+from tests.running import execute as run
 
 SEA = ROOT / "samples" / "sea.mcap"
-
-
-def run(*arguments, **options):
-    return CliRunner().invoke(cli, list(map(str, arguments)), **options)
 
 
 def leaves(group=cli, path=()):
@@ -51,8 +47,7 @@ ALL = {" ".join(path): (path, command) for path, command in leaves()}
     ],
 )
 def test_a_similar_name_is_suggested(tmp_path, words, meant):
-    result = run(*words.replace("SEA", str(SEA)).replace("OUT", str(tmp_path / "out.mcap")).split())
-    assert result.exit_code == 2
+    result = run(*words.replace("SEA", str(SEA)).replace("OUT", str(tmp_path / "out.mcap")).split(), code=2)
     suggested = re.search(r"[Dd]id you mean( one of:)? (.*?)\?", " ".join(result.stderr.split()))
     assert suggested
     assert f"'{meant}'" in suggested[2]
@@ -87,8 +82,7 @@ def test_environment_variables_set_options_and_the_command_line_wins(tmp_path):
     assert b"neighbors: 5" in text
     assert b"std_ratio: 2" in text
     assert b"/seaclutter/diagnostics" not in text
-    bad = run("filter", SEA, "-o", out, env={"SEACLUTTER_FILTER_FRAMES": "many"})
-    assert bad.exit_code == 2
+    run("filter", SEA, "-o", out, env={"SEACLUTTER_FILTER_FRAMES": "many"}, code=2)
 
 
 OUTPUTS = [
@@ -107,8 +101,7 @@ OUTPUTS = [
 @pytest.mark.parametrize("words", OUTPUTS)
 def test_standard_streams_are_refused(tmp_path, monkeypatch, words):
     monkeypatch.chdir(tmp_path)
-    result = run(*words.replace("SEA", str(SEA)).replace("OUT", "out.mcap").split(), input="x")
-    assert result.exit_code == 2
+    result = run(*words.replace("SEA", str(SEA)).replace("OUT", "out.mcap").split(), input="x", code=2)
     assert "standard" in result.stderr
     assert not list(tmp_path.iterdir())
 
@@ -116,14 +109,13 @@ def test_standard_streams_are_refused(tmp_path, monkeypatch, words):
 def test_a_configuration_from_standard_input(tmp_path):
     shown = run("config", "show", "-m", "sor", "-s", "filter.neighbors=7").stdout
     out = tmp_path / "out.mcap"
-    assert run("filter", SEA, "-o", out, "-n", "1", "-c", "-", input=shown).exit_code == 0
+    run("filter", SEA, "-o", out, "-n", "1", "-c", "-", input=shown, code=0)
     assert b"neighbors: 7" in out.read_bytes()
 
 
 @pytest.mark.parametrize("text", ["filter: [", "5", "[1, 2]", "text", "filter: {method: x}", "a: 1"])
 def test_another_text_from_standard_input_is_refused(tmp_path, text):
-    result = run("filter", SEA, "-o", tmp_path / "out.mcap", "-c", "-", input=text)
-    assert result.exit_code == 2
+    result = run("filter", SEA, "-o", tmp_path / "out.mcap", "-c", "-", input=text, code=2)
     assert result.stderr.startswith(("Error: standard input: ", "Error: configuration: "))
     assert result.stderr.count("\n") == 1
 
@@ -143,11 +135,9 @@ def test_a_configuration_in_the_working_folder_is_used_and_named(tmp_path, monke
 
 def test_a_filtered_log_is_shown_with_its_own_configuration_whatever_the_working_folder_has(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = run("filter", SEA, "-o", "f.mcap", "-n", "3", "-m", "sor", "--keep-raw", "--with-removed")
-    assert done.exit_code == 0, done.stderr
+    run("filter", SEA, "-o", "f.mcap", "-n", "3", "-m", "sor", "--keep-raw", "--with-removed", code=0)
     (tmp_path / "seaclutter.yaml").write_text("filter: {method: ror}")
-    shown = run("report", "f.mcap", "-o", "r.html", "--json")
-    assert shown.exit_code == 0, shown.stderr
+    shown = run("report", "f.mcap", "-o", "r.html", "--json", code=0)
     assert json.loads(shown.stdout)["methods"].keys() == {"sor"}
     named = run("report", "f.mcap", "-t", "/points", "-o", "n.html", "-c", "seaclutter.yaml", "--json")
     assert json.loads(named.stdout)["methods"].keys() == {"ror"}
@@ -166,8 +156,7 @@ def test_a_filtered_log_is_shown_with_its_own_configuration_whatever_the_working
 def test_quiet_output_has_no_summary_of_what_was_written(tmp_path, words, is_silent):
     labels = SEA.with_suffix(".labels.csv")
     line = words.replace("SEA", str(SEA)).replace("OUT", str(tmp_path)).replace("LABELS", str(labels))
-    result = run(*line.split(), "-q")
-    assert result.exit_code == 0, result.stderr
+    result = run(*line.split(), "-q", code=0)
     assert (result.stdout == "") == is_silent
     assert result.stderr == ""
 

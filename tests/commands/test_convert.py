@@ -2,13 +2,12 @@
 
 import json
 from contextlib import closing
+from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from seaclutter_cli.cloud import from_array
-from seaclutter_cli.commands import cli
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.metadata import recorded_topics
 from seaclutter_cli.reading import frames
@@ -19,6 +18,7 @@ from seaclutter_cli.sinks.frames import FrameSink
 from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.sources.recordings import find_recordings
 from tests.logs import Entry, Extra, Topic, cloud_messages, cloud_topic, write_log
+from tests.running import execute
 
 START_NS = 1_700_000_000 * 10**9
 TEXT = ("std_msgs/msg/String", "ros2msg", b"string data\n")
@@ -26,10 +26,7 @@ FORMS = pytest.mark.parametrize("form", OUTPUT_FORMATS)
 LOG_FORMS = pytest.mark.parametrize("form", [name for name, kind in OUTPUT_FORMATS.items() if kind.has_topics])
 
 
-def run(*arguments, exit_code=0):
-    result = CliRunner().invoke(cli, [str(argument) for argument in arguments])
-    assert result.exit_code == exit_code, result.output
-    return result
+run = partial(execute, code=0)
 
 
 def names(folder):
@@ -110,7 +107,7 @@ def test_clips_keep_latched_messages(log, tmp_path, form):
 
 @FORMS
 def test_an_empty_clip_is_refused(log, tmp_path, form):
-    result = run("convert", log, "-o", target_of(tmp_path, form), "--to", form, "--start", "90", exit_code=2)
+    result = run("convert", log, "-o", target_of(tmp_path, form), "--to", form, "--start", "90", code=2)
     assert "no recording has a frame in the selected time" in result.stderr or "no frames from 90 s" in result.stderr
     assert list(tmp_path.iterdir()) == []
 
@@ -122,7 +119,7 @@ def test_resume_and_force(log, tmp_path, form, command):
     arguments = [command, log, "-o", target, "--to", form]
     run(*arguments)
     before = contents(target)
-    assert "already exists; use --force" in run(*arguments, exit_code=2).stderr
+    assert "already exists; use --force" in run(*arguments, code=2).stderr
     assert "skipped, the output was complete" in run(*arguments, "--resume").output
     assert contents(target) == before
     result = run(*arguments, "--resume", "-n", "3", "-q")
@@ -190,7 +187,7 @@ def test_parts_by_size(log, tmp_path):
 def test_fewer_parts_leave_none_of_an_earlier_run(log, tmp_path):
     run("convert", log, "-o", tmp_path / "out.bag", "--split", "0.3s")
     assert len(list(tmp_path.iterdir())) == 7
-    result = run("convert", log, "-o", tmp_path / "out.bag", "--split", "1s", exit_code=2)
+    result = run("convert", log, "-o", tmp_path / "out.bag", "--split", "1s", code=2)
     assert "out_0.bag: already exists" in result.stderr
     run("convert", log, "-o", tmp_path / "out.bag", "--split", "1s", "--force")
     assert (names(tmp_path)) == ["out_0.bag", "out_1.bag"]
@@ -198,20 +195,20 @@ def test_fewer_parts_leave_none_of_an_earlier_run(log, tmp_path):
 
 def test_parts_of_an_earlier_run_are_refused(log, tmp_path):
     (tmp_path / "out_3.bag").write_bytes(b"mine")
-    result = run("convert", log, "-o", tmp_path / "out.bag", "--split", "1s", exit_code=2)
+    result = run("convert", log, "-o", tmp_path / "out.bag", "--split", "1s", code=2)
     assert "out_3.bag: already exists" in result.stderr
     assert names(tmp_path) == ["out_3.bag"]
 
 
 def test_a_failed_run_leaves_no_part(log, tmp_path):
-    result = run("filter", log, "-o", tmp_path / "out.bag", "--split", "0.3s", "--intensity-field", "none", exit_code=1)
+    result = run("filter", log, "-o", tmp_path / "out.bag", "--split", "0.3s", "--intensity-field", "none", code=1)
     assert "none" in result.stderr
     assert names(tmp_path) == []
 
 
 @pytest.mark.parametrize("form", ["rosbag2-db3", "rosbag2-mcap", "pcd"])
 def test_a_failed_run_leaves_no_folder(log, tmp_path, form):
-    run("filter", log, "-o", tmp_path / "out", "--to", form, "--intensity-field", "none", exit_code=1)
+    run("filter", log, "-o", tmp_path / "out", "--to", form, "--intensity-field", "none", code=1)
     assert names(tmp_path) == []
 
 
@@ -257,17 +254,17 @@ def test_convert_without_a_topic_chooses_clouds_too(log, tmp_path):
     ],
 )
 def test_wrong_options(log, tmp_path, options, problem):
-    assert problem in run("convert", log, "-o", tmp_path / "out", *options, exit_code=2).stderr
+    assert problem in run("convert", log, "-o", tmp_path / "out", *options, code=2).stderr
     assert names(tmp_path) == []
 
 
 def test_frames_have_no_topics(log, tmp_path):
-    result = run("filter", log, "-o", tmp_path / "out", "--to", "npz", "--keep-raw", "--with-scene", exit_code=2)
+    result = run("filter", log, "-o", tmp_path / "out", "--to", "npz", "--keep-raw", "--with-scene", code=2)
     assert "--keep-raw, --with-scene: NPZ files have no topics" in result.stderr
 
 
 def test_a_file_of_one_frame(log, tmp_path):
-    result = run("convert", log, "-o", tmp_path / "out.pcd", exit_code=2)
+    result = run("convert", log, "-o", tmp_path / "out.pcd", code=2)
     assert "has room for one frame only; name a folder, as in -o out --to pcd, or add -n 1" in result.stderr
     assert names(tmp_path) == []
     run("convert", log, "-o", tmp_path / "out.pcd", "-n", "1")
@@ -278,7 +275,7 @@ def test_a_folder_of_something_else_is_not_replaced(log, tmp_path):
     mine = tmp_path / "trial" / "mine.txt"
     mine.parent.mkdir()
     mine.write_text("mine")
-    result = run("convert", log, "-o", f"{tmp_path}/", "--to", "pcd", "--force", exit_code=2)
+    result = run("convert", log, "-o", f"{tmp_path}/", "--to", "pcd", "--force", code=2)
     assert "trial: is a folder of something else" in result.stderr
     assert mine.read_text() == "mine"
 
@@ -335,7 +332,7 @@ def test_a_file_that_is_put_into_a_folder_while_it_is_replaced(log, tmp_path, mo
 def test_an_output_does_not_replace_its_input(log, tmp_path):
     run("convert", log, "-o", tmp_path / "out", "--to", "rosbag2-db3")
     for name in ("out", "out/out_0.db3"):
-        result = run("convert", tmp_path / name, "-o", tmp_path / "out", "--to", "rosbag2-db3", "--force", exit_code=2)
+        result = run("convert", tmp_path / name, "-o", tmp_path / "out", "--to", "rosbag2-db3", "--force", code=2)
         assert "the input, LOGS" in result.stderr
 
 

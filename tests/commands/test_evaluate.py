@@ -5,13 +5,12 @@ import json
 import re
 import sys
 from dataclasses import replace
+from functools import partial
 from io import BytesIO
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.evaluation.matching import Alarms
 from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, PointCounts
 from seaclutter_cli.runs.evaluate import EvaluateWork, FrameRows, evaluate, frame_table
@@ -20,6 +19,7 @@ from tests.evaluation.scenes import frame_of
 from tests.evaluation.scenes import lump as lump_at
 from tests.logs import PERIOD_NS, START_NS, Entry, Topic, cloud_message, cloud_topic, write_log
 from tests.paths import shared
+from tests.running import execute
 
 POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")])
 LABELLED = np.dtype([*POINT.descr, ("label", "<u2")])
@@ -75,8 +75,7 @@ def labels(tmp_path):
     return make_labels(tmp_path / "boxes.csv")
 
 
-def invoke(*arguments):
-    return CliRunner().invoke(cli, ["evaluate", *map(str, arguments)])
+invoke = partial(execute, "evaluate")
 
 
 def figures(*arguments, status=0):
@@ -122,7 +121,7 @@ def test_the_unfiltered_log(log, labels):
 
 def test_the_table_of_frames(log, labels, tmp_path):
     out = tmp_path / "frames.csv"
-    assert invoke(log, "--labels", labels, "-m", "ring_intensity", "-m", "none", "-o", out).exit_code == 0
+    invoke(log, "--labels", labels, "-m", "ring_intensity", "-m", "none", "-o", out, code=0)
     table = rows(out)
     assert tuple(table[0]) == ("recording", "method", "frame", "stamp_ns", *ALARM_COLUMNS)
     assert [(row["method"], int(row["frame"])) for row in table] == [
@@ -152,8 +151,7 @@ def test_point_labels_add_columns(tmp_path):
 def test_recordings_with_and_without_point_labels(log, labels, tmp_path):
     inside = make_log(tmp_path / "points.mcap", LABELLED)
     out = tmp_path / "frames.csv"
-    result = invoke(log, inside, "--labels", labels, "--labels", inside, "-m", "none", "-o", out)
-    assert result.exit_code == 0, result.output
+    invoke(log, inside, "--labels", labels, "--labels", inside, "-m", "none", "-o", out, code=0)
     table = rows(out)
     assert {row["target_points_in"] for row in table if row["recording"] == "log"} == {""}
     assert all(row["target_points_in"] for row in table if row["recording"] == "points")
@@ -172,8 +170,9 @@ PAPER = "global_intensity@0.80 global_intensity@0.90 ring_intensity ring_intensi
 )
 def test_comparisons(log, labels, tmp_path, comparison, names):
     out, summary = tmp_path / "frames.csv", tmp_path / "summary.json"
-    result = invoke(log, "--labels", labels, "--compare", comparison, "-m", "none", "-o", out, "--summary", summary)
-    assert result.exit_code == 0, result.output
+    result = invoke(
+        log, "--labels", labels, "--compare", comparison, "-m", "none", "-o", out, "--summary", summary, code=0
+    )
     expected = [*filter(is_installed, names.split()), "none"]
     found = json.loads(summary.read_text())
     assert list(found["configs"]) == expected
@@ -185,39 +184,36 @@ def test_comparisons(log, labels, tmp_path, comparison, names):
 
 def test_peers_that_are_not_installed_are_left_out(log, labels, monkeypatch):
     monkeypatch.setitem(sys.modules, "pypatchworkpp", None)
-    result = invoke(log, "--labels", labels, "--compare", "peers")
-    assert result.exit_code == 0, result.output
+    result = invoke(log, "--labels", labels, "--compare", "peers", code=0)
     assert "naive" in result.stdout
     assert "patchwork" not in result.stdout
     assert result.stderr.count("not installed: patchwork (pip install 'seaclutter[peers]')") == 1
-    result = invoke(log, "--labels", labels, "-m", "patchwork")
-    assert result.exit_code == 1
+    result = invoke(log, "--labels", labels, "-m", "patchwork", code=1)
     assert "requires an optional dependency: pip install 'seaclutter[peers]'" in result.stderr
 
 
 def test_all_methods_in_one_pass_give_the_same_as_each_alone(log, labels, tmp_path):
     together = tmp_path / "together.csv"
-    assert invoke(log, "--labels", labels, "--compare", "all", "-o", together).exit_code == 0
+    invoke(log, "--labels", labels, "--compare", "all", "-o", together, code=0)
     table = rows(together)
     for name in dict.fromkeys(row["method"] for row in table):
         if name in ("none", "ideal"):  # never alone
             continue
         alone = tmp_path / "alone.csv"
-        assert invoke(log, "--labels", labels, "-m", name, "-o", alone, "--force").exit_code == 0
+        invoke(log, "--labels", labels, "-m", name, "-o", alone, "--force", code=0)
         assert rows(alone) == [row for row in table if row["method"] == name]
 
 
 def test_the_same_bytes_each_time(log, labels, tmp_path):
     for name in ("a.csv", "b.csv"):
-        assert invoke(log, "--labels", labels, "--compare", "paper", "-o", tmp_path / name).exit_code == 0
+        invoke(log, "--labels", labels, "--compare", "paper", "-o", tmp_path / name, code=0)
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
 
 
 def test_every_recording_starts_without_state(labels, tmp_path):
     logs = [make_log(tmp_path / f"{name}.mcap") for name in "ab"]
     out = tmp_path / "frames.csv"
-    result = invoke(*logs, "--labels", labels, "--labels", labels, "--compare", "paper", "-o", out)
-    assert result.exit_code == 0, result.output
+    result = invoke(*logs, "--labels", labels, "--labels", labels, "--compare", "paper", "-o", out, code=0)
     first, second = ([row | {"recording": ""} for row in rows(out) if row["recording"] == name] for name in "ab")
     assert first == second
     assert "2 recordings; 10 labelled frames, 2 unlabelled\n" in result.stdout
@@ -275,8 +271,7 @@ def test_a_part_of_a_recording_does_not_need_all_labels(log, labels):
 def test_labels_of_another_recording(log, tmp_path):
     labels = make_labels(tmp_path / "long.csv", frames=range(9))
     out = tmp_path / "frames.csv"
-    result = invoke(log, "--labels", labels, "-m", "none", "-o", out)
-    assert result.exit_code == 1
+    result = invoke(log, "--labels", labels, "-m", "none", "-o", out, code=1)
     assert "frame" in result.stderr
     assert not out.exists()
 
@@ -287,8 +282,7 @@ def test_one_bad_recording_does_not_stop_the_others(labels, tmp_path):
     bad.write_bytes(b"no log at all")
     out = tmp_path / "frames.csv"
     given = [item for _ in range(3) for item in ("--labels", labels)]
-    result = invoke(good[0], bad, good[1], *given, "-m", "none", "-o", out, "--json")
-    assert result.exit_code == 1
+    result = invoke(good[0], bad, good[1], *given, "-m", "none", "-o", out, "--json", code=1)
     assert {row["recording"] for row in rows(out)} == {"a", "c"}
     found = json.loads(result.stdout)
     assert found["methods"]["none"]["frames"] == 10
@@ -314,8 +308,7 @@ def test_a_frame_that_no_method_can_use_is_damage(tmp_path, labels):
 
 
 def test_a_warning_if_no_frame_is_labelled(log, labels):
-    result = invoke(log, "--labels", labels, "-m", "none", "--start", 0.45)
-    assert result.exit_code == 0, result.output
+    result = invoke(log, "--labels", labels, "-m", "none", "--start", 0.45, code=0)
     assert "no frame is labelled" in result.stderr
     assert result.stdout.splitlines()[4].split() == ["none", "0", "0", "0", *"––––"]
 
@@ -373,8 +366,7 @@ def test_a_single_warning_about_thresholds_that_cannot_fit(tmp_path, labels):
         return points
 
     log = make_log(tmp_path / "log.mcap", make=make)
-    result = invoke(log, "--labels", labels, "--compare", "paper")
-    assert result.exit_code == 0
+    result = invoke(log, "--labels", labels, "--compare", "paper", code=0)
     assert result.stderr.count("no point can pass") == 1
     assert "Warning" not in invoke(log, "--labels", labels, "--compare", "paper", "-q").stderr
 
@@ -393,7 +385,7 @@ def test_an_interrupted_run_leaves_no_table(log, labels, tmp_path, monkeypatch):
 def test_a_recording_that_fails_at_its_end_leaves_no_rows(log, labels, tmp_path):
     failing, out = make_log(tmp_path / "failing.mcap"), tmp_path / "frames.csv"
     too_long = make_labels(tmp_path / "too_long.csv", frames=range(FRAMES + 1))
-    assert invoke(failing, log, "--labels", too_long, "--labels", labels, "-m", "none", "-o", out).exit_code == 1
+    invoke(failing, log, "--labels", too_long, "--labels", labels, "-m", "none", "-o", out, code=1)
     assert {row["recording"] for row in rows(out)} == {"log"}
 
 

@@ -6,18 +6,13 @@ import re
 import shutil
 
 import pytest
-from click.testing import CliRunner
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from seaclutter_cli.commands import cli
 from tests.paths import ROOT
+from tests.running import execute as run
 
 SEA, LABELS = (ROOT / "samples" / name for name in ("sea.mcap", "sea.labels.csv"))
-
-
-def run(*arguments):
-    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
 
 
 def figures(*arguments):
@@ -185,5 +180,5 @@ def test_the_title_says_how_many_recordings_were_read(tmp_path):
     (tmp_path / "broken.mcap").write_text("broken")
     labels = str(ROOT / "samples" / "sea.labels.csv")
     logs = [str(ROOT / "samples" / "sea.mcap"), str(tmp_path / "broken.mcap")]
-    result = CliRunner().invoke(cli, ["evaluate", *logs, "--labels", labels, "--labels", labels, "-n", "2"])
+    result = run("evaluate", *logs, "--labels", labels, "--labels", labels, "-n", 2)
     assert result.stdout.startswith("1 of 2 recordings; 2 labelled frames")

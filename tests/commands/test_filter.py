@@ -6,20 +6,20 @@ import os
 import subprocess
 import sys
 from collections import Counter
+from functools import partial
 from io import DEFAULT_BUFFER_SIZE
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from seaclutter_cli.cloud import from_array
-from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from tests.paths import SAMPLE
+from tests.running import execute
 
 TYPE = "sensor_msgs/msg/PointCloud2"
 POINT = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")]
@@ -53,8 +53,7 @@ def write_log(path, topics=("/points",), frames=5, make=points):
     return path
 
 
-def invoke(*arguments):
-    return CliRunner().invoke(cli, ["filter", *map(str, arguments)])
+invoke = partial(execute, "filter")
 
 
 def messages(path, topic):
@@ -73,8 +72,7 @@ def out(tmp_path):
 
 
 def test_the_real_sample(out):
-    result = invoke(SAMPLE, "-c", "snow", "-o", out)
-    assert result.exit_code == 0
+    result = invoke(SAMPLE, "-c", "snow", "-o", out, code=0)
     assert "/points: 3 frames, 629,023 points in, 474,323 out (75.4 %)" in result.stdout
     assert len(messages(out, "/points")) == 3
 
@@ -121,8 +119,7 @@ def test_the_summary_counts_frames_by_scene(log, out, tmp_path, scene):
 )
 def test_a_part_of_a_recording(log, out, tmp_path, options, frames, notes):
     table = tmp_path / "frames.csv"
-    result = invoke(log, "-o", out, "--csv", table, *options)
-    assert result.exit_code == 0, result.output
+    invoke(log, "-o", out, "--csv", table, *options, code=0)
     with table.open() as stream:
         assert [int(row["frame"]) for row in csv.DictReader(stream)] == frames
     assert len(messages(out, "/points")) == len(frames)
@@ -131,15 +128,13 @@ def test_a_part_of_a_recording(log, out, tmp_path, options, frames, notes):
 
 def test_each_topic_has_its_own_state(tmp_path):
     both = write_log(tmp_path / "both.mcap", ("/port", "/starboard"))
-    result = invoke(both, "-o", tmp_path / "x.mcap")
-    assert result.exit_code == 2
+    result = invoke(both, "-o", tmp_path / "x.mcap", code=2)
     assert "choose from: -t /port -t /starboard" in result.stderr
     assert not (tmp_path / "x.mcap").exists()
-    result = invoke(both, "-o", tmp_path / "together.mcap", "-t", "/port", "-t", "/starboard")
-    assert result.exit_code == 0
+    result = invoke(both, "-o", tmp_path / "together.mcap", "-t", "/port", "-t", "/starboard", code=0)
     for topic in ("/port", "/starboard"):
         alone = tmp_path / f"{topic[1:]}.mcap"
-        assert invoke(both, "-o", alone, "-t", topic).exit_code == 0
+        invoke(both, "-o", alone, "-t", topic, code=0)
         ours, theirs = (messages(path, topic) for path in (tmp_path / "together.mcap", alone))
         assert [message.data for message in ours] == [message.data for message in theirs]
 
@@ -148,8 +143,7 @@ def test_several_recordings_go_into_a_folder(tmp_path):
     (tmp_path / "logs").mkdir()
     for name in ("b", "a"):
         write_log(tmp_path / "logs" / f"{name}.mcap")
-    result = invoke(tmp_path / "logs", "-o", tmp_path / "out", "--csv", tmp_path / "all.csv")
-    assert result.exit_code == 0
+    invoke(tmp_path / "logs", "-o", tmp_path / "out", "--csv", tmp_path / "all.csv", code=0)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.mcap", "b.mcap"]
     with (tmp_path / "all.csv").open() as stream:
         assert [row["recording"] for row in csv.DictReader(stream)] == ["a"] * 5 + ["b"] * 5
@@ -161,8 +155,7 @@ def test_one_bad_recording_does_not_stop_the_others(tmp_path):
     write_log(logs / "a.mcap")
     (logs / "b.mcap").write_bytes(b"no log at all")
     write_log(logs / "c.mcap")
-    result = invoke(logs, "-o", tmp_path / "out", "--csv", tmp_path / "all.csv")
-    assert result.exit_code == 1
+    result = invoke(logs, "-o", tmp_path / "out", "--csv", tmp_path / "all.csv", code=1)
     assert "b.mcap" in result.stderr
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.mcap", "c.mcap"]
     with (tmp_path / "all.csv").open() as stream:
@@ -177,7 +170,7 @@ def test_rows_of_a_recording_that_fails_midway_are_removed(tmp_path, monkeypatch
     monkeypatch.setattr("seaclutter_cli.runs.log_work.require_frames", require_frames)
     logs = [write_log(tmp_path / f"{name}.mcap") for name in "abc"]
     table = tmp_path / "all.csv"
-    assert invoke(*logs, "-j", 1, "-o", tmp_path / "out", "--csv", table).exit_code == 1
+    invoke(*logs, "-j", 1, "-o", tmp_path / "out", "--csv", table, code=1)
     with table.open() as stream:
         assert [row["recording"] for row in csv.DictReader(stream)] == ["a"] * 5 + ["c"] * 5
     result = invoke(logs[1], "-o", tmp_path / "b.out.mcap", "--csv", tmp_path / "b.csv")
@@ -193,21 +186,21 @@ def test_rows_of_a_single_recording_are_written_as_they_come(out, tmp_path, monk
 
     monkeypatch.setattr("seaclutter_cli.runs.log_work.require_frames", require_frames)
     log = write_log(tmp_path / "long.mcap", frames=200)
-    assert invoke(log, "-o", out, "--csv", tmp_path / "frames.csv").exit_code == 0
+    invoke(log, "-o", out, "--csv", tmp_path / "frames.csv", code=0)
     whole = (tmp_path / "frames.csv").stat().st_size
     assert whole - DEFAULT_BUFFER_SIZE <= sizes[0] < whole
 
 
 def test_globs_are_expanded_unless_a_file_has_that_name(tmp_path):
     odd = write_log(tmp_path / "log [1] ä.mcap")
-    assert invoke(odd, "-o", tmp_path / "odd.mcap").exit_code == 0
-    assert invoke(tmp_path / "log*.mcap", "-o", tmp_path / "star.mcap").exit_code == 0
+    invoke(odd, "-o", tmp_path / "odd.mcap", code=0)
+    invoke(tmp_path / "log*.mcap", "-o", tmp_path / "star.mcap", code=0)
     assert (tmp_path / "odd.mcap").read_bytes() == (tmp_path / "star.mcap").read_bytes()
 
 
 def test_a_single_recording_can_go_into_an_existing_folder(log, tmp_path):
     (tmp_path / "out").mkdir()
-    assert invoke(log, "-o", tmp_path / "out").exit_code == 0
+    invoke(log, "-o", tmp_path / "out", code=0)
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["log.mcap"]
 
 
@@ -270,13 +263,12 @@ def test_frames_that_lack_a_field_are_left_out_unless_all_do(tmp_path, out, bad,
 def test_methods_without_intensity_need_no_intensity_field(tmp_path):
     log = write_log(tmp_path / "plain.mcap", make=lambda number: points(number)[["x", "y", "z"]])
     for method in ("sor", "ror", "none"):
-        assert invoke(log, "-o", tmp_path / f"{method}.mcap", "-m", method).exit_code == 0
+        invoke(log, "-o", tmp_path / f"{method}.mcap", "-m", method, code=0)
 
 
 def test_a_log_without_frames_is_not_an_error(tmp_path, out):
     log = write_log(tmp_path / "none.mcap", frames=0)
-    result = invoke(log, "-o", out)
-    assert result.exit_code == 0
+    result = invoke(log, "-o", out, code=0)
     assert "0 frames" in result.stdout
     with out.open("rb") as stream:
         channels = make_reader(stream).get_summary().channels.values()
@@ -294,8 +286,7 @@ def test_a_log_without_frames_is_not_an_error(tmp_path, out):
 )
 def test_warnings_about_thresholds_that_cannot_fit(tmp_path, out, top, thresholds, warned):
     log = write_log(tmp_path / "log.mcap", make=lambda number: points(number, top=top))
-    result = invoke(log, "-o", out, "-s", f"filter.initial_thresholds={thresholds}")
-    assert result.exit_code == 0
+    result = invoke(log, "-o", out, "-s", f"filter.initial_thresholds={thresholds}", code=0)
     assert (warned in result.stderr and "calibrate" in result.stderr) if warned else "Warning" not in result.stderr
     assert result.stderr.count("Warning") == bool(warned)
     assert "Warning" not in invoke(log, "-o", out, "--force", "-q").stderr
@@ -314,8 +305,7 @@ def test_debug_shows_the_traceback(tmp_path):
 def test_a_folder_that_may_not_be_written(log, tmp_path):
     locked = tmp_path / "locked"
     locked.mkdir(mode=0o500)
-    result = invoke(log, "-o", locked / "x.mcap")
-    assert result.exit_code == 1
+    result = invoke(log, "-o", locked / "x.mcap", code=1)
     assert "cannot be written" in result.stderr
 
 
@@ -335,8 +325,7 @@ def test_summaries_fit_a_terminal_of_80_columns(log, out):
 )
 def test_a_warning_about_filtered_logs(log, out, tmp_path, first, second, warned):
     invoke(log, "-o", out, "-q", *first)
-    result = invoke(out, "-o", tmp_path / "again.mcap", *second)
-    assert result.exit_code == 0
+    result = invoke(out, "-o", tmp_path / "again.mcap", *second, code=0)
     assert ("already filtered" in result.stderr) == warned
 
 

@@ -4,18 +4,17 @@ import shutil
 from contextlib import closing
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.records import Message
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sinks.options import FORMATS
 from seaclutter_cli.sources.formats import open_source
 from tests.paths import SAMPLE
+from tests.running import execute
 
 
 def run(*arguments):
-    return CliRunner().invoke(cli, ["filter", *map(str, arguments), "-n", "1", "-m", "none"])
+    return execute("filter", *arguments, "-n", "1", "-m", "none")
 
 
 @pytest.mark.parametrize("name", ["out.pcap", "out.PCAPNG", "out.npy", "out.ply", "out.csv", "out.bin"])

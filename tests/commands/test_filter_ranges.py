@@ -4,11 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from tests.commands.test_filter import POINT, write_log
 from tests.paths import shared
+from tests.running import execute
 
 
 def at(*ranges, each=100):
@@ -27,7 +26,7 @@ def at(*ranges, each=100):
 def run(tmp_path, make, *options):
     log = write_log(tmp_path / "log.mcap", make=make)
     arguments = ["filter", str(log), "-o", str(tmp_path / "f.mcap"), "--force", *options]
-    return CliRunner().invoke(cli, arguments), json.loads(CliRunner().invoke(cli, [*arguments, "--json"]).stdout)
+    return execute(*arguments), json.loads(execute(*arguments, "--json").stdout)
 
 
 def test_near_points_are_named_by_their_setting(tmp_path):
@@ -85,7 +84,6 @@ def test_clouds_out_of_range(tmp_path, ranges, options, texts):
 
 def test_a_real_tile(tmp_path):
     tile = shared("airborne")
-    result = CliRunner().invoke(cli, ["filter", str(tile), "-o", str(tmp_path / "f.mcap")])
-    assert result.exit_code == 0
+    result = execute("filter", tile, "-o", tmp_path / "f.mcap", code=0)
     assert "the nearest is 565,264 m away" in result.stderr
     assert result.stderr.count("Warning") == 1

@@ -6,14 +6,13 @@ import re
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.messages.diagnostics import WATER, read_diagnostics
 from seaclutter_cli.water import Mounting
 from tests.commands.test_filter import POINT, invoke, messages, write_log
 from tests.filters.seas import Body, body_points, water
 from tests.paths import SAMPLE
+from tests.running import execute
 
 
 def sea(mounting=None, *, size=400):
@@ -128,6 +127,5 @@ def test_water_in_some_frames_is_no_reason_to_warn(tmp_path):
 def test_evaluate_reports_another_mounting_as_well():
     log, labels = (SAMPLE.with_name(name) for name in ("sea.mcap", "sea.labels.csv"))
     arguments = ["evaluate", log, "--labels", labels, "-m", "confirmed", "-s", "filter.mounting_roll_deg=180"]
-    result = CliRunner().invoke(cli, list(map(str, arguments)))
-    assert result.exit_code == 0, result.output
+    result = execute(*arguments, code=0)
     assert result.stderr.count("the lidar seems to be mounted upside down") == 1

@@ -5,10 +5,10 @@ import sys
 
 import click
 import pytest
-from click.testing import CliRunner
 
 from seaclutter_cli.commands import COMMANDS, cli
 from tests.paths import ROOT
+from tests.running import execute
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
@@ -32,8 +32,7 @@ def test_every_command_and_option_has_help(path, command):
     for parameter in command.params:
         if isinstance(parameter, click.Option):
             assert parameter.help, parameter.name
-    result = CliRunner().invoke(cli, [*path, "--help"], terminal_width=80)
-    assert result.exit_code == 0
+    result = execute(*path, "--help", terminal_width=80, code=0)
     assert all(len(line) <= 80 for line in result.output.splitlines())
 
 

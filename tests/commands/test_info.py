@@ -1,27 +1,24 @@
 """Tests of ``seaclutter info``: figures against NumPy, and hints on logs that need them."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from mcap.writer import Writer
 
 from seaclutter_cli.cloud import from_array
-from seaclutter_cli.commands import cli
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from tests.commands.test_filter import SECOND_NS, TYPE, points, write_log
 from tests.paths import ROOT, SAMPLE, shared
+from tests.running import execute
 
-
-def invoke(*arguments):
-    return CliRunner().invoke(cli, ["info", *map(str, arguments)])
+invoke = partial(execute, "info")
 
 
 def survey(*arguments):
-    result = invoke(*arguments, "--json")
-    assert result.exit_code == 0, result.stderr
+    result = invoke(*arguments, "--json", code=0)
     return json.loads(result.stdout)
 
 
@@ -115,15 +112,13 @@ def test_the_rate_is_that_of_whole_revolutions(tmp_path):
 
 
 def test_a_log_without_frames(tmp_path):
-    result = invoke(write_log(tmp_path / "log.mcap", frames=0))
-    assert result.exit_code == 0
+    result = invoke(write_log(tmp_path / "log.mcap", frames=0), code=0)
     assert "frames     0" in result.stdout
 
 
 def test_a_file_that_is_not_a_log(tmp_path):
     (tmp_path / "no.mcap").write_bytes(b"nothing")
-    result = invoke(tmp_path / "no.mcap")
-    assert result.exit_code == 1
+    result = invoke(tmp_path / "no.mcap", code=1)
     assert result.stderr.count("\n") == 1
 
 

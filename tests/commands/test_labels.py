@@ -6,10 +6,9 @@ import math
 import shutil
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from tests.paths import ROOT
+from tests.running import execute as run
 
 SEA = ROOT / "samples" / "sea.mcap"
 LABELS = ROOT / "samples" / "sea.labels.csv"
@@ -17,10 +16,6 @@ MARINE = (
     *("buoy_speedboat", "calm", "clutter_only", "departure", "harbour", "lock", "moored_rows", "narrow_channel"),
     *("occlusion", "passing_speedboat", "rough", "apple", "poplar", "willow"),
 )
-
-
-def run(*arguments):
-    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
 
 
 def check(log, labels, *arguments):

@@ -1,12 +1,12 @@
 """``seaclutter mask``, and the use of its files."""
 
 import json
+from functools import partial
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from tests.paths import ROOT
+from tests.running import execute
 
 SEA = ROOT / "samples" / "sea.mcap"
 MOORED = """
@@ -18,10 +18,7 @@ objects:
 """
 
 
-def run(*words, code=0):
-    result = CliRunner().invoke(cli, [str(word) for word in words])
-    assert result.exit_code == code, result.output
-    return result
+run = partial(execute, code=0)
 
 
 def test_a_mask_is_written_and_used(tmp_path):

@@ -11,15 +11,15 @@ import warnings
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import COMMANDS, cli
+from seaclutter_cli.commands import COMMANDS
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.commands.printer import LogHandler
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.simulation.marine.scene import builtin_scenes
 from tests.logs import cloud_log
 from tests.paths import ROOT, SAMPLE
+from tests.running import execute
 
 HOSTILE = "a\nLINE\x1b]0;x\x07\u202e\x9b"
 """A line break, a terminal sequence that sets the title, a bell, an override of the text direction, a C1 control."""
@@ -91,7 +91,7 @@ def test_names_from_outside_are_escaped(folder, tmp_path, line):
         )
         for word in line.split(" ")
     ]
-    result = CliRunner().invoke(cli, words)
+    result = execute(*words)
     assert isinstance(result.exception, SystemExit | None), result.exception
     lines = (result.stdout + result.stderr).split("\n")
     assert all(text.isprintable() for text in lines)
@@ -100,7 +100,7 @@ def test_names_from_outside_are_escaped(folder, tmp_path, line):
 
 
 def test_json_is_exact(folder):
-    result = CliRunner().invoke(cli, ["info", str(folder / f"{HOSTILE}.mcap"), "--json"])
+    result = execute("info", folder / f"{HOSTILE}.mcap", "--json")
     (content,) = json.loads(result.stdout)
     assert content["path"] == str(folder / f"{HOSTILE}.mcap")
     assert TOPIC in content["clouds"]
@@ -109,20 +109,19 @@ def test_json_is_exact(folder):
 def test_long_names_are_cut(tmp_path):
     topic = "/" + "x" * 1_000_000
     log = cloud_log(tmp_path / "log.mcap", topics=(topic,), frames=1)
-    result = CliRunner().invoke(cli, ["info", str(log)])
+    result = execute("info", log)
     assert "/xxx" in result.stdout
     assert "x…x" in result.stdout
     assert len(result.stdout) < 5000
-    result = CliRunner().invoke(cli, ["filter", str(log), "-o", str(tmp_path / "out.mcap"), "-t", "y" * 1000])
-    assert result.exit_code == 2
+    result = execute("filter", log, "-o", tmp_path / "out.mcap", "-t", "y" * 1000, code=2)
     assert len(result.output) < 1000
-    result = CliRunner().invoke(cli, ["info", "word " * 10_000])
+    result = execute("info", "word " * 10_000)
     assert len(result.output) < 5000
 
 
 def test_a_shown_configuration_is_not_cut():
     boxes = ", ".join(["[1, 2, 3, 4, 5, 6]"] * 1000)
-    result = CliRunner().invoke(cli, ["config", "show", "-s", f"filter.exclude_boxes=[{boxes}]"])
+    result = execute("config", "show", "-s", f"filter.exclude_boxes=[{boxes}]")
     assert "…" not in result.stdout
     assert len(result.stdout) > len(boxes)
 
@@ -130,7 +129,7 @@ def test_a_shown_configuration_is_not_cut():
 def test_a_list_of_problems_keeps_its_lines(tmp_path):
     file = tmp_path / "config.yaml"
     file.write_text("filter: {a: 1, b: 2}")
-    result = CliRunner().invoke(cli, ["config", "check", str(file)])
+    result = execute("config", "check", file)
     assert len(result.stderr.splitlines()) == 3
 
 
@@ -143,7 +142,7 @@ def test_warnings_of_libraries_are_one_line_each(monkeypatch, tmp_path):
     monkeypatch.setattr(Console, "finish", warn_and_fail)
     with warnings.catch_warnings():
         warnings.simplefilter("always")
-        result = CliRunner().invoke(cli, ["config", "sensors"])
+        result = execute("config", "sensors")
     assert result.exit_code == 1
     warning, error = result.stderr.splitlines()
     assert warning.startswith("Warning: text\\nLINE\\x1b (UserWarning, ")
@@ -178,7 +177,7 @@ def test_warnings_of_libraries_are_one_line_each(monkeypatch, tmp_path):
 def test_names_that_are_too_long_are_one_line(tmp_path, monkeypatch, line, length):
     monkeypatch.chdir(tmp_path)
     words = [word.replace("@", "n" * length).replace("LOG", str(SAMPLE)) for word in line.split(" ")]
-    result = CliRunner().invoke(cli, words)
+    result = execute(*words)
     assert isinstance(result.exception, SystemExit), result.exception
     assert result.exit_code in (1, 2)
     assert "nnn…nnn" in result.stderr

@@ -10,15 +10,14 @@ import time
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import seaclutter
-from seaclutter_cli.commands import cli
 from seaclutter_cli.commands.logs import COMMANDS
 from seaclutter_cli.frame import Reason
 from tests.logs import CLOUD_KINDS, PERIOD_NS, START_NS, Entry, Topic, cloud_log, cloud_message, cloud_topic, write_log
 from tests.paths import ROOT
 from tests.reporting.runs import HOSTILE, LABELLED, data_of, make_labels, make_log, report, unpacked
+from tests.running import execute
 from tests.sinks.runs import filter_log
 
 SEA = ROOT / "samples" / "sea.mcap"
@@ -93,8 +92,7 @@ def test_unconfirmed_points_are_read_back(page, tmp_path):
     filtered = tmp_path / "run" / "sea.mcap"
     filtered.parent.mkdir()
     arguments = ["-m", "confirmed", "-n", "20", "--keep-raw", "--with-removed", "-o", filtered]
-    done = CliRunner().invoke(cli, [str(argument) for argument in ("filter", SEA, *arguments)])
-    assert done.exit_code == 0, done.output
+    execute(*("filter", SEA, *arguments), code=0)
     report(filtered, "-o", page)
     again = data_of(page)
     report(SEA, "-m", "confirmed", "-n", 20, "-o", page, "--force")

@@ -3,22 +3,21 @@
 import csv
 import json
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from PIL import Image
 
-from seaclutter_cli.commands import cli
 from tests.paths import ROOT
+from tests.running import execute
 from tests.scenes.onnx_files import model_bytes
 from tests.scenes.walls import write_toys
 
 SEA = ROOT / "samples" / "sea.mcap"
 
 
-def run(*arguments):
-    return CliRunner().invoke(cli, ["scene", *(str(argument) for argument in arguments)])
+run = partial(execute, "scene")
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +37,7 @@ def model(tmp_path):
 
 def test_predict_prints_the_scene_of_each_log(toys, model, tmp_path):
     table = tmp_path / "scenes.csv"
-    result = run("predict", toys / "open", toys / "confined" / "confined0", "--model", model, "--csv", table)
-    assert result.exit_code == 0, result.output
+    result = run("predict", toys / "open", toys / "confined" / "confined0", "--model", model, "--csv", table, code=0)
     rows = [line.split() for line in result.stdout.splitlines()]
     assert rows[0] == ["recording", "topic", "frames", "scene", "changes", "open", "confined"]
     assert [row[:5] for row in rows[1:]] == [
@@ -74,7 +72,7 @@ def test_every_and_hold_work_as_in_a_filter(tmp_path, model):
 
     def scenes(*options):
         table = tmp_path / "t.csv"
-        assert run("predict", folder, "--model", model, "--csv", table, "--force", *options).exit_code == 0
+        run("predict", folder, "--model", model, "--csv", table, "--force", *options, code=0)
         lines = list(csv.DictReader(table.open()))
         return "".join(line["scene"][0] for line in lines), "".join(line["decided"] for line in lines)
 
@@ -85,8 +83,7 @@ def test_every_and_hold_work_as_in_a_filter(tmp_path, model):
 
 
 def test_evaluate_prints_the_confusion_matrix(toys, model):
-    result = run("evaluate", toys, "--model", model)
-    assert result.exit_code == 0, result.output
+    result = run("evaluate", toys, "--model", model, code=0)
     assert result.stdout.splitlines()[0] == "12 frames of 6 recordings, 6 of them without a misclassified frame"
     assert [line.split() for line in result.stdout.splitlines()[1:]] == [
         ["true", "\\", "predicted", "open", "confined", "recall"],
@@ -118,20 +115,17 @@ def test_evaluate_in_detail(toys, model, tmp_path):
 def test_one_bad_log_does_not_stop_the_others(toys, model, tmp_path):
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(b"\x89MCAP0\r\n" + b"\0" * 40)
-    result = run("predict", broken, toys / "open", "--model", model)
-    assert result.exit_code == 1
+    result = run("predict", broken, toys / "open", "--model", model, code=1)
     assert "Error: " in result.stderr
     assert len(result.stdout.splitlines()) == 4
-    result = run("evaluate", "--scene", f"open={broken}", toys, "--model", model, "--json")
-    assert result.exit_code == 1
+    result = run("evaluate", "--scene", f"open={broken}", toys, "--model", model, "--json", code=1)
     assert list(json.loads(result.stdout)["errors"]) == ["broken"]
 
 
 def test_damage_is_reported(toys, model, tmp_path):
     folder = write_toys(tmp_path / "t", 1)
     (folder / "open" / "open0" / "1.npy").write_bytes(b"not an array")
-    result = run("evaluate", folder, "--model", model)
-    assert result.exit_code == 3
+    result = run("evaluate", folder, "--model", model, code=3)
     assert "Damaged: " in result.stderr
     assert "3 frames of 2 recordings" in result.stdout
     (folder / "open" / "open0" / "0.npy").write_bytes(b"not an array")
@@ -193,7 +187,7 @@ def test_without_the_extra(toys, tmp_path, monkeypatch):
 def test_the_built_in_model(scene, expected, tmp_path):
     pytest.importorskip("onnxruntime", reason="needs the extra scene")
     log = tmp_path / "log.mcap"
-    CliRunner().invoke(cli, ["simulate", scene, "-n", "2", "--seed", "77", "-o", str(log)])
+    execute("simulate", scene, "-n", "2", "--seed", "77", "-o", log)
     assert json.loads(run("predict", log, "--json").stdout)[0]["topics"]["/points"]["frames"][expected] == 2
 
 
@@ -208,8 +202,7 @@ def test_train_writes_a_model_for_the_other_commands(toys, trainable, tmp_path):
     files = tmp_path / "m.onnx", tmp_path / "curves.png"
     arguments = ("--epochs", 2, "--batch", 4, "--extent", 50, "--plot", files[1])
     scenes = ("--scene", f"open={toys}/open", "--scene", f"confined={toys}/confined")
-    result = run("train", *scenes, "-o", files[0], *arguments)
-    assert result.exit_code == 0, result.output
+    result = run("train", *scenes, "-o", files[0], *arguments, code=0)
     assert "open or confined, from 12 frames of 6 recordings (4 train, 4 validation, 4 test)" in result.stdout
     assert "epoch 2 of 2: loss" in result.stderr
     with Image.open(files[1]) as picture:

@@ -1,19 +1,13 @@
 import json
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
-
-
-def run(*arguments):
-    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
+from tests.running import execute as run
 
 
 def test_a_built_in_scene(tmp_path):
     log = tmp_path / "a b.mcap"
-    result = run("simulate", "buoy_speedboat", "-o", log, "-n", 2)
-    assert result.exit_code == 0, result.output
+    result = run("simulate", "buoy_speedboat", "-o", log, "-n", 2, code=0)
     assert "buoy, track 1" in result.stdout
     assert log.exists()
     assert (tmp_path / "a b.labels.csv").exists()
@@ -32,7 +26,7 @@ def test_seed_and_lidar_from_the_command_line(tmp_path):
 
 def test_a_scene_file(tmp_path):
     (tmp_path / "my.yaml").write_text("recording: {frames: 1}\nobjects: []\n")
-    assert run("simulate", tmp_path / "my.yaml", "-o", tmp_path / "a.mcap").exit_code == 0
+    run("simulate", tmp_path / "my.yaml", "-o", tmp_path / "a.mcap", code=0)
 
 
 @pytest.mark.parametrize(
@@ -45,14 +39,13 @@ def test_a_scene_file(tmp_path):
 )
 def test_a_wrong_scene_file(tmp_path, text, message):
     (tmp_path / "my.yaml").write_text(text)
-    result = run("simulate", tmp_path / "my.yaml", "-o", tmp_path / "a.mcap")
-    assert result.exit_code == 2
+    result = run("simulate", tmp_path / "my.yaml", "-o", tmp_path / "a.mcap", code=2)
     assert message in result.stderr
     assert not (tmp_path / "a.mcap").exists()
 
 
 def test_wrong_command_lines(tmp_path):
-    assert run("simulate", "nowhere", "-o", tmp_path / "a.mcap").exit_code == 2
+    run("simulate", "nowhere", "-o", tmp_path / "a.mcap", code=2)
     assert "must end in .mcap" in run("simulate", "calm", "-o", tmp_path / "a.bag").stderr
     assert "unknown lidar" in run("simulate", "calm", "-o", tmp_path / "a.mcap", "--lidar", "X").stderr
     (tmp_path / "a.labels.csv").write_text("mine")
@@ -63,8 +56,7 @@ def test_wrong_command_lines(tmp_path):
 def test_a_layout_makes_a_different_recording_for_each_seed(tmp_path):
     made = {}
     for name, seed in (("a", ()), ("b", ("--seed", 1)), ("c", ("--seed", 2))):
-        result = run("simulate", "harbour_basin", "-o", tmp_path / f"{name}.mcap", "-n", 1, *seed)
-        assert result.exit_code == 0, result.output
+        run("simulate", "harbour_basin", "-o", tmp_path / f"{name}.mcap", "-n", 1, *seed, code=0)
         made[name] = (tmp_path / f"{name}.mcap").read_bytes()
     assert made["a"] == made["b"] != made["c"]
 
@@ -72,21 +64,20 @@ def test_a_layout_makes_a_different_recording_for_each_seed(tmp_path):
 def test_a_world_of_wide_physics_names_its_families_and_can_be_saved(tmp_path):
     logs, scene_file = [tmp_path / f"{name}.mcap" for name in "ab"], tmp_path / "scene.yaml"
     options = ("--physics", "wide", "--seed", 3, "-n", 1, "--scene-file", scene_file)
-    assert run("simulate", "random", "-o", logs[0], *options).exit_code == 0
+    run("simulate", "random", "-o", logs[0], *options, code=0)
     assert "families" in scene_file.read_text()
-    assert run("simulate", scene_file, "-o", logs[1]).exit_code == 0
+    run("simulate", scene_file, "-o", logs[1], code=0)
     assert logs[0].read_bytes() == logs[1].read_bytes()
-    assert run("simulate", "apple", "-o", tmp_path / "c.mcap", "--physics", "wide").exit_code == 2
+    run("simulate", "apple", "-o", tmp_path / "c.mcap", "--physics", "wide", code=2)
 
 
 def test_the_scene_of_a_layout_can_be_saved_and_simulated_again(tmp_path):
     scene, logs = tmp_path / "made.yaml", [tmp_path / "a.mcap", tmp_path / "b.mcap"]
     for layout in ("channel", "poplar_grove"):
-        result = run("simulate", layout, "-o", logs[0], "-n", 1, "--seed", 5, "--scene-file", scene, "--force")
-        assert result.exit_code == 0, result.output
-        assert run("simulate", scene, "-o", logs[1], "--force").exit_code == 0
+        run("simulate", layout, "-o", logs[0], "-n", 1, "--seed", 5, "--scene-file", scene, "--force", code=0)
+        run("simulate", scene, "-o", logs[1], "--force", code=0)
         assert logs[0].read_bytes() == logs[1].read_bytes()
-    assert run("simulate", "river", "-o", tmp_path / "c.mcap", "--scene-file", scene).exit_code == 2
+    run("simulate", "river", "-o", tmp_path / "c.mcap", "--scene-file", scene, code=2)
     assert not (tmp_path / "c.mcap").exists()
 
 

@@ -1,9 +1,9 @@
 import json
+from functools import partial
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
+from tests.running import execute
 
 SCENE = """
 tile: {size_m: [90, 80], seed: 2}
@@ -12,8 +12,7 @@ objects: [{kind: reef, position_m: [40, 40]}]
 """
 
 
-def run(*arguments):
-    return CliRunner().invoke(cli, ["simulate", *map(str, arguments)])
+run = partial(execute, "simulate")
 
 
 @pytest.fixture
@@ -23,8 +22,7 @@ def scene(tmp_path):
 
 
 def test_a_scene_file(tmp_path, scene):
-    result = run(scene, "-o", tmp_path / "a.laz")
-    assert result.exit_code == 0, result.output
+    result = run(scene, "-o", tmp_path / "a.laz", code=0)
     assert "reef" in result.stdout
     found = json.loads(run(scene, "-o", tmp_path / "b.las", "--seed", 5, "--json").stdout)
     assert found["objects"][0]["class"] == "reef"
@@ -35,8 +33,7 @@ def test_a_scene_file(tmp_path, scene):
 def test_a_scene_that_is_saved_makes_the_same_tile(tmp_path, scene):
     scene.write_text(SCENE.replace("[90, 80]", "[200, 160]") + "random: {ship: 1}\n")
     for path, out in ((scene, "a.laz"), (tmp_path / "saved.yaml", "b.laz")):
-        result = run(path, "-o", tmp_path / out, "--scene-file", tmp_path / f"{out}.yaml", "--seed", 7)
-        assert result.exit_code == 0, result.output
+        run(path, "-o", tmp_path / out, "--scene-file", tmp_path / f"{out}.yaml", "--seed", 7, code=0)
         (tmp_path / "saved.yaml").write_bytes((tmp_path / "a.laz.yaml").read_bytes())
     assert (tmp_path / "a.laz").read_bytes() == (tmp_path / "b.laz").read_bytes()
 
@@ -51,5 +48,5 @@ def test_wrong_command_lines(tmp_path, scene):
         result = run(name, "-o", tmp_path / "b.mcap")
         assert (result.exit_code, "must end in .las or .laz" in result.stderr) == (2, True)
     assert "is part of the input" in run(scene, "-o", tmp_path / "b.laz", "--scene-file", scene, "--force").stderr
-    assert run("calm", "-o", tmp_path / "b.laz").exit_code == 2
+    run("calm", "-o", tmp_path / "b.laz", code=2)
     assert not (tmp_path / "b.laz").exists()

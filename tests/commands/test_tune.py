@@ -4,13 +4,12 @@ import json
 import shutil
 
 import pytest
-from click.testing import CliRunner
 from PIL import Image
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.config import load_config
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.runs.methods import parse_sweep
+from tests.running import execute as run
 
 
 @pytest.fixture(scope="module")
@@ -18,10 +17,6 @@ def trial(tmp_path_factory):
     folder = tmp_path_factory.mktemp("trial")
     run("simulate", "buoy_speedboat", "-n", 8, "-o", folder / "trial.mcap")
     return folder / "trial.mcap"
-
-
-def run(*arguments):
-    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
 
 
 def tune(trial, *arguments):
@@ -123,8 +118,7 @@ def test_without_a_labelled_frame_there_is_no_best_configuration(trial, tmp_path
     out = tmp_path / "best.yaml"
     labels = tmp_path / "first.csv"
     labels.write_text("frame,track_id,class,x,y,z,length,width,height,yaw\n0,0,none,,,,,,,\n")
-    result = run("tune", trial, "--labels", labels, "--start", 0.5, "--sweep", "update_weight=0.2,1", "-o", out)
-    assert result.exit_code == 0, result.output
+    result = run("tune", trial, "--labels", labels, "--start", 0.5, "--sweep", "update_weight=0.2,1", "-o", out, code=0)
     assert not out.exists()
     assert f"{out}: not written, because no frame is labelled" in result.stderr
 

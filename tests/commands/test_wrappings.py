@@ -1,27 +1,24 @@
 """Clouds in other messages than PointCloud2, from recordings of every kind into filtered logs and out of them."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from rosbags.rosbag1 import Writer as BagWriter
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Bag2Writer
 
 import seaclutter
-from seaclutter_cli.commands import cli
 from tests import logs
 from tests.messages import wrapped
+from tests.running import execute
 
 FORMS = ("zstd", "zlib", "draco", "foxglove", "scan", "echoes", "livox")
 POINTS = "sensor_msgs/msg/PointCloud2"
 
 
-def run(*words, code=0):
-    result = CliRunner().invoke(cli, [str(word) for word in words])
-    assert result.exit_code == code, result.output
-    return result
+run = partial(execute, code=0)
 
 
 def bag(path, form):

@@ -6,18 +6,17 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from click.testing import CliRunner
 from pypcd4.pypcd4 import Encoding
 from rosbags.rosbag1 import Writer as BagWriter
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Bag2Writer
 from rosbags.typesys import Stores, get_typestore
 
-from seaclutter_cli.commands import cli
 from tests import logs
 from tests.airborne import tiles
 from tests.labels import frames as labels
 from tests.messages import wrapped
+from tests.running import execute
 from tests.scenes.onnx_files import model_bytes
 from tests.sensors.hesai import mirrors
 from tests.sensors.hesai import test_decoder as hesai
@@ -255,8 +254,7 @@ def confirmed_config(folder):
 
 
 def _run(*arguments, output=None):
-    result = CliRunner().invoke(cli, [str(argument) for argument in arguments])
-    assert result.exit_code == 0, result.output
+    result = execute(*arguments, code=0)
     if output:
         output.write_text(result.stdout)
 

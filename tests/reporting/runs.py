@@ -5,10 +5,9 @@ import json
 import re
 
 import numpy as np
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from tests.commands.test_evaluate import LABELLED, POINT, lump, make_labels, make_log, sea
+from tests.running import execute
 
 __all__ = ["LABELLED", "POINT", "lump", "make_labels", "make_log", "sea"]
 
@@ -17,7 +16,7 @@ HOSTILE = "</script><script>alert(1)</script><img src=x onerror=alert(2)>&amp;'\
 
 def report(*arguments, status=0):
     """Run ``seaclutter report`` and return the result."""
-    result = CliRunner().invoke(cli, ["report", *map(str, arguments)])
+    result = execute("report", *arguments)
     assert result.exit_code == status, result.output
     return result
 

@@ -11,10 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 import seaclutter
-from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.runs.batch import Work, run_batch
 from seaclutter_cli.runs.observer import Silent
@@ -22,6 +20,7 @@ from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.sources.recordings import Recording
 from tests.logs import cloud_log
+from tests.running import execute
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +38,7 @@ def logs(tmp_path_factory):
 def filtered(logs, folder, *options):
     out = folder / "out"
     line = ["filter", str(logs), "-o", f"{out}/", "--csv", str(folder / "frames.csv"), "--json", *options]
-    result = CliRunner().invoke(cli, line)
+    result = execute(*line)
     files = {path.name: path.read_bytes() for path in sorted(out.iterdir())} if out.exists() else {}
     table = folder / "frames.csv"
     return result, files, table.read_bytes() if table.exists() else None
@@ -78,7 +77,7 @@ def named(text):
 
 
 def test_a_line_for_each_recording_and_the_totals(logs, tmp_path):
-    result = CliRunner().invoke(cli, ["filter", str(logs), "-o", f"{tmp_path}/", "-j", "2"])
+    result = execute("filter", logs, "-o", f"{tmp_path}/", "-j", "2")
     assert result.stdout.startswith("3 done, 1 damaged, 1 failed; ")
     assert len(result.stdout.splitlines()) == 1
     lines = sorted(result.stderr.splitlines())
@@ -89,13 +88,13 @@ def test_a_line_for_each_recording_and_the_totals(logs, tmp_path):
 
 
 def test_details_of_each_recording_if_verbose(logs, tmp_path):
-    result = CliRunner().invoke(cli, ["filter", str(logs), "-o", f"{tmp_path}/", "-j", "2", "-v"])
+    result = execute("filter", logs, "-o", f"{tmp_path}/", "-j", "2", "-v")
     assert result.stdout.count("range ring") == 4
     assert "Damaged: " in result.stderr
 
 
 def test_quiet_shows_errors_only(logs, tmp_path):
-    result = CliRunner().invoke(cli, ["filter", str(logs), "-o", f"{tmp_path}/", "-j", "2", "-q"])
+    result = execute("filter", logs, "-o", f"{tmp_path}/", "-j", "2", "-q")
     assert result.stdout == ""
     assert [line.split(":")[0] for line in result.stderr.splitlines()] == ["Error"]
 
@@ -104,16 +103,14 @@ def test_quiet_shows_errors_only(logs, tmp_path):
 def test_fail_fast_stops_after_an_error(logs, tmp_path, jobs):
     more = [shutil.copy(logs / "b.mcap", tmp_path / f"more{number:02}.mcap") for number in range(30)]
     line = ["filter", str(logs / "e.mcap"), *(str(logs / f"{name}.mcap") for name in "adb"), *map(str, more)]
-    result = CliRunner().invoke(cli, [*line, "-o", f"{tmp_path}/out/", "-j", jobs, "--fail-fast", "--json"])
-    assert result.exit_code == 1
+    result = execute(*line, "-o", f"{tmp_path}/out/", "-j", jobs, "--fail-fast", "--json", code=1)
     assert "not processed" in [row["error"] for row in json.loads(result.stdout)]
     assert not list(tmp_path.glob("out/.*.part"))
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "two", "1.5", ""])
 def test_a_wrong_number_of_jobs(logs, tmp_path, text):
-    result = CliRunner().invoke(cli, ["filter", str(logs), "-o", f"{tmp_path}/", "-j", text])
-    assert result.exit_code == 2
+    result = execute("filter", logs, "-o", f"{tmp_path}/", "-j", text, code=2)
     assert "expected a positive whole number or auto" in result.stderr
 
 
@@ -217,7 +214,7 @@ def labelled(tmp_path_factory):
             "6",
             "-q",
         ]
-        assert CliRunner().invoke(cli, line).exit_code == 0
+        execute(*line, code=0)
     return folder
 
 
@@ -226,8 +223,7 @@ def test_evaluations_do_not_depend_on_the_number_of_processes(labelled, tmp_path
     for jobs in ("1", "2", "3"):
         table, summary = tmp_path / f"{jobs}.csv", tmp_path / f"{jobs}.json"
         line = ["evaluate", str(labelled), "--labels", str(labelled), "--compare", "paper", "-j", jobs]
-        result = CliRunner().invoke(cli, [*line, "-o", str(table), "--summary", str(summary)])
-        assert result.exit_code == 0, result.stderr
+        result = execute(*line, "-o", table, "--summary", summary, code=0)
         assert len(result.stderr.splitlines()) == 3
         times = r'"(seconds|median|p99)": [\d.e-]+'
         found.append((table.read_bytes(), re.sub(times, "", summary.read_text())))
@@ -244,8 +240,7 @@ def test_calibrations_do_not_depend_on_the_number_of_processes(labelled, tmp_pat
     for jobs in ("1", "2", "8"):
         config, plot = tmp_path / "c.yaml", tmp_path / "c.png"
         line = ["calibrate", str(labelled), "--labels", str(labelled), "-m", method, "-j", jobs, "--force"]
-        result = CliRunner().invoke(cli, [*line, "-o", str(config), "--plot", str(plot)])
-        assert result.exit_code == 0, result.stderr
+        result = execute(*line, "-o", config, "--plot", plot, code=0)
         assert sorted(line.split(":")[0] for line in result.stderr.splitlines()) == ["s1", "s2", "s3"]
         found.append((config.read_bytes(), plot.read_bytes(), result.stdout))
     assert found[0] == found[1] == found[2]
@@ -256,8 +251,7 @@ def test_sweeps_do_not_depend_on_the_number_of_processes(labelled, tmp_path):
     for jobs in ("1", "2"):
         config, table = tmp_path / "c.yaml", tmp_path / "c.csv"
         line = ["tune", str(labelled), "--labels", str(labelled), "--sweep", "update_weight=0.2,1", "-j", jobs]
-        result = CliRunner().invoke(cli, [*line, "--force", "-o", str(config), "--csv", str(table)])
-        assert result.exit_code == 0, result.stderr
+        result = execute(*line, "--force", "-o", config, "--csv", table, code=0)
         assert sorted(line.split(":")[0] for line in result.stderr.splitlines()) == ["s1", "s2", "s3"]
         found.append((config.read_bytes(), table.read_bytes(), result.stdout))
     assert found[0] == found[1]
@@ -267,8 +261,7 @@ def test_sweeps_do_not_depend_on_the_number_of_processes(labelled, tmp_path):
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_a_calibration_needs_all_recordings(logs, tmp_path, jobs):
     line = ["calibrate", str(logs), "-o", str(tmp_path / "c.yaml"), "-j", jobs, "-q"]
-    result = CliRunner().invoke(cli, line)
-    assert result.exit_code == 1
+    result = execute(*line, code=1)
     assert result.stderr.splitlines() == [f"Error: {logs / 'e.mcap'}: no readable record in this MCAP file"]
     assert not list(tmp_path.iterdir())
 
@@ -278,20 +271,18 @@ def test_labels_that_cannot_be_read_fail_their_recording_only(labelled, tmp_path
         (tmp_path / path.name).write_bytes(path.read_bytes())
     (tmp_path / "s2.labels.csv").write_text("no labels\n")
     line = ["evaluate", str(tmp_path), "--labels", str(tmp_path), "-j", "2", "--json"]
-    result = CliRunner().invoke(cli, line)
-    assert result.exit_code == 1
+    result = execute(*line, code=1)
     recordings = json.loads(result.stdout)["recordings"]
     assert [row["error"] is None for row in recordings] == [True, False, True]
     assert "s2.labels.csv" in recordings[1]["error"]
 
 
 def test_contents_of_several_recordings_are_a_table(logs):
-    result = CliRunner().invoke(cli, ["info", str(logs), "-j", "2"])
-    assert result.exit_code == 1
+    result = execute("info", logs, "-j", "2", code=1)
     lines = result.stdout.splitlines()
     assert [line.split()[0] for line in lines[:-1]] == ["recording", "a", "b", "c", "d"]
     assert lines[-1] == "3 done, 1 damaged, 1 failed"
-    verbose = CliRunner().invoke(cli, ["info", str(logs), "-j", "2", "-v"]).stdout
+    verbose = execute("info", logs, "-j", "2", "-v").stdout
     assert verbose.count("median") == 1 + 4
     assert verbose.endswith(result.stdout)
 
@@ -299,11 +290,10 @@ def test_contents_of_several_recordings_are_a_table(logs):
 @pytest.mark.parametrize("command", ["info", "filter"])
 def test_json_does_not_depend_on_the_number_of_processes(logs, tmp_path, command):
     found = [
-        untimed(CliRunner().invoke(cli, [*words(command, logs, tmp_path / jobs), "--json", "-j", jobs]).stdout)
-        for jobs in ("1", "2")
+        untimed(execute(*words(command, logs, tmp_path / jobs), "--json", "-j", jobs).stdout) for jobs in ("1", "2")
     ]
     assert found[0] == found[1]
-    assert len(json.loads(CliRunner().invoke(cli, [*words(command, logs, tmp_path), "--json"]).stdout)) == 5
+    assert len(json.loads(execute(*words(command, logs, tmp_path), "--json").stdout)) == 5
 
 
 def words(command, logs, folder):
@@ -314,7 +304,7 @@ def words(command, logs, folder):
 def test_a_manifest_has_a_row_for_each_recording(logs, tmp_path, name):
     out = tmp_path / "out"
     line = ["filter", str(logs), "-o", f"{out}/", "--manifest", str(tmp_path / name), "-j", "2"]
-    assert CliRunner().invoke(cli, line).exit_code == 1
+    execute(*line, code=1)
     text = (tmp_path / name).read_text()
     rows = json.loads(text) if name.endswith("json") else list(csv.DictReader(text.splitlines()))
     assert [row["recording"] for row in rows] == list("abcde")
@@ -325,14 +315,13 @@ def test_a_manifest_has_a_row_for_each_recording(logs, tmp_path, name):
     assert int(rows[0]["bytes_out"]) == (out / "a.mcap").stat().st_size
     assert int(rows[2]["damaged_parts"]) > 0
     assert "no readable record" in rows[4]["error"]
-    again = CliRunner().invoke(cli, [*line[:2], "-o", f"{tmp_path / 'other'}/", *line[4:]])
-    assert again.exit_code == 2
+    again = execute(*line[:2], "-o", f"{tmp_path / 'other'}/", *line[4:], code=2)
     assert "already exists" in again.stderr
 
 
 def test_a_manifest_of_an_evaluation(labelled, tmp_path):
     line = ["evaluate", str(labelled), "--labels", str(labelled), "--manifest", str(tmp_path / "m.csv")]
-    assert CliRunner().invoke(cli, line).exit_code == 0
+    execute(*line, code=0)
     rows = list(csv.DictReader((tmp_path / "m.csv").read_text().splitlines()))
     assert [(row["recording"], row["frames"], row["output"]) for row in rows] == [(f"s{k}", "6", "") for k in (1, 2, 3)]
     assert all(row["false_alarms"].isdigit() and row["missed_targets"].isdigit() for row in rows)
@@ -341,16 +330,16 @@ def test_a_manifest_of_an_evaluation(labelled, tmp_path):
 def test_a_log_file_has_all_messages(logs, tmp_path):
     log = tmp_path / "run.log"
     line = ["filter", str(logs), "-o", f"{tmp_path}/out/", "-q", "--log-file", str(log)]
-    CliRunner().invoke(cli, line)
+    execute(*line)
     lines = log.read_text().splitlines()
     assert lines[0] == "# seaclutter log"
     assert all(re.match(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ (INFO|WARNING|ERROR) ", text) for text in lines[1:])
     assert sum(" INFO a: 9 frames, " in text for text in lines) == 1
     assert sum("ERROR" in text for text in lines) == 1
     assert sum("WARNING damaged: " in text for text in lines) >= 1
-    CliRunner().invoke(cli, line)
+    execute(*line)
     assert "already exists" in log.read_text().splitlines()[-1], "the error that ends a run"
-    CliRunner().invoke(cli, [*line, "--force"])
+    execute(*line, "--force")
     assert log.read_text().splitlines()[: len(lines)] == lines
     assert log.read_text().count("# seaclutter log") == 1
 
@@ -359,11 +348,10 @@ def test_a_log_file_replaces_nothing(logs, tmp_path):
     victim = tmp_path / "notes.txt"
     victim.write_text("important\n")
     line = ["filter", str(logs), "-o", f"{tmp_path}/out/", "--log-file"]
-    result = CliRunner().invoke(cli, [*line, str(victim)])
-    assert result.exit_code == 1
+    result = execute(*line, victim, code=1)
     assert "is not a log file" in result.stderr
     assert victim.read_text() == "important\n"
-    assert CliRunner().invoke(cli, [*line, str(tmp_path / "no" / "folder" / "x.log")]).exit_code == 1
+    execute(*line, tmp_path / "no" / "folder" / "x.log", code=1)
 
 
 @pytest.mark.parametrize(
@@ -386,7 +374,7 @@ def test_files_about_a_run_are_no_input_and_no_other_output(logs, tmp_path, line
     (tmp_path / "l.csv").write_text("frame,track_id,class,x,y,z,length,width,height,yaw\n")
     (tmp_path / "frames").mkdir()
     (tmp_path / "frames" / "0.bin").write_bytes(bytes(16))
-    result = CliRunner().invoke(cli, line.format(logs, tmp_path).split())
+    result = execute(*line.format(logs, tmp_path).split())
     assert result.exit_code in (1, 2)
     assert text in result.stderr
     assert (tmp_path / "a.mcap").read_bytes() == (logs / "b.mcap").read_bytes()
@@ -395,6 +383,6 @@ def test_files_about_a_run_are_no_input_and_no_other_output(logs, tmp_path, line
 
 def test_a_log_file_may_be_beside_the_outputs(logs, tmp_path):
     line = ["filter", str(logs / "b.mcap"), "-o", f"{tmp_path / 'out'}/", "--log-file", str(tmp_path / "out" / "x.log")]
-    assert CliRunner().invoke(cli, line).exit_code == 0
-    assert CliRunner().invoke(cli, [*line, "--force"]).exit_code == 0
+    execute(*line, code=0)
+    execute(*line, "--force", code=0)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["b.mcap", "x.log"]

@@ -1,12 +1,11 @@
 """COPC files as surveys: read and separated in windows, without the rest of the file."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.sources import extents
 from seaclutter_cli.sources.extents import Extent, TilePart, windows_of
@@ -15,14 +14,14 @@ from seaclutter_cli.sources.frame_files.las import read_index
 from seaclutter_cli.sources.tiles import LasTile
 from tests.airborne.copc import write_copc
 from tests.airborne.tiles import raw_records, read, write
+from tests.running import execute
 from tests.runs.test_tile_margins import classes, contents, scene
 
 laspy = pytest.importorskip("laspy")
 OFFSET = np.array([500_000, 4_000_000])
 
 
-def separate(*words):
-    return CliRunner().invoke(cli, ["classify", "separate", *map(str, words)])
+separate = partial(execute, "classify", "separate")
 
 
 def points():
@@ -35,7 +34,7 @@ def survey(tmp_path_factory):
     """Return a folder with a COPC file of 200 m by 200 m, and with the same points separated as one tile."""
     folder = tmp_path_factory.mktemp("copc")
     write_copc(folder / "survey.copc.laz", write(folder / "whole.laz", points()))
-    assert separate(folder / "whole.laz", "-o", folder / "separated.laz").exit_code == 0
+    separate(folder / "whole.laz", "-o", folder / "separated.laz", code=0)
     return folder
 
 
@@ -56,8 +55,7 @@ def test_windows_are_a_survey(survey, tmp_path, monkeypatch):
     for jobs in (1, 1):
         out = tmp_path / f"out{len(list(tmp_path.iterdir()))}"
         line = (survey / "survey.copc.laz", "-o", f"{out}/", "--window", 100, "--margin", 50, "-j", jobs)
-        result = separate(*line, "--json")
-        assert result.exit_code == 0, result.output
+        result = separate(*line, "--json", code=0)
     assert contents(tmp_path / "out0") == contents(tmp_path / "out1")
     names = [f"survey_{x}_{y}" for x in (500_000, 500_100) for y in (4_000_000, 4_000_100)]
     assert [row["tile"] for row in json.loads(result.stdout)] == names
@@ -82,7 +80,7 @@ def test_only_the_chunks_of_a_window_are_read(survey, monkeypatch):
 
 def test_a_whole_copc_file_loses_its_index(survey, tmp_path):
     """The index of the input does not fit the chunks of the output."""
-    assert separate(survey / "survey.copc.laz", "-o", tmp_path / "out.laz").exit_code == 0
+    separate(survey / "survey.copc.laz", "-o", tmp_path / "out.laz", code=0)
     _, before, after = raw_records(tmp_path / "out.laz")
     assert b"copc" not in [user for user, *_ in [*before, *after]]
     np.testing.assert_array_equal(classes([tmp_path / "out.laz"])[:3], classes([survey / "separated.laz"])[:3])
@@ -113,8 +111,7 @@ def test_windows_need_a_copc_file(survey, tmp_path):
 
 
 def test_windows_without_points_are_skipped(survey, tmp_path):
-    result = separate(survey / "survey.copc.laz", "-o", f"{tmp_path / 'out'}/", "--window", 199.5, "--json")
-    assert result.exit_code == 0, result.output
+    result = separate(survey / "survey.copc.laz", "-o", f"{tmp_path / 'out'}/", "--window", 199.5, "--json", code=0)
     rows = json.loads(result.stdout)
     assert sum(row["points"] for row in rows) == len(points())
     assert all((row["status"] == "skipped") == (row["points"] == 0) for row in rows)

@@ -1,18 +1,16 @@
 """Logs with a fitting configuration give no warning."""
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from tests.paths import ROOT, shared
+from tests.running import execute
 
 NOMINAL_ANGLES = "nominal angles are used"
 """The recording lacks the angles of its lidar, and this is said."""
 
 
 def invoke(*arguments):
-    result = CliRunner().invoke(cli, [str(one) for one in arguments])
-    assert result.exit_code == 0, result.output
+    result = execute(*arguments, code=0)
     return [line for line in result.stderr.splitlines() if "Warning" in line and NOMINAL_ANGLES not in line]
 
 

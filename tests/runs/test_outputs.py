@@ -6,13 +6,12 @@ import shlex
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.sinks.atomic import CompleteFile
 from seaclutter_cli.sources.recordings import Recording
 from tests.paths import ROOT
+from tests.running import execute
 from tests.scenes.onnx_files import model_bytes
 
 SAMPLES = ROOT / "samples"
@@ -47,7 +46,7 @@ def folder(tmp_path, monkeypatch, request):
 
 
 def run(line):
-    return CliRunner().invoke(cli, shlex.split(line))
+    return execute(*shlex.split(line))
 
 
 def content(folder):

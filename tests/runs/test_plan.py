@@ -4,10 +4,9 @@ import json
 import tempfile
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from tests.logs import START_NS, Entry, Topic, cloud_log, write_log
+from tests.running import execute
 
 
 @pytest.fixture
@@ -27,7 +26,7 @@ def trial(tmp_path, monkeypatch):
 
 
 def invoke(folder, *options):
-    return CliRunner().invoke(cli, ["filter", str(folder / "logs"), "-o", f"{folder / 'out'}/", "-j", "1", *options])
+    return execute("filter", folder / "logs", "-o", f"{folder / 'out'}/", "-j", "1", *options)
 
 
 def planned(folder, *options):
@@ -87,8 +86,7 @@ def test_a_run_that_cannot_start(trial):
     result = invoke(trial, "--dry-run", "--manifest", str(manifest))
     assert result.exit_code == 2
     assert "m.csv: already exists" in result.stderr
-    inside = CliRunner().invoke(cli, ["filter", str(trial / "logs"), "-o", str(trial / "logs") + "/", "--dry-run"])
-    assert inside.exit_code == 2
+    inside = execute("filter", trial / "logs", "-o", str(trial / "logs") + "/", "--dry-run", code=2)
     assert "is part of the input" in inside.stderr
 
 
@@ -105,18 +103,17 @@ def test_outputs_that_do_not_fit(trial, monkeypatch):
 @pytest.mark.parametrize("form", ["bag", "npz"])
 def test_a_plan_of_a_conversion_is_what_the_run_does(trial, form):
     line = ["convert", str(trial / "logs"), "-o", f"{trial}/out/", "--to", form, "--json"]
-    plan = CliRunner().invoke(cli, [*line, "--dry-run"])
-    assert plan.exit_code == 1  # d.mcap is no log
+    plan = execute(*line, "--dry-run", code=1)  # d.mcap is no log
     assert not (trial / "out").exists()
     planned = json.loads(plan.stdout)
     found = {one["recording"]: (one["status"], one["frames"]) for one in planned["recordings"]}
     assert found["a"] == ("do", 30)
     assert found["b"] == ("do", 3)
     assert found["d"][0] == "refuse"
-    assert CliRunner().invoke(cli, line).exit_code in (1, 3)
-    again = json.loads(CliRunner().invoke(cli, [*line, "--dry-run", "--resume"]).stdout)
+    assert execute(*line).exit_code in (1, 3)
+    again = json.loads(execute(*line, "--dry-run", "--resume").stdout)
     assert [one["status"] for one in again["recordings"]][:2] == ["skip", "skip"]
-    refused = json.loads(CliRunner().invoke(cli, [*line, "--dry-run"]).stdout)
+    refused = json.loads(execute(*line, "--dry-run").stdout)
     assert refused["recordings"][0]["status"] == "refuse"
     assert "--force" in refused["recordings"][0]["reason"]
 
@@ -125,6 +122,5 @@ def test_a_plan_of_a_log_without_clouds(tmp_path):
     log = tmp_path / "imu.mcap"
     topic = Topic("/wind", "json", ("Wind", "jsonschema", b"{}"))
     write_log(log, [topic], [Entry("/wind", START_NS, b"{}")])
-    result = CliRunner().invoke(cli, ["convert", str(log), "-o", str(tmp_path / "b.mcap"), "--dry-run"])
-    assert result.exit_code == 0, result.output
+    result = execute("convert", log, "-o", tmp_path / "b.mcap", "--dry-run", code=0)
     assert "1 to do" in result.stdout

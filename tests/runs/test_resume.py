@@ -11,11 +11,10 @@ import time
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.runs import resume
 from tests.logs import LAYOUTS, cloud_log
+from tests.running import execute
 from tests.runs.test_batch import untimed
 
 
@@ -41,7 +40,7 @@ def run(folder, *options, logs="logs", out="out/"):
         "1",
         *options,
     ]
-    return CliRunner().invoke(cli, line)
+    return execute(*line)
 
 
 def files(folder):
@@ -202,9 +201,8 @@ def test_a_file_that_is_no_output_is_not_replaced(trial, content):
 
 def test_one_recording(trial):
     line = ["filter", str(trial / "logs" / "a.mcap"), "-o", str(trial / "a.mcap"), "--resume"]
-    assert "frames/s" in CliRunner().invoke(cli, line).stdout
-    again = CliRunner().invoke(cli, line)
-    assert again.exit_code == 0
+    assert "frames/s" in execute(*line).stdout
+    again = execute(*line, code=0)
     assert "6 frames; skipped, the output was complete" in again.stdout
 
 

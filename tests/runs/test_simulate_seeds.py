@@ -1,17 +1,15 @@
 """Simulations with several seeds."""
 
 import json
+from functools import partial
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.runs.options.logs import parse_seeds
+from tests.running import execute
 
-
-def invoke(*words):
-    return CliRunner().invoke(cli, ["simulate", *(str(word) for word in words)])
+invoke = partial(execute, "simulate")
 
 
 def contents(folder):
@@ -22,11 +20,10 @@ def test_each_seed_gives_what_it_gives_alone(tmp_path):
     alone = tmp_path / "alone"
     alone.mkdir()
     for seed in (2, 3, 9):
-        assert invoke("calm", "-n", 2, "--seed", seed, "-o", alone / f"calm_{seed}.mcap").exit_code == 0
+        invoke("calm", "-n", 2, "--seed", seed, "-o", alone / f"calm_{seed}.mcap", code=0)
     for jobs in (1, 2):
         folder = tmp_path / str(jobs)
-        result = invoke("calm", "-n", 2, "--seeds", "2..3,9", "-o", f"{folder}/", "-j", jobs, "--json")
-        assert result.exit_code == 0, result.stderr
+        result = invoke("calm", "-n", 2, "--seeds", "2..3,9", "-o", f"{folder}/", "-j", jobs, "--json", code=0)
         assert [row["seed"] for row in json.loads(result.stdout)] == [2, 3, 9]
         assert contents(folder) == contents(alone)
 
@@ -36,13 +33,12 @@ def test_a_total_and_a_line_for_each(tmp_path):
     assert result.stdout == "2 done\n"
     assert [line.split(": ")[0] for line in result.stderr.splitlines()] == ["calm_1", "calm_2"]
     assert result.stderr.splitlines()[0].endswith(f" s -> {tmp_path / 'calm_1.mcap'}")
-    again = invoke("calm", "-n", 1, "--seeds", "2..4", "-o", tmp_path)
-    assert again.exit_code == 2
+    again = invoke("calm", "-n", 1, "--seeds", "2..4", "-o", tmp_path, code=2)
     assert "calm_2.mcap: already exists" in again.stderr
 
 
 def test_captures(tmp_path):
-    assert invoke("calm", "-n", 1, "--seeds", "1,2", "--format", "pcap", "-o", tmp_path).exit_code == 0
+    invoke("calm", "-n", 1, "--seeds", "1,2", "--format", "pcap", "-o", tmp_path, code=0)
     assert sorted(contents(tmp_path)) == ["calm_1.labels.csv", "calm_1.pcap", "calm_2.labels.csv", "calm_2.pcap"]
 
 
@@ -59,8 +55,7 @@ def test_captures(tmp_path):
 )
 def test_wrong_options(tmp_path, monkeypatch, options, text):
     monkeypatch.chdir(tmp_path)
-    result = invoke("calm", *options)
-    assert result.exit_code == 2
+    result = invoke("calm", *options, code=2)
     assert text in result.stderr
     assert not contents(tmp_path)
 

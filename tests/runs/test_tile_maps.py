@@ -1,15 +1,15 @@
 """Maps of a run over tiles: pictures, and the shoreline as GeoJSON and GeoPackage."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from seaclutter_cli.airborne.separation import SeaState
-from seaclutter_cli.commands import cli
 from seaclutter_cli.runs.classify.maps import waves_line
 from tests.airborne.tiles import read
+from tests.running import execute
 
 laspy = pytest.importorskip("laspy")
 pyproj = pytest.importorskip("pyproj")
@@ -18,8 +18,7 @@ pytest.importorskip("matplotlib")
 ORIGIN = (500_000.0, 5_760_000.0)
 
 
-def run(*words):
-    return CliRunner().invoke(cli, ["classify", *map(str, words)])
+run = partial(execute, "classify")
 
 
 def write(path, xyz, epsg=32631):
@@ -51,8 +50,7 @@ def tiles(tmp_path_factory):
 def mapped(tiles, tmp_path_factory):
     out = tmp_path_factory.mktemp("maps")
     maps = ("--plot", out / "map.png", "--geojson", out / "shore.geojson", "--gpkg", out / "shore.gpkg")
-    result = run("separate", tiles, "-o", f"{out / 'tiles'}/", *maps, "-j", 1)
-    assert result.exit_code == 0, result.output
+    run("separate", tiles, "-o", f"{out / 'tiles'}/", *maps, "-j", 1, code=0)
     return out
 
 
@@ -99,8 +97,7 @@ def test_gdal_reads_the_same_lines(mapped):
 
 def test_objects_of_a_survey(ships, tmp_path):
     geojson, package, out = tmp_path / "ships.geojson", tmp_path / "ships.gpkg", f"{tmp_path / 'out'}/"
-    result = run("separate", ships, "-o", out, "--geojson", geojson, "--gpkg", package, "-j", 1)
-    assert result.exit_code == 0, result.output
+    run("separate", ships, "-o", out, "--geojson", geojson, "--gpkg", package, "-j", 1, code=0)
     features = json.loads(geojson.read_text())["features"]
     assert [one["geometry"]["type"] for one in features] == ["Polygon"] * 2
     boxes = metres([one["geometry"]["coordinates"][0] for one in features])
@@ -119,7 +116,7 @@ def test_objects_of_a_survey(ships, tmp_path):
 def test_the_geopackage_has_the_same_objects(ships, tmp_path):
     pyogrio = pytest.importorskip("pyogrio")
     maps = ("--geojson", tmp_path / "ships.geojson", "--gpkg", tmp_path / "ships.gpkg")
-    assert run("separate", ships, "-o", f"{tmp_path / 'out'}/", *maps, "-j", 1).exit_code == 0
+    run("separate", ships, "-o", f"{tmp_path / 'out'}/", *maps, "-j", 1, code=0)
     features = json.loads((tmp_path / "ships.geojson").read_text())["features"]
     info, _, _, columns = pyogrio.raw.read(tmp_path / "ships.gpkg", layer="objects")
     for name, values in zip(info["fields"], columns, strict=True):
@@ -129,7 +126,7 @@ def test_the_geopackage_has_the_same_objects(ships, tmp_path):
 def test_the_search_for_objects_has_settings(ships, tmp_path):
     geojson = tmp_path / "ships.geojson"
     settings = ("--set", "objects.min_points=121")
-    assert run("separate", ships, "-o", f"{tmp_path / 'out'}/", "--geojson", geojson, *settings).exit_code == 0
+    run("separate", ships, "-o", f"{tmp_path / 'out'}/", "--geojson", geojson, *settings, code=0)
     assert json.loads(geojson.read_text())["features"] == []
 
 
@@ -145,13 +142,13 @@ def test_the_picture_shows_water_land_and_shoreline(mapped):
 
 def test_the_number_of_processes_does_not_matter(tiles, mapped, tmp_path):
     maps = ("--plot", tmp_path / "map.png", "--geojson", tmp_path / "shore.geojson", "--gpkg", tmp_path / "shore.gpkg")
-    assert run("separate", tiles, "-o", f"{tmp_path / 'tiles'}/", *maps, "-j", 2).exit_code == 0
+    run("separate", tiles, "-o", f"{tmp_path / 'tiles'}/", *maps, "-j", 2, code=0)
     for name in ("map.png", "shore.geojson", "shore.gpkg"):
         assert (tmp_path / name).read_bytes() == (mapped / name).read_bytes()
 
 
 def test_a_map_changes_no_tile(tiles, mapped, tmp_path):
-    assert run("separate", tiles, "-o", f"{tmp_path / 'tiles'}/").exit_code == 0
+    run("separate", tiles, "-o", f"{tmp_path / 'tiles'}/", code=0)
     for name in ("east.laz", "west.laz"):
         np.testing.assert_array_equal(
             read(tmp_path / "tiles" / name).points.array, read(mapped / "tiles" / name).points.array
@@ -161,8 +158,7 @@ def test_a_map_changes_no_tile(tiles, mapped, tmp_path):
 def test_tiles_without_a_known_crs(tmp_path):
     write(tmp_path / "tile.laz", island(), epsg=None)
     maps = ("--geojson", tmp_path / "shore.geojson", "--gpkg", tmp_path / "shore.gpkg")
-    result = run("separate", tmp_path / "tile.laz", "-o", tmp_path / "out.laz", *maps)
-    assert result.exit_code == 0, result.output
+    result = run("separate", tmp_path / "tile.laz", "-o", tmp_path / "out.laz", *maps, code=0)
     assert "GeoJSON is in the coordinates of the tile, not in WGS 84" in result.stderr
     assert "left out of the GeoPackage" in result.stderr
     (feature,) = json.loads((tmp_path / "shore.geojson").read_text())["features"]
@@ -185,7 +181,7 @@ def test_a_resumed_run_has_the_maps_of_all_tiles(tiles, mapped, tmp_path):
     """The complete tile is not separated again, but its part of the maps is the same."""
     maps = ("--plot", tmp_path / "map.png", "--geojson", tmp_path / "shore.geojson", "--gpkg", tmp_path / "shore.gpkg")
     out = tmp_path / "tiles"
-    assert run("separate", tiles, "-o", f"{out}/", "-j", 1).exit_code == 0
+    run("separate", tiles, "-o", f"{out}/", "-j", 1, code=0)
     (out / "east.laz").unlink()
     result = run("separate", tiles, "-o", f"{out}/", *maps, "--resume", "-j", 1)
     assert (result.exit_code, "1 done, 1 skipped" in result.stdout) == (0, True), result.output
@@ -197,7 +193,7 @@ def test_a_tile_without_its_land_is_separated_again_for_a_map(tiles, tmp_path, m
     """The land of a tile may be too long for a record."""
     run_again = ("separate", tiles, "-o", f"{tmp_path / 'out'}/", "--plot", tmp_path / "map.png", "--resume", "-j", 1)
     monkeypatch.setattr("seaclutter_cli.runs.classify.separate._MAX_RECORD_BYTES", 50)
-    assert run(*run_again).exit_code == 0
+    run(*run_again, code=0)
     monkeypatch.undo()
     result = run(*run_again)
     assert result.stderr.count("separated again; the earlier output is of a run that recorded no land") == 2
@@ -216,10 +212,9 @@ def test_predict_adds_objects(tmp_path):
     from tests.paths import ROOT
 
     tile, model = ROOT / "samples" / "tile.laz", tmp_path / "m.skops"
-    assert run("train", tile, "-s", "forest.trees=5", "-o", model).exit_code == 0
+    run("train", tile, "-s", "forest.trees=5", "-o", model, code=0)
     line = ("predict", tile, "--model", model, "-o", tmp_path / "out.laz", "--gpkg", tmp_path / "x.gpkg")
-    result = run(*line, "--geojson", tmp_path / "x.geojson")
-    assert result.exit_code == 0, result.output
+    run(*line, "--geojson", tmp_path / "x.geojson", code=0)
     boxes = json.loads((tmp_path / "x.geojson").read_text())["features"]
     known = boxes[0]["properties"]["coordinates"] == "WGS 84"
     assert pyogrio.read_info(tmp_path / "x.gpkg", layer="objects")["features"] == (len(boxes) if known else 0)

@@ -3,14 +3,14 @@
 import csv
 import json
 import shutil
+from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.sources import extents
 from tests.airborne.tiles import raw_records, read, write
+from tests.running import execute
 
 pytest.importorskip("laspy")
 
@@ -18,8 +18,7 @@ SEAM = 100.0
 OPENING = ("-s", "separation.land=ignore")  # otherwise the raft is known by its shape, however it is cut
 
 
-def separate(*words):
-    return CliRunner().invoke(cli, ["classify", "separate", *map(str, words)])
+separate = partial(execute, "classify", "separate")
 
 
 def scene():
@@ -39,7 +38,7 @@ def survey(tmp_path_factory):
     east, north = (xyz[:, :2] >= SEAM).T
     for name, own in {"sw": ~east & ~north, "se": east & ~north, "nw": ~east & north, "ne": east & north}.items():
         write(folder / "tiles" / f"{name}.laz", xyz[own])
-    assert separate(folder / "whole.laz", "-o", folder / "separated.laz", *OPENING).exit_code == 0
+    separate(folder / "whole.laz", "-o", folder / "separated.laz", *OPENING, code=0)
     return folder
 
 
@@ -61,8 +60,7 @@ def test_a_survey_has_the_classes_of_its_area(survey, tmp_path, monkeypatch):
     differing = {}
     for margin in (0, 50):
         out = tmp_path / str(margin)
-        result = separate(survey / "tiles", "-o", f"{out}/", "--margin", margin, "-q", "-j", 1, *OPENING)
-        assert result.exit_code == 0, result.output
+        separate(survey / "tiles", "-o", f"{out}/", "--margin", margin, "-q", "-j", 1, *OPENING, code=0)
         found = classes(sorted(out.iterdir()))
         np.testing.assert_array_equal(found[:3], whole[:3])
         differing[margin] = (found[3] != whole[3]).mean()
@@ -73,11 +71,11 @@ def test_a_survey_has_the_classes_of_its_area(survey, tmp_path, monkeypatch):
 def test_the_number_of_processes_does_not_matter(survey, tmp_path):
     found = []
     for jobs in (1, 2):
-        assert separate(survey / "tiles", "-o", f"{tmp_path / str(jobs)}/", "-j", jobs).exit_code == 0
+        separate(survey / "tiles", "-o", f"{tmp_path / str(jobs)}/", "-j", jobs, code=0)
         found.append(contents(tmp_path / str(jobs)))
     assert found[0] == found[1]
     backwards = sorted((survey / "tiles").iterdir(), reverse=True)
-    assert separate(*backwards, "-o", f"{tmp_path / 'backwards'}/").exit_code == 0
+    separate(*backwards, "-o", f"{tmp_path / 'backwards'}/", code=0)
     assert contents(tmp_path / "backwards") == found[0]
 
 
@@ -91,11 +89,10 @@ def test_only_tiles_with_neighbours_change(survey, tmp_path):
     write(tiles / "again.laz", west + np.array([0.3, 0.3, 0]))
     write(tiles / "far.laz", west + np.array([3000, 0, 0]))
     _with_feet(write(tiles / "feet.las", xyz[xyz[:, 0] >= SEAM]))
-    result = separate(tiles, "-o", f"{tmp_path / 'out'}/", "-v", *OPENING)
-    assert result.exit_code == 0, result.output
+    result = separate(tiles, "-o", f"{tmp_path / 'out'}/", "-v", *OPENING, code=0)
     assert "4 tiles, 0 pairs of neighbours" in result.stderr
     assert "2 coordinate reference systems" in result.stderr
-    assert separate(tiles / "west.laz", "-o", tmp_path / "alone.laz").exit_code == 0
+    separate(tiles / "west.laz", "-o", tmp_path / "alone.laz", code=0)
     np.testing.assert_array_equal(classes([tmp_path / "alone.laz"]), classes([tmp_path / "out" / "west.laz"]))
 
 
@@ -143,8 +140,9 @@ def test_an_error_of_one_tile_leaves_the_others(survey, tmp_path, jobs):
     damaged = bytearray((tiles / "nw.laz").read_bytes())
     damaged[len(damaged) // 3 : len(damaged) // 2] = b"\xff" * (len(damaged) // 2 - len(damaged) // 3)
     (tiles / "nw.laz").write_bytes(damaged)
-    result = separate(tiles, "-o", f"{tmp_path / 'out'}/", "-j", jobs, "--json", "--manifest", tmp_path / "m.csv")
-    assert result.exit_code == 1
+    result = separate(
+        tiles, "-o", f"{tmp_path / 'out'}/", "-j", jobs, "--json", "--manifest", tmp_path / "m.csv", code=1
+    )
     assert f"Error: {tiles / 'nw.laz'}: " in result.stderr
     assert "sw: no margin from nw.laz, which cannot be read" in result.stderr
     rows = json.loads(result.stdout)
@@ -161,7 +159,7 @@ def test_an_error_of_one_tile_leaves_the_others(survey, tmp_path, jobs):
 
 def test_a_run_goes_on_where_it_stopped(survey, tmp_path):
     line = (survey / "tiles", "-o", f"{tmp_path / 'out'}/", "--resume")
-    assert separate(*line).exit_code == 0
+    separate(*line, code=0)
     complete = contents(tmp_path / "out")
     (tmp_path / "out" / "se.laz").unlink()
     result = separate(*line, "--json")
@@ -179,7 +177,7 @@ def test_a_changed_neighbour_changes_a_tile(survey, tmp_path):
     tiles = tmp_path / "tiles"
     shutil.copytree(survey / "tiles", tiles)
     line = (tiles, "-o", f"{tmp_path / 'out'}/", "--resume", "--margin", 20, "--json")
-    assert separate(*line).exit_code == 0
+    separate(*line, code=0)
     xyz = scene()
     write(tiles / "ne.laz", xyz[(xyz[:, :2] >= SEAM).all(axis=1)][:-10])
     assert [row["status"] for row in json.loads(separate(*line).stdout)] == ["done"] * 4
@@ -196,7 +194,7 @@ def test_outputs_of_other_runs_are_kept(survey, tmp_path):
     result = separate(survey / "tiles", "-o", f"{out}/", "--resume")
     assert (result.exit_code, "not a separated tile" in result.stderr) == (2, True)
     assert contents(out) == {"se.laz": b"important"}
-    assert separate(survey / "tiles", "-o", f"{out}/", "--resume", "--force").exit_code == 0
+    separate(survey / "tiles", "-o", f"{out}/", "--resume", "--force", code=0)
 
 
 def test_several_tiles_need_a_folder(survey, tmp_path):
@@ -226,6 +224,5 @@ def test_two_tiles_of_one_name_are_named(survey, tmp_path):
     other = tmp_path / "other"
     other.mkdir()
     shutil.copy(survey / "tiles" / "sw.laz", other)
-    result = separate(survey / "tiles", other, "-o", f"{tmp_path / 'out'}/")
-    assert result.exit_code == 2
+    result = separate(survey / "tiles", other, "-o", f"{tmp_path / 'out'}/", code=2)
     assert f"{survey / 'tiles' / 'sw.laz'} and {other / 'sw.laz'} would both become" in result.stderr

@@ -5,10 +5,10 @@ import math
 import re
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli, console
+from seaclutter_cli.commands import console
 from tests.paths import ROOT
+from tests.running import execute as invoke
 
 pytest.importorskip("laspy")
 
@@ -29,10 +29,6 @@ def tiles(tmp_path):
     return folder
 
 
-def invoke(*words):
-    return CliRunner().invoke(cli, [str(word) for word in words])
-
-
 def contents(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
@@ -40,8 +36,7 @@ def contents(folder):
 def test_separation(tiles, tmp_path):
     found = []
     for jobs in (1, 2):
-        result = invoke("classify", "separate", tiles, "-o", f"{tmp_path / str(jobs)}/", "-j", jobs, "--json")
-        assert result.exit_code == 0, result.output
+        result = invoke("classify", "separate", tiles, "-o", f"{tmp_path / str(jobs)}/", "-j", jobs, "--json", code=0)
         assert sorted(line.split(":")[0] for line in result.stderr.splitlines()) == ["a", "b", "c"]
         rows = [{key: row[key] for key in ("tile", "points", "sea", "other")} for row in json.loads(result.stdout)]
         outputs = [row["output"] for row in json.loads(result.stdout)]
@@ -61,14 +56,13 @@ def test_the_progress_is_of_tiles(tiles, tmp_path, monkeypatch):
 def test_classification(tiles, tmp_path):
     pytest.importorskip("skops")
     model = tmp_path / "model.skops"
-    assert invoke("classify", "train", tiles / "a.laz", "-s", "forest.trees=5", "-o", model).exit_code == 0
+    invoke("classify", "train", tiles / "a.laz", "-s", "forest.trees=5", "-o", model, code=0)
     found = []
     for jobs in (1, 2):
         folder = tmp_path / str(jobs)
         table = tmp_path / f"{jobs}.csv"
         line = ("classify", "predict", tiles, "--model", model, "-o", f"{folder}/", "--csv", table, "-j", jobs)
-        result = invoke(*line)
-        assert result.exit_code == 0, result.output
+        result = invoke(*line, code=0)
         found.append((contents(folder), table.read_bytes(), re.sub(r"in [\d.]+ s", "", result.stdout)))
     assert found[0] == found[1]
 
@@ -77,10 +71,9 @@ def test_classification(tiles, tmp_path):
 def test_an_error_in_one_tile_leaves_no_classified_tile(tiles, tmp_path, jobs):
     pytest.importorskip("skops")
     model = tmp_path / "model.skops"
-    assert invoke("classify", "train", tiles / "a.laz", "-s", "forest.trees=5", "-o", model).exit_code == 0
+    invoke("classify", "train", tiles / "a.laz", "-s", "forest.trees=5", "-o", model, code=0)
     (tiles / "b.laz").write_bytes((tiles / "a.laz").read_bytes()[:1000])
-    result = invoke("classify", "predict", tiles, "--model", model, "-o", f"{tmp_path / 'out'}/", "-j", jobs)
-    assert result.exit_code == 1
+    result = invoke("classify", "predict", tiles, "--model", model, "-o", f"{tmp_path / 'out'}/", "-j", jobs, code=1)
     assert next(line for line in result.stderr.splitlines() if line.startswith("Error: ")).startswith(
         f"Error: {tiles}/b.laz"
     )
@@ -91,7 +84,7 @@ def test_existing_outputs_are_not_replaced(tiles, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "b.laz").write_bytes(b"important")
     line = ("classify", "separate", tiles, "-o", f"{tmp_path / 'out'}/", "-j", 2)
-    assert invoke(*line).exit_code == 2
+    invoke(*line, code=2)
     assert contents(tmp_path / "out") == {"b.laz": b"important"}
-    assert invoke(*line, "--force").exit_code == 0
+    invoke(*line, "--force", code=0)
     assert len(contents(tmp_path / "out")["b.laz"]) > 1000

@@ -4,9 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.catalog import SENSORS, name_unsupported, recognise
@@ -15,6 +13,7 @@ from seaclutter_cli.sensors.hesai import models as hesai_models
 from seaclutter_cli.sensors.robosense import models as robosense_models
 from seaclutter_cli.sensors.velodyne import decoder as velodyne
 from seaclutter_cli.sources.formats import open_source
+from tests.running import execute
 from tests.sources.pcap import captures
 from tests.sources.shared.driver_topics import DRIVERS, write_topic
 
@@ -158,7 +157,6 @@ def test_info_names_it_beside_a_supported_sensor(tmp_path):
     rows += [(time_ns, PACKETS["Hesai ATX (protocol 4.7)"], 2368) for time_ns, _, _ in rows]
     path = tmp_path / "log.pcap"
     path.write_bytes(captures.pcap(captures.frames(sorted(rows, key=lambda row: row[0]))))
-    result = CliRunner().invoke(cli, ["info", str(path)])
-    assert result.exit_code == 0
+    result = execute("info", path, code=0)
     assert "(Hesai ATX (protocol 4.7): not supported; record the" in result.output
-    assert json.loads(CliRunner().invoke(cli, ["info", str(path), "--json"]).stdout)
+    assert json.loads(execute("info", path, "--json").stdout)

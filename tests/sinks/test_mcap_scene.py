@@ -4,23 +4,22 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.sinks.live_objects import LiveObjects
 from tests.commands.test_evaluate import make_labels, make_log
 from tests.logs import cloud_log
 from tests.paths import ROOT
+from tests.running import execute
 
 TOPIC = "/seaclutter/scene"
 
 
 def filtered(log, target, *arguments, status=0):
     words = ["filter", log, "-o", target, "-m", "ring_intensity", *arguments]
-    result = CliRunner().invoke(cli, list(map(str, words)))
+    result = execute(*words)
     assert result.exit_code == status, result.output
     return result
 

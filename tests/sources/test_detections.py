@@ -1,27 +1,24 @@
 """Detections and ground truth of Autoferry's scenarios, in folders written to their description."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from rosbags.typesys import Stores, get_typestore
 
 import seaclutter
-from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import InputError, LabelError
 from seaclutter_cli.labels import open_labels
 from seaclutter_cli.records import Message
 from seaclutter_cli.sources.formats import open_source
+from tests.running import execute
 from tests.sources import scenarios
 
 LIDAR, RADAR = "/lidar/detections", "/radar/detections"
 
 
-def run(*words, code=0):
-    result = CliRunner().invoke(cli, [str(word) for word in words])
-    assert result.exit_code == code, result.output
-    return result
+run = partial(execute, code=0)
 
 
 def frames(path, topic):

@@ -2,19 +2,16 @@
 
 import json
 
-from click.testing import CliRunner
-
-from seaclutter_cli.commands import cli
 from tests.jobs.cluster.conftest import own_cluster  # noqa: F401 - a fixture
 from tests.logs import cloud_log
+from tests.running import execute
 from tests.storage.buckets import get, names, put
 
 RECORDINGS = 6
 
 
 def run(*words):
-    result = CliRunner().invoke(cli, [str(word) for word in words])
-    assert result.exit_code == 0, result.output
+    result = execute(*words, code=0)
     return result.output
 
 

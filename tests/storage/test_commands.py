@@ -9,14 +9,13 @@ import sys
 import time
 
 import pytest
-from click.testing import CliRunner
 
 import seaclutter
 from seaclutter_cli.buckets import on_paths, shown
-from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.runs.recordings import _files_of, expand
 from tests.paths import ROOT
+from tests.running import execute
 from tests.storage.buckets import get, names, put
 from tests.storage.proxy import Action
 
@@ -36,7 +35,7 @@ def logs(bucket, scratch, tmp_path, monkeypatch):
 
 
 def run(line):
-    result = CliRunner().invoke(cli, shlex.split(line))
+    result = execute(*shlex.split(line))
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exc_info
     return result
 

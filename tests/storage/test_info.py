@@ -3,12 +3,11 @@
 import json
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.sources.mcap import excerpt as excerpts
 from seaclutter_cli.storage import mirrors
 from tests.logs import PERIOD_NS, START_NS, Entry, Layout, Topic, cloud_messages, cloud_topic, log_bytes
+from tests.running import execute
 from tests.storage.buckets import put
 
 FRAMES = 100
@@ -33,8 +32,7 @@ def _large(monkeypatch):
 
 
 def info(place, *options):
-    result = CliRunner().invoke(cli, ["info", str(place), "--json", *options])
-    assert result.exit_code == 0, result.output
+    result = execute("info", place, "--json", *options, code=0)
     return json.loads(result.stdout)[0], result.stderr
 
 
@@ -51,7 +49,7 @@ def test_few_bytes_are_read(bucket, proxy, scratch, log, tmp_path):
     few, all_ = there["clouds"]["/points"], here["clouds"]["/points"]
     assert 0 < few["frames"] < all_["frames"] == FRAMES
     assert few["fields"] == all_["fields"]
-    text = CliRunner().invoke(cli, ["info", str(url)]).stdout
+    text = execute("info", url).stdout
     assert text.startswith(f"{url}: MCAP, {here['duration_s']:.1f} s")
     assert "Only the first frames were read" in text
 
@@ -60,7 +58,7 @@ def test_nothing_is_copied_ahead(bucket, proxy, scratch, log):
     put(bucket / "a.bag", b"nothing")
     put(bucket / "b.mcap", log)
     proxy.reset()
-    result = CliRunner().invoke(cli, ["info", str(bucket), "-v", "-j", "1"])
+    result = execute("info", bucket, "-v", "-j", "1")
     assert f"{bucket}/b.mcap: MCAP" in result.stdout
     assert proxy.sent < len(log) / 20
 
@@ -74,8 +72,7 @@ def test_all_is_read_on_request(bucket, scratch, log):
 @pytest.mark.parametrize("kept", [0.5, 0.9999])
 def test_a_log_without_its_end_is_copied(bucket, scratch, log, kept):
     url = put(bucket / "log.mcap", log[: int(len(log) * kept)])
-    result = CliRunner().invoke(cli, ["info", str(url), "--json"])
-    assert result.exit_code == 3
+    result = execute("info", url, "--json", code=3)
     assert not json.loads(result.stdout)[0]["sampled"]
     assert f"Damaged: {url}: byte " in result.stderr
 

@@ -3,11 +3,10 @@
 import shlex
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.storage.objects import Upload
 from tests.logs import START_NS, Entry, cloud_messages, cloud_topic, write_log
+from tests.running import execute
 from tests.storage.buckets import get, names, put
 
 
@@ -20,7 +19,7 @@ def log(tmp_path, scratch, monkeypatch):
 
 
 def run(line, exit_code=0):
-    result = CliRunner().invoke(cli, shlex.split(line))
+    result = execute(*shlex.split(line))
     assert result.exit_code == exit_code, result.output
     return result
 

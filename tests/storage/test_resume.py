@@ -4,12 +4,11 @@ import json
 import shlex
 
 import pytest
-from click.testing import CliRunner
 
 from seaclutter_cli.buckets import on_paths
-from seaclutter_cli.commands import cli
 from seaclutter_cli.runs.resume import digest_of_paths
 from tests.logs import cloud_log
+from tests.running import execute
 from tests.storage.buckets import get, names, put
 
 
@@ -25,7 +24,7 @@ def logs(bucket, scratch, tmp_path, monkeypatch):
 
 
 def run(line):
-    result = CliRunner().invoke(cli, shlex.split(line))
+    result = execute(*shlex.split(line))
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exc_info
     return result
 

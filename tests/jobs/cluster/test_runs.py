@@ -10,12 +10,11 @@ import threading
 from contextlib import contextmanager
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.jobs.cluster import connection
 from tests.jobs.cluster.clusters import ROOT, Certificates, wait_for
 from tests.logs import cloud_log
+from tests.running import execute
 
 SECRET = "wJalrXUtnFEMI-K7MDENG-secret"
 
@@ -36,7 +35,7 @@ def trial(tmp_path_factory):
 def run(logs, folder, *options):
     line = ["filter", str(logs), "-o", f"{folder / 'out'}/", "--csv", str(folder / "frames.csv")]
     line += ["--manifest", str(folder / "runs.json"), "--log-file", str(folder / "run.log")]
-    return CliRunner().invoke(cli, [*line, *options])
+    return execute(*line, *options)
 
 
 def files(folder):
@@ -103,7 +102,7 @@ def labelled(tmp_path_factory):
     folder = tmp_path_factory.mktemp("labelled")
     for seed in ("1", "2"):
         line = ["simulate", "passing_speedboat", "-o", str(folder / f"s{seed}.mcap"), "--seed", seed, "-n", "4", "-q"]
-        assert CliRunner().invoke(cli, line).exit_code == 0
+        execute(*line, code=0)
     return folder
 
 
@@ -116,8 +115,7 @@ def test_other_commands_give_the_same(certified, labelled, tmp_path, command):
         folder.mkdir()
         named = {"LOGS": str(labelled), "OUT": str(folder)}
         line = [word.replace(key, path) for word in words for key, path in [_named(word, named)]]
-        result = CliRunner().invoke(cli, [*line, *options])
-        assert result.exit_code == 0, result.output
+        result = execute(*line, *options, code=0)
         found.append((folder / file.removeprefix("OUT/")).read_bytes() if file else result.stdout)
     assert found[0] == found[1]
 
@@ -129,8 +127,7 @@ def _named(word, named):
 def test_a_single_recording_also_runs_there(certified, trial, tmp_path):
     target = tmp_path / "one.mcap"
     line = ["filter", str(trial / "logs" / "r03.mcap"), "-o", str(target), "--cluster", certified.address]
-    result = CliRunner().invoke(cli, line)
-    assert result.exit_code == 0, result.output
+    execute(*line, code=0)
     assert target.read_bytes() == (trial / "out" / "r03.mcap").read_bytes()
 
 

@@ -7,11 +7,10 @@ import sys
 from importlib.util import find_spec
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from tests.jobs.cluster.clusters import ROOT, wait_for
 from tests.logs import cloud_log
+from tests.running import execute
 
 
 def _require_jobqueue():
@@ -53,7 +52,7 @@ def trial(tmp_path_factory):
     for number in range(12):
         cloud_log(folder / "logs" / f"r{number:02}.mcap", frames=40, points=3000)
     line = ["filter", str(folder / "logs"), "-o", f"{folder / 'out'}/", "-j", "1"]
-    assert CliRunner().invoke(cli, line).exit_code == 0
+    execute(*line, code=0)
     return folder
 
 
@@ -104,7 +103,7 @@ def test_jobs_that_slurm_refuses(user, trial, tmp_path, monkeypatch):
     dask = pytest.importorskip("dask")
     line = ["filter", str(trial / "logs"), "-o", f"{tmp_path / 'out'}/", "--cluster", "slurm", "-j", "2"]
     with dask.config.set({"jobqueue.slurm.queue": "no-such-partition"}):
-        result = CliRunner().invoke(cli, line)
+        result = execute(*line)
     assert result.exit_code == 1
     (error,) = result.stderr.splitlines()
     assert error.startswith("Error: slurm: ")
@@ -115,8 +114,7 @@ def test_without_slurm(trial, tmp_path, monkeypatch):
     _require_jobqueue()
     monkeypatch.setenv("PATH", str(tmp_path))
     line = ["filter", str(trial / "logs"), "-o", f"{tmp_path / 'out'}/", "--cluster", "slurm", "-j", "2"]
-    result = CliRunner().invoke(cli, line)
-    assert result.exit_code == 1
+    result = execute(*line, code=1)
     assert result.stderr == (
         "Error: slurm: there is no command sbatch here; run seaclutter on a login node of the cluster\n"
     )

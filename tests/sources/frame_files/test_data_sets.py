@@ -2,30 +2,27 @@
 
 import math
 import struct
+from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
 import seaclutter
-from seaclutter_cli.commands import cli
 from seaclutter_cli.records import Message
 from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.sources.frame_files.arrays import read_bin
 from seaclutter_cli.sources.frame_files.sidecars import poses_beside
+from tests.running import execute
 from tests.sources.frame_files import data_sets
 
 POSE = "geometry_msgs/msg/PoseStamped"
 US, PERIOD_US = data_sets.US, data_sets.PERIOD_US
 
 
-def run(*words, code=0):
-    result = CliRunner().invoke(cli, [str(word) for word in words])
-    assert result.exit_code == code, result.output
-    return result
+run = partial(execute, code=0)
 
 
 def frames(path):

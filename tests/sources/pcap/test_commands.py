@@ -5,23 +5,18 @@ import shutil
 from contextlib import closing
 
 import pytest
-from click.testing import CliRunner
 from mcap.reader import make_reader
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.sources.recordings import find_recordings
 from tests.paths import SHARED_DATA
+from tests.running import execute as run
 from tests.sources.pcap import captures
 from tests.sources.pcap.captures import frames, pcap
 
 ROWS = captures.sensor_packets()
 OUSTER = SHARED_DATA / "ouster" / "OS-1-128_v2.3.0_1024x10_lb_n3.pcap"
-
-
-def run(*arguments):
-    return CliRunner().invoke(cli, [str(argument) for argument in arguments])
 
 
 @pytest.fixture
@@ -70,8 +65,7 @@ def test_losses_are_reported(tmp_path):
     rows[30] = (rows[30][0], b"\1" * 1248, 6699)
     path = tmp_path / "log.pcap"
     path.write_bytes(pcap(frames(rows))[:-5])
-    result = run("filter", path, "-o", tmp_path / "out.mcap")
-    assert result.exit_code == 3
+    result = run("filter", path, "-o", tmp_path / "out.mcap", code=3)
     assert "the capture ends within a packet; left out: 1,301 bytes" in result.stderr
     assert "1 packet that cannot be decoded" in result.stderr
     assert "/points: 2 packets missing" in result.stderr
@@ -80,23 +74,20 @@ def test_losses_are_reported(tmp_path):
 def test_calibration_from_a_file(tmp_path, angles):
     path = tmp_path / "log.pcap"
     path.write_bytes(pcap(frames([row for row in ROWS if row[2] == 6699])))
-    result = run("info", path)
-    assert result.exit_code == 1
+    result = run("info", path, code=1)
     assert "--calibration" in result.stderr
     assert "--sensor" in result.stderr
     result = run("info", path, "--calibration", angles, "--sensor", "rs-lidar-32")
     assert not result.exit_code
     assert "angle.csv" in result.stdout
-    result = run("info", path, "--sensor", "RS-LiDAR-33")
-    assert result.exit_code == 2
+    result = run("info", path, "--sensor", "RS-LiDAR-33", code=2)
     assert "RS-LiDAR-32" in result.stderr
 
 
 def test_several_sensors_need_a_choice(tmp_path):
     path = tmp_path / "log.pcap"
     path.write_bytes(pcap(sorted(frames(ROWS) + frames(captures.sensor_packets(seed=1), source="192.168.1.201"))))
-    result = run("filter", path, "-o", tmp_path / "out.mcap")
-    assert result.exit_code == 2
+    result = run("filter", path, "-o", tmp_path / "out.mcap", code=2)
     assert "-t /points/192.168.1.200 -t /points/192.168.1.201" in result.stderr
     result = run("filter", path, "-o", tmp_path / "out.mcap", "-t", "/points/192.168.1.201")
     assert not result.exit_code
@@ -143,8 +134,7 @@ def test_packets_with_damaged_headers_are_damage(tmp_path, link, place):
     packets[20] = packets[20][0], damaged(packets[20][1], network + offset, value)
     path = tmp_path / "log.pcap"
     path.write_bytes(pcap(packets, link=number))
-    result = run("filter", path, "-o", tmp_path / "out.mcap", "--csv", tmp_path / "f.csv")
-    assert result.exit_code == 3
+    result = run("filter", path, "-o", tmp_path / "out.mcap", "--csv", tmp_path / "f.csv", code=3)
     assert "1 packet like those from 192.168.1.200:6699 to port 6699, with damaged headers" in result.stderr
     assert "left out: 1,248 bytes" in result.stderr
 
@@ -156,4 +146,4 @@ def test_other_traffic_of_the_same_length_is_no_damage(tmp_path):
     tcp = [(time + 2, damaged(captures.ETHERNET + captures.ipv4(bytes(size - 34)), 23, 6)) for time, _ in packets[::9]]
     path = tmp_path / "log.pcap"
     path.write_bytes(pcap(sorted([*packets, *other, *tcp])))
-    assert run("filter", path, "-o", tmp_path / "out.mcap").exit_code == 0
+    run("filter", path, "-o", tmp_path / "out.mcap", code=0)

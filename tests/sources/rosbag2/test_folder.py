@@ -9,12 +9,10 @@ from pathlib import Path
 import pytest
 import yaml
 import zstandard
-from click.testing import CliRunner
 from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import Message
 from seaclutter_cli.sources.mcap.source import McapSource
@@ -24,6 +22,7 @@ from seaclutter_cli.sources.rosbag2.db3 import Db3Source
 from seaclutter_cli.sources.shared.split import SplitSource, split_groups
 from tests.attacks import YAML_DOCUMENTS, YAML_VALUES
 from tests.paths import SHARED_DATA
+from tests.running import execute
 
 DATA = SHARED_DATA / "nebula"
 TYPES = get_typestore(Stores.LATEST)
@@ -233,8 +232,7 @@ def test_info_reads_a_recording_with_invalid_metadata(tmp_path):
     folder = write_split(tmp_path / "bag", ".mcap", [{"numbers": range(4)}])
     text = (folder / "metadata.yaml").read_text()
     (folder / "metadata.yaml").write_text(re.sub("message_count: .*", "message_count: !!bool x", text))
-    result = CliRunner().invoke(cli, ["info", str(folder)])
-    assert result.exit_code == 3
+    result = execute("info", folder, code=3)
     assert re.search(r"metadata.yaml: line \d+, column \d+: not valid YAML", result.stderr)
     assert "/points" in result.stdout
 

@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import seaclutter
-from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.records import Message
@@ -14,6 +12,7 @@ from seaclutter_cli.runs.recordings import open_recording
 from seaclutter_cli.sources.recordings import find_recordings
 from tests import logs
 from tests.messages import wrapped
+from tests.running import execute
 
 MS = 10**6
 
@@ -195,4 +194,4 @@ def test_clouds_of_the_livox_driver(tmp_path, encoding):
     # Times are absolute, and stay as they are.
     expected = (np.array(stamps_ns)[:5, None] + np.arange(10) * 10_000).ravel()
     np.testing.assert_array_equal(first.points["timestamp"], expected.astype(np.float64))
-    assert "resembles Mid-360" in CliRunner().invoke(cli, ["info", str(path)]).stdout
+    assert "resembles Mid-360" in execute("info", path).stdout

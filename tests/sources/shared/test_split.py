@@ -3,13 +3,12 @@
 import itertools
 
 import pytest
-from click.testing import CliRunner
 
-from seaclutter_cli.commands import cli
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.sources.recordings import Search, find_recordings
 from seaclutter_cli.sources.shared.split import MAX_GAP_S, MAX_OVERLAP_S
 from tests.logs import PERIOD_NS, START_NS, Entry, Topic, cloud_messages, cloud_topic, write_log
+from tests.running import execute
 from tests.sources.rosbag1.bags import write_bag
 
 SECOND = 10**9
@@ -142,6 +141,5 @@ def test_a_link_that_leads_back_ends(tmp_path):
 def test_options(tmp_path, options):
     for number in range(2):
         part(tmp_path / f"run_{number}.mcap", 100 * number)
-    out = CliRunner().invoke(cli, ["info", str(tmp_path), "--json", *options])
-    assert out.exit_code == 0
+    out = execute("info", tmp_path, "--json", *options, code=0)
     assert out.stdout.count('"format"') == (1 if "--join" in options else 2)
