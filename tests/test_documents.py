@@ -8,15 +8,10 @@ import yaml
 from seaclutter_cli import documents
 from seaclutter_cli.documents import MAX_DEPTH, DocumentError, load_json, load_yaml
 from tests.attacks import JSON_DOCUMENTS, YAML_DOCUMENTS, YAML_VALUES
+from tests.pairs import covering
 from tests.running import execute
 
 ATTACKS = YAML_DOCUMENTS | {name: f"filter: {{start_m: {value}}}" for name, value in YAML_VALUES.items()}
-
-
-def run(*arguments):
-    result = execute(*arguments)
-    assert isinstance(result.exception, SystemExit), result.exception
-    return result
 
 
 def refusal(load, text):
@@ -82,55 +77,52 @@ def test_long_json_is_refused():
     assert "more than 3 bytes" in refusal(lambda text: load_json(text, max_bytes=3), b'"xx"')
 
 
-@pytest.mark.parametrize("text", ATTACKS.values(), ids=ATTACKS)
-@pytest.mark.parametrize(
-    "arguments",
-    [("config", "check"), ("simulate", "-o", "out.mcap"), ("classify", "separate", "none.las", "-o", "out.las", "-c")],
-    ids=["configuration", "scene", "settings of tiles"],
+FILES = (
+    ("config", "check"),
+    ("simulate", "-o", "out.mcap"),
+    ("classify", "separate", "none.las", "-o", "out.las", "-c"),
 )
-def test_a_file_is_refused_with_its_name(tmp_path, monkeypatch, arguments, text):
+
+
+@pytest.mark.parametrize(("name", "arguments"), covering(ATTACKS, FILES))
+def test_a_file_is_refused_with_its_name(tmp_path, monkeypatch, name, arguments):
     monkeypatch.chdir(tmp_path)
     file = tmp_path / "attack.yaml"
-    file.write_text(text)
-    result = run(*arguments, file)
-    assert result.exit_code == 2
+    file.write_text(ATTACKS[name])
+    result = execute(*arguments, file, code=2)
     assert result.stderr.startswith(f"Error: {file}: ")
     assert len(result.stderr) < 30_000
     assert [path.name for path in tmp_path.iterdir()] == ["attack.yaml"]
 
 
-@pytest.mark.parametrize("value", YAML_VALUES.values(), ids=YAML_VALUES)
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ("config", "show", "-s", "filter.start_m={}"),
-        ("config", "show", "-s", "filter.presets.open={}", "-m", "adaptive_radius"),
-        ("classify", "separate", "none.las", "-o", "out.las", "-s", "separation.cell_m={}"),
-        ("tune", "none.mcap", "--labels", "none.csv", "--sweep", "start_m={}"),
-    ],
-    ids=["configuration", "preset", "settings of tiles", "sweep"],
+SETTINGS = (
+    ("config", "show", "-s", "filter.start_m={}"),
+    ("config", "show", "-s", "filter.presets.open={}", "-m", "adaptive_radius"),
+    ("classify", "separate", "none.las", "-o", "out.las", "-s", "separation.cell_m={}"),
+    ("tune", "none.mcap", "--labels", "none.csv", "--sweep", "start_m={}"),
 )
-def test_a_value_on_the_command_line_is_refused(tmp_path, monkeypatch, arguments, value):
+
+
+@pytest.mark.parametrize(("name", "arguments"), covering(YAML_VALUES, SETTINGS))
+def test_a_value_on_the_command_line_is_refused(tmp_path, monkeypatch, name, arguments):
     monkeypatch.chdir(tmp_path)
-    result = run(*(argument.replace("{}", value) for argument in arguments))
-    assert result.exit_code == 2
+    result = execute(*(argument.replace("{}", YAML_VALUES[name]) for argument in arguments), code=2)
     assert re.match(r"Error: --(set|sweep) .*line 1, column \d+: ", result.stderr)
     assert result.stderr.count("\n") == 1
 
 
 def test_a_key_with_many_parts_is_refused():
-    result = run("config", "show", "-s", f"filter{'.a' * 5000}=1")
-    assert result.exit_code == 2
+    result = execute("config", "show", "-s", f"filter{'.a' * 5000}=1", code=2)
     assert "write it as" in result.stderr
 
 
 def test_a_sweep_of_many_values_is_refused():
-    result = run("tune", "none.mcap", "--labels", "none.csv", "--sweep", "start_m=" + ",".join(map(str, range(20_000))))
-    assert result.exit_code == 2
+    result = execute(
+        "tune", "none.mcap", "--labels", "none.csv", "--sweep", "start_m=" + ",".join(map(str, range(20_000))), code=2
+    )
     assert "at most 500 values" in result.stderr
 
 
 def test_a_file_that_does_not_end_is_refused():
-    result = run("config", "check", "/dev/zero")
-    assert result.exit_code == 2
+    result = execute("config", "check", "/dev/zero", code=2)
     assert result.stderr.startswith("Error: /dev/zero: ")

@@ -128,22 +128,3 @@ def test_every_format_gives_the_same_points(name, expected, tmp_path):
     assert lines == expected[0]
     for cloud, other in zip(clouds, expected[1], strict=True):
         assert cloud.tobytes() == other.tobytes()
-
-
-def test_state_spans_the_files_of_a_split_recording(expected, tmp_path):
-    """A new file of the same recording does not reset the filter."""
-    split = tmp_path / "split"
-    split.mkdir()
-    for part, numbers in enumerate((range(2), range(2, FRAMES))):
-        with (split / f"split_{part}.mcap").open("wb") as stream:
-            writer = Writer(stream)
-            writer.start(profile="ros2")
-            text = STORE.generate_msgdef(TYPE, ros_version=2)[0]
-            channel = writer.register_channel("/points", "cdr", writer.register_schema(TYPE, "ros2msg", text.encode()))
-            for number in numbers:
-                stamp, data = message(number)
-                writer.add_message(channel, stamp, data, stamp, number)
-            writer.finish()
-    lines, clouds = run(split, tmp_path)
-    assert lines == expected[0]
-    assert [len(cloud) for cloud in clouds] == [len(cloud) for cloud in expected[1]]

@@ -236,9 +236,10 @@ def test_400_megabytes_of_address_space(tmp_path):
     assert sorted(content(tmp_path)) == ["x.csv", "x.json"]
 
 
-@pytest.mark.parametrize("megabytes", [300, 200, 160, 110])
 @pytest.mark.parametrize(
-    "command", [FILTER, EVALUATE, (*EVALUATE, "--clustering", "dbscan")], ids=["filter", "evaluate", "dbscan"]
+    ("megabytes", "command"),
+    [(300, FILTER), (200, EVALUATE), (160, (*EVALUATE, "--clustering", "dbscan")), (160, FILTER), (110, EVALUATE)],
+    ids=str,
 )
 def test_little_address_space(tmp_path, megabytes, command):
     """A run succeeds, or says what it lacks; the stacks of its threads take more on machines with more cores."""
@@ -263,9 +264,7 @@ def test_a_home_that_cannot_be_written(tmp_path):
 
 LOCALES = [
     {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
-    {"LC_ALL": "POSIX"},
     {"LC_ALL": "en_US.ISO-8859-1", "PYTHONIOENCODING": "latin-1", "PYTHONUTF8": "0"},
-    {"LC_ALL": "none_SUCH.UTF-8", "LANG": "C"},
     {"PYTHONIOENCODING": "ascii"},
 ]
 

@@ -71,7 +71,7 @@ def whole(log):
     return topics, [plain(frame) for frame in frames(opened(log), Selection(topics=topics))]
 
 
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(start=st.integers(-2, 12), length=st.integers(0, 12), shift_ns=st.sampled_from([-1, 0, 1, 40_000_000]))
 def test_a_window_has_the_frames_and_indices_of_the_whole(log, whole, start, length, shift_ns):
     topics, every = whole

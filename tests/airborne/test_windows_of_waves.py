@@ -15,7 +15,7 @@ def lost(z, xy, intensity):
     return (separate([np.stack((*xy, z))], SeparationParams(), columns.get).classification == OTHER).mean()
 
 
-@pytest.mark.parametrize(("angle", "phase", "offset"), [(1.45, 1, 0), (1.45, 3, 0), (0.1, 1, -12), (1.45, 1, -12)])
+@pytest.mark.parametrize(("angle", "phase", "offset"), [(1.45, 3, 0), (0.1, 1, -12), (1.45, 1, -12)])
 def test_crests_above_the_opened_surface_do_not_divide_a_sea(angle, phase, offset):
     """The opening with a window of 20 m does not follow a sine of 40 m, whose parts at the edge slope like a beach."""
     rng = np.random.default_rng(1)
@@ -24,8 +24,9 @@ def test_crests_above_the_opened_surface_do_not_divide_a_sea(angle, phase, offse
     assert lost(z, (x, y + offset), np.zeros(COUNT)) < 0.002
 
 
-@pytest.mark.parametrize("speckle", [False, True])
-@pytest.mark.parametrize(("length", "height", "width"), [(60, 1.0, 17), (80, 1.5, 20), (80, 1.5, 24)])
+@pytest.mark.parametrize(
+    ("length", "height", "width", "speckle"), [(60, 1.0, 17, False), (80, 1.5, 20, True), (80, 1.5, 24, False)]
+)
 def test_less_than_half_a_wave_in_a_narrow_quarter_is_no_basin(length, height, width, speckle):
     """Blocks begin at multiples of 256 m, and cut narrow strips off the tile."""
     rng = np.random.default_rng(1)

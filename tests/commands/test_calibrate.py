@@ -106,15 +106,6 @@ def test_comments_describe_the_origin_of_the_configuration(log, out, tmp_path):
     assert all(len(line) <= 100 for line in text.splitlines() if line.startswith("#"))
 
 
-def test_the_same_input_gives_the_same_bytes(log, tmp_path):
-    files = [tmp_path / f"{number}.{kind}" for number in range(2) for kind in ("yaml", "svg", "yaml", "png")]
-    for target, plot in zip(files[::2], files[1::2], strict=True):
-        invoke(log, "-o", target, "--plot", plot, "--force", code=0)
-    for kind in ("yaml", "svg", "png"):
-        first, second = (tmp_path / f"{number}.{kind}" for number in range(2))
-        assert first.read_bytes() == second.read_bytes()
-
-
 def test_fractions(tmp_path, out):
     log = write_log(tmp_path / "log.mcap", make=lambda number: sea(number, whole=False, scale=1 / 255))
     found = data(log, "-o", out)
@@ -123,20 +114,6 @@ def test_fractions(tmp_path, out):
         inside = intensity[(ranges >= ring["start_m"]) & (ranges < ring["end_m"])].astype(float)
         assert ring["below"] == np.count_nonzero(inside < ring["threshold"]) == math.ceil(0.8 * len(inside))
     assert list(load_config(out).filter.initial_thresholds) == [ring["threshold"] for ring in found["rings"]]
-
-
-def test_several_recordings_are_one_calibration(tmp_path, out):
-    (tmp_path / "logs").mkdir()
-    for name, frames in (("b", 2), ("a", 3)):
-        write_log(tmp_path / "logs" / f"{name}.mcap", frames=frames, make=sea)
-    found = data(tmp_path / "logs", "-o", out)
-    assert (found["recordings"], found["frames"]) == (["a", "b"], 5)
-    ranges, _ = columns([sea(number) for number in (0, 1, 2, 0, 1)])
-    assert found["clutter_points"] == np.count_nonzero(ranges >= 10)
-
-
-def test_a_part_of_a_recording(log, out):
-    assert data(log, "-o", out, "-n", 2)["frames"] == 2
 
 
 def test_start_values_come_from_a_configuration_and_the_command_line(log, out, tmp_path):
@@ -361,14 +338,6 @@ def test_matplotlib_is_an_extra(log, out, tmp_path, monkeypatch):
     assert "pip install 'seaclutter[plot]'" in result.stderr
     assert not out.exists()
     invoke(log, "-o", out, code=0)
-
-
-def test_damage_is_left_out_and_reported(log, tmp_path, out):
-    cut = tmp_path / "cut.mcap"
-    cut.write_bytes(log.read_bytes()[:-2000])
-    result = invoke(cut, "-o", out, code=3)
-    assert "Damaged" in result.stderr
-    assert load_config(out)
 
 
 def test_frames_that_lack_a_field_are_damage(tmp_path, out):

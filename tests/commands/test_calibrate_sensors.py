@@ -8,7 +8,7 @@ import pytest
 
 from seaclutter_cli.config import load_config
 from tests.commands.test_filter import POINT, write_log
-from tests.paths import ROOT, shared
+from tests.paths import ROOT
 from tests.running import execute
 
 
@@ -48,12 +48,6 @@ def test_a_stated_sensor_is_written(tmp_path, name):
     assert "Sensor RS-LiDAR-32; intensity field" in result.stdout
     assert load_config(tmp_path / "c.yaml").sensor.model == "RS-LiDAR-32"
     assert sensors("info", log)[0]["sensors"]["/points"]["model"] == "RS-LiDAR-32"
-
-
-def test_real_packets(tmp_path):
-    log = shared("ouster") / "OS-1-32-G_v2.1.1_1024x10.pcap"
-    assert sensors("calibrate", log, "-o", tmp_path / "c.yaml")["sensors"] == ["OS1-32"]
-    assert sensors("info", log)[0]["sensors"]["/points"]["model"] == "OS1-32"
 
 
 def test_two_sensors_are_refused(tmp_path):

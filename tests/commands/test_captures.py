@@ -33,13 +33,6 @@ def uncalibrated(capture, target):
     return target
 
 
-def test_info_names_the_sensor(trial):
-    (content,) = json.loads(run("info", trial, "--json").stdout)
-    assert content["sensors"]["/points"]["model"] == "RS-LiDAR-32"
-    assert content["clouds"]["/points"]["frames"] == 6
-    assert content["sensors"]["/points"]["lost_packets"] == 0
-
-
 def test_filter_and_evaluate_give_the_same_results_on_packets_and_points(trial, tmp_path):
     run("simulate", "buoy_speedboat", "-n", 6, "-o", tmp_path / "trial.mcap")
     counts = []

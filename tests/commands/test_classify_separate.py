@@ -9,7 +9,7 @@ import pytest
 
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from tests.airborne.tiles import box, raw_records, read, sea, write
-from tests.paths import ROOT, shared
+from tests.paths import ROOT
 from tests.running import execute
 
 run = partial(execute, "classify", "separate")
@@ -204,14 +204,6 @@ def test_other_formats(tmp_path, suffix):
     assert set(FRAME_READERS[suffix](again).points["classification"]) == {1, 9}
 
 
-def test_several_tiles_are_written_to_a_folder(tmp_path):
-    (tmp_path / "in").mkdir()
-    for name in "ab":
-        write(tmp_path / "in" / f"{name}.las", points())
-    run(tmp_path / "in", "-o", tmp_path / "out", code=0)
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.las", "b.las"]
-
-
 def test_bad_command_lines(tmp_path):
     tile = write(tmp_path / "tile.las", points())
     run(tmp_path / "none.las", "-o", tmp_path / "o.las", code=2)
@@ -256,13 +248,6 @@ def test_evlrs_with_a_wrong_length_are_refused(tmp_path):
     data[at + 20 : at + 28] = (2**60).to_bytes(8, "little")
     (tmp_path / "bad.las").write_bytes(data)
     assert "it is truncated" in run(tmp_path / "bad.las", "-o", tmp_path / "o.las").stderr
-
-
-def test_a_real_tile_of_land(tmp_path):
-    tile = shared("las") / "autzen_trim.laz"
-    run(tile, "-o", tmp_path / "out.laz", code=0)
-    assert_same_but_class(tile, tmp_path / "out.laz")
-    assert set(np.asarray(read(tmp_path / "out.laz").classification)) == {1, 9}
 
 
 def test_the_sample_tile(tmp_path):
@@ -315,19 +300,3 @@ def test_other_classes_cannot_be_trusted(tmp_path, text):
     tile = write(tmp_path / "tile.las", points())
     result = run(tile, "-o", tmp_path / "out.las", "--trust-classes", text, code=2)
     assert "must be 2, 9, or 2,9" in result.stderr
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"land": "sand"}, "land: must be one of 'keep', 'class2', 'ignore', got 'sand'"),
-        ({"trust_classes": (3,)}, "trust_classes: must be 2, 9, or both"),
-        ({"margin_m": -5}, "margin_m: must be at least 0 and at most 1000, got -5"),
-        ({"window_m": 0.1}, "window_m: must be at least 50 and at most 100000, got 0.1"),
-    ],
-)
-def test_options_of_the_library_are_checked(tmp_path, options, message):
-    import seaclutter
-
-    with pytest.raises(seaclutter.UsageError, match=re.escape(message)):
-        seaclutter.separate_tiles(tmp_path, tmp_path / "out.laz", seaclutter.SeparateTilesOptions(**options))

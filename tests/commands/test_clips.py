@@ -157,15 +157,14 @@ def two(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
 @pytest.mark.parametrize(
-    "line",
+    ("line", "jobs"),
     [
-        "filter {0} -o {1}/out/ --csv {1}/t.csv -m sor",
-        "calibrate {0} -o {1}/c.yaml",
-        "calibrate {0} -o {1}/c.yaml --labels {0} --choose",
-        "evaluate {0} --labels {0} -o {1}/t.csv -m sor",
-        "tune {0} --labels {0} -m sor -m ror -o {1}/c.yaml",
+        ("filter {0} -o {1}/out/ --csv {1}/t.csv -m sor", 1),
+        ("calibrate {0} -o {1}/c.yaml", 2),
+        ("calibrate {0} -o {1}/c.yaml --labels {0} --choose", 1),
+        ("evaluate {0} --labels {0} -o {1}/t.csv -m sor", 2),
+        ("tune {0} --labels {0} -m sor -m ror -o {1}/c.yaml", 1),
     ],
 )
 def test_commands_leave_out_recordings_without_frames(two, tmp_path, line, jobs):

@@ -7,7 +7,6 @@ import pytest
 
 from seaclutter_cli.config import load_config
 from seaclutter_cli.filters import FILTERS
-from seaclutter_cli.sensors.catalog import SENSORS
 from tests.running import execute
 
 invoke = partial(execute, "config")
@@ -30,16 +29,3 @@ def test_check_reports_every_file(tmp_path):
     assert "good.yaml: valid, method joint" in result.stdout
     assert "colour" in result.stderr
     assert "worse.yaml: line 1, column 10: not valid YAML" in result.stderr
-
-
-def test_sensors_lists_built_in_items():
-    text = invoke("sensors").stdout
-    listed = json.loads(invoke("sensors", "--json").stdout)
-    for name in (*SENSORS, *FILTERS):
-        assert name in text
-    assert set(listed["sensors"]) == set(SENSORS)
-    assert set(listed["methods"]) == set(FILTERS)
-    assert "snow.yaml" in listed["configs"]
-    assert {"departure", "harbour"} <= set(listed["scenes"])
-    assert "RS-LiDAR-32" in listed["lidars"]
-    assert all(len(line) <= 100 for line in text.splitlines())

@@ -18,6 +18,7 @@ from seaclutter_cli.sinks.frames import FrameSink
 from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.sources.recordings import find_recordings
 from tests.logs import Entry, Extra, Topic, cloud_messages, cloud_topic, write_log
+from tests.pairs import covering
 from tests.running import execute
 
 START_NS = 1_700_000_000 * 10**9
@@ -87,8 +88,7 @@ def test_what_is_lost_is_said_in_one_line(log, tmp_path, form):
     assert [line.partition(": ")[2].partition(" cannot keep: ")[2] for line in lines] == ([lost] if lost else [])
 
 
-@FORMS
-@pytest.mark.parametrize("command", ["convert", "filter"])
+@pytest.mark.parametrize(("form", "command"), covering(OUTPUT_FORMATS, ("convert", "filter")))
 def test_clips_keep_frame_numbers(log, tmp_path, form, command):
     target = target_of(tmp_path, form)
     run(command, log, "-o", target, "--to", form, "--start", "0.5", "--end", "1.05")
@@ -112,8 +112,7 @@ def test_an_empty_clip_is_refused(log, tmp_path, form):
     assert list(tmp_path.iterdir()) == []
 
 
-@FORMS
-@pytest.mark.parametrize("command", ["convert", "filter"])
+@pytest.mark.parametrize(("form", "command"), covering(OUTPUT_FORMATS, ("filter", "convert")))
 def test_resume_and_force(log, tmp_path, form, command):
     target = target_of(tmp_path, form)
     arguments = [command, log, "-o", target, "--to", form]
@@ -193,22 +192,9 @@ def test_fewer_parts_leave_none_of_an_earlier_run(log, tmp_path):
     assert (names(tmp_path)) == ["out_0.bag", "out_1.bag"]
 
 
-def test_parts_of_an_earlier_run_are_refused(log, tmp_path):
-    (tmp_path / "out_3.bag").write_bytes(b"mine")
-    result = run("convert", log, "-o", tmp_path / "out.bag", "--split", "1s", code=2)
-    assert "out_3.bag: already exists" in result.stderr
-    assert names(tmp_path) == ["out_3.bag"]
-
-
 def test_a_failed_run_leaves_no_part(log, tmp_path):
     result = run("filter", log, "-o", tmp_path / "out.bag", "--split", "0.3s", "--intensity-field", "none", code=1)
     assert "none" in result.stderr
-    assert names(tmp_path) == []
-
-
-@pytest.mark.parametrize("form", ["rosbag2-db3", "rosbag2-mcap", "pcd"])
-def test_a_failed_run_leaves_no_folder(log, tmp_path, form):
-    run("filter", log, "-o", tmp_path / "out", "--to", form, "--intensity-field", "none", code=1)
     assert names(tmp_path) == []
 
 

@@ -4,21 +4,16 @@ import csv
 import json
 import re
 import sys
-from dataclasses import replace
 from functools import partial
 from io import BytesIO
 
 import numpy as np
 import pytest
 
-from seaclutter_cli.evaluation.matching import Alarms
-from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, PointCounts
-from seaclutter_cli.runs.evaluate import EvaluateWork, FrameRows, evaluate, frame_table
+from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS
+from seaclutter_cli.runs.evaluate import evaluate
 from seaclutter_cli.runs.methods import is_installed
-from tests.evaluation.scenes import frame_of
-from tests.evaluation.scenes import lump as lump_at
 from tests.logs import PERIOD_NS, START_NS, Entry, Topic, cloud_message, cloud_topic, write_log
-from tests.paths import shared
 from tests.running import execute
 
 POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")])
@@ -192,24 +187,6 @@ def test_peers_that_are_not_installed_are_left_out(log, labels, monkeypatch):
     assert "requires an optional dependency: pip install 'seaclutter[peers]'" in result.stderr
 
 
-def test_all_methods_in_one_pass_give_the_same_as_each_alone(log, labels, tmp_path):
-    together = tmp_path / "together.csv"
-    invoke(log, "--labels", labels, "--compare", "all", "-o", together, code=0)
-    table = rows(together)
-    for name in dict.fromkeys(row["method"] for row in table):
-        if name in ("none", "ideal"):  # never alone
-            continue
-        alone = tmp_path / "alone.csv"
-        invoke(log, "--labels", labels, "-m", name, "-o", alone, "--force", code=0)
-        assert rows(alone) == [row for row in table if row["method"] == name]
-
-
-def test_the_same_bytes_each_time(log, labels, tmp_path):
-    for name in ("a.csv", "b.csv"):
-        invoke(log, "--labels", labels, "--compare", "paper", "-o", tmp_path / name, code=0)
-    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
-
-
 def test_every_recording_starts_without_state(labels, tmp_path):
     logs = [make_log(tmp_path / f"{name}.mcap") for name in "ab"]
     out = tmp_path / "frames.csv"
@@ -274,19 +251,6 @@ def test_labels_of_another_recording(log, tmp_path):
     result = invoke(log, "--labels", labels, "-m", "none", "-o", out, code=1)
     assert "frame" in result.stderr
     assert not out.exists()
-
-
-def test_one_bad_recording_does_not_stop_the_others(labels, tmp_path):
-    good = [make_log(tmp_path / f"{name}.mcap") for name in "ac"]
-    bad = tmp_path / "b.mcap"
-    bad.write_bytes(b"no log at all")
-    out = tmp_path / "frames.csv"
-    given = [item for _ in range(3) for item in ("--labels", labels)]
-    result = invoke(good[0], bad, good[1], *given, "-m", "none", "-o", out, "--json", code=1)
-    assert {row["recording"] for row in rows(out)} == {"a", "c"}
-    found = json.loads(result.stdout)
-    assert found["methods"]["none"]["frames"] == 10
-    assert [bool(outcome["error"]) for outcome in found["recordings"]] == [False, True, False]
 
 
 def test_a_frame_that_no_method_can_use_is_damage(tmp_path, labels):
@@ -371,36 +335,11 @@ def test_a_single_warning_about_thresholds_that_cannot_fit(tmp_path, labels):
     assert "Warning" not in invoke(log, "--labels", labels, "--compare", "paper", "-q").stderr
 
 
-def test_an_interrupted_run_leaves_no_table(log, labels, tmp_path, monkeypatch):
-    def interrupted(work, source, labels, outcome, observer):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(EvaluateWork, "study", interrupted)
-    before = set(tmp_path.iterdir())
-    with pytest.raises(KeyboardInterrupt):
-        evaluate(log, labels, frames_file=tmp_path / "frames.csv")
-    assert set(tmp_path.iterdir()) == before
-
-
 def test_a_recording_that_fails_at_its_end_leaves_no_rows(log, labels, tmp_path):
     failing, out = make_log(tmp_path / "failing.mcap"), tmp_path / "frames.csv"
     too_long = make_labels(tmp_path / "too_long.csv", frames=range(FRAMES + 1))
     invoke(failing, log, "--labels", too_long, "--labels", labels, "-m", "none", "-o", out, code=1)
     assert {row["recording"] for row in rows(out)} == {"log"}
-
-
-def test_columns_for_points_only_if_any_frame_has_labels_of_points():
-    plain = FrameScore(10, 5, 1, 0, Alarms(1, 1, 1, 1, 0), None)
-    packed = []
-    for name, score in (("a, b", plain), ("c", replace(plain, points=PointCounts(1, 1, 1, 1)))):
-        written = FrameRows(name)
-        written.add("none", frame_of(lump_at(20)), score)
-        packed.append(written)
-    for chosen, columns in ((packed, (*ALARM_COLUMNS, *POINT_COLUMNS)), (packed[:1], ALARM_COLUMNS)):
-        table = list(csv.DictReader(b"".join(frame_table(chosen)).decode().splitlines()))
-        assert [row["recording"] for row in table] == ["a, b", "c"][: len(chosen)]
-        assert tuple(table[0])[4:] == columns
-        assert table[0]["points_out"] == "5"
 
 
 def test_rows_of_a_single_recording_are_not_in_memory(tmp_path):
@@ -445,26 +384,3 @@ def test_refused_arguments(tmp_path, monkeypatch, arguments, status, message):
     assert (result.exit_code, message in result.stderr) == (status, True), result.stderr
     assert isinstance(result.exception, SystemExit)
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
-
-
-def test_real_snow_with_a_label_for_each_point():
-    folder = shared("wads-36")
-    arguments = (
-        folder / "velodyne",
-        "--labels",
-        folder / "labels",
-        "-c",
-        "snow",
-        "-m",
-        "joint",
-        "-m",
-        "naive",
-        "-n",
-        2,
-    )
-    found = figures(*arguments)["methods"]
-    for method in found.values():
-        assert method["frames"] == 2
-        assert 15_000 < method["clutter_points_in"] < 25_000
-    assert found["naive"]["clutter_removal"] > 0.9
-    assert found["naive"]["target_loss"] < 0.1

@@ -2,9 +2,6 @@
 
 import csv
 import json
-import os
-import subprocess
-import sys
 from collections import Counter
 from functools import partial
 from io import DEFAULT_BUFFER_SIZE
@@ -106,26 +103,6 @@ def test_the_summary_counts_frames_by_scene(log, out, tmp_path, scene):
     assert f"frames by scene: {scenes[0]} " in invoke(*arguments).stdout
 
 
-@pytest.mark.parametrize(
-    ("options", "frames", "notes"),
-    [
-        ((), [0, 1, 2, 3, 4], 5),
-        (("--start", "2"), [2, 3, 4], 3),
-        (("--end", "2"), [0, 1], 2),
-        (("--start", "1", "--end", "3.5"), [1, 2, 3], 3),
-        (("-n", "2"), [0, 1], 2),
-        (("--start", "1", "-n", "2"), [1, 2], 2),
-    ],
-)
-def test_a_part_of_a_recording(log, out, tmp_path, options, frames, notes):
-    table = tmp_path / "frames.csv"
-    invoke(log, "-o", out, "--csv", table, *options, code=0)
-    with table.open() as stream:
-        assert [int(row["frame"]) for row in csv.DictReader(stream)] == frames
-    assert len(messages(out, "/points")) == len(frames)
-    assert len(messages(out, "/note")) == notes
-
-
 def test_each_topic_has_its_own_state(tmp_path):
     both = write_log(tmp_path / "both.mcap", ("/port", "/starboard"))
     result = invoke(both, "-o", tmp_path / "x.mcap", code=2)
@@ -137,29 +114,6 @@ def test_each_topic_has_its_own_state(tmp_path):
         invoke(both, "-o", alone, "-t", topic, code=0)
         ours, theirs = (messages(path, topic) for path in (tmp_path / "together.mcap", alone))
         assert [message.data for message in ours] == [message.data for message in theirs]
-
-
-def test_several_recordings_go_into_a_folder(tmp_path):
-    (tmp_path / "logs").mkdir()
-    for name in ("b", "a"):
-        write_log(tmp_path / "logs" / f"{name}.mcap")
-    invoke(tmp_path / "logs", "-o", tmp_path / "out", "--csv", tmp_path / "all.csv", code=0)
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.mcap", "b.mcap"]
-    with (tmp_path / "all.csv").open() as stream:
-        assert [row["recording"] for row in csv.DictReader(stream)] == ["a"] * 5 + ["b"] * 5
-
-
-def test_one_bad_recording_does_not_stop_the_others(tmp_path):
-    logs = tmp_path / "logs"
-    logs.mkdir()
-    write_log(logs / "a.mcap")
-    (logs / "b.mcap").write_bytes(b"no log at all")
-    write_log(logs / "c.mcap")
-    result = invoke(logs, "-o", tmp_path / "out", "--csv", tmp_path / "all.csv", code=1)
-    assert "b.mcap" in result.stderr
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a.mcap", "c.mcap"]
-    with (tmp_path / "all.csv").open() as stream:
-        assert {row["recording"] for row in csv.DictReader(stream)} == {"a", "c"}
 
 
 def test_rows_of_a_recording_that_fails_midway_are_removed(tmp_path, monkeypatch):
@@ -260,12 +214,6 @@ def test_frames_that_lack_a_field_are_left_out_unless_all_do(tmp_path, out, bad,
         assert not out.exists()
 
 
-def test_methods_without_intensity_need_no_intensity_field(tmp_path):
-    log = write_log(tmp_path / "plain.mcap", make=lambda number: points(number)[["x", "y", "z"]])
-    for method in ("sor", "ror", "none"):
-        invoke(log, "-o", tmp_path / f"{method}.mcap", "-m", method, code=0)
-
-
 def test_a_log_without_frames_is_not_an_error(tmp_path, out):
     log = write_log(tmp_path / "none.mcap", frames=0)
     result = invoke(log, "-o", out, code=0)
@@ -290,28 +238,6 @@ def test_warnings_about_thresholds_that_cannot_fit(tmp_path, out, top, threshold
     assert (warned in result.stderr and "calibrate" in result.stderr) if warned else "Warning" not in result.stderr
     assert result.stderr.count("Warning") == bool(warned)
     assert "Warning" not in invoke(log, "-o", out, "--force", "-q").stderr
-
-
-def test_debug_shows_the_traceback(tmp_path):
-    command = [sys.executable, "-m", "seaclutter_cli", "filter", str(tmp_path / "no.mcap"), "-o", "x.mcap"]
-    plain = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
-    assert (plain.returncode, plain.stderr.count("\n")) == (2, 1)
-    debug = subprocess.run([*command, "--debug"], capture_output=True, text=True, check=False, cwd=tmp_path)
-    assert "Traceback" in debug.stderr
-    assert "UsageError" in debug.stderr
-
-
-@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="permissions do not bind here")
-def test_a_folder_that_may_not_be_written(log, tmp_path):
-    locked = tmp_path / "locked"
-    locked.mkdir(mode=0o500)
-    result = invoke(log, "-o", locked / "x.mcap", code=1)
-    assert "cannot be written" in result.stderr
-
-
-def test_summaries_fit_a_terminal_of_80_columns(log, out):
-    lines = invoke(log, "-o", out).stdout.splitlines()
-    assert all(len(line) <= 80 for line in lines[1:])
 
 
 @pytest.mark.parametrize(

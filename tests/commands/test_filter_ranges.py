@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tests.commands.test_filter import POINT, write_log
-from tests.paths import shared
 from tests.running import execute
 
 
@@ -80,10 +79,3 @@ def test_clouds_out_of_range(tmp_path, ranges, options, texts):
     result, _ = run(tmp_path, at(*ranges), *options)
     assert ("no point is in range" in result.stderr) == bool(texts)
     assert all(text in result.stderr for text in texts)
-
-
-def test_a_real_tile(tmp_path):
-    tile = shared("airborne")
-    result = execute("filter", tile, "-o", tmp_path / "f.mcap", code=0)
-    assert "the nearest is 565,264 m away" in result.stderr
-    assert result.stderr.count("Warning") == 1

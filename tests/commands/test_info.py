@@ -11,7 +11,7 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from tests.commands.test_filter import SECOND_NS, TYPE, points, write_log
-from tests.paths import ROOT, SAMPLE, shared
+from tests.paths import ROOT, shared
 from tests.running import execute
 
 invoke = partial(execute, "info")
@@ -63,16 +63,6 @@ def test_settings_that_a_filter_run_needs(tmp_path, options, need):
     assert need in invoke(log).stdout
 
 
-def test_frames_limits_the_input(tmp_path):
-    (content,) = survey(write_log(tmp_path / "log.mcap"), "-n", "2")
-    assert content["clouds"]["/points"]["frames"] == 2
-
-
-def test_the_sample():
-    (content,) = survey(SAMPLE)
-    assert content["clouds"]["/points"]["points"] == {"min": 209297, "median": 209729, "max": 209997}
-
-
 def test_samples_of_the_simulator_are_recognised():
     (content,) = survey(ROOT / "samples" / "sea.mcap")
     assert content["sensors"]["/points"]["model"] == "RS-LiDAR-32"
@@ -114,12 +104,6 @@ def test_the_rate_is_that_of_whole_revolutions(tmp_path):
 def test_a_log_without_frames(tmp_path):
     result = invoke(write_log(tmp_path / "log.mcap", frames=0), code=0)
     assert "frames     0" in result.stdout
-
-
-def test_a_file_that_is_not_a_log(tmp_path):
-    (tmp_path / "no.mcap").write_bytes(b"nothing")
-    result = invoke(tmp_path / "no.mcap", code=1)
-    assert result.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(("name", "sensor"), [("vlp16", "VelodyneScan"), ("xt32", "PandarScan")])

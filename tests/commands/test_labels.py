@@ -53,10 +53,9 @@ def test_no_warnings_on_samples_with_their_own_labels(log):
     assert check(path, labels, "-n", 20).exit_code == 0
 
 
-@pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("scene", MARINE)
-def test_simulated_scenes_have_no_mistake(tmp_path, scene, seed):
-    run("simulate", scene, "-n", 2, "--seed", seed, "-o", tmp_path / "a.mcap")
+def test_simulated_scenes_have_no_mistake(tmp_path, scene):
+    run("simulate", scene, "-n", 2, "--seed", 1, "-o", tmp_path / "a.mcap")
     (found,) = json.loads(check(tmp_path / "a.mcap", tmp_path / "a.labels.csv", "--json").stdout)["recordings"]
     assert found["findings"] == []
     assert found["frames"] == 2

@@ -38,13 +38,6 @@ def test_a_mask_is_written_and_used(tmp_path):
     assert "filter.mask" in again.stderr
 
 
-def test_the_same_log_gives_the_same_bytes(tmp_path):
-    for name in ("a", "b"):
-        run("mask", SEA, "-o", tmp_path / f"{name}.csv", "--plot", tmp_path / f"{name}.svg")
-    for suffix in ("csv", "svg"):
-        assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()
-
-
 def test_a_moored_vessel_gets_a_warning_and_no_mask(tmp_path):
     (tmp_path / "moored.yaml").write_text(MOORED)
     run("simulate", tmp_path / "moored.yaml", "-o", tmp_path / "moored.mcap", "-q")

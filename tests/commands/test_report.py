@@ -3,10 +3,6 @@
 import json
 import re
 import shlex
-import signal
-import subprocess
-import sys
-import time
 
 import numpy as np
 import pytest
@@ -170,12 +166,6 @@ def test_a_filtered_log_without_its_raw_clouds_is_an_error(log, page, tmp_path):
     assert [method["name"] for method in data_of(page)["methods"]] == ["none"]
 
 
-def test_other_methods_on_a_filtered_log(log, page, tmp_path):
-    filter_log(log, tmp_path / "f.mcap", keep_raw=True, with_removed=True)
-    report(tmp_path / "f.mcap", "-t", "/points", "-m", "sor", "-o", page)
-    assert [method["name"] for method in data_of(page)["methods"]] == ["sor"]
-
-
 def test_a_raw_log_and_a_filtered_one_do_not_mix(log, page, tmp_path):
     filter_log(log, tmp_path / "f.mcap", keep_raw=True, with_removed=True)
     assert "process each one alone" in report(log, tmp_path / "f.mcap", "-o", page, status=2).stderr
@@ -246,18 +236,6 @@ def test_no_labels(log, page):
     assert {sample["why"] for sample in data["samples"]} >= {"worst", "best"}
 
 
-def test_one_frame(log, page):
-    report(log, "-n", 1, "-o", page)
-    assert [sample["row"] for sample in data_of(page)["samples"]] == [0]
-
-
-def test_no_points_removed(log, page):
-    report(log, "-m", "none", "-o", page)
-    method = data_of(page)["methods"][0]
-    assert sum(method["totals"][1:]) == 0
-    assert method["edges"] == []
-
-
 @pytest.mark.parametrize("rings", [5, 50])
 def test_many_rings(log, page, rings):
     width = 60 / rings
@@ -326,40 +304,6 @@ def test_figures(log, labels, page, tmp_path):
     assert names == {
         f"{name}.svg" for name in ("intensity", "thresholds", "corrections", "reasons", "alarms", "stages", "methods")
     }
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["-o", "{log}"], "part of the input"),
-        (["-o", "{labels}", "--labels", "{labels}", "--force"], "is part of the input"),
-        (["-o", "{tmp}/r.html", "-m", "nonsense"], "unknown method"),
-        (["-o", "{tmp}"], "is a folder"),
-    ],
-)
-def test_rejected_arguments(log, labels, tmp_path, arguments, message):
-    filled = [text.format(log=log, labels=labels, tmp=tmp_path) for text in arguments]
-    assert message in report(log, *filled, status=2).stderr
-
-
-def test_an_existing_page_is_kept(log, page):
-    page.write_text("mine")
-    assert "--force" in report(log, "-o", page, status=2).stderr
-    assert page.read_text() == "mine"
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="signals differ on Windows")
-def test_an_interrupted_run_leaves_nothing(tmp_path):
-    page = tmp_path / "report.html"
-    command = [sys.executable, "-m", "seaclutter_cli", "report", str(SEA), "--compare", "all", "-o", str(page), "-v"]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, cwd=ROOT, text=True) as process:
-        process.stderr.readline()  # the run has begun
-        time.sleep(0.3)
-        process.send_signal(signal.SIGINT)
-        process.communicate()
-        # Python exits by SIGINT if a KeyboardInterrupt, though handled, came within exec, such as that of a dataclass.
-        assert process.returncode in (1, -signal.SIGINT)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_help_describes_the_selection_of_frames():

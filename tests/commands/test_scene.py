@@ -159,15 +159,6 @@ def test_invalid_logs(arguments, message, toys, model, tmp_path):
     assert message in first_error(run("evaluate", *filled, "--model", model), 2)
 
 
-def test_outputs_are_not_overwritten(toys, model, tmp_path):
-    table = tmp_path / "t.csv"
-    table.write_text("kept")
-    for command in ("predict", "evaluate"):
-        logs = toys / "open" if command == "predict" else toys
-        assert "already exists" in first_error(run(command, logs, "--model", model, "--csv", table), 2)
-        assert table.read_text() == "kept"
-
-
 def test_a_file_that_is_not_a_model(toys, tmp_path):
     pytest.importorskip("onnxruntime", reason="needs the extra scene")
     (tmp_path / "m.onnx").write_bytes(b"none")

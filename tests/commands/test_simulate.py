@@ -53,14 +53,6 @@ def test_wrong_command_lines(tmp_path):
     assert (result.exit_code, (tmp_path / "a.labels.csv").read_text()) == (2, "mine")
 
 
-def test_a_layout_makes_a_different_recording_for_each_seed(tmp_path):
-    made = {}
-    for name, seed in (("a", ()), ("b", ("--seed", 1)), ("c", ("--seed", 2))):
-        run("simulate", "harbour_basin", "-o", tmp_path / f"{name}.mcap", "-n", 1, *seed, code=0)
-        made[name] = (tmp_path / f"{name}.mcap").read_bytes()
-    assert made["a"] == made["b"] != made["c"]
-
-
 def test_a_world_of_wide_physics_names_its_families_and_can_be_saved(tmp_path):
     logs, scene_file = [tmp_path / f"{name}.mcap" for name in "ab"], tmp_path / "scene.yaml"
     options = ("--physics", "wide", "--seed", 3, "-n", 1, "--scene-file", scene_file)
@@ -69,16 +61,6 @@ def test_a_world_of_wide_physics_names_its_families_and_can_be_saved(tmp_path):
     run("simulate", scene_file, "-o", logs[1], code=0)
     assert logs[0].read_bytes() == logs[1].read_bytes()
     run("simulate", "apple", "-o", tmp_path / "c.mcap", "--physics", "wide", code=2)
-
-
-def test_the_scene_of_a_layout_can_be_saved_and_simulated_again(tmp_path):
-    scene, logs = tmp_path / "made.yaml", [tmp_path / "a.mcap", tmp_path / "b.mcap"]
-    for layout in ("channel", "poplar_grove"):
-        run("simulate", layout, "-o", logs[0], "-n", 1, "--seed", 5, "--scene-file", scene, "--force", code=0)
-        run("simulate", scene, "-o", logs[1], "--force", code=0)
-        assert logs[0].read_bytes() == logs[1].read_bytes()
-    run("simulate", "river", "-o", tmp_path / "c.mcap", "--scene-file", scene, code=2)
-    assert not (tmp_path / "c.mcap").exists()
 
 
 def test_many_targets_are_counted_by_class(tmp_path):

@@ -12,7 +12,6 @@ from tests.filters.steps import EXCLUDED, FAR, INVALID, KEPT, LOW, NEAR, OUTLIER
 
 RING_METHODS = ["ring_intensity", "ring_intensity_outlier", "joint"]
 INTENSITY_METHODS = [*RING_METHODS, "global_intensity"]
-NEIGHBOR_METHODS = ["ring_intensity_outlier", "joint", "sor", "ror"]
 
 
 class TestInvalid:

@@ -1,4 +1,4 @@
-"""Boundary cases of the rules for snow (DROR, DSOR, LIOR, LIDSOR, naive); `reference` must pass them, too."""
+"""Boundary cases of the rules for snow (DROR, DSOR, LIOR, LIDSOR, naive)."""
 
 import math
 import time

@@ -98,9 +98,9 @@ def sea(seed, **kwargs):
     return sea_log(seed, random_bodies(seed), irregular(seed), **kwargs)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(5))
 def test_random_seas(seed):
-    log = sea(seed, size=120 + 40 * (seed % 4), amplitude_m=AMPLITUDES_M[seed % 5], mirrors=30 * (seed % 3))
+    log = sea(seed, size=120 + 20 * (seed % 4), amplitude_m=AMPLITUDES_M[seed % 5], mirrors=30 * (seed % 3))
     results = assert_same(Params(), log)
     counts = sum(result.counts for result in results)
     assert min(counts[[Reason.KEPT, Reason.OUTLIER, Reason.UNCONFIRMED]]) > 50, "every outcome occurs"
@@ -122,7 +122,7 @@ def test_a_narrow_view_shows_no_water():
 
 @pytest.mark.parametrize("number", range(len(OTHER_PARAMS)), ids=lambda number: "-".join(OTHER_PARAMS[number]))
 def test_other_params(number):
-    assert_same(Params(**OTHER_PARAMS[number]), sea(20 + number, size=180))
+    assert_same(Params(**OTHER_PARAMS[number]), sea(20 + number, size=120))
 
 
 @pytest.mark.parametrize("gap_s", [2.0, 4.0])

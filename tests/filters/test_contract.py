@@ -98,10 +98,6 @@ def test_rings_add_up(name):
         assert result.rings.outliers.sum() == counts[Reason.OUTLIER] + counts[Reason.UNCONFIRMED]
 
 
-def test_equal_filters_give_equal_results(name):
-    assert reasons(make(name), sea()) == reasons(make(name), sea())
-
-
 def test_reset_is_like_new(name):
     method = make(name)
     run(method, sea(seed=7))

@@ -1,9 +1,7 @@
 """Properties of every label format."""
 
-import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, event, given, settings
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.labels import LABELS, LabelOptions, open_labels
@@ -120,37 +118,3 @@ def test_labels_next_to_a_log_take_precedence_over_those_inside_it(tmp_path):
     path, frames = write("seepersea", tmp_path)
     put(tmp_path / "raw.bag", b"#ROSBAG V2.0\n")
     assert open_labels(path).truth(frames[0]).targets is not None
-
-
-def damaged(content):
-    """Return a strategy of damaged versions of bytes."""
-    offset = st.integers(0, len(content))
-    pieces = st.binary(max_size=12) | st.sampled_from([b"", b"\n", b'"', b"[", b"{", b",", b"1e999", b"NaN", b"null"])
-    return st.one_of(
-        st.binary(max_size=200),
-        offset.map(lambda end: content[:end]),
-        st.tuples(offset, offset, pieces).map(lambda cut: content[: cut[0]] + cut[2] + content[cut[1] :]),
-        st.tuples(offset, pieces).map(lambda cut: content[: cut[0]] + cut[1] + content[cut[0] + len(cut[1]) :]),
-    )
-
-
-@every_format
-@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
-@given(data=st.data())
-def test_damaged_files_give_a_one_line_error_that_names_the_file(name, tmp_path, data):
-    path, frames = write(name, tmp_path)
-    suffixes = {".csv", ".json", ".label", ".mcap"}
-    file = min(file for file in tmp_path.rglob("*") if file.suffix in suffixes)
-    file.write_bytes(data.draw(damaged(file.read_bytes())))
-    try:
-        labels = open_labels(path)
-        for item in frames:
-            labels.truth(item)
-        labels.finish()
-    except LabelError as error:
-        message = str(error)
-        event("rejected")
-    else:
-        message = str(path)
-    assert str(path) in message
-    assert message.isprintable()

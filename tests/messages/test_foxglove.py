@@ -14,11 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap_protobuf.decoder import DecoderFactory
 
-from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.messages.foxglove import JsonPointCloud, ProtobufPointCloud, RosFoxglovePointCloud
 from tests.messages import wrapped
-from tests.messages.clouds import TYPES, Field, Plain, broken, layouts, plain_clouds
+from tests.messages.clouds import TYPES, Field, Plain, layouts, plain_clouds
 
 PROTOBUF, JSON = ProtobufPointCloud(), JsonPointCloud()
 NUMBERS = {"u1": 1, "i1": 2, "u2": 3, "i2": 4, "u4": 5, "i4": 6, "f4": 7, "f8": 8}
@@ -287,21 +286,6 @@ SAMPLE = {
 }
 
 
-@pytest.mark.parametrize("encoding", SAMPLE)
-@settings(max_examples=400, deadline=None)
-@given(st.data())
-def test_damaged_messages_give_a_cloud_or_a_cloud_error(encoding, data):
-    codec, source = SAMPLE[encoding]
-    message = data.draw(st.one_of(broken(source), st.binary(max_size=200)))
-    try:
-        cloud = codec.decode(message)
-    except CloudError:
-        return
-    assert isinstance(cloud, Cloud)
-    assert len(cloud.points) == cloud.size <= len(message)
-    assert codec.decode(codec.encode(cloud.select(np.arange(cloud.size) % 2 == 0))).size == (cloud.size + 1) // 2
-
-
 def test_large_declared_sizes_allocate_no_memory():
     _, source = SAMPLE["protobuf"]
     tracemalloc.start()
@@ -352,17 +336,6 @@ def test_ros_rosbags_reads_a_selection(encoding):
 def test_ros_big_endian_cdr():
     cloud = ROS["cdr"].decode(wrapped.foxglove(ROS_CLOUD, "cdr", little=False))
     assert (bytes(cloud.data), cloud.extra[:3]) == (ROS_CLOUD.data, (1.0, 2.0, 3.0))
-
-
-@ENCODINGS
-@settings(max_examples=200, deadline=None)
-@given(st.data())
-def test_ros_damaged_messages_give_a_cloud_or_a_cloud_error(encoding, data):
-    try:
-        cloud = ROS[encoding].decode(data.draw(broken(wrapped.foxglove(ROS_CLOUD, encoding))))
-    except CloudError:
-        return
-    assert ROS[encoding].decode(ROS[encoding].encode(cloud)).size == cloud.size
 
 
 def test_ros_truncated_messages_are_errors():

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.messages.scans import LaserScan, MultiEchoLaserScan
 from tests.messages import wrapped
-from tests.messages.clouds import broken
 
 ONE = {"cdr": LaserScan(2), "ros1": LaserScan(1)}
 MANY = {"cdr": MultiEchoLaserScan(2), "ros1": MultiEchoLaserScan(1)}
@@ -115,19 +114,6 @@ def test_big_endian_cdr():
 def test_intensities_that_do_not_fit(codec, message, text):
     with pytest.raises(CloudError, match=text):
         codec["cdr"].decode(message)
-
-
-@ENCODINGS
-@pytest.mark.parametrize("codecs", [ONE, MANY])
-@settings(max_examples=200, deadline=None)
-@given(st.data())
-def test_damaged_messages_give_a_cloud_or_a_cloud_error(encoding, codecs, data):
-    make = wrapped.scan if codecs is ONE else lambda *given: wrapped.echoes(given[0], [given[1]], [given[2]])
-    try:
-        cloud = codecs[encoding].decode(data.draw(broken(make(encoding, [1, 2, math.nan], [4, 5, 6]))))
-    except CloudError:
-        return
-    assert codecs[encoding].decode(codecs[encoding].encode(cloud)).size == cloud.size
 
 
 def test_a_scan_that_expands_to_more_than_a_message_may(monkeypatch):

@@ -52,7 +52,7 @@ def untimed(text):
 @pytest.mark.parametrize("method", ["joint", "confirmed"])
 def test_results_do_not_depend_on_the_number_of_processes(logs, tmp_path, method):
     runs = []
-    for jobs in ("1", "2", "5"):
+    for jobs in ("1", "3"):
         folder = tmp_path / jobs
         folder.mkdir()
         runs.append(filtered(logs, folder, "-m", method, "-j", jobs))
@@ -203,31 +203,20 @@ def labelled(tmp_path_factory):
     """Return a folder with labelled recordings, one of which has labels that cannot be read."""
     folder = tmp_path_factory.mktemp("labelled")
     for seed in (1, 2, 3):
-        line = [
-            "simulate",
-            "passing_speedboat",
-            "-o",
-            str(folder / f"s{seed}.mcap"),
-            "--seed",
-            str(seed),
-            "-n",
-            "6",
-            "-q",
-        ]
-        execute(*line, code=0)
+        execute("simulate", "passing_speedboat", "-o", folder / f"s{seed}.mcap", "--seed", seed, "-n", 6, "-q", code=0)
     return folder
 
 
 def test_evaluations_do_not_depend_on_the_number_of_processes(labelled, tmp_path):
     found = []
-    for jobs in ("1", "2", "3"):
+    for jobs in ("1", "2"):
         table, summary = tmp_path / f"{jobs}.csv", tmp_path / f"{jobs}.json"
         line = ["evaluate", str(labelled), "--labels", str(labelled), "--compare", "paper", "-j", jobs]
         result = execute(*line, "-o", table, "--summary", summary, code=0)
         assert len(result.stderr.splitlines()) == 3
         times = r'"(seconds|median|p99)": [\d.e-]+'
         found.append((table.read_bytes(), re.sub(times, "", summary.read_text())))
-    assert found[0] == found[1] == found[2]
+    assert found[0] == found[1]
     rows = found[0][0].splitlines()
     assert len(rows) == 1 + 3 * 6 * 5
     assert b"target_points_in" in rows[0]
@@ -237,13 +226,13 @@ def test_evaluations_do_not_depend_on_the_number_of_processes(labelled, tmp_path
 def test_calibrations_do_not_depend_on_the_number_of_processes(labelled, tmp_path, method):
     pytest.importorskip("matplotlib")
     found = []
-    for jobs in ("1", "2", "8"):
+    for jobs in ("1", "8"):
         config, plot = tmp_path / "c.yaml", tmp_path / "c.png"
         line = ["calibrate", str(labelled), "--labels", str(labelled), "-m", method, "-j", jobs, "--force"]
         result = execute(*line, "-o", config, "--plot", plot, code=0)
         assert sorted(line.split(":")[0] for line in result.stderr.splitlines()) == ["s1", "s2", "s3"]
         found.append((config.read_bytes(), plot.read_bytes(), result.stdout))
-    assert found[0] == found[1] == found[2]
+    assert found[0] == found[1]
 
 
 def test_sweeps_do_not_depend_on_the_number_of_processes(labelled, tmp_path):
@@ -287,17 +276,10 @@ def test_contents_of_several_recordings_are_a_table(logs):
     assert verbose.endswith(result.stdout)
 
 
-@pytest.mark.parametrize("command", ["info", "filter"])
-def test_json_does_not_depend_on_the_number_of_processes(logs, tmp_path, command):
-    found = [
-        untimed(execute(*words(command, logs, tmp_path / jobs), "--json", "-j", jobs).stdout) for jobs in ("1", "2")
-    ]
-    assert found[0] == found[1]
-    assert len(json.loads(execute(*words(command, logs, tmp_path), "--json").stdout)) == 5
-
-
-def words(command, logs, folder):
-    return [command, str(logs), *(["-o", f"{folder}/", "--force"] if command == "filter" else [])]
+def test_json_does_not_depend_on_the_number_of_processes(logs):
+    found = [execute("info", logs, "--json", "-j", jobs).stdout for jobs in (1, 2)]
+    assert untimed(found[0]) == untimed(found[1])
+    assert len(json.loads(found[0])) == 5
 
 
 @pytest.mark.parametrize("name", ["runs.csv", "runs.json"])

@@ -10,6 +10,7 @@ import pytest
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.sinks.atomic import CompleteFile
 from seaclutter_cli.sources.recordings import Recording
+from tests.pairs import covering
 from tests.paths import ROOT
 from tests.running import execute
 from tests.scenes.onnx_files import model_bytes
@@ -82,9 +83,12 @@ TWO = [
 ]
 
 
-@pytest.mark.parametrize("other", ["same", "./x", "sub/../x", "absolute", "link", "link of folder", "hard link"])
-@pytest.mark.parametrize(("line", "name"), TWO)
-def test_two_outputs_under_one_name(folder, line, name, other):
+ALIASES = ("same", "./x", "sub/../x", "absolute", "link", "link of folder", "hard link")
+
+
+@pytest.mark.parametrize(("output", "other"), covering(TWO, ALIASES))
+def test_two_outputs_under_one_name(folder, output, other):
+    line, name = output
     needs(line)
     if "link" in other and os.name != "posix":
         pytest.skip("links need rights on Windows")
@@ -161,9 +165,9 @@ READ = [
 ]
 
 
-@pytest.mark.parametrize("other", ["same", "odd", "link", "hard link"])
-@pytest.mark.parametrize(("line", "name", "option"), READ)
-def test_an_output_that_is_an_input(folder, line, name, option, other):
+@pytest.mark.parametrize(("read", "other"), covering(READ, ("same", "odd", "link", "hard link")))
+def test_an_output_that_is_an_input(folder, read, other):
+    line, name, option = read
     needs(line)
     if "link" in other and os.name != "posix":
         pytest.skip("links need rights on Windows")
@@ -275,15 +279,14 @@ def test_outputs_appear_together_and_the_main_one_last(folder, line, outputs, mo
     assert appeared[-1] == names[0]
 
 
-@pytest.mark.parametrize("error", [OutputError("no space"), KeyboardInterrupt()])
-@pytest.mark.parametrize(("line", "outputs"), TOGETHER)
-def test_a_failure_at_the_very_end_changes_nothing(folder, line, outputs, error, monkeypatch):
-    line, names = together(folder, line, outputs)
+@pytest.mark.parametrize(("given", "error"), covering(TOGETHER, (OutputError("no space"), KeyboardInterrupt())))
+def test_a_failure_at_the_very_end_changes_nothing(folder, given, error, monkeypatch):
+    line, names = together(folder, *given)
     for name in names:
         (folder / name).write_text("precious")
     before = content(folder)
 
-    def fail(file):
+    def fail(file, *, replace=True):
         if file.path.name == names[0]:
             raise error
 
@@ -369,11 +372,3 @@ def test_at_most_one_folder_is_created(folder, line):
     assert "there is no folder a; --parents creates it" in result.stderr
     (folder / "a").mkdir()
     assert run(line).exit_code == 0
-
-
-@pytest.mark.parametrize("length", [300, 5000])
-def test_names_that_are_too_long(folder, length):
-    result = run(f"filter sea.mcap -n 1 -o {'x' * length}.mcap")
-    assert result.exit_code == 1
-    assert "cannot be written (File name too long)" in result.stderr
-    assert "x" * length not in content(folder)

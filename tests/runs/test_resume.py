@@ -31,16 +31,8 @@ def trial(tmp_path):
 
 
 def run(folder, *options, logs="logs", out="out/"):
-    line = [
-        "filter",
-        str(folder / logs),
-        "-o",
-        f"{folder / out}{'/' if out.endswith('/') else ''}",
-        "-j",
-        "1",
-        *options,
-    ]
-    return execute(*line)
+    target = f"{folder / out}{'/' if out.endswith('/') else ''}"
+    return execute("filter", folder / logs, "-o", target, "-j", 1, *options)
 
 
 def files(folder):
@@ -215,15 +207,9 @@ def test_a_manifest_lists_skipped_recordings(trial):
 
 
 @pytest.mark.parametrize(
-    "options",
-    [
-        (),
-        ("-m", "confirmed"),
-        ("-m", "none"),
-        ("-m", "adaptive_radius", "-s", "filter.scene=open"),
-    ],
+    ("options", "jobs"),
+    [((), 1), (("-m", "confirmed"), 2), (("-m", "none"), 1), (("-m", "adaptive_radius", "-s", "filter.scene=open"), 2)],
 )
-@pytest.mark.parametrize("jobs", ["1", "2"])
 def test_the_table_of_frames_is_complete(trial, options, jobs):
     first, again = str(trial / "first.csv"), str(trial / "again.csv")
     run(trial, "--csv", first, *options)

@@ -1,7 +1,7 @@
 """CSV table of frames, read with the csv module."""
 
 import csv
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +11,8 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.config import load_config
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.frame import FilterResult, Frame, Rings, WaterState
-from seaclutter_cli.pipeline import run
 from seaclutter_cli.records import Channel, Message
-from seaclutter_cli.selection import Selection
 from seaclutter_cli.sinks.csv import FrameTable
-from seaclutter_cli.sources.formats import open_source
 from tests.logs import START_NS, cloud_log
 from tests.sinks.runs import FakeSource, filter_log
 
@@ -139,10 +136,3 @@ def test_names_with_commas_quotes_and_other_bytes(tmp_path):
     rows = rows_of(tmp_path / "frames.csv")
     assert [(row["recording"], row["topic"]) for row in rows] == [(name, "/a,b") for name in names]
     assert b"l\xe5g," in (tmp_path / "frames.csv").read_bytes()
-
-
-def test_records_that_are_not_filtered_have_no_row(tmp_path):
-    log = cloud_log(tmp_path / "in.mcap", frames=3)
-    with closing(open_source(log)) as source, table(tmp_path / "frames.csv", 4) as sink:
-        run(source, load_config().make_filter, [sink], Selection())
-    assert len(rows_of(tmp_path / "frames.csv")) == 3

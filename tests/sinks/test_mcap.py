@@ -70,14 +70,6 @@ def test_kept_points_are_on_their_topic_in_their_order(tmp_path, out, kind, meth
         assert filtered.description == raw.description
 
 
-@pytest.mark.parametrize("name", LAYOUTS)
-def test_every_file_layout(tmp_path, out, name):
-    results = filter_log(cloud_log(tmp_path / "in.mcap", LAYOUTS[name], frames=3), out)
-    again = filter_log(cloud_log(tmp_path / "plain.mcap", frames=3), tmp_path / "plain-out.mcap")
-    assert [r.reason.tolist() for r in results] == [r.reason.tolist() for r in again]
-    assert contents(out).topics == contents(tmp_path / "plain-out.mcap").topics
-
-
 @pytest.mark.parametrize("compression", [None, "zstd", "lz4", ""])
 @pytest.mark.parametrize("name", ["zstd", "lz4", "none", "unchunked, bare"])
 def test_compression_of_the_input_or_as_requested(tmp_path, out, name, compression):
@@ -242,19 +234,6 @@ def test_bags_become_mcap_files_with_complete_schemas(tmp_path, out, kind):
     for entry, result in zip(after.topics["/points"], results, strict=True):
         message = (alone.deserialize_cdr if suffix else alone.deserialize_ros1)(entry.data, typename)
         assert message.width == result.counts[0] > 0
-
-
-def test_each_lidar_has_its_own_state(tmp_path, out):
-    names = ["/bow/points", "/stern/points"]
-    both = filter_log(cloud_log(tmp_path / "in.mcap", topics=names), out, topics=names)
-    for name in names:
-        alone = filter_log(tmp_path / "in.mcap", tmp_path / "alone.mcap", topics=[name])
-        together = [result for result in both if result.topic == name]
-        assert [r.reason.tolist() for r in together] == [r.reason.tolist() for r in alone]
-        assert contents(out).topics[name] == contents(tmp_path / "alone.mcap").topics[name]
-        assert any(result.rings.corrections.any() for result in alone), "the filter has state"
-    other = contents(tmp_path / "alone.mcap").topics["/bow/points"]
-    assert other == contents(tmp_path / "in.mcap").topics["/bow/points"], "a topic that was not selected is unchanged"
 
 
 def test_a_failed_run_leaves_no_file(tmp_path, out):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.errors import FieldError, UsageError
-from tests.logs import CLOUD_KINDS, POINT, START_NS, cloud_log, cloud_message, sea_points
+from tests.logs import POINT, START_NS, cloud_log, cloud_message, sea_points
 from tests.messages.test_diagnostics import decode as decode_diagnostics
 from tests.sinks.runs import DIAGNOSTICS, KINDS, contents, decode, filter_log, log_of
 
@@ -55,16 +55,6 @@ def test_with_removed(tmp_path, out, kind, keep_raw):
     assert described["/points/removed"] == described["/points"]
 
 
-@pytest.mark.parametrize("kind", CLOUD_KINDS)
-def test_kept_and_removed_points_together_are_the_input(tmp_path, out, kind):
-    before = contents(cloud_log(tmp_path / "in.mcap", kind=kind)).topics["/points"]
-    filter_log(tmp_path / "in.mcap", out, with_removed=True)
-    after = contents(out).topics
-    for old, kept, gone in zip(before, after["/points"], after["/points/removed"], strict=True):
-        points = decode(kept.data, kind).points + [point[:-1] for point in decode(gone.data, kind).points]
-        assert sorted(points) == sorted(decode(old.data, kind).points)
-
-
 def test_removed_points_of_a_big_endian_cloud(tmp_path, out):
     swapped = sea_points(80).astype(POINT.newbyteorder(">"))
     changes = {"is_bigendian": True, "data": swapped.view(np.uint8)}
@@ -101,14 +91,6 @@ def test_keep_organized(tmp_path, out, pad):
     assert kept.shape == (6, 20)
     assert kept.header == (*decode(raw).header[:-1], False), "the cloud now contains invalid points"
     assert (kept.fields, kept.point_step) == (decode(raw).fields, step)
-
-
-def test_without_keep_organized_a_cloud_in_rows_becomes_one_row(tmp_path, out):
-    raw = organised(sea_points(120), 6, 6)
-    (result,) = filter_log(log_of(tmp_path / "in.mcap", [raw]), out)
-    cloud = decode(contents(out).topics["/points"][0].data)
-    assert cloud.shape == (1, result.counts[0])
-    assert len(cloud.data) == cloud.shape[1] * POINT.itemsize
 
 
 def test_keep_organized_does_not_affect_unorganised_or_complete_clouds(tmp_path, out):
@@ -181,17 +163,6 @@ def test_no_diagnostics(tmp_path, out, kind):
     assert DIAGNOSTICS not in {topic for topic, *_ in without.channels.values()}
     assert with_diagnostics.topics.pop(DIAGNOSTICS)
     assert without.topics == with_diagnostics.topics
-
-
-def test_each_of_two_lidars_has_diagnostics(tmp_path, out):
-    names = ["/bow", "/stern"]
-    filter_log(cloud_log(tmp_path / "in.mcap", topics=names), out, topics=names)
-    after = contents(out)
-    for name in names:
-        topic = DIAGNOSTICS + name
-        (channel,) = [channel for channel in after.channels.values() if channel[0] == topic]
-        messages = [decode_diagnostics("cdr", Described(*channel[2]), entry.data) for entry in after.topics[topic]]
-        assert [(m["topic"], m["frame"]) for m in messages] == [(name, k) for k in range(6)]
 
 
 @pytest.mark.parametrize("option", ["keep_raw", "with_removed"])

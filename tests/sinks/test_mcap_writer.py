@@ -21,7 +21,6 @@ from seaclutter_cli.records import Attachment, Channel, Metadata, Schema
 from seaclutter_cli.sinks.mcap_writer import COMPRESSIONS, McapWriter
 from tests.logs import cloud_log, records_of
 from tests.paths import ROOT
-from tests.sinks.runs import filter_log
 
 NOTE = Schema("note", "jsonschema", b"{}")
 ALL = pytest.mark.parametrize("compression", COMPRESSIONS)
@@ -251,17 +250,6 @@ def test_abort_stops_the_threads_after_an_error():
         fill(writer)
     writer.abort()
     assert threading.active_count() == before
-
-
-@pytest.mark.parametrize("method", ["joint", "sor"])
-def test_filtering_twice_gives_the_same_bytes(tmp_path, monkeypatch, method):
-    log = cloud_log(tmp_path / "in.mcap", points=2000)
-    files = []
-    for number, threads in enumerate((2, 1, 4)):
-        monkeypatch.setenv("SEACLUTTER_THREADS", str(threads))
-        files.append(tmp_path / f"{number}.mcap")
-        filter_log(log, files[-1], method=method, with_removed=True)
-    assert files[0].read_bytes() == files[1].read_bytes() == files[2].read_bytes()
 
 
 def test_bytes_do_not_depend_on_openmp_or_hashes(tmp_path):

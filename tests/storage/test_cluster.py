@@ -11,8 +11,7 @@ RECORDINGS = 6
 
 
 def run(*words):
-    result = execute(*words, code=0)
-    return result.output
+    return execute(*words, code=0).output
 
 
 def test_workers_read_from_a_bucket_and_write_to_it(bucket, scratch, own_cluster, tmp_path):  # noqa: F811

@@ -82,8 +82,7 @@ def test_a_changed_summary_is_not_trusted(log):
         return excerpts.excerpt(lambda start, stop: data[start:stop], len(data))
 
     assert excerpt(log).messages == {1: FRAMES, 2: FRAMES}
-    step = 97
-    for at in range(len(log) - 30_000, len(log), step):
+    for at in range(len(log) - 30_000, len(log), 997):
         changed = log[:at] + bytes([log[at] ^ 0xFF]) + log[at + 1 :]
         found = excerpt(changed)
         assert found is None or found == excerpt(log)

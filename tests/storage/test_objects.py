@@ -39,12 +39,6 @@ def test_a_missing_object_is_none(bucket):
     assert list(list_objects(bucket / "none")) == []
 
 
-def test_two_hundred_objects_are_listed(bucket):
-    for number in range(200):
-        put(bucket / f"logs/{number:03}.mcap", b"x")
-    assert len(list(list_objects(bucket / "logs"))) == 200
-
-
 def test_a_bucket_that_is_not_there(proxy):
     url = Url("s3", "not-there", "log.mcap")
     for ask in (find_object, lambda url: list(list_objects(url))):

@@ -476,14 +476,3 @@ def test_broken_bytes_raise_no_error_and_batch_size_does_not_matter(data):
     for frame in frames:
         assert np.isfinite(xyz(frame.points)).all()
         assert abs(frame.stamp_ns - START_NS) < 2 * 86400 * 10**9
-
-
-@given(st.binary(max_size=1500))
-def test_random_packets_raise_no_error(content):
-    payload = np.frombuffer(content, np.uint8)
-    assert Hesai().recognises(payload) is False
-    decoder = Hesai().decoder(valid_packets(XT32, SINGLE), DecoderOptions())
-    whole = np.resize(np.frombuffer(content + b"\x01", np.uint8), (2, 1080))
-    for payloads in (whole, payload[None]):
-        assert list(decoder.add(Packets(np.zeros(len(payloads), np.int64), payloads))) == []
-    assert decoder.facts.bad_packets == (2 if len(content) == 512 else 3)

@@ -284,16 +284,6 @@ def test_broken_packets_are_counted_and_raise_no_error(data):
     assert all(np.isfinite(positions(frame.points)).all() for frame in frames)
 
 
-@settings(max_examples=60, deadline=None)
-@given(st.integers(0, 2**32), st.integers(0, 1500))
-def test_random_bytes_are_not_packets(seed, size):
-    payloads = np.random.default_rng(seed).integers(0, 256, (3, size), np.uint8)
-    assert not Velodyne().recognises(payloads[0])
-    decoder = Velodyne().decoder(make_packets(3), DecoderOptions())
-    assert [*decoder.add(Packets(np.zeros(3, np.int64), payloads)), *decoder.finish()] == []
-    assert decoder.facts.bad_packets == (0 if size == 512 else 3)
-
-
 def nebula(name):
     """Return packets of a real recording, and a frame that Nebula decoded from it, shape (N, 3)."""
     from pypcd4 import PointCloud

@@ -2,11 +2,10 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, add_mixed_pixels, false_returns
-from seaclutter_cli.simulation.lidar.models import LIDARS, NoiseParams
+from seaclutter_cli.simulation.lidar.models import NoiseParams
 from seaclutter_cli.simulation.marine.recording import Renderer
 from seaclutter_cli.simulation.marine.scene import load_scene, parse_scene
 
-LIDAR = LIDARS["CE30-D"]
 POST = {"track_id": 1, "shape": "pile", "size_m": [0.6, 0.6, 4], "path": [[8, 0]], "wave_response": 0}
 WALL = {
     "track_id": 2,

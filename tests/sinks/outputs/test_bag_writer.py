@@ -164,13 +164,6 @@ def test_no_messages(write):
     source.close()
 
 
-def test_bytes_do_not_depend_on_threads(write, monkeypatch):
-    monkeypatch.setenv("SEACLUTTER_THREADS", "1")
-    one = write(MESSAGES, "lz4").read_bytes()
-    monkeypatch.setenv("SEACLUTTER_THREADS", "4")
-    assert write(MESSAGES, "lz4").read_bytes() == one
-
-
 def test_times_after_2106_are_an_error(write):
     with pytest.raises(OutputError, match="2106"):
         write([(0, 2**32 * 10**9, "x")])

@@ -1,15 +1,12 @@
 import errno
-import itertools
 import json
 import os
 import sys
 import tracemalloc
 from pathlib import Path
 
-import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given
 from rosbags.typesys import Stores, get_typestore
 
 from seaclutter_cli.errors import InputError, UsageError
@@ -368,24 +365,7 @@ def test_parse_time(text, expected):
     assert parse_time(text) == expected
 
 
-@given(st.text(max_size=30) | st.from_regex(r"[-+0-9.eT: Z_]{1,30}", fullmatch=True))
-def test_parse_time_takes_any_text(text):
-    stamp_ns = parse_time(text)
-    assert stamp_ns is None or 0 <= stamp_ns < 2**31 * S
-
-
 # Real data
-
-
-@real_data
-def test_real_kitti_folder():
-    source = FolderSource(DATA / "wads-36")
-    codec = find_codec(source.channels[0])
-    files = sorted((DATA / "wads-36" / "velodyne").iterdir())
-    assert source.counts == {1: 6}
-    for index, (message, file) in enumerate(itertools.zip_longest(source.records(), files)):
-        assert message.log_time_ns == index * S // 10
-        assert bytes(codec.decode(message.data).data) == file.read_bytes()
 
 
 @real_data

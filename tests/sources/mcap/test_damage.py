@@ -2,7 +2,6 @@
 
 import random
 import time
-from collections import Counter
 from functools import partial
 
 import numpy as np
@@ -22,12 +21,12 @@ from tests.sources.damaged import MOST_SECONDS, damage_texts, flip, message_bloc
 SMALL = ("zstd", "lz4", "none", "unchunked", "no summary", "bare", "unchunked, bare", "no message index", "no index")
 
 
-TURNS = pytest.mark.parametrize("turn", [0, pytest.param(1, marks=pytest.mark.slow)])
-"""Half of all offsets, alternately by layout, as these resemble each other; the other half is slow."""
+TURNS = pytest.mark.parametrize("turn", [0, *(pytest.param(turn, marks=pytest.mark.slow) for turn in (1, 2, 3))])
+"""A quarter of all offsets, another one for each layout, as these resemble each other; the other quarters are slow."""
 
 
-def every_other(name, size, turn):
-    return range((SMALL.index(name) + turn) % 2, size, 2)
+def offsets(name, size, turn):
+    return range((SMALL.index(name) + turn) % 4, size, 4)
 
 
 @pytest.fixture
@@ -50,7 +49,7 @@ def test_cut_at_every_byte(path, name, turn):
     whole, extras, damage = read(path, data)
     assert (len(whole), extras, damage) == (12, ["file", "vessel"], [])
     ends = [piece.end for piece in records_of(data) if piece.op in (Opcode.ATTACHMENT, Opcode.METADATA)]
-    for size in every_other(name, len(data), turn):
+    for size in offsets(name, len(data), turn):
         messages, extras, damage = read(path, data[:size])
         expected = [message for block in message_blocks(name) if block.end <= size for message in block.messages]
         if messages is None:
@@ -84,7 +83,7 @@ def declares(name, at):
 def test_a_byte_flipped_at_every_offset(path, name, turn):
     data, noise = small_log(name), random.Random(1)
     everything = {message for block in message_blocks(name) for message in block.messages}
-    for at in every_other(name, len(data), turn):
+    for at in offsets(name, len(data), turn):
         flipped = bytearray(data)
         flipped[at] ^= noise.choice((1, 2, 4, 8, 16, 32, 64, 128, 255))
         messages, extras, damage = read(path, bytes(flipped))
@@ -109,7 +108,7 @@ def test_a_byte_flipped_at_every_offset(path, name, turn):
 @pytest.mark.parametrize("kind", ["missing", "added"])
 def test_a_byte_missing_or_added_at_every_offset(path, name, kind, turn):
     data = small_log(name)
-    for at in every_other(name, len(data), turn):
+    for at in offsets(name, len(data), turn):
         messages, extras, damage = read(
             path, data[:at] + (data[at + 1 :] if kind == "missing" else b"\xa5" + data[at:])
         )
@@ -186,7 +185,7 @@ def test_zeros_at_the_end_after_a_crash(path, name):
 def test_zeros_in_the_middle(path):
     data = small_log("none")
     whole, *_ = read(path, data)
-    for start in range(len(data) - 300):
+    for start in range(0, len(data) - 300, 3):
         messages, _, damage = read(path, data[:start] + bytes(300) + data[start + 300 :])
         hit = [block for block in message_blocks("none") if block.start < start + 300 and start < block.end]
         kept = [message for block in message_blocks("none") if block not in hit for message in block.messages]
@@ -215,9 +214,6 @@ def test_missing_beginning(path):
         assert damage
 
 
-LAYOUT_NAMES = st.sampled_from(list(LAYOUTS))
-
-
 @st.composite
 def mutations(draw):
     """Return a function that damages bytes at some offsets."""
@@ -244,26 +240,6 @@ def mutations(draw):
         return data
 
     return mutate
-
-
-@settings(max_examples=300, deadline=None)
-@given(LAYOUT_NAMES, mutations())
-def test_any_damage(tmp_path_factory, name, mutate):
-    path = tmp_path_factory.mktemp("any") / "log.mcap"
-    path.touch()
-    messages, _, damage = read(path, mutate(small_log(name)))
-    if messages is not None and LAYOUTS[name].crcs and LAYOUTS[name].compression:
-        everything = Counter(message[1:] for block in message_blocks(name) for message in block.messages)
-        assert {message[1:] for message in messages} <= set(everything)
-        assert damage or len(messages) == 12
-
-
-@settings(max_examples=200, deadline=None)
-@given(st.binary(max_size=300), st.sampled_from((b"", MAGIC)))
-def test_any_bytes(tmp_path_factory, data, start):
-    path = tmp_path_factory.mktemp("any") / "log.mcap"
-    path.touch()
-    read(path, start + data)
 
 
 def test_few_of_the_bytes_that_could_be_a_record_are_examined(monkeypatch):

@@ -5,11 +5,11 @@ import shutil
 from contextlib import closing
 
 import pytest
-from mcap.reader import make_reader
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.sources.recordings import find_recordings
+from tests.pairs import covering
 from tests.paths import SHARED_DATA
 from tests.running import execute as run
 from tests.sources.pcap import captures
@@ -23,14 +23,6 @@ OUSTER = SHARED_DATA / "ouster" / "OS-1-128_v2.3.0_1024x10_lb_n3.pcap"
 def capture(tmp_path):
     path = tmp_path / "log.pcap"
     path.write_bytes(pcap(frames(ROWS)))
-    return path
-
-
-@pytest.fixture
-def angles(tmp_path):
-    path = tmp_path / "angle.csv"
-    pairs = zip(captures.ANGLES.vertical / 100, captures.ANGLES.horizontal / 100, strict=True)
-    path.write_text("\n".join(f"{vertical},{horizontal}" for vertical, horizontal in pairs))
     return path
 
 
@@ -48,18 +40,6 @@ def test_info_names_the_sensor_and_its_firmware(capture):
     assert facts["details"]["return mode"] == "single (strongest)"
 
 
-def test_a_capture_is_filtered(capture, tmp_path):
-    out = tmp_path / "out.mcap"
-    result = run("filter", capture, "-o", out, "-q")
-    assert not result.exit_code, result.output
-    with out.open("rb") as stream:
-        messages = list(make_reader(stream).iter_messages())
-    assert [channel.topic for _, channel, _ in messages].count("/points") == 3
-    assert {schema.name for schema, channel, _ in messages if channel.topic == "/points"} == {
-        "sensor_msgs/msg/PointCloud2"
-    }
-
-
 def test_losses_are_reported(tmp_path):
     rows = [row for number, row in enumerate(ROWS) if number != 20]
     rows[30] = (rows[30][0], b"\1" * 1248, 6699)
@@ -69,19 +49,6 @@ def test_losses_are_reported(tmp_path):
     assert "the capture ends within a packet; left out: 1,301 bytes" in result.stderr
     assert "1 packet that cannot be decoded" in result.stderr
     assert "/points: 2 packets missing" in result.stderr
-
-
-def test_calibration_from_a_file(tmp_path, angles):
-    path = tmp_path / "log.pcap"
-    path.write_bytes(pcap(frames([row for row in ROWS if row[2] == 6699])))
-    result = run("info", path, code=1)
-    assert "--calibration" in result.stderr
-    assert "--sensor" in result.stderr
-    result = run("info", path, "--calibration", angles, "--sensor", "rs-lidar-32")
-    assert not result.exit_code
-    assert "angle.csv" in result.stdout
-    result = run("info", path, "--sensor", "RS-LiDAR-33", code=2)
-    assert "RS-LiDAR-32" in result.stderr
 
 
 def test_several_sensors_need_a_choice(tmp_path):
@@ -124,8 +91,10 @@ def damaged(packet, offset, value):
     return packet[:offset] + bytes((value,)) + packet[offset + 1 :]
 
 
-@pytest.mark.parametrize("link", ["ethernet", "ethernet, padded", "VLAN", "raw"])
-@pytest.mark.parametrize("place", ["version", "protocol", "sender's header length"])
+@pytest.mark.parametrize(
+    ("link", "place"),
+    covering(("ethernet", "ethernet, padded", "VLAN", "raw"), ("version", "protocol", "sender's header length")),
+)
 def test_packets_with_damaged_headers_are_damage(tmp_path, link, place):
     number, _ = captures.LINKS[link]
     packets = frames(ROWS, link)

@@ -1,12 +1,10 @@
 """Frames of the sensors in captures of every format."""
 
 import struct
-from contextlib import closing, suppress
+from contextlib import closing
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import find_codec
@@ -306,31 +304,3 @@ class TestDamage:
         assert source.facts["/points"].bad_packets == 2
         assert source.facts["/points"].lost_packets == 2
         assert sum(cloud.size for cloud in clouds["/points"]) == 73 * 12 * 32
-
-    @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-    @given(st.data())
-    def test_random_damage(self, tmp_path, data):
-        """Changed, inserted or removed bytes give an `InputError` or frames."""
-        records = frames(captures.sensor_packets(8), data.draw(st.sampled_from(["ethernet", "cooked 2"])))
-        link = data.draw(st.sampled_from([1, 276, 101, 113, 0, 77]))
-        log = pcap(records, link=link)
-        if data.draw(st.booleans()):
-            log = section() + interface(link=link) + b"".join(enhanced(t // 1000, packet) for t, packet in records)
-        for _ in range(data.draw(st.integers(0, 6))):
-            at = data.draw(st.integers(0, len(log) - 1))
-            new = data.draw(st.binary(max_size=40))
-            log = log[:at] + new + log[at + data.draw(st.integers(0, 40)) :]
-        with suppress(InputError):
-            read_anything(tmp_path / "log.pcap", log)
-
-    @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-    @given(st.binary(max_size=400), st.sampled_from([pcap([]), section() + interface(), section(">")]))
-    def test_random_files(self, tmp_path, noise, head):
-        with pytest.raises(InputError):
-            read_anything(tmp_path / "log.pcap", head + noise)
-
-
-def read_anything(path, data):
-    path.write_bytes(data)
-    with closing(open_source(path)) as source:
-        return [find_codec(message.channel).decode(message.data) for message in source.records()]

@@ -1,14 +1,14 @@
-"""The packet topic of every driver gives the same points as a capture of the same packets, in every container."""
+"""The packet topic of every driver gives the same points as a capture of the same packets; containers take turns."""
 
 import pytest
 
+from tests.pairs import covering
 from tests.sources.shared.driver_topics import DRIVERS, write_capture, write_topic
 from tests.sources.shared.packet_bags import CONTAINERS
 from tests.sources.shared.test_robosense_topics import clouds
 
 
-@pytest.mark.parametrize("container", CONTAINERS)
-@pytest.mark.parametrize("name", DRIVERS)
+@pytest.mark.parametrize(("name", "container"), covering(DRIVERS, CONTAINERS))
 def test_a_topic_equals_a_capture_of_the_same_packets(name, container, tmp_path):
     driver = DRIVERS[name]
     from_capture, *_ = clouds(write_capture(driver, tmp_path / "log.pcap"), **driver.files(tmp_path), **driver.options)

@@ -5,6 +5,7 @@ import pytest
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.sources.shared.log_file import FilePart, LogFile, LostDataError
+from tests.pairs import covering
 from tests.paths import ROOT
 from tests.sources.pcap.captures import frames, pcap
 from tests.sources.rosbag1.bags import LZ4, write_bag
@@ -76,8 +77,7 @@ LOGS = {
 """Writers of logs of every format with random access; none fits into the memory that a reader keeps."""
 
 
-@pytest.mark.parametrize("name", LOGS)
-@pytest.mark.parametrize("keep", [0, 0.3])
+@pytest.mark.parametrize(("name", "keep"), covering(LOGS, (0, 0.3)))
 def test_a_log_truncated_while_it_is_read_loses_only_the_rest(tmp_path, name, keep):
     path = LOGS[name](tmp_path / name)
     whole = open_source(path)

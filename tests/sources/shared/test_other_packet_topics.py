@@ -6,6 +6,7 @@ import pytest
 
 from seaclutter_cli.sources.formats import open_source
 from tests import logs
+from tests.pairs import covering
 from tests.paths import shared
 from tests.sensors.hesai import test_decoder as hesai
 from tests.sensors.ouster import test_decoder as ouster
@@ -47,18 +48,6 @@ def ouster_messages(types, packets, metadata, *, kind=OUSTER_2, spare=b""):
         yield "/ouster/lidar_packets", time_ns, types.make(kind, array(payload + spare))
 
 
-@pytest.mark.parametrize("container", CONTAINERS)
-@pytest.mark.parametrize(("kind", "spare"), [(OUSTER_1, b"\0"), (OUSTER_2, b"")])
-def test_ouster_packets_and_metadata(container, kind, spare, write_metadata, tmp_path):  # noqa: F811
-    metadata, packets = write_metadata(), ouster.make_packets()
-    frames, _ = ouster.decode(packets, metadata)
-    types = Types(container, DEFINITIONS)
-    messages = ouster_messages(types, pairs(packets), metadata, kind=kind, spare=spare)
-    found, warnings, damage, _ = clouds(write(tmp_path, container, types, messages))
-    assert found == {"/ouster/points": contents(frames)}
-    assert (warnings, damage) == ([], [])
-
-
 def test_ouster_packets_without_metadata(write_metadata, tmp_path):  # noqa: F811
     metadata, packets = write_metadata(), ouster.make_packets()
     types = Types("mcap", DEFINITIONS)
@@ -86,18 +75,6 @@ def nebula_messages(types, packets, per_scan=100):
         part = packets[first : first + per_scan]
         made = [types.make(NEBULA_PACKET, types.time(time_ns), array(payload)) for time_ns, payload in part]
         yield "/nebula_packets", part[-1][0], types.make(NEBULA, types.header(part[0][0], "lidar_top"), made)
-
-
-@pytest.mark.parametrize("container", CONTAINERS)
-@pytest.mark.parametrize("kind", hesai.SHAPES)
-def test_nebula_packets(container, kind, tmp_path):
-    packets, _ = hesai.make_packets(kind)
-    frames, _ = hesai.decode(packets)
-    types = Types(container, DEFINITIONS)
-    found, _, damage, times = clouds(write(tmp_path, container, types, nebula_messages(types, pairs(packets))))
-    assert found == {"/nebula_points": contents(frames)}
-    assert {frame_id for *_, frame_id in times} == {"lidar_top"}
-    assert damage == []
 
 
 def test_real_packets_as_nebula_packets_equal_the_scans(tmp_path):
@@ -133,8 +110,7 @@ def hesai_messages(types, packets, version, *, angles=None):
         yield "/lidar_packets", part[-1][0], types.make(HESAI, *header, made)
 
 
-@pytest.mark.parametrize("container", CONTAINERS)
-@pytest.mark.parametrize("version", HESAI_VERSIONS)
+@pytest.mark.parametrize(("version", "container"), covering(HESAI_VERSIONS, CONTAINERS))
 @pytest.mark.parametrize("angles", [None, ANGLES])
 def test_hesai_frames_with_and_without_angles(container, version, angles, tmp_path):
     header, packet = HESAI_VERSIONS[version]

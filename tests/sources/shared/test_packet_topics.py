@@ -1,6 +1,5 @@
 """Point clouds from packet topics, in every encoding, intact and damaged."""
 
-import random
 import struct
 import sys
 from pathlib import Path
@@ -8,10 +7,6 @@ from types import MappingProxyType
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from rosbags.rosbag1 import Writer
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import InputError
@@ -21,11 +16,7 @@ from seaclutter_cli.records import Channel, Message, Metadata, Schema, SensorFac
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily, PacketFrame, point_dtype
 from seaclutter_cli.sensors.velodyne.decoder import Velodyne
 from seaclutter_cli.sources.formats import wrap_packets
-from seaclutter_cli.sources.rosbag1.source import BagSource
-from seaclutter_cli.sources.rosbag2.db3 import Db3Source
-from seaclutter_cli.sources.shared.packet_topics import PacketTopics
 from seaclutter_cli.sources.shared.split import SplitSource
-from tests.paths import shared
 
 START = 1_600_000_000 * 10**9
 VELODYNE_SCAN, PANDAR_SCAN = "velodyne_msgs/msg/VelodyneScan", "pandar_msgs/msg/PandarScan"
@@ -299,29 +290,6 @@ def test_the_first_scan_may_be_damaged():
     assert "scan 0 of /velodyne_packets" in str(damage)
 
 
-@settings(max_examples=80, deadline=None)
-@given(st.data())
-def test_damaged_scans_are_reported(data):
-    form = data.draw(st.sampled_from(FORMS))
-    chan = channel(form["kind"], encoding=form["encoding"])
-    noise = random.Random(data.draw(st.integers(0, 2**32)))
-    scans = [bytearray(scan(numbered(n * 10, 10), **form)) for n in range(5)]
-    broken = scans[noise.randrange(1, 5)]
-    if noise.random() < 0.5:
-        del broken[noise.randrange(len(broken)) :]
-    for _ in range(noise.randrange(5)):
-        if broken:
-            broken[noise.randrange(min(len(broken), 60))] = noise.randrange(256)
-    source = wrapped(messages(chan, map(bytes, scans)), [chan])
-    read = clouds(source)
-    lost = sum(damage.lost_messages or 0 for damage in source.damage)
-    assert lost <= 2
-    assert len(read) >= 4 - lost
-    damage = list(source.damage)
-    clouds(source)
-    assert source.damage == damage
-
-
 @pytest.mark.parametrize("form", FORMS, ids=str)
 def test_a_scan_truncated_anywhere_is_reported(form):
     chan = channel(form["kind"], encoding=form["encoding"])
@@ -330,73 +298,3 @@ def test_a_scan_truncated_anywhere_is_reported(form):
         source = wrapped(messages(chan, [whole, whole[:size]]), [chan])
         ((_, cloud),) = clouds(source)
         assert (cloud.size, len(source.damage)) == (3, 1)
-
-
-def test_a_ros_1_bag_has_ros_1_clouds(tmp_path):
-    types = get_typestore(Stores.ROS1_NOETIC)
-    types.register(get_types_from_msg("time stamp\nuint8[1206] data", "velodyne_msgs/msg/VelodynePacket"))
-    types.register(
-        get_types_from_msg("Header header\nvelodyne_msgs/VelodynePacket[] packets", "velodyne_msgs/msg/VelodyneScan")
-    )
-    packet_type, scan_type, time_type, header_type = (
-        types.types[name]
-        for name in (
-            "velodyne_msgs/msg/VelodynePacket",
-            "velodyne_msgs/msg/VelodyneScan",
-            "builtin_interfaces/msg/Time",
-            "std_msgs/msg/Header",
-        )
-    )
-    with Writer(tmp_path / "log.bag") as writer:
-        connection = writer.add_connection("/velodyne_packets", scan_type.__msgtype__, typestore=types)
-        for n in range(3):
-            packets = [
-                packet_type(time_type(*divmod(time_ns, 10**9)), np.frombuffer(payload, np.uint8))
-                for time_ns, payload in numbered(n * 8, 8)
-            ]
-            message = scan_type(header_type(n, time_type(1, 2), "velodyne"), packets)
-            writer.write(connection, START + n, types.serialize_ros1(message, scan_type.__msgtype__))
-    source = wrap_packets(BagSource(tmp_path / "log.bag"), DecoderOptions(), {"velodyne": Tens()})
-    assert source.profile == "ros1"
-    read = clouds(source)
-    source.close()
-    assert [(m.channel.message_encoding, cloud.points["x"].tolist()) for m, cloud in read] == [
-        ("ros1", list(range(10))),
-        ("ros1", list(range(10, 20))),
-        ("ros1", list(range(20, 24))),
-    ]
-
-
-def real(name, families):
-    return wrap_packets(Db3Source(next(Path(shared(f"nebula/{name}")).glob("*.db3"))), DecoderOptions(), families)
-
-
-@pytest.mark.parametrize(
-    ("name", "topic", "sizes"),
-    [
-        ("vlp16", "/velodyne_points", [14837, 14813, 14853, 14879, 32]),
-        ("vlp32", "/sensing/lidar/front/velodyne_points", [26203, 26239, 26223, 26241, 26272, 127]),
-    ],
-)
-def test_real_velodyne_scans(name, topic, sizes):
-    pytest.importorskip("velodyne_decoder")
-    source = real(name, {"velodyne": Velodyne()})
-    assert isinstance(source, PacketTopics)
-    read = clouds(source)
-    assert [m.channel.topic for m, _ in read] == [topic] * len(sizes)
-    assert [cloud.size for _, cloud in read] == sizes
-    assert all(0 <= m.log_time_ns - cloud.stamp_ns < 4 * 10**8 for m, cloud in read)
-    assert source.damage == []
-    source.close()
-
-
-def test_real_hesai_scans():
-    from seaclutter_cli.sensors.hesai.decoder import Hesai
-
-    source = real("xt32", {"hesai": Hesai()})
-    read = clouds(source)
-    assert {m.channel.topic for m, _ in read} == {"/pandar_points"}
-    assert {cloud.frame_id for _, cloud in read} == {"hesai"}
-    assert all(60_000 < cloud.size < 64_000 for _, cloud in read[1:-1])
-    assert source.damage == []
-    source.close()

@@ -7,6 +7,7 @@ from seaclutter_cli.messages import find_codec
 from seaclutter_cli.records import Message
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources.formats import open_source
+from tests.pairs import covering
 from tests.paths import ROOT
 from tests.sources.shared.packet_bags import CONTAINERS, Types, array, captured, write
 
@@ -62,8 +63,7 @@ def old_messages(types, packets, topic="/rslidar_packets", per_scan=90):
         yield topic, time_ns, types.make(SCAN, types.header(time_ns, "rslidar"), waiting)
 
 
-@pytest.mark.parametrize("container", CONTAINERS)
-@pytest.mark.parametrize("messages", [sdk_messages, old_messages])
+@pytest.mark.parametrize(("container", "messages"), covering(CONTAINERS, (sdk_messages, old_messages)))
 def test_topics_equal_the_capture(container, messages, packets, expected, tmp_path):
     types = Types(container)
     found, warnings, damage, times = clouds(write(tmp_path, container, types, messages(types, packets)))
