@@ -48,7 +48,7 @@ SEAS = {
 }
 
 
-@pytest.mark.parametrize("name", SEAS)
+@pytest.mark.parametrize("name", ["unit", "negative", "all 0", "huge"])
 def test_any_data_can_be_drawn(name):
     with Image.open(io.BytesIO(picture(*sea(SEAS[name])))) as image:
         pixels = np.asarray(image.convert("RGB")).astype(int)

@@ -54,9 +54,8 @@ def test_figures_are_drawn_if_there_is_data():
     assert draw_figures(collect(frames=0), "svg") == {}
 
 
-@pytest.mark.parametrize("form", ["svg", "png"])
-def test_the_same_content_gives_the_same_bytes(form):
-    assert draw_figures(collect(frames=3), form) == draw_figures(collect(frames=3), form)
+def test_the_same_content_gives_the_same_bytes():
+    assert draw_figures(collect(frames=3), "svg") == draw_figures(collect(frames=3), "svg")
 
 
 def test_figures_have_the_width_of_a_column_at_print_quality():

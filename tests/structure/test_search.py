@@ -18,7 +18,6 @@ LONG = {"length_m": 26.0, "width_m": 6.0, "lidar_forward_m": -8.0, "lidar_height
 """A foredeck that reaches 18 m ahead of the lidar."""
 HIDDEN = {"length_m": 0.2, "width_m": 0.2, "lidar_forward_m": 0.0}
 """A hull that the lidar does not see."""
-RINGS = pytest.mark.parametrize("ring", [True, False], ids=["rings", "no rings"])
 
 
 @cache
@@ -46,8 +45,7 @@ def found(scene, *, ring=True, reach_m=20.0, **changes):
     return search.found()
 
 
-@RINGS
-@pytest.mark.parametrize("scene", ["rough", "narrow_channel"])
+@pytest.mark.parametrize(("scene", "ring"), [("rough", True), ("narrow_channel", False)])
 def test_a_foredeck_is_masked_and_nothing_else(scene, ring):
     mask = found(scene, ring=ring, **LONG).mask
     assert mask.sectors
@@ -59,8 +57,7 @@ def test_a_foredeck_is_masked_and_nothing_else(scene, ring):
         assert not inside[~own].any()
 
 
-@RINGS
-@pytest.mark.parametrize("scene", ["departure", "narrow_channel"])
+@pytest.mark.parametrize(("scene", "ring"), [("departure", False), ("narrow_channel", True)])
 def test_without_own_structure_nothing_is_proposed(scene, ring):
     result = found(scene, ring=ring, **HIDDEN)
     assert (result.mask.sectors, result.share, result.frames) == ((), 0.0, FRAMES)

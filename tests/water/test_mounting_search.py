@@ -10,6 +10,7 @@ from seaclutter_cli.simulation.marine.recording import Renderer
 from seaclutter_cli.simulation.marine.scene import load_scene
 from seaclutter_cli.water import Mounting, MountingSearch
 from tests.filters.seas import water
+from tests.pairs import covering
 
 SCENES = (
     *("departure", "passing_speedboat", "buoy_speedboat", "occlusion", "calm", "rough", "harbour", "lock"),
@@ -52,14 +53,15 @@ def box_walls(rng, size, *, half_m=12.0, low_m=-3.0, high_m=6.0):
     return np.stack([x, y, height])
 
 
-@pytest.mark.parametrize("name", SCENES + LAND)
-@pytest.mark.parametrize("mounting", [(0, 0), (5, -5)])
+@pytest.mark.parametrize(("name", "mounting"), covering(SCENES + LAND, [(0, 0), (5, -5)]))
 def test_nothing_is_found_where_the_lidar_is_level(name, mounting):
     assert searched(scene_frames(name), mounting) is None
 
 
-@pytest.mark.parametrize("name", ["calm", "rough", "harbour", "moored_rows", "narrow_channel"])
-@pytest.mark.parametrize("mounting", TILTED)
+@pytest.mark.parametrize(
+    ("name", "mounting"),
+    covering(("calm", "rough", "harbour", "moored_rows", "narrow_channel", "calm", "rough"), TILTED),
+)
 def test_the_mounting_is_found_to_a_degree(name, mounting):
     found = searched(scene_frames(name), mounting)
     assert found is not None

@@ -18,6 +18,7 @@ from seaclutter_cli.sensors.hesai.decoder import Hesai
 from seaclutter_cli.sensors.hesai.scans import parse_angles
 from seaclutter_cli.sensors.packets import DecoderOptions, Packets
 from seaclutter_cli.sources.rosbag2.db3 import Db3Source
+from tests.pairs import covering
 from tests.paths import shared
 
 START = dt.datetime(2024, 2, 29, 23, 59, 59, tzinfo=dt.UTC)
@@ -327,9 +328,8 @@ def test_small_distances_of_an_ot128_are_codes():
     assert near.tolist() == [4]
 
 
-@pytest.mark.parametrize("kind", SHAPES)
-@pytest.mark.parametrize("backwards", [False, True])
 @pytest.mark.parametrize("mode", [SINGLE, DUAL])
+@pytest.mark.parametrize(("kind", "backwards"), covering(SHAPES, (False, True)))
 def test_each_channel_is_split_where_it_crosses_azimuth_0(kind, mode, backwards):
     packets, slots = make_packets(kind, revolutions=3.2, mode=mode, start=90.0, backwards=backwards)
     frames, facts = decode(packets)
@@ -355,8 +355,7 @@ def test_lost_packets_are_counted(kind):
     assert decode(Packets(packets.times_ns[keep], packets.payloads[keep]))[1].lost_packets == 4
 
 
-@pytest.mark.parametrize("kind", SHAPES)
-@pytest.mark.parametrize("gap", [0.3, 0.6, 1.0, 1.4])
+@pytest.mark.parametrize(("kind", "gap"), covering(SHAPES, (0.3, 0.6, 1.0, 1.4)))
 def test_revolutions_are_separated_across_a_gap(kind, gap):
     packets, _ = make_packets(kind, revolutions=4, start=180.0)
     count = len(packets) / 4
@@ -459,7 +458,7 @@ def valid_packets(kind, mode):
     return make_packets(kind, revolutions=0.06, mode=mode, start=350.0)[0]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.data())
 def test_broken_bytes_raise_no_error_and_batch_size_does_not_matter(data):
     packets = valid_packets(data.draw(st.sampled_from(sorted(SHAPES))), data.draw(st.sampled_from([SINGLE, DUAL])))

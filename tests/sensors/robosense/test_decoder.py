@@ -13,6 +13,7 @@ from seaclutter_cli.sensors.robosense.decoder import RoboSense, steps
 from seaclutter_cli.sensors.robosense.device import find_device, packet_angles
 from seaclutter_cli.sensors.robosense.models import BPEARL_4, MODELS, with_old_firmware
 from seaclutter_cli.sensors.robosense.packets import Columns, make_angles, temperature_degc
+from tests.pairs import covering
 from tests.sensors.robosense.packets import write_data, write_info
 from tests.sensors.robosense.reference import Reference
 
@@ -102,9 +103,8 @@ WRAPS = {
 }
 
 
-@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("dual", [False, True])
-@pytest.mark.parametrize("wrap", WRAPS)
+@pytest.mark.parametrize(("name", "wrap"), covering(NAMES, WRAPS))
 def test_agrees_with_the_reference(name, dual, wrap):
     model = MODELS[name]
     azimuth = WRAPS[wrap]

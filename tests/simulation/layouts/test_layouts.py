@@ -7,7 +7,7 @@ from seaclutter_cli.simulation.airborne.scene import builtin_tiles
 from seaclutter_cli.simulation.layouts import LAYOUTS, find_scene, scene_class
 from seaclutter_cli.simulation.marine.scene import builtin_scenes, load_scene, parse_scene
 
-SEEDS = range(3)
+SEEDS = range(2)
 
 
 def made(name, seed):
@@ -31,9 +31,6 @@ class TestEveryLayout:
         scenes = [made(name, seed) for seed in SEEDS]
         assert made(name, SEEDS[-1]) == scenes[-1]
         assert len({str(scene.objects) + str(scene.vessel) for scene in scenes}) == len(SEEDS)
-
-    def test_has_no_name_of_a_built_in_scene(self, name):
-        assert name not in builtin_scenes()
 
 
 def test_find_scene_finds_layouts_and_scenes():

@@ -7,7 +7,7 @@ from seaclutter_cli.simulation.marine.scene import load_scene, parse_scene
 
 WATER = [name for name, layout in LAYOUTS.items() if layout.scene_class in ("open", "confined")]
 TREES = [name for name in LAYOUTS if name not in WATER]
-SEEDS = range(3)
+SEEDS = range(2)
 
 
 def scene(*walls, lidar_m=2.5):

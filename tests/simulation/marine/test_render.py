@@ -7,6 +7,7 @@ from seaclutter_cli.simulation.marine.recording import Renderer
 from seaclutter_cli.simulation.marine.scene import builtin_scenes, load_scene, parse_scene
 from seaclutter_cli.simulation.marine.sea import SeaParams
 from seaclutter_cli.truth import IGNORED
+from tests.pairs import covering
 
 FLAT = {"sea_state": 0, "reflectivity": 0, "visibility_km": 1000}
 WALL = {
@@ -49,18 +50,16 @@ def assert_labels_fit_boxes(frame, within=1.0):
     assert {str(label) for label in np.unique(points["label"])} <= {*frame.boxes.tracks, "0"}
 
 
-@pytest.mark.parametrize("name", builtin_scenes())
-@pytest.mark.parametrize("index", [0, 60])
+@pytest.mark.parametrize(("name", "index"), covering(builtin_scenes(), (0, 60)))
 def test_points_of_a_target_are_in_its_box(name, index):
     assert_labels_fit_boxes(Renderer(load_scene(name)).frame(index))
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
 def test_points_of_a_target_are_in_its_box_in_random_scenes(name):
-    for seed in (1, 2):
-        scene = LAYOUTS[name].make(np.random.default_rng(seed))
-        rough = isinstance(scene.terrain, SeaParams) and scene.terrain.sea_state > 3
-        assert_labels_fit_boxes(Renderer(scene).frame(3), within=0.8 if rough else 1.0)
+    scene = LAYOUTS[name].make(np.random.default_rng(1))
+    rough = isinstance(scene.terrain, SeaParams) and scene.terrain.sea_state > 3
+    assert_labels_fit_boxes(Renderer(scene).frame(3), within=0.8 if rough else 1.0)
 
 
 @pytest.mark.parametrize("name", builtin_scenes())
