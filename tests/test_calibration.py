@@ -14,7 +14,7 @@ from seaclutter_cli.filters import histogram as module
 from seaclutter_cli.filters.histogram import IntensityHistogram
 from seaclutter_cli.filters.joint import JointParams
 from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
-from tests.filters.frames import make_frame, on_axis, sea_frame
+from tests.filters.frames import make_frame, on_axis
 
 RATES = st.sampled_from([0.01, 0.5, 0.55, 0.8, 0.9, 0.99, 1.0])
 WHOLE = st.one_of(st.integers(0, 9), st.integers(0, 255), st.integers(-300, 70_000))
@@ -88,21 +88,6 @@ class TestHistogram:
         assert threshold == math.nextafter(last_below(values, rate), math.inf)
         assert np.mean(values < threshold) >= rate
 
-    @given(batches(FRACTIONS), st.integers(2, 9), st.integers(2, 9), st.integers(1, 20))
-    def test_ranks_are_within_the_error_bound_of_the_sketch(self, parts, level, distinct, pending):
-        """Every list of values exceeds the patched limits."""
-        with pytest.MonkeyPatch.context() as patch:
-            for name, value in (("_LEVEL", level), ("_DISTINCT", distinct), ("_PENDING", pending)):
-                patch.setattr(module, name, value)
-            sketch = fill(IntensityHistogram, parts)
-            values, counts = sketch.distribution()
-        seen = np.sort(np.concatenate(parts))
-        assert counts.sum() == len(seen)
-        assert set(values) <= set(seen)
-        ranks = np.searchsorted(values, seen, side="right")
-        estimated = np.append(0, np.cumsum(counts))[ranks]
-        assert (np.abs(estimated - np.searchsorted(seen, seen, side="right")) <= sketch.rank_error).all()
-
     @pytest.mark.parametrize(
         "draw",
         [
@@ -138,18 +123,6 @@ class TestHistogram:
             sketch.add(rng.random(60_000))
             sizes.append(nbytes(sketch))
         assert max(sizes[60:]) <= max(sizes[:60]) + 8 * 2 * module._LEVEL
-
-    def test_many_small_frames_do_not_pile_up(self):
-        sketch = IntensityHistogram()
-        for number in range(5000):
-            sketch.add(np.array([number % 7 + 0.5]))
-        assert len(sketch._pending) < 1100
-        assert sketch.distribution()[1].sum() == 5000
-
-    def test_the_same_values_give_the_same_threshold(self):
-        parts = [np.random.default_rng(n).random(50_000) for n in range(10)]
-        first, second = (fill(IntensityHistogram, parts).distribution() for _ in range(2))
-        np.testing.assert_array_equal(first, second)
 
     @given(st.lists(batches(st.one_of(WHOLE, FRACTIONS)), min_size=1, max_size=4))
     def test_sums_of_recordings_are_exact(self, recordings):
@@ -225,21 +198,6 @@ class TestFarLimit:
     )
     def test_as_by_sorting(self, ranges, parts):
         assert self.found(ranges, parts) == self.by_sorting(ranges)
-
-    @pytest.mark.parametrize(
-        ("ranges", "last_m"),
-        [
-            ([20, 21], 21),
-            ([20, 21 + 1e-12], 20),
-            ([20, 20.999, 22], 20.999),
-            ([20, 20, 30, 30, 40], 30),  # only gaps at the end count
-            ([61.65, 61, 62.7, 64, 65.1], 61.65),
-            ([33], 33),
-            ([20, 22, 24], 20),
-        ],
-    )
-    def test_all_differences_past_it_are_more_than_a_metre(self, ranges, last_m):
-        assert self.found(ranges) == self.by_sorting(ranges) == last_m
 
     def test_impossible_ranges_are_left_out(self):
         assert self.found([12, 12.5, 10_000, 10_000, 1e300]) == 12.5
@@ -441,19 +399,3 @@ class TestClutterSelector:
     def test_missing_fields(self, labelled):
         with pytest.raises(FieldError, match="no intensity field"):
             self.read(make_frame([[20, 0, 0]]), labelled=labelled)
-
-    def test_a_sea_in_two_passes(self):
-        """The ring filter removes as many points as the calibration predicts."""
-        from seaclutter_cli.filters.joint import RingIntensity, RingIntensityParams
-
-        frames = [sea_frame(5, index=index) for index in range(6)]
-        calibration = Calibration(params(), filter_rate=0.8)
-        selector = ClutterSelector(params())
-        for frame in frames:
-            clutter = selector.clutter(frame)
-            calibration.add(frame.range_m[clutter], frame.intensity[clutter])
-        found = calibration.thresholds()
-        method = RingIntensity(RingIntensityParams(end_m=found.end_m, initial_thresholds=found.initial_thresholds))
-        rings = [method.step(frame).rings for frame in frames]
-        assert [ring.points for ring in found.rings] == sum(ring.points for ring in rings).tolist()
-        assert [ring.below for ring in found.rings] == sum(ring.low_intensity for ring in rings).tolist()

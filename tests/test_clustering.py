@@ -96,14 +96,6 @@ def test_dense_lumps_that_almost_touch(distance, implementations):
     check(both, 1.5, 5)
 
 
-def test_points_on_a_line_exactly_the_tolerance_apart():
-    line = np.arange(50) * 1.5
-    assert euclidean_clusters(np.stack((line, 0 * line, 0 * line)), 1.5, 2).max() == -1
-    assert euclidean_clusters(np.stack((line, 0 * line, 0 * line)), np.nextafter(1.5, 2), 2).max() == 0
-    diagonal = np.outer((0.5, 1.0, 1.0), np.arange(50))
-    assert euclidean_clusters(diagonal, 1.5, 2).max() == -1
-
-
 def test_clusters_are_numbered_by_their_first_points_and_small_ones_are_left_out():
     x = np.array([9, 50, 0, 0.5, 9.5, 1.0, 10, 70, 70.5])
     labels = euclidean_clusters(np.stack((x, 0 * x, 0 * x)), 1.5, 3)
