@@ -3,24 +3,20 @@
 import csv
 import json
 import sys
+from functools import partial
 
 import pytest
-from click.testing import CliRunner
 
 import seaclutter
-from seaclutter_cli.commands import cli
 from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.sinks.object_files import write_objects
 from seaclutter_cli.sinks.objects import COLUMNS
 from tests.paths import ROOT
+from tests.running import execute
 
 SEA = ROOT / "samples" / "sea.mcap"
 
-
-def run(*words, code=0):
-    result = CliRunner().invoke(cli, [str(word) for word in words])
-    assert result.exit_code == code, result.output
-    return result
+run = partial(execute, code=0)
 
 
 @pytest.fixture(scope="module")

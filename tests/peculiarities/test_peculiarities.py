@@ -7,12 +7,11 @@ from contextlib import closing
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import seaclutter
-from seaclutter_cli.commands import cli
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from tests.peculiarities import clouds, outputs, packets, recordings
+from tests.running import execute
 
 CASES = [*clouds.CASES, *packets.CASES, *recordings.CASES, *outputs.CASES]
 READ = [case for case in CASES if case.frames]
@@ -20,10 +19,7 @@ REFUSED = [case for case in CASES if case.refused]
 
 
 def run(case, command, *words, code):
-    words = [command, *words, *case.words]
-    result = CliRunner().invoke(cli, list(map(str, words)))
-    assert result.exception is None or isinstance(result.exception, SystemExit), result.exc_info
-    assert result.exit_code == code, result.output
+    result = execute(command, *words, *case.words, code=code)
     assert re.search(case.says.get(command, ""), " ".join(result.output.split())), result.output
     return result
 
