@@ -295,7 +295,7 @@ def test_a_folder_with_other_files_is_not_replaced(log, tmp_path, form, kind):
     run("convert", log, "-o", out, "--to", form, "--force")
     problem = other_files(out, kind)
     before = {path: path.is_dir() or path.read_bytes() for path in out.iterdir()}
-    result = run("convert", log, "-o", out, "--to", form, "--force", exit_code=2)
+    result = run("convert", log, "-o", out, "--to", form, "--force", code=2)
     assert problem in " ".join(result.stderr.split())
     assert {path: path.is_dir() or path.read_bytes() for path in out.iterdir()} == before
 
@@ -310,7 +310,7 @@ def test_a_file_that_is_put_into_a_folder_while_it_is_replaced(log, tmp_path, mo
         end(sink)
 
     monkeypatch.setattr(FrameSink, "end", busy)
-    result = run("convert", log, "-o", out, "--to", "pcd", "--force", "-n", "2", exit_code=1)
+    result = run("convert", log, "-o", out, "--to", "pcd", "--force", "-n", "2", code=1)
     assert "notes.txt, so it was not replaced" in " ".join(result.stderr.split())
     assert (out / "notes.txt").read_text() == "mine"
 
