@@ -70,7 +70,7 @@ def read(path, data):
     with path.open("r+b") as file:
         file.write(data)
         file.truncate()
-    began = time.monotonic()
+    began = time.process_time()
     try:
         source = McapSource(path)
     except InputError as error:
@@ -89,7 +89,7 @@ def read(path, data):
         assert damage.lost_bytes >= 0
         assert str(path) in str(damage)
     source.close()
-    assert time.monotonic() - began < MOST_SECONDS
+    assert time.process_time() - began < MOST_SECONDS
     return messages, extras, source.damage
 
 

@@ -170,10 +170,10 @@ def test_zeros_at_the_end_after_a_crash(path, name):
             file.write(data[:end])
             file.truncate(end)
             file.truncate(end + size)
-        began = time.monotonic()
+        began = time.process_time()
         source = McapSource(path)
         messages = [record for record in source.records() if isinstance(record, Message)]
-        assert time.monotonic() - began < MOST_SECONDS
+        assert time.process_time() - began < MOST_SECONDS
         assert len(messages) == sum(len(block.messages) for block in message_blocks(name)[:3])
         assert damage_texts(source.damage) == [
             f"byte {end}: no readable record follows; left out: {count(size, 'byte')}",
