@@ -333,7 +333,7 @@ def open_recording(recording: Recording, reading: Decoding) -> Source:
         if getattr(reading, "join", None) is None:  # what is joined by its names
             require_one(recording.paths)
     decoding = DecoderOptions(reading.calibration, reading.sensor)
-    source = recording.open(rate_hz=reading.rate_hz, decoding=decoding)
+    source = recording.open(rate_hz=reading.rate_hz, columns=reading.columns, decoding=decoding)
     topics = getattr(reading, "topics", ())
     return Integrated(source, round(reading.integrate_ms * 1e6), topics) if reading.integrate_ms else source
 

@@ -87,7 +87,7 @@ def identity_of(
     files = [Path(name) for name in named if name and Path(name).is_file()]
     calibration = reading.calibration
     options = {
-        "reading": {**asdict(reading), "calibration": digest_of_paths([calibration]) if calibration else None},
+        "reading": {**_read_part(reading), "calibration": digest_of_paths([calibration]) if calibration else None},
         "written": {
             k: v
             for k, v in vars(written).items()
@@ -102,6 +102,11 @@ def identity_of(
         options=digest_of(options),
         labels=digest_of(label_parts),
     )
+
+
+def _read_part(reading: ReadOptions) -> dict[str, Any]:
+    """Return options of reading; those that came later only if they are given, for equal bytes of earlier versions."""
+    return {name: value for name, value in asdict(reading).items() if name != "columns" or value}
 
 
 def earlier_outcomes(works: Sequence[Work[O]], observer: Observer, verb: str = "filtered") -> list[O | None]:

@@ -51,7 +51,9 @@ SOURCES: Mapping[str, Format] = {
 LOG_SUFFIXES = tuple(suffix for form in SOURCES.values() for suffix in form.suffixes)
 
 
-def open_source(path: Path, *, rate_hz: float = 10.0, decoding: DecoderOptions | None = None) -> Source:
+def open_source(
+    path: Path, *, rate_hz: float = 10.0, columns: str | None = None, decoding: DecoderOptions | None = None
+) -> Source:
     """Open a log file, a rosbag2 folder, a folder of frames or a single frame; `InputError` if it cannot be read."""
     keep_freed_memory()
     decoding = decoding or DecoderOptions()
@@ -59,10 +61,10 @@ def open_source(path: Path, *, rate_hz: float = 10.0, decoding: DecoderOptions |
         if is_rosbag2_folder(path):
             return wrap_packets(open_rosbag2(path, partial(open_file, decoding=decoding)), decoding)
         if is_frame_folder(path):
-            return FolderSource(path, rate_hz=rate_hz)
+            return FolderSource(path, rate_hz=rate_hz, columns=columns)
         raise InputError(f"{path}: no logs or frames in this folder; supported formats: {format_names()}")
     if path.suffix.lower() in FRAME_READERS and _form_of(path) is None:
-        return FolderSource(path, rate_hz=rate_hz)
+        return FolderSource(path, rate_hz=rate_hz, columns=columns)
     return wrap_packets(open_file(path, decoding), decoding)
 
 

@@ -48,12 +48,14 @@ class Recording:
         path = self.paths[0]
         return len(self.paths) == 1 and path.is_dir() and not is_rosbag2_folder(path) and is_frame_folder(path)
 
-    def open(self, *, rate_hz: float = 10.0, decoding: DecoderOptions | None = None) -> Source:
+    def open(
+        self, *, rate_hz: float = 10.0, columns: str | None = None, decoding: DecoderOptions | None = None
+    ) -> Source:
         """Open the recording."""
         decoding = decoding or DecoderOptions()
         if len(self.paths) > 1:
             return wrap_packets(SplitSource(self.paths, partial(open_file, decoding=decoding)), decoding)
-        return open_source(self.paths[0], rate_hz=rate_hz, decoding=decoding)
+        return open_source(self.paths[0], rate_hz=rate_hz, columns=columns, decoding=decoding)
 
 
 def require_one(files: Sequence[Path]) -> None:

@@ -23,6 +23,8 @@ class Case:
     build: Callable[[Path], Path]
     """Writes the input into an empty folder, and returns its path."""
     frames: Sequence[ArrayLike] = ()
+    invalid: int = 0
+    """Number of points of each frame that have no return."""
     stamps_ns: Sequence[int] | None = None
     topic: str | None = None
     refused: str | None = None

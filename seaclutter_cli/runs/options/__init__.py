@@ -67,6 +67,13 @@ def _known_sensor(name: str) -> str:
     return names[name.casefold()]
 
 
+def _known_columns(text: str) -> str:
+    """Return columns of a file without names of them in their usual spelling."""
+    from seaclutter_cli.sources.frame_files.headerless import parse_columns, title
+
+    return title(parse_columns(text))
+
+
 class Decoding(Options):
     """How recordings are decoded."""
 
@@ -78,6 +85,13 @@ class Decoding(Options):
     )
     sensor: str | None = option(
         "--sensor MODEL", "Sensor model, for packets that do not identify it.", default=None, kind=Parsed(_known_sensor)
+    )
+    columns: str | None = option(
+        "--columns NAMES",
+        "Columns of files that do not name theirs (BIN, NPY, CSV), such as x,y,z,intensity,ring; types after colons, "
+        "as in x,y,z:f8,intensity:u2. [default: of BIN, the only known layout that fits]",
+        default=None,
+        kind=Parsed(_known_columns),
     )
     integrate_ms: float | None = option(
         "--integrate MS",

@@ -1,12 +1,8 @@
-"""Points as arrays of numbers: NumPy's ``.npy`` and ``.npz`` files, and ``.bin`` files without a header.
-
-The content of a ``.bin`` file shows its layout: points of CANOE have the time in microseconds since 1970, those of
-Pohang Canal their range in millimetres; all others are KITTI's, which SemanticKITTI and WADS use too.
-"""
+"""Points as arrays of numbers: NumPy's ``.npy`` and ``.npz`` files, and ``.bin`` files without a header."""
 
 import os
 import zipfile
-from collections.abc import Callable
+from collections.abc import Sequence
 from math import prod
 from pathlib import Path
 from typing import IO, Any
@@ -17,67 +13,28 @@ from numpy.typing import NDArray
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.limits import above, limits
+from seaclutter_cli.sources.frame_files.headerless import check_usual, points_of, recognise
 from seaclutter_cli.sources.frame_files.reading import check_size, column_names
 from seaclutter_cli.text import count
 
-_Points = NDArray[np.void]
-
-_KITTI = np.dtype([(name, "<f4") for name in ("x", "y", "z", "intensity")])
-# github.com/utiasASRL/pycanoe, DATA_REFERENCE.md; times are in microseconds.
-_CANOE = np.dtype(
-    [
-        *((axis, "<f8") for axis in "xyz"),
-        *(("intensity", "<u2"), ("timestamp", "<u8"), ("reflectivity", "<u2"), ("ambient", "<u2")),
-    ]
-)
-# As the Ouster driver publishes points: nanoseconds in the scan, range in millimetres.
-_POHANG = np.dtype(
-    [
-        *((name, "<f4") for name in ("x", "y", "z", "intensity")),
-        *(("t", "<u4"), ("reflectivity", "<u2"), ("ambient", "<u2"), ("range", "<u4")),
-    ]
-)
-_FIRST_US, _LAST_US = 946_684_800_000_000, 4_102_444_800_000_000
-"""The years 2000 and 2100."""
-_LOOKED_AT = 4096
-_MIN_RETURNS, _MIN_SHARE = 3, 0.9
 _MAX_ARRAYS = 1024
 
 
-def read_bin(path: Path) -> Cloud:
-    """Return the points of a file of KITTI (x, y, z, intensity), CANOE or Pohang Canal; `CloudError` for others."""
-    content = path.read_bytes()
-    for dtype, fits in _LAYOUTS:
-        if content and len(content) % dtype.itemsize == 0:
-            points = np.frombuffer(content, dtype)
-            step = max(len(points) // _LOOKED_AT, 1)
-            if fits(points[::step]):
-                return from_array(points)
-    if len(content) % _KITTI.itemsize:
-        raise CloudError(
-            f"{len(content)} bytes is not a multiple of 16, the size of a KITTI point (x, y, z, intensity as float32)"
-        )
-    return from_array(np.frombuffer(content, _KITTI))
+def read_bin(path: Path, layout: np.dtype[np.void] | None = None, *, is_given: bool = False) -> Cloud:
+    """Return the points of a file of a layout, by default the only one that its bytes can have; `CloudError` if none.
+
+    Points that are implausible in their layout are refused, unless it ``is_given``.
+    """
+    layout = recognise([path])[0] if layout is None else layout
+    points = points_of(path.read_bytes(), layout)
+    return from_array(points if is_given else check_usual(points))
 
 
-def _has_ranges(points: _Points) -> bool:
-    """Return whether the ranges are those of the coordinates, within 2 % or 0.2 m."""
-    with np.errstate(invalid="ignore", over="ignore"):
-        distance: Any = np.sqrt(sum(points[axis].astype(np.float64) ** 2 for axis in "xyz"))
-        range_m = points["range"] / 1000
-        returns = distance > 0
-        same = np.abs(distance - range_m) <= 0.2 + 0.02 * distance
-    return int(np.count_nonzero(returns)) >= _MIN_RETURNS and float(same[returns].mean()) >= _MIN_SHARE
+def read_npy(path: Path, columns: Sequence[str] = ()) -> Cloud:
+    """Return the points of an array of shape (N, 3) or wider, or of a structured one, (N,); `CloudError` for others.
 
-
-_LAYOUTS: tuple[tuple[np.dtype[np.void], Callable[[_Points], bool]], ...] = (
-    (_CANOE, lambda points: bool(((points["timestamp"] >= _FIRST_US) & (points["timestamp"] < _LAST_US)).all())),
-    (_POHANG, _has_ranges),
-)
-
-
-def read_npy(path: Path) -> Cloud:
-    """Return the points of an array of shape (N, 3) or wider, or of a structured one, (N,); `CloudError` for others."""
+    ``columns`` are the names of those of an array that is not structured.
+    """
     with path.open("rb") as file:
         array = _checked(file, os.fstat(file.fileno()).st_size)
         if array.dtype.names and array.ndim == 1:
@@ -85,8 +42,14 @@ def read_npy(path: Path) -> Cloud:
         if array.dtype.names or array.ndim != 2:
             found = f"shape {array.shape} and type {array.dtype}"
             raise CloudError(f"expected an array of shape (N, 3) or wider, got {found}")
-        dtype = np.dtype([(name, array.dtype) for name in column_names(array.shape[1])])
-        return from_array(np.ascontiguousarray(array).view(dtype).reshape(-1))
+        if array.dtype.kind not in "biuf":
+            raise CloudError(f"expected numbers, got the type {array.dtype}")
+        names = columns or column_names(array.shape[1])
+        if len(names) != array.shape[1]:
+            raise CloudError(f"{count(array.shape[1], 'column')}, but --columns names {len(names)}")
+        dtype = np.dtype([(name, array.dtype) for name in names])
+        points = np.ascontiguousarray(array).view(dtype).reshape(-1)
+        return from_array(points if columns else check_usual(points))
 
 
 def _checked(file: IO[bytes], size: int) -> NDArray[Any]:

@@ -14,7 +14,7 @@ from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.messages.metadata import SIDECAR, from_text
 from seaclutter_cli.paths import natural_order
 from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record
-from seaclutter_cli.sources.frame_files import FRAME_READERS
+from seaclutter_cli.sources.frame_files import FRAME_READERS, reader_of
 from seaclutter_cli.sources.frame_files.sidecars import (
     Pose,
     from_names,
@@ -36,22 +36,26 @@ class FolderSource(TimedSource):
     Known layouts are SeePerSea (``point_clouds/*.pcd``), KITTI (``velodyne/*.bin`` or ``velodyne_points/data/*.bin``),
     CANOE (``lidar/*.bin``), and a lidar of Pohang Canal (``points/*.bin``); otherwise the frames are in the folder
     itself. Stamps come from the file names if all contain a time, otherwise from the files of times in `sidecars`,
-    otherwise from the rate. `InputError` if there are no frames, frames of several formats, or they cannot be read.
+    otherwise from the rate. ``columns`` describe files that do not name theirs, see `parse_columns`. `InputError` if
+    there are no frames, frames of several formats, or they cannot be read.
     """
 
     channels: Sequence[Channel] = ()
 
-    def __init__(self, path: Path, *, rate_hz: float = 10.0) -> None:
+    def __init__(self, path: Path, *, rate_hz: float = 10.0, columns: str | None = None) -> None:
         super().__init__()
         if not 0 < rate_hz < float("inf"):
             raise UsageError(f"the rate must be positive and finite, got {rate_hz} frames per second")
+        doubts: list[str] = []
         try:
             files = _find_frames(path)
+            self._read = reader_of(files, columns, doubts.append)
         except OSError as error:
             raise InputError(f"{path}: {error.strerror}") from error
+        except CloudError as error:
+            raise InputError(f"{path}: {error}") from error
         self.metadata = _read_metadata(files[0].parent) if path.is_dir() else ()
         self._frames = self._stamped(files, rate_hz)
-        self._read = FRAME_READERS[files[0].suffix.lower()]
         stamps = [stamp_ns for stamp_ns, _ in self._frames]
         self._poses: Mapping[int, Pose] = {}
         try:
@@ -59,6 +63,7 @@ class FolderSource(TimedSource):
             self._poses = {stamp_ns: found[stamp_ns] for stamp_ns in stamps if stamp_ns in found}
         except InputError as error:
             self.warnings.append(f"{error}; the log has no poses")
+        self.warnings += doubts
         self._channel = Channel(1, "/points", "cdr", ros2_schema(_TYPE))
         self._pose_channel = Channel(2, "/pose", "cdr", ros2_schema(_POSE))
         self.channels = [self._channel, self._pose_channel] if self._poses else [self._channel]

@@ -79,13 +79,15 @@ def check_lines(body: bytes, first_line: int = 1) -> None:
 
 def _first_fault(body: bytes, dtype: np.dtype[np.void], delimiter: str | None, first_line: int) -> str | None:
     """Return a message about the first invalid line; slow, and only called if there is one."""
-    columns = sum(int(np.prod(dtype[name].shape, dtype=int)) for name in dtype.names or ())
+    kinds = [dtype[name].kind for name in dtype.names or () for _ in range(int(np.prod(dtype[name].shape, dtype=int)))]
     for number, raw in enumerate(io.BytesIO(body), first_line):
         line = raw.decode("latin-1").partition("#")[0].strip()
         cells = line.split(delimiter) if line else []
-        if line and len(cells) != columns:
-            return f"line {number} has {count(len(cells), 'value')}, expected {columns}"
-        bad = next((cell for cell in cells if not is_number(cell)), None)
+        if line and len(cells) != len(kinds):
+            return f"line {number} has {count(len(cells), 'value')}, expected {len(kinds)}"
+        bad = next(
+            (cell for cell, kind in zip(cells, kinds, strict=False) if kind != "S" and not is_number(cell)), None
+        )
         if bad is not None:
             return f"line {number}: {bad.strip()[:40]!r} is not a number"
     return None
