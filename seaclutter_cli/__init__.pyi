@@ -57,6 +57,7 @@ from .runs.scenes import predict_scenes as predict_scenes
 from .runs.scenes import train_scenes as train_scenes
 from .runs.simulate import simulate as simulate
 from .runs.simulate import simulate_seeds as simulate_seeds
+from .runs.suspects import find_suspects as find_suspects
 from .runs.tune import tune as tune
 from .sinks.options import McapOptions as McapOptions
 from .sinks.options import Split as Split

@@ -74,6 +74,7 @@ ALLOWED = {
     "scenes": BASE | {"evaluation"},
     "water": BASE,
     "structure": BASE | {"water"},
+    "suspects": BASE | {"clustering", "filters", "tracking", "water"},
     "filters": BASE | {"clustering", "grids", "scenes", "structure", "water"},
     "selection": BASE | {"messages"},
     "reading": BASE | {"messages", "selection"},
@@ -86,7 +87,7 @@ ALLOWED = {
     "viewing": BASE | {"evaluation", "messages", "reporting"},
     "runs": CORE
     | {"airborne", "grids", "calibration", "config", "jobs", "plots", "reporting", "scenes", "simulation", "structure"}
-    | {"validation", "viewing"},
+    | {"suspects", "validation", "viewing"},
     "api": BASE | {"config", "messages", "reading", "runs", "selection"},
     "commands": BASE | {"config", "interrupts", "runs", "selection", "sensors"},
 }

@@ -35,6 +35,7 @@ COMMANDS = [
     f"objects {SEA} cut.mcap -o o.csv",
     f"labels propose {SEA} cut.mcap -n 9 -o proposed/",
     f"labels compare {ROOT}/samples/sea.labels.csv {ROOT}/samples/sea.labels.csv",
+    f"suspects {SEA} cut.mcap bad.mcap -n 9",
     f"labels check {SEA} {LABELS} -n 9",
     f"labels check {SEA} --labels swapped.csv",
     f"evaluate {SEA} {LABELS} -m joint -m none -n 3",

@@ -30,6 +30,7 @@ COMMANDS: Mapping[str, str] = {
     "convert": "Convert logs to another format, whole or in part.",
     "calibrate": "Find thresholds and the far limit for a sensor, and write a configuration.",
     "objects": "Follow objects over time: a table of boxes, velocities and ids.",
+    "suspects": "List what a filter removed that may have been a target, and clutter that it kept.",
     "mask": "Propose a mask of own ship's structure.",
     "labels": "Check, propose and compare labels of recordings.",
     "evaluate": "Count false alarms and missed targets against labels; compare methods.",

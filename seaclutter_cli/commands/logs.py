@@ -127,6 +127,19 @@ COMMANDS = (
         """,
     ),
     command(
+        "suspects",
+        "runs.suspects:find_suspects",
+        logs.SuspectsOptions,
+        """List what a filter removed from LOGS that may have been a target, and what it kept that may be clutter.
+
+        No labels are needed. Bodies are clusters that rise out of the water, or lie alone on it; they are followed over
+        time. One that is solid, stays, and moves steadily is like a target: if the filter removed it, it is a suspect,
+        with its time, place, points, and the rule that removed them. Kept clusters that are not like that may be
+        clutter. LOGS are raw logs, which are filtered first, or logs written by `filter --with-removed`, which are
+        judged as they are, unless a method or configuration is given. The scores are indications, not rates.
+        """,
+    ),
+    command(
         "mask",
         "runs.mask:find_mask",
         logs.MaskOptions,

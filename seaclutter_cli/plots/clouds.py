@@ -44,6 +44,8 @@ _BOX_STYLES: dict[str | None, tuple[str, str, str]] = {
 """Name, line style and colour of labelled boxes by state, in the order of the legend."""
 
 _FALSE_ALARM = "false alarm"
+_SUSPECT_M = 12.0
+"""Half of the width of a picture of a suspect."""
 _MAX_LEGEND_CHARACTERS = 40
 """Characters of a legend that fit into one row of four columns."""
 
@@ -82,6 +84,22 @@ def draw_methods(figure: "Figure", collected: Collector) -> None:
         marks |= draw_boxes(axes, sample, number)
         axes.set_title(f"({letter}) {collected.methods[number].name}", fontsize=8)
     _add_legend(figure, panels[0], [Reason.KEPT], marks)
+
+
+def draw_suspect(figure: "Figure", sample: Sample, place: tuple[float, float]) -> None:
+    """Draw the points around a place before and after a filter, coloured by their reasons."""
+    panels = figure.subplots(2, 1, sharex=True, sharey=True)
+    x, y = place
+    for axes, name in zip(panels, ("raw", "kept"), strict=True):
+        shown = np.ones(len(sample.xyz), np.bool_) if name == "raw" else sample.reasons[0] == Reason.KEPT
+        inside = shown & (np.abs(sample.xyz[:, :2] - np.array(place)) <= _SUSPECT_M).all(axis=1)
+        draw_cloud(axes, sample, 0, inside)
+        axes.plot(-y, x, "o", color=palette.STATES["missed target"], markersize=14, fillstyle="none")
+        limits = {"xlim": (-y - _SUSPECT_M, -y + _SUSPECT_M), "ylim": (x - _SUSPECT_M, x + _SUSPECT_M)}
+        axes.set(aspect="equal", ylabel="Ahead (m)", **limits)
+        axes.set_title(f"{name}: {count(int(np.count_nonzero(inside)), 'point')}", fontsize=8)
+    panels[-1].set_xlabel("To starboard (m)")
+    _add_legend(figure, panels[0], [reason for reason in _SIZES if (sample.reasons[0] == reason).any()])
 
 
 def draw_cloud(axes: "Axes", sample: Sample, method: int, shown: Mask) -> None:

@@ -90,10 +90,10 @@ class Detections:
         cluster[others >= 0] = others[others >= 0] + clusters
         members = np.flatnonzero(cluster >= 0)
         members = members[np.argsort(cluster[members], kind="stable")]
-        return cls._made(frame.coordinates.take(members, axis=1), cluster[members], clusters)
+        return cls.made(frame.coordinates.take(members, axis=1), cluster[members], clusters)
 
     @classmethod
-    def _made(cls, xyz: Floats, cluster: Indices, kept: int) -> "Detections":
+    def made(cls, xyz: Floats, cluster: Indices, kept: int) -> "Detections":
         """Return the detections of points, shape (3, n), sorted by cluster; the first ``kept`` clusters are kept."""
         if not len(cluster):
             none = np.empty((0, 2))

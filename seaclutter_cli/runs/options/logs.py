@@ -146,6 +146,22 @@ class MaskOptions(Replacing, OfLogs):
     )
 
 
+class SuspectsOptions(Replacing, OfLogs, ConfigOptions):
+    """Options of a search for suspects."""
+
+    output: OptionalPath = option(
+        "-o --output SUSPECTS.csv", "Write a table with a row for each suspect.", default=None, kw_only=False
+    )
+    picture_folder: OptionalPath = option(
+        "--pictures DIR",
+        "Draw each suspect that is shown, before and after the filter; reads the logs twice.",
+        default=None,
+        kind=Place(remote=True),
+    )
+    shown: int = option("--show", "Number of suspects of each kind to show.", default=10, kind=Whole(1, 500))
+    batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
+
+
 class ViewOptions(Replacing, LabelSources, ConfigOptions):
     """Options of the viewer; by default, filtered logs are read back.
 

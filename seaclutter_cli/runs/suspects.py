@@ -1,0 +1,231 @@
+"""Suspects of recordings: what a filter removed that may have been a target, and what it kept that may be clutter."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
+from typing import Any
+
+from seaclutter_cli.buckets import on_paths
+from seaclutter_cli.config import Config, load_config
+from seaclutter_cli.errors import InputError, UsageError
+from seaclutter_cli.interfaces import Labels, Source
+from seaclutter_cli.messages.metadata import FILTERED
+from seaclutter_cli.options import function_of
+from seaclutter_cli.pipeline import Filtered, run_each
+from seaclutter_cli.plots.clouds import draw_suspect
+from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.reporting.sample import take_sample
+from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
+from seaclutter_cli.runs.methods import configured
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.options.logs import SuspectsOptions
+from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, data_of
+from seaclutter_cli.selection import (
+    Selection,
+    cloud_channels,
+    filtered_by,
+    main_topics,
+    recorded_of,
+    removed_topic,
+    studied,
+)
+from seaclutter_cli.sinks.csv import csv_line
+from seaclutter_cli.suspects.finder import Suspect, SuspectFinder
+from seaclutter_cli.text import UNKNOWN, count, printable, table
+from seaclutter_cli.water import Mounting
+
+_EVERY_POINT = 1 << 40
+_TITLES = {"removed": "removed, and may have been targets", "kept": "kept, and may be clutter"}
+_HEADS = ("score", "frames", "from s", "to s", "range m", "x m", "y m", "points", "top m")
+_DATA = " ".join((*(one.name for one in fields(Suspect)), "range_m"))
+COLUMNS = ("recording", "kind", "rank", *(name for name in _DATA.split() if name != "kind"))
+
+
+@function_of(SuspectsOptions)
+@on_paths
+def find_suspects(options: SuspectsOptions) -> "SuspectsResult":
+    """Find what a filter removed that may have been a target, and what it kept that may be clutter, without labels.
+
+    Returns
+    -------
+    SuspectsResult
+        ``outcomes``, each with its ``suspects``, those ``removed`` and those ``kept``, the most probable first.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> (found,) = seaclutter.find_suspects("samples/sea.mcap", method="joint").outcomes
+    >>> first = found.suspects["removed"][0]
+    >>> first.frames > 5, max(first.reasons, key=first.reasons.get)
+    (True, 'low_intensity')
+    """
+    observer, folder = options.watching, options.picture_folder
+    config = configured(options)
+    if folder:
+        check_target(folder / "suspect.png")
+        if is_file(folder):
+            raise UsageError(f"{folder}: is a file; --pictures takes a folder")
+    # The names of pictures are not known before; their folder is.
+    outputs = {"-o": options.output, "--pictures": folder / "suspect.png" if folder else None}
+    pairs = prepared(options.logs, options, outputs, observer, [config])
+    is_given = bool(options.method or options.settings) or options.config is not None
+    drawn = options.shown if folder else 0
+    works = [_SuspectsWork(options.reading, *pair, config, is_given=is_given, drawn=drawn) for pair in pairs]
+    result = SuspectsResult(run_all(works, options.batch, observer), options.shown)
+    files = {options.output: result.as_csv()} if options.output else {}
+    for number, outcome in enumerate(result.outcomes, 1):
+        first = f"{number}-" if len(works) > 1 else ""
+        files |= {folder / f"{first}{name}.png": data for name, data in outcome.pictures.items() if folder}
+    if may_appear(files, result.outcomes, observer):
+        write_files(files, replace=options.force)
+    return result
+
+
+@dataclass(kw_only=True)
+class RecordedSuspects(Outcome):
+    """Suspects of one recording by their kind, the most probable first; pictures of the first by name."""
+
+    data = "recording error damage seconds=rounded_s method topic frames suspects=listed_suspects"
+
+    method: str = ""
+    topic: str = ""
+    frames: int = 0
+    start_ns: int = 0
+    suspects: Mapping[str, Sequence[Suspect]] = field(default_factory=dict)
+    pictures: dict[str, bytes] = field(default_factory=dict, repr=False)
+
+    def listed_suspects(self) -> dict[str, list[dict[str, Any]]]:
+        """Return the suspects of each kind as JSON-compatible data."""
+        return {kind: [{**data_of(one, _DATA)} for one in found] for kind, found in self.suspects.items()}
+
+    def figures(self) -> str:
+        """Return the number of suspects, for a line about the outcome."""
+        removed, kept = (len(self.suspects.get(kind, ())) for kind in _TITLES)
+        found = f"{count(removed, 'suspect')} removed, {kept:,} kept"
+        return f"{self.method}, {count(self.frames, 'frame')}, {found}, {self.seconds:.1f} s"
+
+    def text(self, shown: int) -> str:
+        """Return the first suspects of each kind as tables."""
+        blocks = [
+            f"{printable(self.recording)}: {self.method} on {printable(self.topic)}, {count(self.frames, 'frame')}"
+        ]
+        for kind, title in _TITLES.items():
+            found = self.suspects.get(kind, ())
+            if not found:
+                blocks.append(f"nothing {title}")
+                continue
+            heads = ("", *_HEADS, "removed by") if kind == "removed" else ("", *_HEADS)
+            rows = [(number, *self._cells(one)) for number, one in enumerate(found[:shown], 1)]
+            more = f" (of {len(found):,})" if len(found) > shown else ""
+            blocks.append(f"{title}{more}:\n{table(heads, rows)}")
+        return "\n\n".join(blocks)
+
+    def _cells(self, one: Suspect) -> tuple[str, ...]:
+        spans = (f"{(stamp - self.start_ns) / 1e9:.1f}" for stamp in (one.first_ns, one.last_ns))
+        top = UNKNOWN if one.top_m is None else f"{one.top_m:.1f}"
+        numbers = f"{one.range_m:.0f}", f"{one.x_m:.0f}", f"{one.y_m:.0f}", f"{one.points:,}", top
+        by = sorted(one.reasons, key=lambda name: -one.reasons[name])[:1] if one.reasons else []
+        return f"{one.score:.2f}", f"{one.frames:,}", *spans, *numbers, *(name.replace("_", " ") for name in by)
+
+
+@dataclass(frozen=True)
+class _SuspectsWork(RecordingWork[RecordedSuspects]):
+    """Search for the suspects of one recording; of filtered logs, those of the earlier run unless a method is given."""
+
+    config: Config
+    is_given: bool = field(kw_only=True)
+    drawn: int = field(kw_only=True)
+
+    def without_result(self, reason: str | None) -> RecordedSuspects:
+        return RecordedSuspects(recording=self.recording.name, error=reason)
+
+    def study(self, source: Source, labels: Labels | None, outcome: RecordedSuspects, observer: Observer) -> None:
+        selection, removed, config = _part(source, self.reading.selection, self.config, is_given=self.is_given)
+        clouds = cloud_channels(source, selection.topics)
+        earlier = [name for one in recorded_of(source, [clouds[0].topic]) for name in one.methods]
+        outcome.topic, outcome.method = clouds[0].topic, config.method if config else ", ".join(earlier)
+        finder = SuspectFinder(1, mounting_of(self.config))
+        with self.progress(source, observer, clouds) as step:
+            for frame, (result,), _ in _filtered(source, config, selection, removed):
+                outcome.start_ns = outcome.start_ns or frame.stamp_ns
+                outcome.frames += 1
+                finder.add(frame, [result])
+                step()
+        outcome.suspects = finder.finish()
+        wanted = _chosen(outcome.suspects, self.drawn)
+        if wanted:  # in a second pass, because suspects are known at the end
+            for frame, (result,), _ in _filtered(source, config, selection, removed):
+                for name, one in wanted.get(frame.index, {}).items() if result else ():
+                    sample = take_sample(frame, [result], None, self.config.evaluation, _EVERY_POINT)
+                    place = one.x_m, one.y_m
+                    outcome.pictures[name] = render(
+                        partial(draw_suspect, sample=sample, place=place), ".png", aspect=1.9
+                    )
+        self.finish(source, labels, outcome.frames)
+
+
+def mounting_of(config: Config) -> Mounting:
+    """Return the mounting of the lidar that a configuration has; level if its method has none."""
+    found = getattr(config.filter, "mounting", None)
+    return found if isinstance(found, Mounting) else Mounting()
+
+
+def _filtered(source: Source, config: Config | None, selection: Selection, removed: str | None) -> Iterator[Filtered]:
+    used = config or load_config(None, method="none")
+    return run_each(source, [used.make_filter()], selection, removed)
+
+
+def _part(
+    source: Source, selection: Selection, config: Config, *, is_given: bool
+) -> tuple[Selection, str | None, Config | None]:
+    """Return what to study: a selection of one topic, that of removed points if any, and a method unless it was run.
+
+    Raise `InputError` if the log is filtered, but lacks the removed points.
+    """
+    names = selection.topics or main_topics(source)
+    left = [name for name in names if [one.content for one in recorded_of(source, [name])] == [FILTERED]]
+    with_removed = [name for name in left if removed_topic(source, name)]
+    if with_removed and not is_given:
+        return replace(selection, topics=tuple(with_removed)), removed_topic(source, with_removed[0]), None
+    chosen = studied(source, selection)
+    topic = cloud_channels(source, chosen.topics)[0].topic
+    by = filtered_by(source, [topic])
+    if by is not None and not removed_topic(source, topic):
+        remedy = "use the raw log, or one that was filtered with --with-removed"
+        raise InputError(f"{source.name}: already filtered{by}, without the removed points; {remedy}")
+    return chosen, None if by is None else removed_topic(source, topic), config
+
+
+def _chosen(suspects: Mapping[str, Sequence[Suspect]], most: int) -> dict[int, dict[str, Suspect]]:
+    """Return the first suspects by frame and name."""
+    found: dict[int, dict[str, Suspect]] = {}
+    for kind, listed in suspects.items():
+        for number, one in enumerate(listed[:most], 1):
+            found.setdefault(one.frame, {})[f"{kind}-{number}"] = one
+    return found
+
+
+@dataclass(frozen=True)
+class SuspectsResult(RecordingsResult):
+    """Suspects of several recordings, and how many of each kind the text shows."""
+
+    data = "recordings=outcomes"
+
+    outcomes: Sequence[RecordedSuspects]
+    shown: int = 10
+
+    def as_csv(self) -> bytes:
+        """Return all suspects as a table (CSV)."""
+        lines = [csv_line(COLUMNS)]
+        for outcome in self.outcomes:
+            for found in outcome.suspects.values():
+                for rank, one in enumerate(found, 1):
+                    row = {"recording": outcome.recording, "rank": rank, **data_of(one, _DATA)}
+                    row["reasons"] = " ".join(f"{name}:{points}" for name, points in one.reasons.items())
+                    lines.append(csv_line("" if row[name] is None else row[name] for name in COLUMNS))
+        return b"".join(lines)
+
+    def as_text(self) -> str:
+        """Return the suspects of each recording as human-readable text."""
+        return "\n\n".join(one.text(self.shown) for one in self.outcomes if not one.error and not one.has_nothing)

@@ -1,0 +1,106 @@
+"""Bodies of a frame: clusters that rise out of the water, or lie alone, whatever a filter did to their points."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.filters.confirmation import ConfirmedParams
+from seaclutter_cli.filters.confirmation.beams import Beams
+from seaclutter_cli.filters.confirmation.echoes import OWN_SHIP_M, Echoes, measure
+from seaclutter_cli.filters.confirmation.objects import Clusters
+from seaclutter_cli.frame import Frame
+from seaclutter_cli.tracking.detections import Detections
+from seaclutter_cli.water import Faces, Mounting, WaterTracker
+
+Floats = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+_MAX_BODIES = 1000
+_MAX_RISE = 4.0
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """The K bodies of a frame.
+
+    ``points``, shape (n,), are indices of points of the frame, body by body; those of a body begin at ``start``, shape
+    (K,). ``found`` are the bodies for a tracker. ``top_m`` are heights above the water, NaN without water, ``rise``
+    multiples of the height at which points stand out, at most 4. ``alone`` is 1 where the water around has no echoes, 0
+    where it has many. ``linked`` and ``loose`` are numbers of neighbours that lie on one surface, or do not. ``flat``,
+    shape (N,), are the points of the frame near the water. All other arrays have the shape (K,).
+    """
+
+    points: Indices
+    start: NDArray[np.int64]
+    found: Detections
+    top_m: Floats
+    rise: Floats
+    alone: Floats
+    linked: Floats
+    loose: Floats
+    flat: Mask
+
+    def __len__(self) -> int:
+        return len(self.start)
+
+    def sums(self, values: NDArray[np.generic]) -> NDArray[np.int64]:
+        """Return the sums of whole numbers or truth values of the points of the frame over each body, shape (K,)."""
+        return np.add.reduceat(values[self.points].astype(np.int64), self.start) if len(self) else np.empty(0, np.int64)
+
+
+class BodyFinder:
+    """The bodies of the frames of a recording, in their order.
+
+    **State**: the water, and the elevations of the beams.
+    """
+
+    def __init__(self, mounting: Mounting) -> None:
+        roll, pitch = mounting.roll_deg, mounting.pitch_deg
+        self._params = ConfirmedParams(use_intensity=False, mounting_roll_deg=roll, mounting_pitch_deg=pitch)
+        self._water, self._beams = WaterTracker(), Beams(mounting)
+
+    def find(self, frame: Frame, left_out: Mask, time_s: float) -> Bodies:
+        """Return the bodies of a frame at a time, without points that are left out, such as own ship's structure."""
+        index = np.flatnonzero(frame.valid & ~left_out & (frame.range_m >= OWN_SHIP_M))
+        xyz = self._params.mounting.levelled(frame.coordinates.take(index, axis=1))
+        echoes = Echoes(index, xyz, frame.range_m[index], None, np.ones(len(index), np.uint8))
+        self._beams.add(xyz)
+        elevation = self._beams.elevation_deg(xyz)
+        faces = Faces.of(xyz, elevation, self._beams.gaps(elevation, elevation)[1])
+        water = self._water.step(xyz, faces, time_s)
+        heights = measure(echoes, np.full(len(index), -np.inf), water, faces, self._params)
+        among = heights.high | heights.upright
+        among |= (heights.unseen >= 1) & (heights.height_m > -heights.rise_m) & ~heights.mirrored
+        clusters = _largest(Clusters.among(echoes, among, self._beams, self._params))
+        flat = np.zeros(frame.size, np.bool_)
+        flat[index] = np.abs(heights.height_m) <= heights.rise_m
+        points = index[clusters.points]
+        owner = np.repeat(np.arange(len(clusters)), clusters.count)
+        found = Detections.made(frame.coordinates.take(points, axis=1), owner, len(clusters))
+        if not len(clusters):
+            none = np.empty(0)
+            return Bodies(points, clusters.start, found, none, none, none, none, none, flat)
+        (top,) = clusters.ranked(heights.height_m, clusters.count - 1 - np.clip(clusters.count // 4, 0, 3))
+        return Bodies(
+            points,
+            clusters.start,
+            found,
+            top if water is not None else np.full(len(top), np.nan),
+            np.minimum(top / clusters.mean(heights.rise_m), _MAX_RISE),
+            clusters.mean(heights.unseen),
+            clusters.sum(heights.linked),
+            clusters.sum(heights.loose),
+            flat,
+        )
+
+
+def _largest(clusters: Clusters) -> Clusters:
+    """Return at most `_MAX_BODIES` clusters, those with the most points."""
+    if len(clusters) <= _MAX_BODIES:
+        return clusters
+    chosen = np.sort(np.argsort(-clusters.count, kind="stable")[:_MAX_BODIES])
+    count = clusters.count[chosen]
+    points = np.concatenate([clusters.members(k) for k in chosen.tolist()])
+    return Clusters(points, np.cumsum(count) - count, count)

@@ -1,0 +1,310 @@
+"""Suspects of a recording: bodies that a filter removed, and clusters that it kept and that are hardly bodies."""
+
+import heapq
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.clustering import ClusterFinder
+from seaclutter_cli.frame import FilterResult, Frame, Reason
+from seaclutter_cli.suspects.bodies import Bodies, BodyFinder
+from seaclutter_cli.tracking.tracker import Track, Tracker
+from seaclutter_cli.water import Mounting
+
+Floats = NDArray[np.float64]
+Counts = NDArray[np.int64]
+
+CHOSEN = (Reason.NEAR, Reason.FAR, Reason.EXCLUDED, Reason.INVALID)
+"""Reasons that follow from the configuration or the log, not from a judgement."""
+
+_TOLERANCE_M, _LEAST_POINTS, _FEW_POINTS = 1.5, 5, 3
+_PART_M = 2.5
+_LEAST_LOOKS = 3
+_RISES, _ALONE_WEIGHT = 1.5, 0.7
+_LEAST_SOLID, _SOLID_SPAN = 0.6, 0.3
+_STAY_S, _STEADY_M = 1.0, 0.4
+_GONE_S, _MAX_GAP_S = 5.0, 5.0
+_MAX_STEPS = 256
+_MAX_LISTED = 500
+LIKELY, UNLIKELY = 0.15, 0.05
+"""Score from which what was removed is listed, and up to which what was kept is."""
+
+
+def _zeros(methods: int) -> Counts:
+    return np.zeros(methods, np.int64)
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A body that was ``removed``, or something ``kept`` that is hardly one.
+
+    ``frame`` and ``stamp_ns`` are those of the frame with most of its points, where its centre is ``x_m``, ``y_m`` and
+    ``z_m`` and the points are ``points``; ``frames`` is the number of frames in which it was removed or kept, from
+    ``first_frame`` to ``last_frame``. ``reasons`` are the points removed by each rule. ``top_m`` is the greatest height
+    above the water, None if it is not known; ``speed_ms`` that against the lidar.
+    """
+
+    kind: Literal["removed", "kept"]
+    score: float
+    frames: int
+    first_frame: int
+    last_frame: int
+    first_ns: int
+    last_ns: int
+    frame: int
+    stamp_ns: int
+    x_m: float
+    y_m: float
+    z_m: float
+    points: int
+    total_points: int
+    top_m: float | None
+    speed_ms: float
+    reasons: dict[str, int]
+
+    @property
+    def range_m(self) -> float:
+        """Horizontal distance from the lidar."""
+        return math.hypot(self.x_m, self.y_m)
+
+    @property
+    def weight(self) -> float:
+        """Rank among suspects of its kind: how probable an error is, and over how many frames."""
+        return (self.score if self.kind == "removed" else 1 - self.score) * math.log1p(self.frames)
+
+
+@dataclass
+class Body:
+    """What is known of a body, by its track, under M methods: sums over the ``looks``, the frames in which it was seen.
+
+    In a look, a method ``lost`` it, shape (M,), if fewer than five of its points are left, three or more were removed
+    by judgement, and no body of which more is left is near; it ``kept`` it if five or more are left. ``points_lost``
+    and ``reasons``, of the first method, are sums over the looks in which it was lost.
+    """
+
+    number: int
+    first: tuple[int, int, float]
+    last: tuple[int, int, float]
+    was_kept: NDArray[np.bool_]
+    lost: Counts
+    kept: Counts
+    changes: Counts
+    looks: int = 0
+    rise: float = 0.0
+    alone: float = 0.0
+    linked: float = 0.0
+    loose: float = 0.0
+    top_m: float = -math.inf
+    reasons: Counts = field(default_factory=lambda: np.zeros(len(Reason), np.int64))
+    points_kept: int = 0
+    best: dict[str, tuple[int, int, int, Floats]] = field(default_factory=dict)
+    """Of the looks in which it was removed or kept, the most points, frame, stamp, and centre, shape (3,)."""
+    speed_ms: float = 0.0
+    _steps: deque[float] = field(default_factory=lambda: deque(maxlen=_MAX_STEPS))
+    _before: deque[tuple[float, Floats]] = field(default_factory=lambda: deque(maxlen=2))
+
+    @classmethod
+    def begun(cls, number: int, moment: tuple[int, int, float], was_kept: NDArray[np.bool_]) -> Self:
+        """Return a body that is seen for the first time; a moment has frame, stamp, and time in seconds."""
+        methods = len(was_kept)
+        return cls(number, moment, moment, was_kept, _zeros(methods), _zeros(methods), _zeros(methods))
+
+    @property
+    def score(self) -> float:
+        """How much it is like a body, from 0 to 1: it stands out or is alone, is solid, stays, and moves steadily.
+
+        The product of four shares, each 1 for a body. What is met by one beam lies alone on the water at most.
+        """
+        stands = min(max((self.rise / self.looks - 1) / _RISES, 0), 1)
+        alone = _ALONE_WEIGHT * self.alone / self.looks
+        linked = (self.linked + 1) / (self.linked + self.loose + 1)
+        solid = min(max((linked - _LEAST_SOLID) / _SOLID_SPAN, 0), 1)
+        seen = self.looks / (self.last[0] - self.first[0] + 1)
+        stays = seen * (1 - math.exp(-(self.last[2] - self.first[2]) / _STAY_S))
+        if len(self._steps) == 0:
+            return 0.0
+        return max(stands, alone) * solid * stays * math.exp(-((float(np.median(self._steps)) / _STEADY_M) ** 2))
+
+    def suspect(self, kind: Literal["removed", "kept"], score: float, frames: int) -> Suspect:
+        """Return the body as a suspect of a kind, of which it has a ``best`` look."""
+        points, frame, stamp_ns, (x, y, z) = self.best[kind]
+        removed = {reason.name.lower(): int(self.reasons[reason]) for reason in Reason if self.reasons[reason]}
+        return Suspect(
+            kind=kind,
+            score=score,
+            frames=frames,
+            first_frame=self.first[0],
+            last_frame=self.last[0],
+            first_ns=self.first[1],
+            last_ns=self.last[1],
+            frame=frame,
+            stamp_ns=stamp_ns,
+            x_m=float(x),
+            y_m=float(y),
+            z_m=float(z),
+            points=points,
+            total_points=sum(removed.values()) if kind == "removed" else self.points_kept,
+            top_m=self.top_m if math.isfinite(self.top_m) else None,
+            speed_ms=self.speed_ms,
+            reasons=removed if kind == "removed" else {},
+        )
+
+    def moved(self, time_s: float, place: Floats) -> None:
+        """Add a place: a body is where the places before and after it say, clutter jumps."""
+        if len(self._before) == 2:
+            (early_s, early), (middle_s, middle) = self._before
+            share = (middle_s - early_s) / max(time_s - early_s, 1e-6)
+            self._steps.append(float(np.hypot(*(middle - early - share * (place - early)))))
+        self._before.append((time_s, place))
+
+
+@dataclass
+class Tally:
+    """Sums over the bodies of a recording for M methods, shape (M,): the looks of those that are likely targets.
+
+    ``lost`` and ``changes`` are looks of these in which they are lost, and changes between kept and not; ``doubtful``
+    the looks of unlikely bodies that are kept, and clusters of kept points near the water.
+    """
+
+    lost: Counts
+    changes: Counts
+    doubtful: Counts
+    looks: int = 0
+    seconds: float = 0.0
+
+
+class SuspectFinder:
+    """Bodies of the frames of a recording under M methods; suspects are those of the first method.
+
+    At most 500 suspects of each kind are kept, and the bodies of the last five seconds.
+    """
+
+    def __init__(self, methods: int = 1, mounting: Mounting | None = None) -> None:
+        self._mounting = mounting or Mounting()
+        self._finder, self._tracker = BodyFinder(self._mounting), Tracker()
+        self._bodies: dict[Track, Body] = {}
+        self._listed: dict[str, list[tuple[float, int, Suspect]]] = {"removed": [], "kept": []}
+        self._time_s: float | None = None
+        self._number = 0
+        self.tally = Tally(_zeros(methods), _zeros(methods), _zeros(methods))
+
+    def add(self, frame: Frame, results: Sequence[FilterResult | None]) -> Bodies:
+        """Add a frame with its results, None for a method that could not use it; return its bodies."""
+        time_s = frame.stamp_ns / 1e9
+        if self._time_s is not None and not 0 <= time_s - self._time_s <= _MAX_GAP_S:
+            self._end(list(self._bodies))
+            self._finder, self._tracker = BodyFinder(self._mounting), Tracker()
+        self._time_s = time_s
+        reasons = [np.full(frame.size, Reason.INVALID, np.uint8) if one is None else one.reason for one in results]
+        bodies = self._finder.find(frame, np.equal(reasons[0], Reason.EXCLUDED), time_s)
+        tracks = self._tracker.step(bodies.found, time_s)
+        self._count(frame, bodies, tracks, reasons)
+        self._end([track for track, body in self._bodies.items() if time_s - body.last[2] > _GONE_S])
+        return bodies
+
+    def finish(self) -> dict[str, list[Suspect]]:
+        """Return the suspects of each kind, the most probable first."""
+        self._end(list(self._bodies))
+        return {kind: [one for *_, one in sorted(found, reverse=True)] for kind, found in self._listed.items()}
+
+    def _count(
+        self, frame: Frame, bodies: Bodies, tracks: Sequence[Track | None], reasons: Sequence[NDArray[np.uint8]]
+    ) -> None:
+        kept = np.array([bodies.sums(one == Reason.KEPT) for one in reasons]).reshape(len(reasons), -1)
+        removed = np.array([bodies.sums(~np.isin(one, (Reason.KEPT, *CHOSEN))) for one in reasons]).reshape(kept.shape)
+        is_kept = kept >= _LEAST_POINTS
+        is_lost = ~is_kept & (removed >= _FEW_POINTS)
+        for m, reason in enumerate(reasons):
+            is_lost[m] &= ~_is_part(frame, bodies, reason, is_lost[m])
+        by_reason = [bodies.sums(reasons[0] == reason) for reason in Reason if reason]
+        moment = frame.index, frame.stamp_ns, frame.stamp_ns / 1e9
+        ends = np.append(bodies.start, len(bodies.points))
+        for k, track in enumerate(tracks):
+            if track is None:
+                continue
+            body = self._bodies.get(track)
+            if body is None:
+                body = self._bodies[track] = Body.begun(track.number, moment, is_kept[:, k])
+            body.last, body.looks = moment, body.looks + 1
+            body.rise += float(bodies.rise[k])
+            body.alone += float(bodies.alone[k])
+            body.linked += float(bodies.linked[k])
+            body.loose += float(bodies.loose[k])
+            body.top_m = max(body.top_m, float(bodies.top_m[k]))
+            body.speed_ms = float(np.hypot(*track.velocity))
+            body.moved(moment[2], bodies.found.centers[k])
+            body.changes += body.was_kept != is_kept[:, k]
+            body.was_kept = is_kept[:, k]
+            body.lost += is_lost[:, k]
+            body.kept += is_kept[:, k]
+            body.points_kept += int(kept[0, k])
+            if is_lost[0, k]:
+                body.reasons[1:] += [counts[k] for counts in by_reason]
+            kind, size = ("removed", removed[0, k]) if is_lost[0, k] else ("kept", kept[0, k])
+            if (is_lost | is_kept)[0, k] and (kind not in body.best or size > body.best[kind][0]):
+                own = bodies.points[bodies.start[k] : ends[k + 1]]
+                body.best[kind] = int(size), *moment[:2], frame.coordinates.take(own, axis=1).mean(axis=1)
+        for m, reason in enumerate(reasons):
+            self._add_flat(frame, bodies, reason, m)
+
+    def _add_flat(self, frame: Frame, bodies: Bodies, reason: NDArray[np.uint8], method: int) -> None:
+        """Add the clusters of kept points near the water that touch no body."""
+        among = (reason == Reason.KEPT) & frame.valid
+        clusters = ClusterFinder(frame.coordinates, among, _TOLERANCE_M).clusters(among, _LEAST_POINTS)
+        clustered = np.flatnonzero(clusters >= 0)
+        if not len(clustered):
+            return
+        size = np.bincount(clusters[clustered])
+        touches = np.bincount(clusters[clustered], ~bodies.flat[clustered]) > 0
+        in_body = clusters[bodies.points]
+        touches[in_body[in_body >= 0]] = True
+        self.tally.doubtful[method] += np.count_nonzero(~touches)
+        for k in np.flatnonzero(~touches).tolist() if method == 0 else ():
+            place = frame.coordinates[:, clusters == k].mean(axis=1)
+            moment = frame.index, frame.stamp_ns, frame.stamp_ns / 1e9
+            body = Body.begun(0, moment, np.ones(1, np.bool_))
+            body.best["kept"], body.points_kept = (int(size[k]), *moment[:2], place), int(size[k])
+            self._list(body.suspect("kept", 0.0, 1))
+
+    def _end(self, tracks: Sequence[Track]) -> None:
+        """Count bodies that are not seen any more, and list those that are suspects."""
+        for track in tracks:
+            body = self._bodies.pop(track)
+            score = body.score
+            if score >= LIKELY:
+                self.tally.looks += body.looks
+                self.tally.seconds += body.last[2] - body.first[2]
+                self.tally.lost += body.lost
+                self.tally.changes += body.changes
+            elif score < UNLIKELY:
+                self.tally.doubtful += body.kept
+            if score >= LIKELY and body.lost[0] >= _LEAST_LOOKS:
+                self._list(body.suspect("removed", score, int(body.lost[0])))
+            elif score < UNLIKELY and body.kept[0]:
+                self._list(body.suspect("kept", score, int(body.kept[0])))
+
+    def _list(self, suspect: Suspect) -> None:
+        found = self._listed[suspect.kind]
+        self._number += 1
+        entry = suspect.weight, -self._number, suspect
+        (heapq.heappush if len(found) < _MAX_LISTED else heapq.heappushpop)(found, entry)
+
+
+def _is_part(frame: Frame, bodies: Bodies, reason: NDArray[np.uint8], asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which of some bodies, shape (K,), have five kept points within 2.5 m: they are parts of what was kept."""
+    kept = np.flatnonzero((reason == Reason.KEPT) & frame.valid)
+    near = np.zeros(len(bodies), np.bool_)
+    if not asked.any() or len(kept) < _LEAST_POINTS:
+        return near
+    from scipy.spatial import cKDTree  # slow to import
+
+    cells = np.flatnonzero(asked[bodies.found.owner])
+    tree = cKDTree(frame.coordinates[:2, kept].T, balanced_tree=False, compact_nodes=False)
+    distance, _ = tree.query(bodies.found.cells[cells], k=[_LEAST_POINTS], distance_upper_bound=_PART_M)
+    near[bodies.found.owner[cells[np.isfinite(distance[:, 0])]]] = True
+    return near

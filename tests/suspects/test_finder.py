@@ -1,0 +1,100 @@
+"""Suspects among the bodies of the sample, when targets or clutter are removed on purpose."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import seaclutter
+from seaclutter_cli.evaluation import EvaluationParams
+from seaclutter_cli.evaluation.scores import ideal
+from seaclutter_cli.frame import FilterResult, Reason
+from seaclutter_cli.labels import open_labels
+from seaclutter_cli.suspects.finder import LIKELY, SuspectFinder
+from tests.paths import ROOT
+
+FRAMES = 25
+
+
+@pytest.fixture(scope="module")
+def labelled():
+    """Return the first frames of the sample, each with its truth."""
+    labels = open_labels(ROOT / "samples" / "sea.labels.csv")
+    with seaclutter.open_log(ROOT / "samples" / "sea.mcap") as log:
+        return [(frame, labels.truth(frame)) for frame, _ in zip(log.frames(), range(FRAMES), strict=False)]
+
+
+def found(labelled, *changes):
+    """Return the suspects, and the finder, if methods change the result of the ideal method."""
+    finder = SuspectFinder(len(changes))
+    for frame, truth in labelled:
+        right = ideal(frame, truth, EvaluationParams())
+        finder.add(frame, [change(right, truth) for change in changes])
+    return finder.finish(), finder
+
+
+def without(track):
+    def change(result, truth):
+        reason = result.reason.copy()
+        reason[truth.points == track] = Reason.OUTLIER
+        return replace(result, reason=reason)
+
+    return change
+
+
+def box_of(truth, track):
+    boxes = truth.targets
+    k = boxes.tracks.index(str(track))
+    return boxes.centers[k], boxes.sizes[k]
+
+
+def test_nothing_is_suspected_if_exactly_the_targets_are_kept(labelled):
+    suspects, _ = found(labelled, lambda right, _: right)
+    assert suspects == {"removed": [], "kept": []}
+
+
+@pytest.mark.parametrize("track", [1, 2])
+def test_a_target_that_is_removed_is_the_only_suspect(labelled, track):
+    suspects, _ = found(labelled, without(track))
+    (one,) = suspects["removed"]
+    center, size = box_of(labelled[one.frame][1], track)
+    assert np.hypot(one.x_m - center[0], one.y_m - center[1]) < np.hypot(*size[:2]) / 2 + 1
+    assert one.score > LIKELY
+    assert one.frames > 0.8 * FRAMES
+    assert one.reasons == {"outlier": one.total_points}
+    assert one.stamp_ns == labelled[one.frame][0].stamp_ns
+
+
+def test_kept_clutter_is_suspected_most_if_it_is_large(labelled):
+    suspects, finder = found(labelled, lambda right, _: FilterResult(right.frame, np.zeros_like(right.reason)))
+    assert not suspects["removed"]
+    weights = [one.weight for one in suspects["kept"]]
+    assert len(weights) > 20
+    assert weights == sorted(weights, reverse=True)
+    assert finder.tally.doubtful[0] >= len(weights)
+
+
+def test_methods_are_compared_on_the_same_bodies(labelled):
+    _, finder = found(labelled, lambda right, _: right, without(2))
+    tally = finder.tally
+    assert tally.lost[0] == 0
+    assert 0.8 * FRAMES < tally.lost[1] <= FRAMES < tally.looks
+    assert tally.changes.tolist() == [0, 0]
+
+
+def test_a_jump_in_time_ends_all_bodies(labelled):
+    finder = SuspectFinder()
+    change = without(2)
+    for k, (frame, truth) in enumerate(labelled):
+        later = replace(frame, stamp_ns=frame.stamp_ns + (k >= 12) * 60 * 10**9)
+        finder.add(later, [change(ideal(later, truth, EvaluationParams()), truth)])
+    assert [one.last_frame < 12 or one.first_frame >= 12 for one in finder.finish()["removed"]] == [True, True]
+
+
+def test_frames_that_a_method_cannot_use_and_empty_frames(labelled):
+    finder = SuspectFinder()
+    frame = labelled[0][0]
+    assert len(finder.add(frame, [None])) > 0
+    empty = seaclutter.Frame.of_arrays(np.empty((0, 3)), stamp_ns=frame.stamp_ns + 10**8)
+    assert len(finder.add(empty, [FilterResult(empty, np.empty(0, np.uint8))])) == 0
+    assert finder.finish() == {"removed": [], "kept": []}
