@@ -11,6 +11,7 @@ from seaclutter_cli.evaluation.scores import ideal
 from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.labels import open_labels
 from seaclutter_cli.suspects.finder import LIKELY, SuspectFinder
+from seaclutter_cli.truth import IGNORED
 from tests.paths import ROOT
 
 FRAMES = 25
@@ -25,12 +26,17 @@ def labelled():
 
 
 def found(labelled, *changes):
-    """Return the suspects, and the finder, if methods change the result of the ideal method."""
+    """Return the suspects, and the finder, if methods change the right result."""
     finder = SuspectFinder(len(changes))
     for frame, truth in labelled:
-        right = ideal(frame, truth, EvaluationParams())
-        finder.add(frame, [change(right, truth) for change in changes])
+        finder.add(frame, [change(right(frame, truth), truth) for change in changes])
     return finder.finish(), finder
+
+
+def right(frame, truth):
+    """Return the result of the ideal method, with own ship left out by configuration."""
+    result = ideal(frame, truth, EvaluationParams())
+    return replace(result, reason=np.where(truth.points == IGNORED, np.uint8(Reason.NEAR), result.reason))
 
 
 def without(track):
@@ -49,7 +55,7 @@ def box_of(truth, track):
 
 
 def test_nothing_is_suspected_if_exactly_the_targets_are_kept(labelled):
-    suspects, _ = found(labelled, lambda right, _: right)
+    suspects, _ = found(labelled, lambda known, _: known)
     assert suspects == {"removed": [], "kept": []}
 
 
@@ -66,7 +72,7 @@ def test_a_target_that_is_removed_is_the_only_suspect(labelled, track):
 
 
 def test_kept_clutter_is_suspected_most_if_it_is_large(labelled):
-    suspects, finder = found(labelled, lambda right, _: FilterResult(right.frame, np.zeros_like(right.reason)))
+    suspects, finder = found(labelled, lambda known, _: FilterResult(known.frame, np.zeros_like(known.reason)))
     assert not suspects["removed"]
     weights = [one.weight for one in suspects["kept"]]
     assert len(weights) > 20
@@ -75,7 +81,7 @@ def test_kept_clutter_is_suspected_most_if_it_is_large(labelled):
 
 
 def test_methods_are_compared_on_the_same_bodies(labelled):
-    _, finder = found(labelled, lambda right, _: right, without(2))
+    _, finder = found(labelled, lambda known, _: known, without(2))
     tally = finder.tally
     assert tally.lost[0] == 0
     assert 0.8 * FRAMES < tally.lost[1] <= FRAMES < tally.looks
@@ -87,7 +93,7 @@ def test_a_jump_in_time_ends_all_bodies(labelled):
     change = without(2)
     for k, (frame, truth) in enumerate(labelled):
         later = replace(frame, stamp_ns=frame.stamp_ns + (k >= 12) * 60 * 10**9)
-        finder.add(later, [change(ideal(later, truth, EvaluationParams()), truth)])
+        finder.add(later, [change(right(later, truth), truth)])
     assert [one.last_frame < 12 or one.first_frame >= 12 for one in finder.finish()["removed"]] == [True, True]
 
 
