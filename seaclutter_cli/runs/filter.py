@@ -8,7 +8,7 @@ from functools import partial
 from itertools import chain
 from tempfile import TemporaryFile
 from time import perf_counter
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.config import Config
@@ -37,6 +37,9 @@ from seaclutter_cli.sinks.csv import FrameTable
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, data_size, indented, printable, share, table
+
+if TYPE_CHECKING:
+    from seaclutter_cli.suspects.finder import Suspect, SuspectFinder
 
 _FEW_WATER = 0.05
 _MOST = 0.5
@@ -107,7 +110,8 @@ class FilterOutcome(LogOutcome):
     """Outcome of filtering one recording.
 
     ``edges`` are those of the range rings of the method in metres, if it has any; ``has_water`` is whether it estimates
-    the water; ``rows`` are those of the table of frames, ``objects`` those of the table of objects, if there is one.
+    the water; ``rows`` are those of the table of frames, ``objects`` those of the table of objects, if there is one;
+    ``suspects`` what was removed from each topic and may have been a target, if that was searched.
     """
 
     data = f"{LogOutcome.data} topics=sums"
@@ -116,6 +120,7 @@ class FilterOutcome(LogOutcome):
     has_water: bool = False
     rows: PackedRows | None = field(default=None, repr=False)
     objects: PackedRows | None = field(default=None, repr=False)
+    suspects: Mapping[str, "Sequence[Suspect]"] = field(default_factory=dict, repr=False)
 
     @property
     def points_out(self) -> int:
@@ -129,7 +134,8 @@ class FilterOutcome(LogOutcome):
     @property
     def sums(self) -> dict[str, dict[str, Any]]:
         """Sums of each topic as JSON-compatible data."""
-        return {topic: self._sums(tally) for topic, tally in self.topics.items()}
+        found = {topic: {"suspects": len(suspects)} for topic, suspects in self.suspects.items()}
+        return {topic: self._sums(tally) | found.get(topic, {}) for topic, tally in self.topics.items()}
 
     def as_text(self) -> str:
         """Return the outcome as human-readable text."""
@@ -179,7 +185,17 @@ class FilterOutcome(LogOutcome):
         if tally.scenes:
             scenes = (f"{printable(name)} {number:,}" for name, number in tally.scenes.items())
             blocks.append(f"frames by scene: {', '.join(scenes)}")
+        if topic in self.suspects:
+            blocks.append(_suspects_text(self.suspects[topic]))
         return indented("\n".join(blocks))
+
+
+def _suspects_text(found: "Sequence[Suspect]") -> str:
+    if not found:
+        return "nothing removed that looks like a target"
+    (first, *_), number = found, count(len(found), "suspect")
+    place = f"{count(first.points, 'point')} at {first.range_m:.0f} m in frame {first.frame}"
+    return f"removed, and may have been targets: {number}; first {place} (see: seaclutter suspects)"
 
 
 def _ring_table(rings: Sequence[Mapping[str, float]], beyond: Mapping[str, float]) -> str:
@@ -288,15 +304,23 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
 
             outcome.objects = PackedRows(self.spool)
             tables.append(object_table(self.config, outcome.objects))
+        finders: dict[str, SuspectFinder] = {}
+        if self.options.suspects:
+            from seaclutter_cli.runs.suspects import finder_for  # not needed without
+
+            finders = {topic: finder_for(self.config) for topic in topics}
         with self.progress(source, observer, clouds) as step:
 
             def on_result(result: FilterResult) -> None:
                 step()
                 checks[result.frame.topic].see(result)
+                if finders:
+                    finders[result.frame.topic].add(result.frame, [result])
 
             run(source, self.config.make_filter, [sink, *tables], selection, on_result, outcome.topics)
         for topic, tally in outcome.topics.items():
             checks[topic].end(tally)
+        outcome.suspects = {topic: finder.finish()["removed"] for topic, finder in finders.items()}
         return outcome.frames
 
     def identity(self) -> RunIdentity:

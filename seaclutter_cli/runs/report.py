@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from seaclutter_cli import __version__
 from seaclutter_cli.buckets import on_paths, shown
-from seaclutter_cli.config import parse_config
+from seaclutter_cli.config import Config, parse_config
 from seaclutter_cli.errors import ConfigError, InputError, UsageError
 from seaclutter_cli.evaluation.scores import Summary
 from seaclutter_cli.interfaces import Labels, Source
@@ -18,7 +18,7 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import Filtered
 from seaclutter_cli.plots.figure import check_target
 from seaclutter_cli.plots.report import FIGURES, draw_figures
-from seaclutter_cli.reporting.collector import Collector, FrameListener, Method
+from seaclutter_cli.reporting.collector import Collector, FrameListener, Method, ScoredFrame
 from seaclutter_cli.reporting.page import render_page, report_data
 from seaclutter_cli.reporting.replay import filtered_topics, recorded_config, replay
 from seaclutter_cli.runs.batch import prepared
@@ -30,6 +30,7 @@ from seaclutter_cli.runs.options import Logs, MethodOptions, ReadOptions, of_opt
 from seaclutter_cli.runs.options.logs import ReportOptions, ViewOptions
 from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
 from seaclutter_cli.runs.recordings import LabelFile, open_recording, require_frames
+from seaclutter_cli.runs.suspects import finder_for, listed
 from seaclutter_cli.selection import filtered_by
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sources.recordings import Recording
@@ -37,9 +38,13 @@ from seaclutter_cli.text import UNKNOWN, count, printable
 from seaclutter_cli.viewing import FrameStream, require_rerun, viewer
 from seaclutter_cli.viewing import check_target as check_rerun_file
 
+if TYPE_CHECKING:
+    from seaclutter_cli.suspects.finder import SuspectFinder
+
 _NANO = 1_000_000_000
 _FIRST_YEAR = 1990
 _MAX_LISTED = 200
+_MAX_SUSPECTS = 5
 
 
 @function_of(ReportOptions)
@@ -62,15 +67,16 @@ def report(options: ReportOptions) -> "ReportResult":
             raise UsageError(f"{folder}: is a file; --figures takes a folder")
         check_target(figures[-1])
     pairs = prepared(options.logs, options, {"-o": options.output, "--figures": figures}, observer)
-    make = partial(_collector, options=options)
-    comparison, collected = filter_or_replay(pairs, options, options.reading, observer, make)
+    make = partial(_studied, options=options)
+    comparison, studied = filter_or_replay(pairs, options, options.reading, observer, make)
+    collected, suspects = studied.collector, studied.finish()
     found = {one.item.frame for one in collected.chosen if one.why == "picked"}
     if missing := sorted(set(options.picks) - found):
         observer.warn(f"no log has frame {', '.join(map(str, missing))}; --pick counts from 0")
     files: dict[Path, bytes] = {}
     if may_appear([options.output, *figures], comparison.outcomes, observer):
         origin = _provenance([recording for recording, _ in pairs], comparison.outcomes, options)
-        files[options.output] = _page(comparison, collected, origin)
+        files[options.output] = _page(comparison, collected, suspects, origin)
         if folder:
             drawn = draw_figures(collected, options.figure_format)
             files |= {folder / name: content for name, content in drawn.items()}
@@ -79,13 +85,48 @@ def report(options: ReportOptions) -> "ReportResult":
     return ReportResult(comparison.variants, comparison.outcomes, collected, sizes)
 
 
+class _Studied(FrameListener):
+    """Listener with all that a report shows: a collector, and the suspects of the first method in each recording."""
+
+    def __init__(self, collector: Collector, config: Config) -> None:
+        self.collector, self._config = collector, config
+        self._finders: list[tuple[str, SuspectFinder]] = []
+        self._found: list[dict[str, Any]] = []
+
+    def begin(self, recording: str) -> None:
+        """Start a recording."""
+        self.finish()
+        self._finders.append((recording, finder_for(self._config)))
+        self.collector.begin(recording)
+
+    def add(self, scored: ScoredFrame) -> None:
+        """Take a frame."""
+        self.collector.add(scored)
+        self._finders[-1][1].add(scored.frame, scored.results[:1])
+
+    def finish(self) -> list[dict[str, Any]]:
+        """Return the first suspects of each kind in each recording so far, as data of the page."""
+        for recording, finder in self._finders:
+            for found in finder.finish().values():
+                rows = [{"recording": recording, **listed(one), "of": len(found)} for one in found[:_MAX_SUSPECTS]]
+                self._found += rows
+        self._finders.clear()
+        return self._found[:_MAX_LISTED]
+
+
+def _studied(variants: Sequence[Variant], options: ReportOptions) -> _Studied:
+    return _Studied(_collector(variants, options), variants[0].config)
+
+
 def _collector(variants: Sequence[Variant], options: ReportOptions) -> Collector:
     methods = [Method(one.name, one.config.ring_edges, one.config.to_yaml()) for one in variants]
     labelled, params = bool(options.labels), variants[0].config.evaluation
     return Collector(methods, params, labelled=labelled, frames=options.shown, picks=options.picks)
 
 
-def _page(comparison: Comparison, collected: Collector, origin: Mapping[str, Any]) -> bytes:
+def _page(
+    comparison: Comparison, collected: Collector, suspects: Sequence[Mapping[str, Any]], origin: Mapping[str, Any]
+) -> bytes:
     """Return the page, without processing times: the same input must give the same bytes."""
     summaries = _untimed(comparison.totals())
     recordings = [
@@ -96,7 +137,8 @@ def _page(comparison: Comparison, collected: Collector, origin: Mapping[str, Any
     outcomes = comparison.outcomes
     notes = [f"{outcome.recording} is left out: {outcome.error}" for outcome in outcomes if outcome.error]
     notes += [f"Damaged: {item}" for outcome in outcomes for item in outcome.damage[:20]]
-    return render_page({**report_data(collected, summaries, notes), "by_recording": recordings, "provenance": origin})
+    more = {"by_recording": recordings, "suspects": suspects, "provenance": origin}
+    return render_page({**report_data(collected, summaries, notes), **more})
 
 
 def _untimed(summaries: Mapping[str, Summary]) -> dict[str, dict[str, Any]]:

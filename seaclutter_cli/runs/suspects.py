@@ -97,7 +97,7 @@ class RecordedSuspects(Outcome):
 
     def listed_suspects(self) -> dict[str, list[dict[str, Any]]]:
         """Return the suspects of each kind as JSON-compatible data."""
-        return {kind: [{**data_of(one, _DATA)} for one in found] for kind, found in self.suspects.items()}
+        return {kind: [listed(one) for one in found] for kind, found in self.suspects.items()}
 
     def figures(self) -> str:
         """Return the number of suspects, for a line about the outcome."""
@@ -145,7 +145,7 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
         clouds = cloud_channels(source, selection.topics)
         earlier = [name for one in recorded_of(source, [clouds[0].topic]) for name in one.methods]
         outcome.topic, outcome.method = clouds[0].topic, config.method if config else ", ".join(earlier)
-        finder = SuspectFinder(1, mounting_of(self.config))
+        finder = finder_for(self.config)
         with self.progress(source, observer, clouds) as step:
             for frame, (result,), _ in _filtered(source, config, selection, removed):
                 outcome.start_ns = outcome.start_ns or frame.stamp_ns
@@ -165,10 +165,20 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
         self.finish(source, labels, outcome.frames)
 
 
+def listed(one: Suspect) -> dict[str, Any]:
+    """Return a suspect as JSON-compatible data."""
+    return data_of(one, _DATA)
+
+
 def mounting_of(config: Config) -> Mounting:
     """Return the mounting of the lidar that a configuration has; level if its method has none."""
     found = getattr(config.filter, "mounting", None)
     return found if isinstance(found, Mounting) else Mounting()
+
+
+def finder_for(config: Config, methods: int = 1) -> SuspectFinder:
+    """Return a new finder for the lidar of a configuration."""
+    return SuspectFinder(methods, mounting_of(config))
 
 
 def _filtered(source: Source, config: Config | None, selection: Selection, removed: str | None) -> Iterator[Filtered]:
@@ -221,7 +231,7 @@ class SuspectsResult(RecordingsResult):
         for outcome in self.outcomes:
             for found in outcome.suspects.values():
                 for rank, one in enumerate(found, 1):
-                    row = {"recording": outcome.recording, "rank": rank, **data_of(one, _DATA)}
+                    row = {"recording": outcome.recording, "rank": rank, **listed(one)}
                     row["reasons"] = " ".join(f"{name}:{points}" for name, points in one.reasons.items())
                     lines.append(csv_line("" if row[name] is None else row[name] for name in COLUMNS))
         return b"".join(lines)

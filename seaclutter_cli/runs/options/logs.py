@@ -73,6 +73,11 @@ class FilterOptions(WritingLogs, LabelSources, ConfigOptions):
         "panels; objects also to /seaclutter/objects.",
         default=False,
     )
+    suspects: bool = option(
+        "--suspects",
+        "Say in the summary how much was removed that may have been a target, as the command `suspects` finds it.",
+        default=False,
+    )
 
 
 class ConvertOptions(WritingLogs):
