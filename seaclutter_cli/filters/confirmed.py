@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.confirmation import ConfirmedParams
+from seaclutter_cli.filters.confirmation.background import Background
 from seaclutter_cli.filters.confirmation.beams import Beams, Sight
 from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, measure
 from seaclutter_cli.filters.confirmation.objects import SHORT_RUN, DetectedObject, find_objects
@@ -70,7 +71,7 @@ class Confirmed(Filter):
     4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. Their shape is evidence
        from -0.5 (flat on the water) to 1: the face that a quarter of their points reach, or a surface higher than any
        wave. Where the beams are too far apart to show the shape, persistent brightness is some evidence, and so are
-       many echoes beside each other, unless echoes of the water are all around.
+       many echoes beside each other, unless the water has echoes around them and in other directions at their range.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
        most tracks have in common. The score of a track is its mean evidence within ``look_ahead_s``
        of the frame, plus what it collected before. Evidence adds up over the time in which the water becomes
@@ -85,7 +86,7 @@ class Confirmed(Filter):
 
     Nearer than ``start_m``, only objects are kept that were confirmed farther away: all else there is own ship.
 
-    **State**: the water, the elevations of the beams, the tracks, and the frames that wait.
+    **State**: the water and its echoes, the elevations of the beams, the tracks, and the frames that wait.
 
     References
     ----------
@@ -110,7 +111,7 @@ class Confirmed(Filter):
     def reset(self) -> None:
         """Forget the water, the beams, the tracks and the frames that wait."""
         self._water, self._beams = WaterTracker(), Beams(self._params.mounting)
-        self._tracker = Tracker(self._params)
+        self._background, self._tracker = Background(), Tracker(self._params)
         self._undecided: deque[_Undecided] = deque()
         self._time_s: float | None = None
 
@@ -159,7 +160,8 @@ class Confirmed(Filter):
         faces = self._faces(echoes.xyz)
         water = self._water.step(echoes.xyz, faces, time_s)
         # 2. Band
-        heights = measure(echoes, self._threshold(echoes), water, faces, self._params)
+        self._background.fade(time_s)
+        heights = measure(echoes, self._threshold(echoes), water, faces, self._background, self._params)
         del faces  # less to hold
         # 3. Candidates
         candidates = heights.upright | self._accompanied(echoes, heights) | self._dense(echoes, heights)
@@ -219,8 +221,8 @@ class Confirmed(Filter):
         return dense
 
     def _unbroken(self, echoes: Echoes, heights: Heights) -> Mask:
-        """Return the points in runs near the water, where it has hardly any echoes and the next beam passes above."""
-        found = (heights.run >= SHORT_RUN) & (heights.unseen > _ALONE) & (np.abs(heights.height_m) <= heights.rise_m)
+        """Return the points in runs near the water, where it has hardly any echoes, and the next beam passes above."""
+        found = (heights.run >= SHORT_RUN) & (heights.alone > _ALONE) & (np.abs(heights.height_m) <= heights.rise_m)
         runs = np.flatnonzero(found)
         found[runs] = self._next_beam_m(echoes, heights, runs) >= heights.rise_m[runs]
         return found

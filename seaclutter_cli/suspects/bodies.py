@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.confirmation import ConfirmedParams
+from seaclutter_cli.filters.confirmation.background import Background
 from seaclutter_cli.filters.confirmation.beams import Beams
 from seaclutter_cli.filters.confirmation.echoes import OWN_SHIP_M, Echoes, measure
 from seaclutter_cli.filters.confirmation.objects import Clusters
@@ -53,13 +54,13 @@ class Bodies:
 class BodyFinder:
     """The bodies of the frames of a recording, in their order.
 
-    **State**: the water, and the elevations of the beams.
+    **State**: the water and its echoes, and the elevations of the beams.
     """
 
     def __init__(self, mounting: Mounting) -> None:
         roll, pitch = mounting.roll_deg, mounting.pitch_deg
         self._params = ConfirmedParams(use_intensity=False, mounting_roll_deg=roll, mounting_pitch_deg=pitch)
-        self._water, self._beams = WaterTracker(), Beams(mounting)
+        self._water, self._background, self._beams = WaterTracker(), Background(), Beams(mounting)
 
     def find(self, frame: Frame, left_out: Mask, time_s: float) -> Bodies:
         """Return the bodies of a frame at a time, without points that are left out, such as own ship's structure."""
@@ -70,7 +71,9 @@ class BodyFinder:
         elevation = self._beams.elevation_deg(xyz)
         faces = Faces.of(xyz, elevation, self._beams.gaps(elevation, elevation)[1])
         water = self._water.step(xyz, faces, time_s)
-        heights = measure(echoes, np.full(len(index), -np.inf), water, faces, self._params)
+        self._background.fade(time_s)
+        threshold = np.full(len(index), -np.inf)
+        heights = measure(echoes, threshold, water, faces, self._background, self._params)
         among = heights.high | heights.upright
         among |= (heights.unseen >= 1) & (heights.height_m > -heights.rise_m) & ~heights.mirrored
         clusters = _largest(Clusters.among(echoes, among, self._beams, self._params))

@@ -97,14 +97,14 @@ class Faces:
         """Return the heights of the faces above z of the water, shape (N,)."""
         return self.top_m - np.maximum(self.low_m, level)
 
-    def neighbors(self, among: Mask) -> tuple[Floats, Floats]:
+    def neighbors(self, among: Mask) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Return how many neighbours of each echo among some are on one surface with it, and how many are not.
 
         Both have the shape (N,).
         """
         both = among[self.pairs].all(axis=0)
         joined, loose = (
-            np.bincount(self.pairs[:, both & chosen].reshape(-1), minlength=len(among)).astype(np.float64)
+            np.bincount(self.pairs[:, both & chosen].reshape(-1), minlength=len(among)).astype(np.int32)
             for chosen in (self.joined, ~self.joined)
         )
         return joined, loose

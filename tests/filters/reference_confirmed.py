@@ -15,6 +15,7 @@ from seaclutter_cli.filters.confirmation.echoes import OWN_SHIP_M
 from seaclutter_cli.frame import Frame, Reason
 from tests.filters.reference_faces import faces_of
 from tests.filters.reference_objects import (
+    Background,
     Beams,
     Echo,
     Thing,
@@ -61,7 +62,7 @@ class ConfirmedObjects:
         self.scans: list[Scan] = []
         self.tracks = Tracks(self.params)
         self.water = Water()
-        self.beams = Beams()
+        self.beams, self.background = Beams(), Background()
 
     def observe(self, frame: Frame) -> None:
         raise AssertionError("one pass is enough")
@@ -121,6 +122,7 @@ class ConfirmedObjects:
         faces = faces_of(places, elevations, gaps)
         water = self.water.step(places, faces.of_point, time_s)
         echoes = echoes_of([(number, points[number], rings[number]) for number in used], water, faces, self.params)
+        self.background.mark(echoes, time_s)
         candidates = candidates_of(echoes, self.beams)
         sigma = 0.0 if water is None else water.sigma
         things = self.things([one for one in candidates if not one.near], sigma, near=False)

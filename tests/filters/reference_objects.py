@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli.filters import confirmed
-from seaclutter_cli.filters.confirmation import beams, objects
+from seaclutter_cli.filters.confirmation import background, beams, objects
 from seaclutter_cli.filters.confirmation import echoes as heights
 from seaclutter_cli.water import surface as water_surface
 from seaclutter_cli.water.faces import LEAST_M
@@ -54,6 +54,7 @@ class Echo:
     bright: bool
     low: bool
     unseen: float
+    alone: float = 0.0
     face: float = 0.0
     run: int = 1
     linked: int = 0
@@ -95,6 +96,36 @@ def elevation_of(z: float, place: XY) -> float:
 def bin_of(z: float, place: XY) -> int:
     """Return the number of the elevation bin of a point."""
     return round((elevation_of(z, place) + beams._HALF_DEG) / beams._BIN_DEG)
+
+
+class Background:
+    """How often cells of ring and sector had echoes of water."""
+
+    def __init__(self) -> None:
+        self.seen: dict[tuple[int, int], float] = {}
+        self.time_s = -math.inf
+
+    def mark(self, echoes: Sequence[Echo], time_s: float) -> None:
+        """Set how alone echoes are, which may be echoes of the water themselves."""
+        kept = math.exp(-max(time_s - self.time_s, 0) / background._MEMORY_S)
+        self.time_s = time_s
+        of_water = {cell_of(echo) for echo in echoes if abs(echo.height) <= echo.rise and not echo.upright}
+        now = {(ring + step, sector) for ring, sector in of_water for step in (-1, 0, 1)}
+        cells = now | self.seen.keys()
+        self.seen = {cell: kept * self.seen.get(cell, 0.0) + (1 - kept) * (cell in now) for cell in cells}
+        for echo in echoes:
+            ring, sector = cell_of(echo)
+            own = {(sector + step) % background._SECTORS for step in range(-background._BESIDE, background._BESIDE + 1)}
+            others = set(range(background._SECTORS)) - own
+            share = sum(self.seen.get((ring, other), 0.0) for other in others) / len(others)
+            echo.alone = max(echo.unseen, 1 - share / heights._COMMON)
+
+
+def cell_of(echo: Echo) -> tuple[int, int]:
+    """Return ring and sector of an echo."""
+    ring = background._PER_OCTAVE * math.log2(1 + math.hypot(*echo.xy) / background._NEAR_M)
+    sector = (math.atan2(echo.point.y, echo.point.x) + math.pi) * background._SECTORS / (2 * math.pi)
+    return min(int(ring), background._RINGS - 1), int(sector) % background._SECTORS
 
 
 def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, faces: Faces, params: Any) -> list[Echo]:
@@ -172,7 +203,7 @@ def candidates_of(echoes: Sequence[Echo], lidar: "Beams") -> list[Echo]:
             chosen = (distances(echo.xyz, company) <= reach).sum() - 1 >= confirmed._COMPANY
         next_m = echo.height + math.tan(math.radians(lidar.above(echo.elevation_bin))) * echo.range_m
         if abs(echo.height) <= echo.rise <= next_m and echo.run >= objects.SHORT_RUN:
-            chosen = chosen or echo.unseen > confirmed._ALONE
+            chosen = chosen or echo.alone > confirmed._ALONE
         if not chosen and echo.bright:
             in_one_beam = echo.unseen > 0 and next_m >= confirmed._ONE_BEAM_RISES * echo.rise
             needed = confirmed._MIN_IN_ONE_BEAM if in_one_beam else confirmed._MIN_NEIGHBORS
@@ -301,10 +332,11 @@ def evidence_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any)
     shape = min(max(share, 0.0), objects._MAX_SHARE) - objects._FLAT
     if shape >= 0:
         return shape
-    hidden = min(max((top + above) / rise - 1, 0.0), 1.0) * mean([echo.unseen for echo in echoes])
+    hidden = min(max((top + above) / rise - 1, 0.0), 1.0)
+    unseen, alone = mean([echo.unseen for echo in echoes]), mean([echo.alone for echo in echoes])
     unbroken = min(max((mean([echo.run for echo in echoes]) - objects.SHORT_RUN) / objects._LONG_RUN, 0.0), 1.0)
-    found = max(evidence_of_brightness(echoes, params), objects._BRIGHT_EVIDENCE * unbroken)
-    return (1 - hidden) * shape + hidden * found
+    found = max(unseen * evidence_of_brightness(echoes, params), alone * objects._UNBROKEN_EVIDENCE * unbroken)
+    return (1 - hidden * alone) * shape + hidden * found
 
 
 def evidence_of_brightness(echoes: Sequence[Echo], params: Any) -> float:

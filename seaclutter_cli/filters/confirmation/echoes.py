@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.confirmation import ConfirmedParams
+from seaclutter_cli.filters.confirmation.background import Background
 from seaclutter_cli.frame import Frame, Reason
 from seaclutter_cli.water import Faces, WaterSurface
 from seaclutter_cli.water.surface import BEYOND, mirrored_below_m
@@ -21,6 +22,7 @@ _GROWTH_SIGMAS = 1.5
 _UNSEEN_M = 100.0
 _VOLUME = 2.5
 _OWN, _SHOWN = 4.0, 12.0
+_COMMON = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +72,7 @@ class Heights:
         Height above the water, height at which a point stands out, and height that no wave reaches.
     face_m : ndarray, float64
         Height of the face that a point belongs to.
-    linked, loose : ndarray, float64
+    linked, loose : ndarray, int32
         Numbers of neighbours that stand out, too, and lie on one surface with a point, or do not.
     high, bright, low, upright, grows, mirrored : ndarray, bool
         Whether a point stands out; is near the water and reaches its threshold; does not reach it; belongs to a face
@@ -79,6 +81,9 @@ class Heights:
         Intensity divided by the threshold; 0 without thresholds.
     unseen : ndarray, float64
         1 where the water has no echoes but those that an object itself may have, 0 where echoes show it all around.
+    alone : ndarray, float64
+        The same, or 1 where the water has no echoes at the range of a point, 0 where it has them in a quarter of the
+        other directions.
     run : ndarray, int32
         Number of echoes beside each other in one beam, at nearly one range.
     sigma_m : float
@@ -89,8 +94,8 @@ class Heights:
     rise_m: Floats
     wave_m: Floats
     face_m: Floats
-    linked: Floats
-    loose: Floats
+    linked: NDArray[np.int32]
+    loose: NDArray[np.int32]
     high: Mask
     bright: Mask
     low: Mask
@@ -99,12 +104,18 @@ class Heights:
     mirrored: Mask
     brightness: Floats
     unseen: Floats
+    alone: Floats
     run: NDArray[np.int32]
     sigma_m: float
 
 
 def measure(
-    echoes: Echoes, threshold: Floats, water: WaterSurface | None, faces: Faces, params: ConfirmedParams
+    echoes: Echoes,
+    threshold: Floats,
+    water: WaterSurface | None,
+    faces: Faces,
+    background: Background,
+    params: ConfirmedParams,
 ) -> Heights:
     """Return the M echoes of a frame against the water. Without water, every point stands out.
 
@@ -127,6 +138,9 @@ def measure(
     upright = faces.stands(level, sigma) & (height >= -mirrored_below_m(deviation)) & solid
     high = (height > rise) & solid
     bodies = high | upright
+    beside_water = np.abs(height) <= rise
+    alone = 1 - background.share(echoes.xyz, beside_water & ~upright) / _COMMON
+    unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
     mirrored = np.zeros_like(bodies) if water is None else water.mirrored(height, deviation, bodies)
     return Heights(
         height,
@@ -136,19 +150,20 @@ def measure(
         linked,
         loose,
         high,
-        reached & (np.abs(height) <= rise),
+        reached & beside_water,
         ~reached,
         upright,
         (height > np.maximum(params.growth_height_m, _GROWTH_SIGMAS * deviation)) | upright,
         mirrored,
         brightness,
-        np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1),
+        unseen,
+        np.maximum(unseen, alone, out=alone),
         faces.run,
         sigma,
     )
 
 
-def _in_volume(linked: Floats, loose: Floats, water: WaterSurface | None) -> Mask:
+def _in_volume(linked: NDArray[np.int32], loose: NDArray[np.int32], water: WaterSurface | None) -> Mask:
     """Return which echoes are in cells of the water's grid in which few neighbours lie on one surface, as in spray."""
     if water is None:
         return np.zeros(len(linked), np.bool_)

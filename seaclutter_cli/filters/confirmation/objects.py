@@ -21,7 +21,7 @@ _FLAT = 0.5
 _MAX_SHARE = 1.5
 _POSSIBLE = 0.7
 _LOOSE_SHARE = 0.2
-_BRIGHT_EVIDENCE = 0.4
+_BRIGHT_EVIDENCE, _UNBROKEN_EVIDENCE = 0.4, 0.8
 _DIM_SHARE = 0.25
 _BRIGHT_OCTAVES = 2.0
 SHORT_RUN, _LONG_RUN = 4, 8.0
@@ -167,14 +167,15 @@ def _evidence(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams
     shape = np.clip(np.maximum(stands, tall / rise), 0, _MAX_SHARE) - _FLAT
     # Where the next beam passes above all but tall bodies, a flat cluster is no evidence. Brightness decides, or echoes
     # that are beside each other; unless the water has echoes all around, since it is bright at times.
-    hidden = np.where(shape < 0, np.clip((top + above) / rise - 1, 0, 1), 0.0) * clusters.mean(heights.unseen)
-    if not hidden.any():
+    hidden = np.where(shape < 0, np.clip((top + above) / rise - 1, 0, 1), 0.0)
+    unseen, alone = clusters.mean(heights.unseen), clusters.mean(heights.alone)
+    if not (hidden * alone).any():
         return np.asarray(shape)
     (brightness,) = clusters.ranked(heights.brightness, clusters.count // 2)
     octaves = np.clip(np.log2(np.maximum(brightness, 1)) / _BRIGHT_OCTAVES, 0, 1)
     bright = np.where(brightness >= 1, _BRIGHT_EVIDENCE * (_DIM_SHARE + (1 - _DIM_SHARE) * octaves), 0.0)
-    unbroken = _BRIGHT_EVIDENCE * np.clip((clusters.mean(heights.run) - SHORT_RUN) / _LONG_RUN, 0, 1)
-    return np.asarray((1 - hidden) * shape + hidden * np.maximum(bright, unbroken))
+    unbroken = _UNBROKEN_EVIDENCE * np.clip((clusters.mean(heights.run) - SHORT_RUN) / _LONG_RUN, 0, 1)
+    return np.asarray((1 - hidden * alone) * shape + hidden * np.maximum(unseen * bright, alone * unbroken))
 
 
 def _beside(echoes: Echoes, clusters: Clusters, beams: Beams) -> tuple[Floats, Floats]:

@@ -1,0 +1,55 @@
+"""How often the water has echoes at the range of a point, in other directions."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_SECTORS, _BESIDE = 72, 2
+_NEAR_M, _PER_OCTAVE, _RINGS = 8.0, 8.0, 48
+_MEMORY_S = 1.0
+
+
+class Background:
+    """A map of the water's echoes around a lidar.
+
+    Water has echoes all around at one range, a body in one direction. So what the water shows at a point is learned
+    from other directions at its range, as in radar detectors with a constant rate of false alarms [1]_.
+
+    **State**: how often each cell of 5° and about a fifth of its range had echoes of water in the last second.
+
+    References
+    ----------
+    .. [1] Rohling (1983). "Radar CFAR thresholding in clutter and multiple target situations". IEEE Transactions on
+       Aerospace and Electronic Systems 19(4).
+    """
+
+    def __init__(self) -> None:
+        self._seen = np.zeros((_RINGS, _SECTORS))
+        self._time_s, self._kept = -math.inf, 0.0
+
+    def fade(self, time_s: float) -> None:
+        """Go on to the time of the next frame."""
+        self._kept = math.exp(-max(time_s - self._time_s, 0) / _MEMORY_S)
+        self._time_s = time_s
+
+    def share(self, xyz: Floats, of_water: Mask) -> Floats:
+        """Return the share of the other directions in which the water has echoes at the ranges of N points, shape (N,).
+
+        Of the points of a frame, shape (3, N), some may be echoes of the water, ``of_water``, shape (N,).
+        """
+        x, y, _ = xyz
+        cell = np.minimum(_PER_OCTAVE * np.log2(1 + np.hypot(x, y) / _NEAR_M), _RINGS - 1).astype(np.int16)
+        cell *= np.int16(_SECTORS)
+        cell += ((np.arctan2(y, x) + np.pi) * (_SECTORS / (2 * np.pi))).astype(np.int16) % np.int16(_SECTORS)
+        seen = np.bincount(cell[of_water], minlength=self._seen.size).reshape(self._seen.shape) > 0
+        around = seen.copy()
+        around[1:] |= seen[:-1]
+        around[:-1] |= seen[1:]
+        self._seen = self._kept * self._seen + (1 - self._kept) * around
+        beside = np.sum([np.roll(self._seen, shift, axis=1) for shift in range(-_BESIDE, _BESIDE + 1)], axis=0)
+        others = (self._seen.sum(axis=1, keepdims=True) - beside) / (_SECTORS - 2 * _BESIDE - 1)
+        return np.asarray(others.reshape(-1)[cell])
