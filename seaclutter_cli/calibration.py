@@ -142,10 +142,11 @@ class Calibration:
         max_left: float | None = None,
         keep_end: bool = False,
     ) -> None:
+        params = replace(params, start_m=params.own_ship_m)  # range rings begin at one range
         self.params, self.filter_rate, self.max_left, self.keep_end = params, filter_rate, max_left, keep_end
         self.frames = 0
-        count = max(1, min(MAX_RINGS, math.ceil((MAX_RANGE_M - params.start_m) / params.ring_width_m)))
-        whole_rings = np.asarray(params.start_m + np.arange(count + 1) * params.ring_width_m, np.float64)
+        count = max(1, min(MAX_RINGS, math.ceil((MAX_RANGE_M - params.own_ship_m) / params.ring_width_m)))
+        whole_rings = np.asarray(params.own_ship_m + np.arange(count + 1) * params.ring_width_m, np.float64)
         self._edges: NDArray[np.float64] = params.edges if keep_end else whole_rings
         self._limit = FarLimit()
         self._rings: dict[int, IntensityHistogram] = {}
@@ -206,7 +207,7 @@ class Calibration:
 
     def _up_to(self, last_m: float | None) -> NDArray[np.float64]:
         """Return the edges of the range rings up to a range, at least one."""
-        start_m, width_m = self.params.start_m, self.params.ring_width_m
+        start_m, width_m = self.params.own_ship_m, self.params.ring_width_m
         count = max(1, math.ceil((last_m - start_m) / width_m - 1e-9)) if last_m is not None else 1
         if count >= len(self._edges):
             raise InputError(
@@ -321,7 +322,7 @@ class ClutterSelector:
     """
 
     def __init__(self, params: RingIntensityParams, labels: Labels | None = None, margin_m: float = 0.0) -> None:
-        self._zones = Zones(params)
+        self._zones = Zones(replace(params, start_m=params.own_ship_m))
         self._labels, self._margin_m = labels, margin_m
         self.frames = self.unlabelled = self.marked = 0
         """Frames used; frames left out because they have no labels; points left out because of their labels."""

@@ -4,6 +4,7 @@ The keys of a method are the fields of its ``Params`` dataclass. Their types, li
 there, and so are their meanings, the comments of written configurations. Unknown keys are errors.
 """
 
+import re
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -16,9 +17,9 @@ from numpy.typing import NDArray
 from seaclutter_cli.buckets import fetch, on_paths, shown
 from seaclutter_cli.errors import AdaptedThresholdsWarning, ConfigError
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.filters import FILTERS, OPTIONAL
 from seaclutter_cli.filters.joint import RingIntensityParams
-from seaclutter_cli.filters.zones import ZoneParams, ring_edges
+from seaclutter_cli.filters.zones import AUTO_M, ZoneParams, ring_edges
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.params import key
 from seaclutter_cli.text import count, suggestion
@@ -39,6 +40,7 @@ from seaclutter_cli.validation import (
 DEFAULT_METHOD = "joint"
 _RING_KEYS = {"filter.start_m", "filter.end_m", "filter.ring_width_m"}
 _SECTIONS = ("filter", "evaluation", "sensor")
+_BARE_KEY = re.compile(r"\s*\w+\s*=")
 _MAX_BYTES = 64 * 2**20
 
 
@@ -163,9 +165,10 @@ def load_config(
 
     The ``source`` is a YAML file or the name of a built-in one, the content of a file, or a configuration; by default
     all defaults. Keys that a ``method`` of the command line does not have are ignored. ``overrides`` are
-    ``section.key=value`` with YAML values; if they change the number of range rings and not the thresholds, each range
-    ring gets that of the nearest one before, and `AdaptedThresholdsWarning` says so. ``origin`` is where these come
-    from, for errors. With ``undetermined_thresholds``, that of every range ring is 0, because it is not yet known.
+    ``section.key=value`` with YAML values, or ``key=value`` for keys of the method; if they change the number of range
+    rings and not the thresholds, each range ring gets that of the nearest one before, and `AdaptedThresholdsWarning`
+    says so. ``origin`` is where these come from, for errors. With ``undetermined_thresholds``, that of every range ring
+    is 0, because it is not yet known.
     """
     prepare = _with_open_thresholds if undetermined_thresholds else dict
     where, raw = _read(source)
@@ -178,6 +181,7 @@ def load_config(
         kept = {field.name for field in fields(FILTERS[method].Params)}
         shared = {key: value for key, value in sections["filter"].items() if key in kept}
         sections["filter"] = {**shared, "method": method}
+    overrides = [f"filter.{one.lstrip()}" if _BARE_KEY.match(one) else one for one in overrides]
     for override in overrides:
         sections = merged(sections, parse_override(override, _SECTIONS, "filter.KEY=VALUE or evaluation.KEY=VALUE"))
     if not undetermined_thresholds:
@@ -219,9 +223,9 @@ def _edges_of(section: Mapping[str, Any]) -> NDArray[np.float64] | None:
     kind = FILTERS.get(str(section.get("method", DEFAULT_METHOD)))
     if kind is None or not issubclass(kind.Params, RingIntensityParams):
         return None
-    limits = [section.get(key, getattr(kind.Params, key)) for key in ("start_m", "end_m", "ring_width_m")]
+    limits = {key: section.get(key, getattr(kind.Params, key)) for key in ("start_m", "end_m", "ring_width_m")}
     try:
-        return ring_edges(*limits)
+        return ring_edges(*({**limits, "start_m": AUTO_M} if limits["start_m"] == "auto" else limits).values())
     except (ArithmeticError, TypeError, ValueError):
         return None
 
@@ -262,11 +266,30 @@ def _validate(raw: Mapping[str, Any], where: str) -> Config:
         problems.append(f"filter.method: unknown method {method!r}; {_methods(method)}")
         params = None
     else:
-        params = build(FILTERS[method].Params, sections["filter"], "filter", f"method {method}", problems)
+        section = _without_keys_of_others(method, sections["filter"], problems)
+        params = build(FILTERS[method].Params, section, "filter", f"method {method}", problems)
     evaluation = build(EvaluationParams, sections["evaluation"], "evaluation", "evaluation", problems)
     sensor = build(SensorParams, sections["sensor"], "sensor", "sensor", problems)
     raise_problems(where, problems)
     return Config(method, params, evaluation, sensor)
+
+
+def _without_keys_of_others(method: str, section: Mapping[str, Any], problems: list[str]) -> dict[str, Any]:
+    """Return the settings without keys that only another method has; a line is appended to ``problems`` for them."""
+    own = {one.name for one in fields(FILTERS[method].Params)}
+    unknown = [key for key in section if key not in own]
+    for other in unknown and [DEFAULT_METHOD, *FILTERS]:
+        if other in OPTIONAL:
+            continue
+        foreign = {one.name for one in fields(FILTERS[other].Params)}.intersection(unknown)
+        if len(foreign) > 1:
+            names = ", ".join(key for key in unknown if key in foreign)
+            problems.append(
+                f"filter: {names}: keys of {other}, not of {method}; remove them, or write "
+                f"method: {other} and use -m {method}"
+            )
+            return {key: value for key, value in section.items() if key not in foreign}
+    return dict(section)
 
 
 def _check_method(method: str, where: str) -> None:

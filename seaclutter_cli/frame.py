@@ -331,6 +331,8 @@ class FilterResult:
         Class of scene whose preset was used, for filters with presets.
     water : WaterState, optional
         The water, for filters that estimate it and where there is some.
+    undecided : ndarray, shape (2, 2), int64, optional
+        Objects that evidence does not decide, and their points: those removed, and those kept.
 
     Examples
     --------
@@ -346,6 +348,7 @@ class FilterResult:
     rings: Rings | None = None
     scene: str | None = None
     water: WaterState | None = None
+    undecided: NDArray[np.int64] | None = None
 
     @cached_property
     def keep(self) -> NDArray[np.bool_]:

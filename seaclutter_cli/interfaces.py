@@ -37,6 +37,8 @@ class Source(ABC):
     """Metadata records known before reading."""
     facts: Mapping[str, SensorFacts] = MappingProxyType({})
     """Facts about the sensor of each cloud topic, from its packets; complete when all records have been read."""
+    has_times = True
+    """Whether the frames have times of their own; else they are those of a rate that was given or assumed."""
 
     def __init__(self) -> None:
         self.damage: list[Damage] = []

@@ -29,6 +29,7 @@ class _Interrupt(KeyboardInterrupt):
 
 _first: "weakref.ref[_Interrupt] | None" = None
 _is_repeated = False
+_number = int(signal.SIGINT)
 
 
 def handle_interrupts() -> None:
@@ -52,7 +53,15 @@ def ignore_interrupts() -> None:
             signal.signal(number, signal.SIG_IGN)
 
 
+def exit_status() -> int:
+    """Return the exit status of an interrupted run: 128 and the number of the signal, as shells have it."""
+    return 128 + _number
+
+
 def _interrupt(number: int, frame: FrameType | None) -> None:
+    global _number  # noqa: PLW0603
+    if not _is_repeated:
+        _number = int(number)
     _repeat(number)
     if not _is_alive() and not _must_wait(frame):
         raise _new_interrupt()  # no variable here, which its traceback would keep alive

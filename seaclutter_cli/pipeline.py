@@ -33,7 +33,8 @@ class TopicTally:
     """Sums over the frames of one topic.
 
     ``counts``, shape (9,), are the points for each `Reason`, ``scenes`` the frames for each class of scene; ``water``,
-    shape (4,), are sums of `WaterState` over ``water_frames``, ``unfit`` errors of first frames, which lack a field.
+    shape (4,), are sums of `WaterState` over ``water_frames``, ``undecided``, shape (2, 2), those of the results;
+    ``unfit`` are errors of first frames, which lack a field.
     """
 
     frames: int = 0
@@ -43,6 +44,7 @@ class TopicTally:
     scenes: Counter[str] = field(default_factory=Counter)
     water: NDArray[np.float64] = field(default_factory=lambda: np.zeros(len(WATER_COLUMNS)))
     water_frames: int = 0
+    undecided: NDArray[np.int64] = field(default_factory=lambda: np.zeros((2, 2), np.int64))
     filter_s: float = 0.0
     unfit: list[FieldError] = field(default_factory=list)
 
@@ -59,6 +61,8 @@ class TopicTally:
         if result.water is not None:
             self.water += astuple(result.water)
             self.water_frames += 1
+        if result.undecided is not None:
+            self.undecided += result.undecided
 
     @property
     def mean_water(self) -> WaterState | None:

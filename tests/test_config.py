@@ -81,6 +81,20 @@ def test_another_method_takes_the_keys_it_has_too(load):
     assert config.filter.start_m == 5
 
 
+def test_a_key_without_a_section_is_one_of_the_method():
+    assert load_config(overrides=["start_m=5", "initial_thresholds=[1, 2, 3, 4, 5]"]).filter.start_m == 5
+    with pytest.raises(ConfigError, match=r"filter.strat_m: unknown key; did you mean 'start_m'"):
+        load_config(overrides=["strat_m=5"])
+
+
+def test_keys_of_the_method_before_are_one_problem(load):
+    text = load_config().to_yaml().replace("method: joint", "method: confirmed\n  colour: red")
+    lines = problems(load, text)
+    assert len(lines) == 3
+    assert "max_neighbors, neighbor_fraction, std_ratio" in lines[1]
+    assert "keys of joint, not of confirmed; remove them, or write method: joint and use -m confirmed" in lines[1]
+
+
 def test_all_problems_are_reported_at_once(load, tmp_path):
     text = """
     filter: {start_m: -3, end_m: x, colour: red, update_weight: 1.5, near: maybe, initial_thresholds: [1, a]}
@@ -93,7 +107,7 @@ def test_all_problems_are_reported_at_once(load, tmp_path):
     for key in (
         "fliter: unknown section",
         "filter.colour: unknown key",
-        "filter.start_m: must be a number greater than or equal to 0, got -3",
+        'filter.start_m: must be a number greater than or equal to 0 or "auto", got -3',
         'filter.end_m: must be a number greater than 0, got "x"',
         "filter.update_weight: must be a number from 0 to 1, got 1.5",
         'filter.near: must be "drop" or "keep", got "maybe"',
@@ -115,8 +129,8 @@ def test_all_problems_are_reported_at_once(load, tmp_path):
         ("filter: {exclude_boxes: [[1, 2, 3]]}", "exclude_boxes.0: must be a list of 6 values"),
         ("filter: {method: magic}", "unknown method 'magic'; allowed: joint"),
         ("filter: {method: sor, update_weight: 0.5}", "unknown key; allowed for method sor: neighbors, std_ratio"),
-        ("filter: {start_m: true}", "must be a number greater than or equal to 0, got true"),
-        ("filter: {start_m: '5'}", 'must be a number greater than or equal to 0, got "5"'),
+        ("filter: {start_m: true}", 'must be a number greater than or equal to 0 or "auto", got true'),
+        ("filter: {start_m: '5'}", 'must be a number greater than or equal to 0 or "auto", got "5"'),
         ("filter: {start_m: .nan}", "must be a finite number"),
         ("filter: {end_m: .inf}", "must be a finite number"),
         ("filter: {initial_thresholds: []}", "initial_thresholds: must be a list of at least 1 value, got []"),
@@ -130,7 +144,7 @@ def test_one_problem(load, text, message):
     assert message in " ".join(problems(load, text))
 
 
-@pytest.mark.parametrize("override", ["start_m=1", "filter.start_m", "paint.colour=3", "filter.start_m=[1"])
+@pytest.mark.parametrize("override", ["filter.start_m", "paint.colour=3", "filter.start_m=[1"])
 def test_an_invalid_override(override):
     with pytest.raises(ConfigError, match="--set"):
         load_config(overrides=[override])

@@ -94,7 +94,7 @@ def test_only_removed_output_is_mentioned(tmp_path, monkeypatch, words, message)
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(Frame, "coordinates", property(interrupt))
-    result = execute(*words.replace("LOG", str(SAMPLE)).split(" "), code=1)
+    result = execute(*words.replace("LOG", str(SAMPLE)).split(" "), code=130)
     assert f"\n{message}" in result.stderr
     assert not list(tmp_path.iterdir())
 

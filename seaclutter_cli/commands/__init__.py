@@ -16,7 +16,7 @@ from seaclutter_cli.commands.console import ARGUMENTS, DEBUG, LOG, show_each_war
 from seaclutter_cli.commands.groups import VERSION, CommandGroup
 from seaclutter_cli.commands.printer import LogHandler, close_output, show, show_error, show_traceback
 from seaclutter_cli.errors import AdaptedThresholdsWarning, RenamedKeyWarning, SeaclutterError
-from seaclutter_cli.interrupts import handle_interrupts, ignore_interrupts
+from seaclutter_cli.interrupts import exit_status, handle_interrupts, ignore_interrupts
 from seaclutter_cli.text import printable
 
 try:
@@ -120,7 +120,7 @@ def _reported_errors() -> Iterator[None]:
         removed = "; incomplete output was removed" if hasattr(interrupt, "__notes__") else ""
         with suppress(OSError):  # a hang-up closes the terminal
             show(f"\nInterrupted{removed}.", err=True)
-        raise click.exceptions.Exit(1) from interrupt
+        raise click.exceptions.Exit(exit_status()) from interrupt
 
 
 def _lacks_memory(error: BaseException) -> bool:
@@ -184,7 +184,7 @@ def main() -> None:
     except BrokenPipeError:
         sys.exit(1)  # the reader of the pipe has closed it, as in `seaclutter info … | head`
     except KeyboardInterrupt:
-        sys.exit(1)
+        sys.exit(exit_status())
     finally:
         ignore_interrupts()
         close_output()

@@ -6,7 +6,9 @@ import json
 import os
 import sys
 import time
+from collections import Counter
 from contextlib import closing, contextmanager, suppress
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
@@ -107,10 +109,17 @@ class Console(Options):
         if self.verbose if detail else not self.quiet:
             show_line(text)
 
+    @cached_property
+    def _warned(self) -> Counter[str]:
+        """Number of each warning so far, without the recording or topic that it begins with."""
+        return Counter()
+
     def warn(self, text: str) -> None:
-        """Print a warning."""
+        """Print a warning, unless it is verbose only once for all recordings or topics that have it."""
         self.record(text, "WARNING")
-        if not self.quiet:
+        same = text.partition(": ")[2] or text
+        self._warned[same] += 1
+        if not self.quiet and (self.verbose or self._warned[same] == 1):
             show_line(f"Warning: {text}")
 
     def damage(self, damage: Sequence[Damage], *, most: int = _SHOWN_DAMAGE) -> None:
@@ -141,7 +150,10 @@ class Console(Options):
         self.damage(damage, most=0)
 
     def finish(self, result: Result) -> NoReturn:
-        """Print a result, and exit with its status."""
+        """Print the number of warnings that were not shown again, and a result; exit with its status."""
+        for text, number in self._warned.items():
+            if number > 1 and not (self.quiet or self.verbose):
+                show_line(f"Warning: {number - 1:,} more: {text}")
         if self.as_json or not (self.quiet and result.is_summary):
             text = result.as_detailed_text() if self.verbose else result.as_text()
             self.show(result.as_dict() if self.as_json else text)

@@ -43,7 +43,8 @@ class GlobalIntensity(Filter):
         self.reset()
 
     def reset(self) -> None:
-        """Discard the observed intensities."""
+        """Discard the observed intensities, and where own ship ends."""
+        self._zones.reset()
         self._histogram = IntensityHistogram()
         self._found: float | None = None
 

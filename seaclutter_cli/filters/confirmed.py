@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.errors import FieldError
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.background import Background
 from seaclutter_cli.filters.confirmation.beams import Beams, Sight
@@ -32,6 +33,8 @@ _ONE_BEAM_RISES, _HIDDEN_RISES = 2.0, 0.5
 _EXPECTED_M = 0.8
 _ALONE = 0.75
 _GROWTH_RATIO = 0.01
+_SURE = 0.5
+"""Score above which most objects are targets; from 0 to this, about as many are as are not."""
 _MAX_GAP_S, _MAX_STEP_BACK_S = 5.0, 0.1
 _SLACK_S = 1e-6
 _MAX_WAITING = 3 << 19
@@ -84,9 +87,10 @@ class Confirmed(Filter):
     track score of Sittler [1]_. The result of a frame is complete ``look_ahead_s`` later, at once with ``causal``, and
     earlier where more than 1.5 million points would wait.
 
-    Nearer than ``start_m``, only objects are kept that were confirmed farther away: all else there is own ship.
+    Within own ship, which ends at ``start_m`` or, with auto, where constant returns end (`OwnShip`), only objects are
+    kept that were confirmed outside. The first 20 frames, or all at rest, do not show where that is: it is 10 m then.
 
-    **State**: the water and its echoes, the elevations of the beams, the tracks, and the frames that wait.
+    **State**: own ship, the water and its echoes, the elevations of the beams, the tracks, and the frames that wait.
 
     References
     ----------
@@ -109,7 +113,8 @@ class Confirmed(Filter):
         return 0.0 if self._params.causal else self._params.look_ahead_s
 
     def reset(self) -> None:
-        """Forget the water, the beams, the tracks and the frames that wait."""
+        """Forget own ship, the water, the beams, the tracks and the frames that wait."""
+        self._zones.reset()
         self._water, self._beams = WaterTracker(), Beams(self._params.mounting)
         self._background, self._tracker = Background(), Tracker(self._params)
         self._undecided: deque[_Undecided] = deque()
@@ -117,7 +122,9 @@ class Confirmed(Filter):
 
     def process(self, frame: Frame) -> list[FilterResult]:
         """Receive the next frame and return the results that are complete."""
-        _ = frame.valid, frame.intensity if self._params.use_intensity else None  # errors come before any change
+        _ = frame.valid  # errors come before any change
+        if self._params.use_intensity:
+            self._require_intensity(frame)
         time_s = self._steady(frame.stamp_ns / 1e9)
         jumped = self._time_s is not None and not 0 <= time_s - self._time_s <= _MAX_GAP_S
         complete = self.flush() if jumped else []
@@ -128,6 +135,12 @@ class Confirmed(Filter):
         while self._undecided and (self._is_due(self._undecided[0], time_s) or self._too_many_wait()):
             complete.append(self._decide(self._undecided.popleft()))
         return complete
+
+    def _require_intensity(self, frame: Frame) -> None:
+        try:
+            _ = frame.intensity
+        except FieldError as error:
+            raise FieldError(f"{error}, or filter without: -s filter.use_intensity=false") from error
 
     def _is_due(self, one: _Undecided, time_s: float) -> bool:
         return one.time_s <= time_s - self.look_ahead_s + _SLACK_S
@@ -169,7 +182,7 @@ class Confirmed(Filter):
         # 4. Objects
         near = echoes.is_near
         objects = find_objects(echoes, candidates & ~near, heights, self._beams, self._params, near=False)
-        if self._tracker.approached(self._params.start_m, time_s):  # all else there is own ship
+        if self._tracker.approached(self._params.own_ship_m, time_s):  # all else there is own ship
             objects += find_objects(echoes, candidates & near, heights, self._beams, self._params, near=True)
             objects.sort(key=lambda one: tuple(one.center))
         # 5. Confirmation: evidence is collected now and judged when the later frames are known.
@@ -274,8 +287,13 @@ class Confirmed(Filter):
         """Confirm the objects of a frame and let them grow (steps 5 and 6)."""
         reason = one.reason
         confirmed: list[NDArray[np.integer]] = [np.empty(0, np.int32)]
+        undecided = np.zeros((2, 2), np.int64)
         for found, track in zip(one.objects, one.tracks, strict=True):
-            if self._tracker.score(track, one.time_s) <= self._params.score_threshold or found.evidence < _FLAT:
+            score = self._tracker.score(track, one.time_s)
+            is_kept = score > self._params.score_threshold and found.evidence >= _FLAT
+            if 0 < score <= _SURE:
+                undecided[int(is_kept)] += 1, len(found.points)
+            if not is_kept:
                 continue
             track.from_outside |= not found.near
             if track.from_outside:
@@ -286,7 +304,7 @@ class Confirmed(Filter):
         if len(kept):
             reason[self._grown(one, kept)] = Reason.KEPT
         rings = self._zones.rings(one.zone, reason, self._thresholds) if self._params.use_intensity else None
-        return FilterResult(one.frame, reason, rings, water=one.water)
+        return FilterResult(one.frame, reason, rings, water=one.water, undecided=undecided)
 
     def _grown(self, one: _Undecided, kept: NDArray[np.integer]) -> NDArray[np.int32]:
         """Return the points above the water that are near enough to confirmed objects."""

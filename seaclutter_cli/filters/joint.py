@@ -33,14 +33,14 @@ class RingIntensityParams(ZoneParams):
     @property
     def edges(self) -> NDArray[np.float64]:
         """Edges of the range rings in metres, shape (K + 1,)."""
-        return ring_edges(self.start_m, self.end_m, self.ring_width_m)
+        return self.from_start(ring_edges(self.own_ship_m, self.end_m, self.ring_width_m))
 
     def __post_init__(self) -> None:
         """Check that there is one threshold for each range ring."""
         super().__post_init__()
         rings = len(self.edges) - 1
         if len(self.initial_thresholds) != rings:
-            span = f"{self.start_m:g} to {self.end_m:g} m in range rings of {self.ring_width_m:g} m"
+            span = f"{self.own_ship_m:g} to {self.end_m:g} m in range rings of {self.ring_width_m:g} m"
             raise ValueError(f"initial_thresholds: expected {rings} ({span}), got {len(self.initial_thresholds)}")
 
 
@@ -148,6 +148,10 @@ class RingIntensity(Filter):
     def __init__(self, params: RingIntensityParams) -> None:
         self._zones, self._initial = Zones(params), np.asarray(params.initial_thresholds, np.float64)
 
+    def reset(self) -> None:
+        """Forget where own ship ends."""
+        self._zones.reset()
+
     def step(self, frame: Frame) -> FilterResult:
         """Return the reason of every point of a frame, and thresholds and counts of the range rings."""
         return _Thresholded(frame, self._zones, self._initial).result()
@@ -211,7 +215,8 @@ class Joint(RingIntensityOutlier):
         self.reset()
 
     def reset(self) -> None:
-        """Set the corrections to 0."""
+        """Set the corrections to 0, and forget where own ship ends."""
+        super().reset()
         self._correction = np.zeros(self._zones.count)
 
     def step(self, frame: Frame) -> FilterResult:

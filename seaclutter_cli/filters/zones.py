@@ -13,10 +13,13 @@ from numpy.typing import NDArray
 from seaclutter_cli.frame import WATER_REASONS, Frame, Reason, Rings
 from seaclutter_cli.params import NotNegative, Positive, key
 
+Auto = Literal["auto"]
 Rule = Literal["drop", "keep"]
 Box = tuple[float, float, float, float, float, float]
 
 MAX_RINGS = 250
+AUTO_M, LEAST_M = 10.0, 3.0
+"""Ranges up to which all is own ship with ``start_m`` auto: while its extent is not known, and always."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +42,10 @@ class ExcludedPolygon:
 class ZoneParams:
     """Range limits, and the treatment of points outside them."""
 
-    start_m: NotNegative = key(
-        10.0, "Range at which clutter removal begins, d_s, in metres; nearer points are own ship."
+    start_m: NotNegative | Auto = key(
+        10.0,
+        "Range at which clutter removal begins, d_s, in metres; nearer points are own ship. auto: from where own ship "
+        "ends in each direction, at least 3 m; 10 m until the first 20 frames under way have shown that.",
     )
     end_m: Positive = key(70.0, "Range at which clutter removal ends, d_e, in metres; clutter is rare beyond it.")
     near: Rule = key("drop", "Drop or keep points nearer than start_m.")
@@ -60,14 +65,23 @@ class ZoneParams:
     )
 
     @property
+    def own_ship_m(self) -> float:
+        """Range up to which points are own ship while its extent is not known: ``start_m``, or 10 m for auto."""
+        return AUTO_M if self.start_m == "auto" else self.start_m
+
+    @property
     def edges(self) -> NDArray[np.float64]:
         """Edges of the range rings in metres, shape (K + 1,); here a single one from ``start_m`` to ``end_m``."""
-        return np.array([self.start_m, self.end_m], np.float64)
+        return self.from_start(np.array([self.own_ship_m, self.end_m], np.float64))
+
+    def from_start(self, edges: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return edges of range rings, the first at 0 if ``start_m`` is auto: it begins where own ship ends."""
+        return np.append(0.0, edges[1:]) if self.start_m == "auto" else edges
 
     def __post_init__(self) -> None:
         """Check the range limits and boxes."""
-        if not self.start_m < self.end_m:
-            raise ValueError(f"end_m ({self.end_m:g}) must be greater than start_m ({self.start_m:g})")
+        if not self.own_ship_m < self.end_m:
+            raise ValueError(f"end_m ({self.end_m:g}) must be greater than start_m ({self.own_ship_m:g})")
         for number, box in enumerate(self.exclude_boxes, 1):
             if any(low > high for low, high in zip(box[::2], box[1::2], strict=True)):
                 raise ValueError(f"exclude_boxes: box {number} has a minimum greater than its maximum")
@@ -102,6 +116,16 @@ class Zones:
         far = Reason.FAR if params.far == "drop" else Reason.KEPT
         reasons = [near, *[Reason.KEPT] * self.count, far, Reason.EXCLUDED, Reason.INVALID]
         self._reason = np.array(reasons, np.uint8)
+        self._own_ship = None
+        if params.start_m == "auto":
+            from seaclutter_cli.structure.own_ship import OwnShip  # not needed otherwise
+
+            self._own_ship = OwnShip(params.own_ship_m, LEAST_M, getattr(params, "mounting", None))
+
+    def reset(self) -> None:
+        """Forget where own ship ends."""
+        if self._own_ship is not None:
+            self._own_ship.reset()
 
     def divide(self, frame: Frame) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
         """Return the zone of each point and the reason that follows from it, both of shape (N,)."""
@@ -109,6 +133,9 @@ class Zones:
         zone = np.zeros(frame.size, np.uint8)
         for edge in self.edges:
             zone += (frame.range_m >= edge).view(np.uint8)
+        if self._own_ship is not None:
+            self._own_ship.add(frame)
+            zone[self._own_ship.contains(frame)] = 0
         if self._exclusion:
             zone[self._exclusion.contains(frame)] = self.count + 2
         zone[~frame.valid] = self.count + 3

@@ -35,7 +35,8 @@ def reason_names(edges: Sequence[float]) -> dict[Reason, str]:
     """Return the name of each reason for a method with these edges of range rings; empty if it has none."""
     if not len(edges):
         return dict(REASON_NAMES)
-    near, far = f"nearer than {edges[0]:g} m (filter.start_m)", f"from {edges[-1]:g} m on (filter.end_m)"
+    near = f"nearer than {edges[0]:g} m" if edges[0] else "own ship"
+    near, far = f"{near} (filter.start_m)", f"from {edges[-1]:g} m on (filter.end_m)"
     return {**REASON_NAMES, Reason.NEAR: near, Reason.FAR: far}
 
 

@@ -232,23 +232,27 @@ def run_all(
     in_order: Callable[[O], object] = lambda _: None,
     *,
     together: bool = False,
-    earlier: Sequence[O | None] = (),
+    earlier: list[Any] | None = None,
 ) -> list[O]:
     """Return the outcome of each recording; raise `SelectionError` if none has a frame in the selected time.
 
     The only recording of a run is processed in this process, with its progress and messages as they come; `run_batch`
-    describes several, ``in_order`` and ``together``. Nothing is left to do where there is an ``earlier`` outcome.
+    describes several, ``in_order`` and ``together``. ``earlier`` outcomes are None where work is left, and receive the
+    others, even if an interrupt ends the run.
     """
-    known = earlier or [None] * len(works)
-    left = [work for work, outcome in zip(works, known, strict=True) if outcome is None]
-    if batch.runs_here(len(works)):
-        outcomes = [work.run(raising(observer) if together else observer) for work in left]
-        for outcome in outcomes:
-            in_order(outcome)
-    else:
-        outcomes = run_batch(left, batch, observer, in_order, together=together)
-    done = iter(outcomes)
-    outcomes = [outcome or next(done) for outcome in known]
+    outcomes = earlier or [None] * len(works)
+    left = [number for number, outcome in enumerate(outcomes) if outcome is None]
+    done: list[O | None] = [None] * len(left)
+    try:
+        if batch.runs_here(len(works)):
+            for k, number in enumerate(left):
+                done[k] = done_here = works[number].run(raising(observer) if together else observer)
+                in_order(done_here)
+        else:
+            run_batch([works[number] for number in left], batch, observer, in_order, together=together, outcomes=done)
+    finally:
+        for number, outcome in zip(left, done, strict=True):
+            outcomes[number] = outcome or works[number].without_result(NOT_PROCESSED)
     require_selected(outcomes)
     return outcomes
 
@@ -268,15 +272,16 @@ def run_batch(
     in_order: Callable[[O], object] = lambda _: None,
     *,
     together: bool = False,
+    outcomes: list[O | None] | None = None,
 ) -> list[O]:
     """Do the work on several recordings and return the outcomes in the order of the recordings.
 
     ``observer`` receives messages and the end of each recording as they come, and the progress of all together;
     ``in_order`` each outcome as soon as those of all recordings before are known, except for recordings without a frame
     in the selected time. If the outcomes are only of use ``together``, an error of one recording ends the run. Raise
-    `SeaclutterError` if an error ends it.
+    `SeaclutterError` if an error ends it. ``outcomes``, None for each recording, receive those that are known.
     """
-    outcomes: list[O | None] = [None] * len(works)
+    outcomes = [None] * len(works) if outcomes is None else outcomes
     passed = 0
     with ExitStack() as stack, _progress(works, observer) as on_share, _engine(options, works, observer) as engine:
         here = observer if engine is run_in_turn else None

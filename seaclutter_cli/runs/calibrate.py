@@ -243,7 +243,7 @@ class _TargetSearch:
     """
 
     def __init__(self, params: RingIntensityParams, outcome: Calibrated) -> None:
-        end_m = params.start_m + params.ring_width_m  # without thresholds, one range ring is enough
+        end_m = params.own_ship_m + params.ring_width_m  # without thresholds, one range ring is enough
         given: dict[str, Any] = {name: getattr(params, name) for name in _OF_TARGETS if hasattr(params, name)}
         self._params = ConfirmedParams(**given, end_m=end_m, initial_thresholds=(0,), use_intensity=False)
         self._outcome = outcome
@@ -268,6 +268,6 @@ class _TargetSearch:
         for result in results:
             if result.water is None:
                 continue
-            kept = np.count_nonzero(result.keep & (result.frame.range_m >= self._params.start_m))
+            kept = np.count_nonzero(result.keep & (result.frame.range_m >= self._params.own_ship_m))
             self._outcome.examined += 1
             self._outcome.with_targets += bool(kept >= _MIN_TARGET_POINTS)

@@ -45,7 +45,7 @@ class Clutter:
         )
         self.search = MountingSearch(params.mounting) if isinstance(params, ConfirmedParams) else None
         width_m = params.ring_width_m
-        self.density = ClutterDensity(params.start_m, width_m, MAX_RINGS) if options.plot_file else None
+        self.density = ClutterDensity(params.own_ship_m, width_m, MAX_RINGS) if options.plot_file else None
 
     def add(self, frame: Frame, clutter: NDArray[np.intp]) -> None:
         """Add a frame with the indices of its clutter points."""

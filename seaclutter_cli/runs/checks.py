@@ -19,7 +19,8 @@ from seaclutter_cli.text import count
 if TYPE_CHECKING:
     from seaclutter_cli.filters.confirmation import ConfirmedParams
 
-_FARTHEST_M = 10_000.0  # no lidar on a vessel measures farther
+FARTHEST_M = 10_000.0  # no lidar on a vessel measures farther
+OF_A_MAP = "coordinates of a map are not relative to a lidar: for airborne tiles, see seaclutter classify"
 _FRAMES = 20
 _MIN_POINTS, _MIN_RING_POINTS = 200, 500
 _REMEDY = "find suitable thresholds with: seaclutter calibrate"
@@ -177,7 +178,7 @@ class _RangeCheck(_Check):
     """Check whether any point is near enough for the method; it warns at the end."""
 
     def __init__(self, edges: Sequence[float]) -> None:
-        self._end_m = edges[-1] if edges else _FARTHEST_M
+        self._end_m = edges[-1] if edges else FARTHEST_M
         self._nearest_m = math.inf
 
     def add(self, result: FilterResult) -> None:
@@ -189,9 +190,9 @@ class _RangeCheck(_Check):
         if self._nearest_m < self._end_m or self._nearest_m == math.inf:
             return None
         text = f"no point is in range: the nearest is {self._nearest_m:,.0f} m away, the limit {self._end_m:,.0f} m"
-        if self._nearest_m < _FARTHEST_M:
+        if self._nearest_m < FARTHEST_M:
             return f"{text} (filter.end_m)"
-        return f"{text}; coordinates of a map are not relative to a lidar: for airborne tiles, see seaclutter classify"
+        return f"{text}; {OF_A_MAP}"
 
 
 class _PlaneCheck(_Check):

@@ -1,7 +1,7 @@
 """Filtering of recordings into drop-in logs."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
@@ -16,13 +16,12 @@ from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.frame import WATER_REASONS, FilterResult, Reason, Rings
 from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
-from seaclutter_cli.messages.pointcloud2 import rewrapped
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import TopicTally, run
 from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.batch import input_bytes
-from seaclutter_cli.runs.checks import Checks
+from seaclutter_cli.runs.filter_checks import FitChecks
 from seaclutter_cli.runs.log_work import LogOutcome, LogRun, LogSummary, LogWork
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
@@ -41,7 +40,6 @@ from seaclutter_cli.text import count, data_size, indented, printable, share, ta
 if TYPE_CHECKING:
     from seaclutter_cli.suspects.finder import Suspect, SuspectFinder
 
-_FEW_WATER = 0.05
 _MOST = 0.5
 
 
@@ -110,14 +108,15 @@ class FilterOutcome(LogOutcome):
     """Outcome of filtering one recording.
 
     ``edges`` are those of the range rings of the method in metres, if it has any; ``has_water`` is whether it estimates
-    the water; ``rows`` are those of the table of frames, ``objects`` those of the table of objects, if there is one;
-    ``suspects`` what was removed from each topic and may have been a target, if that was searched.
+    the water; ``notes`` are lines about each topic, ``rows`` and ``objects`` those of the tables of frames and objects,
+    if there are any, and ``suspects`` what was removed from each topic and may have been a target, if searched.
     """
 
     data = f"{LogOutcome.data} topics=sums"
 
     edges: Sequence[float]
     has_water: bool = False
+    notes: dict[str, str] = field(default_factory=dict)
     rows: PackedRows | None = field(default=None, repr=False)
     objects: PackedRows | None = field(default=None, repr=False)
     suspects: Mapping[str, "Sequence[Suspect]"] = field(default_factory=dict, repr=False)
@@ -155,6 +154,7 @@ class FilterOutcome(LogOutcome):
             "points_out": int(tally.counts[Reason.KEPT]),
             **{reason.name.lower(): int(tally.counts[reason]) for reason in reasons},
             **({"water_frames": tally.water_frames} if self.has_water else {}),
+            **({"undecided": _undecided(tally)} if self.has_water else {}),
             **({"water": {name: round(value, 4) for name, value in asdict(water).items()}} if water else {}),
             "rings": self._rings(rings, tally.frames) if rings else [],
             **({"beyond": {"start_m": self.edges[-1], "points": points, "kept": kept}} if rings else {}),
@@ -176,12 +176,15 @@ class FilterOutcome(LogOutcome):
         if removed:
             rows = [(names[reason], f"{points:,}", share(points, size)) for reason, points in removed.items()]
             blocks.append(table(("reason", "removed", "share"), rows))
-        if tally.counts[Reason.NEAR] > _MOST * size:
-            blocks.append("Most points are nearer; if own ship ends sooner, lower filter.start_m.")
+        if (near := removed.get(Reason.NEAR)) and self.edges[0]:
+            lower = "; if own ship ends sooner, use filter.start_m: auto" if near > _MOST * size else ""
+            blocks.append(f"{share(near, sum(removed.values()))} of the removed points are {names[Reason.NEAR]}{lower}")
         if sums["rings"]:
-            blocks.append(_ring_table(sums["rings"], sums["beyond"]))
+            others = "other reasons" if self.has_water else "outliers"
+            blocks.append(_ring_table(sums["rings"], sums["beyond"], others))
         if self.has_water:
-            blocks.append(_water_text(tally))
+            blocks += [_water_text(tally), *_undecided_text(tally)]
+        blocks += filter(None, [self.notes.get(topic)])
         if tally.scenes:
             scenes = (f"{printable(name)} {number:,}" for name, number in tally.scenes.items())
             blocks.append(f"frames by scene: {', '.join(scenes)}")
@@ -198,15 +201,16 @@ def _suspects_text(found: "Sequence[Suspect]") -> str:
     return f"removed, and may have been targets: {number}; first {place} (see: seaclutter suspects)"
 
 
-def _ring_table(rings: Sequence[Mapping[str, float]], beyond: Mapping[str, float]) -> str:
+def _ring_table(rings: Sequence[Mapping[str, float]], beyond: Mapping[str, float], others: str) -> str:
     rows = []
     for ring in rings:
         points, low, outliers = (ring[name] for name in ("points", "low_intensity", "outliers"))
         span, kept = f"{ring['start_m']:g} to {ring['end_m']:g} m", share(points - low - outliers, points)
         rows.append((span, f"{points:,}", f"{low:,}", f"{outliers:,}", kept, f"{ring['mean_threshold']:.2f}"))
     start, points = f"{beyond['start_m']:g} m on", beyond["points"]
-    rows.append((start, f"{points:,}", "-", "-", share(beyond["kept"], points), "-"))
-    return table(("range ring", "points", "low intensity", "outliers", "kept", "mean threshold"), rows)
+    removed = f"{points - beyond['kept']:,}" if points > beyond["kept"] else "-"
+    rows.append((start, f"{points:,}", "-", removed, share(beyond["kept"], points), "-"))
+    return table(("range ring", "points", "low intensity", others, "kept", "mean threshold"), rows)
 
 
 def _water_text(tally: TopicTally) -> str:
@@ -216,6 +220,19 @@ def _water_text(tally: TopicTally) -> str:
     height = f"significant wave height {water.significant_wave_height_m:.2f} m"
     missing = f"; none in {count(without, 'frame')}" if without else ""
     return f"water {-water.level_m:.2f} m below the lidar, {height} (means){missing}"
+
+
+def _undecided(tally: TopicTally) -> dict[str, int]:
+    removed, kept = tally.undecided[:, 1].tolist()
+    return {"points_removed": removed, "points_kept": kept}
+
+
+def _undecided_text(tally: TopicTally) -> list[str]:
+    (removed, removed_points), (kept, kept_points) = tally.undecided.tolist()
+    if not removed + kept:
+        return []
+    parts = f"removed {removed:,} times ({count(removed_points, 'point')}), kept {kept:,} times"
+    return [f"objects that evidence does not decide: {parts} ({kept_points:,})"]
 
 
 class FilterSummary(LogSummary[FilterOutcome]):
@@ -295,7 +312,7 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
             observer.warn(f"{source.name}: already filtered{by}; this run only filters the remaining points")
         named = printable(", ".join(channel.topic for channel in clouds))
         observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
-        checks = {topic: _FitChecks(self.config, source, topic, observer) for topic in topics}
+        checks = {topic: FitChecks(self.config, source, topic, observer) for topic in topics}
         outcome.rows = PackedRows() if self.options.csv_file and not self.table else None
         rows = self.table or outcome.rows
         tables: list[Sink] = [_frame_table(self.config, rows)] if rows else []
@@ -319,7 +336,8 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
 
             run(source, self.config.make_filter, [sink, *tables], selection, on_result, outcome.topics)
         for topic, tally in outcome.topics.items():
-            checks[topic].end(tally)
+            if note := checks[topic].end(tally):
+                outcome.notes[topic] = note
         outcome.suspects = {topic: finder.finish()["removed"] for topic, finder in finders.items()}
         return outcome.frames
 
@@ -358,35 +376,3 @@ def _read_rows(complete: FilterOutcome, table: FrameTable) -> bool:
     except InputError:
         return False
     return found == Counter({topic: tally.frames for topic, tally in complete.topics.items()})
-
-
-class _FitChecks(Checks):
-    """Checks of the frames of a topic, and of the sums over them; an observer receives the warnings."""
-
-    def __init__(self, config: Config, source: Source, topic: str, observer: Observer) -> None:
-        super().__init__(config, source.facts, filtered=filtered_by(source, [topic]) is not None)
-        self._config, self._topic, self._observer = config, topic, observer
-        self._written_anew: str | None = None
-
-    def see(self, result: FilterResult) -> None:
-        self._warn(self.add(result))
-        if not self._written_anew and (change := rewrapped(result.frame.cloud)):
-            self._written_anew = change
-            self._warn([change])
-
-    def end(self, tally: TopicTally) -> None:
-        """Check whether a point was kept, and whether nearly all frames are without the water that a method needs."""
-        self._warn(self.finish() or (self._of_sums(tally) if tally.points_in else ()))
-
-    def _of_sums(self, tally: TopicTally) -> Iterator[str]:
-        most, without = Reason(int(tally.counts.argmax())), tally.frames - tally.water_frames
-        if not tally.counts[Reason.KEPT]:
-            removed = f"{share(int(tally.counts[most]), tally.points_in)} were removed"
-            yield f"no points are left; {removed}: {reason_names(self._config.ring_edges)[most]}"
-        elif self._config.has_water and tally.water_frames <= _FEW_WATER * tally.frames:
-            frames = f"{without:,} of {count(tally.frames, 'frame')}"
-            yield f"no water seen in {frames}; heights are then unknown, and every object that stays is kept"
-
-    def _warn(self, texts: Iterable[str]) -> None:
-        for text in texts:
-            self._observer.warn(f"{self._topic}: {text}")

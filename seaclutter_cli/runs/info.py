@@ -1,5 +1,6 @@
 """Content of recordings: topics, frames, fields, extents, sensors, and settings that a filter run needs."""
 
+import math
 import textwrap
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -14,10 +15,12 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.reading import read
 from seaclutter_cli.records import Channel, Message, SensorFacts
 from seaclutter_cli.runs.batch import Work, run_batch
+from seaclutter_cli.runs.checks import FARTHEST_M, OF_A_MAP
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import InfoOptions
 from seaclutter_cli.runs.recordings import RecordingsResult, expand, expected_frames, opened, statuses, storing_errors
+from seaclutter_cli.runs.surroundings import Surroundings
 from seaclutter_cli.runs.topic_statistics import Described, TopicStatistics
 from seaclutter_cli.sources.mcap.excerpt import Excerpt, excerpt
 from seaclutter_cli.sources.recordings import Recording
@@ -64,10 +67,10 @@ class _InfoWork(Work["Content"]):
         return content
 
     def _read(self, source: Source, content: "Content", observer: Observer) -> None:
-        content.format, content.channels = source.format, source.channels
+        content.format, content.channels, content.has_times = source.format, source.channels, source.has_times
         selection = self.reading.selection
         clouds = [c for c in source.channels if find_codec(c) and (not selection.topics or c.topic in selection.topics)]
-        content.clouds = {channel.topic: TopicStatistics() for channel in clouds}
+        content.clouds = {channel.topic: TopicStatistics(around=Surroundings()) for channel in clouds}
         with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
             for record, frame in read(source, clouds, selection, unreadable=content.unreadable):
                 if isinstance(record, Message):
@@ -109,6 +112,7 @@ class Content(Described):
     messages: Counter[str] = field(default_factory=Counter)
     unreadable: dict[str, str] = field(default_factory=dict)
     sampled: bool = False
+    has_times: bool = True
 
     def note_summary(self, messages: Mapping[int, int], times_ns: tuple[int, int]) -> None:
         """Note what a recording's summary says about the whole, of which only the first frames were read."""
@@ -153,7 +157,8 @@ class Content(Described):
         if self.sampled:
             lines.append("Only the first frames were read; -n N copies the log and reads N.")
         read = {topic: cloud for topic, cloud in self.clouds.items() if topic not in self.unreadable}
-        lines += [_describe(topic, cloud, self.facts.get(topic)) for topic, cloud in read.items()]
+        rate = "" if self.has_times else " (no times; set by --rate)"
+        lines += [_describe(topic, cloud, self.facts.get(topic), rate) for topic, cloud in read.items()]
         lines += [printable(need) for need in self.needs()]
         return "\n".join(lines)
 
@@ -183,6 +188,8 @@ class Content(Described):
                 needs.append(self.unreadable[topic])
             elif cloud.problem:
                 needs.append(f"{topic}: {cloud.problem}")
+            elif cloud.frames and FARTHEST_M <= cloud.range_m[0] < math.inf:
+                needs.append(f"{topic}: {OF_A_MAP}")
             elif cloud.frames and cloud.intensity_name is None:
                 needs.append(f"{topic}: no intensity field with a usual name; name one with --intensity-field")
             elif cloud.frames and cloud.invalid == cloud.points:
@@ -195,9 +202,9 @@ class Content(Described):
         return needs
 
 
-def _describe(topic: str, cloud: TopicStatistics, facts: SensorFacts | None) -> str:
+def _describe(topic: str, cloud: TopicStatistics, facts: SensorFacts | None, assumed: str) -> str:
     least, middle, most = cloud.sizes()
-    rate = f" at {cloud.rate_hz:.2f} Hz" if cloud.rate_hz else ""
+    rate = f" at {cloud.rate_hz:.2f} Hz{assumed}" if cloud.rate_hz else ""
     rows = [
         ("frames", f"{cloud.frames}{rate}, frame id {cloud.frame_id!r}"),
         (
@@ -212,6 +219,9 @@ def _describe(topic: str, cloud: TopicStatistics, facts: SensorFacts | None) -> 
     if facts:
         details = (f"{name}: {text}" for name, text in facts.details.items())
         rows[-1] = ("sensor", "; ".join((facts.model, *details)))
+    if around := cloud.around:
+        seen = {"own ship": around.own_ship(), "beams": around.smallest(cloud.sensor(facts).models)}
+        rows += [(name, text) for name, text in seen.items() if text]
     if facts and facts.from_packets:
         rows.append(("packets", f"{facts.lost_packets:,} missing, {facts.bad_packets:,} not decodable"))
     form = textwrap.TextWrapper(79, subsequent_indent=" " * 13, break_on_hyphens=False, break_long_words=False)

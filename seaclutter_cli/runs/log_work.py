@@ -243,9 +243,13 @@ class LogRun(Generic[W]):
     def do(
         self, works: Sequence[W], observer: Observer, in_order: Callable[[Any], object] = lambda _: None
     ) -> list[Any]:
-        """Do the work that is left, as `run_all` does, and return all outcomes."""
-        earlier = [work.complete if work.is_done else None for work in works]
-        return run_all(works, self.options.batch, observer, in_order, earlier=earlier)
+        """Do the work that is left, as `run_all` does, and return all outcomes; an interrupted run has a manifest."""
+        outcomes: list[Any] = [work.complete if work.is_done else None for work in works]
+        try:
+            return run_all(works, self.options.batch, observer, in_order, earlier=outcomes)
+        except KeyboardInterrupt:
+            self.list_outputs(outcomes)
+            raise
 
     def list_outputs(self, outcomes: "Sequence[LogOutcome]") -> None:
         """Store the sizes of the outputs, and write the manifest."""

@@ -4,7 +4,7 @@ from array import array
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from statistics import median
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.runs.recordings import Outcome, data_of
 from seaclutter_cli.sensors.catalog import RecognisedSensor, recognise
 
+if TYPE_CHECKING:
+    from seaclutter_cli.runs.surroundings import Surroundings
+
 _RING_NAMES = ("ring", "channel", "line", "laser_id")
 _NANO = 1_000_000_000
 _FIRST_FRAMES = 20
@@ -22,7 +25,7 @@ _FIRST_FRAMES = 20
 
 @dataclass
 class TopicStatistics:
-    """Statistics over the frames of one topic; grows by a few bytes per frame."""
+    """Statistics over the frames of one topic, and its surroundings, if wanted; grows by a few bytes per frame."""
 
     frames: int = 0
     invalid: int = 0
@@ -33,6 +36,7 @@ class TopicStatistics:
     problem: str | None = None
     intensity: list[float] = field(default_factory=lambda: [np.inf, -np.inf])
     range_m: list[float] = field(default_factory=lambda: [np.inf, -np.inf])
+    around: "Surroundings | None" = None
     _stamps_ns: "array[int]" = field(default_factory=lambda: array("q"))
     _sizes: "array[int]" = field(default_factory=lambda: array("L"))
     _rings: list[float] = field(default_factory=lambda: [np.inf, -np.inf])
@@ -51,6 +55,8 @@ class TopicStatistics:
             _extend(self.range_m, frame.range_m[valid])
             if self.intensity_name is not None:
                 _extend(self.intensity, frame.intensity[valid])
+            if self.around is not None:
+                self.around.add(frame)
         except FieldError as error:
             self.problem = str(error)
         name = next((name for name in _RING_NAMES if name in (cloud.dtype.names or ())), None)
@@ -101,6 +107,7 @@ class TopicStatistics:
             "range_m": _limits(self.range_m),
             "invalid_share": self.invalid / self.points if self.points else None,
             "sensors": list(self.sensor().models),
+            "own_ship_m": self.around.end_m if self.around else None,
             "problem": self.problem,
         }
 

@@ -9,9 +9,10 @@ from scipy import ndimage
 
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.structure.mask import Floats, Sector, StructureMask, azimuth_deg, elevation_deg
-from seaclutter_cli.water import Faces, WaterTracker
+from seaclutter_cli.water import Faces, Mounting, WaterTracker
 
 MIN_FRAMES = 20
+_MOST_FRAMES = 2**32 - 1
 _STEP_M = 0.08
 """Depth of a cell; a structure returns within two of them."""
 _MARGIN_M = 0.1
@@ -39,9 +40,13 @@ _MIN_SHARE, _MOST_SPREAD_DEG = 0.002, 0.3
 
 @dataclass(frozen=True)
 class BeamGrid:
-    """Rows of elevation by columns of 1° of azimuth; ``edges_deg``, shape (R + 1,), are ascending limits of rows."""
+    """Rows of elevation by columns of 1° of azimuth; ``edges_deg``, shape (R + 1,), are ascending limits of rows.
+
+    ``beams_deg`` are the elevations of the beams, ascending; None if they are not known.
+    """
 
     edges_deg: Floats
+    beams_deg: Floats | None = None
 
     @classmethod
     def of(cls, frame: Frame) -> Self:
@@ -53,7 +58,7 @@ class BeamGrid:
         if beams is not None:
             middle = (beams[1:] + beams[:-1]) / 2
             first, last = 2 * beams[0] - middle[0], 2 * beams[-1] - middle[-1]
-            return cls(np.concatenate(([first], middle, [last])))
+            return cls(np.concatenate(([first], middle, [last])), beams)
         first, last = np.floor(elevation.min()) - 1, np.ceil(elevation.max()) + 1
         return cls(np.arange(first, last + _ELEVATION_STEP_DEG, _ELEVATION_STEP_DEG))
 
@@ -126,6 +131,9 @@ class FoundStructure:
 class StructureSearch:
     """Counter of the frames in which each cell of direction and range, up to ``reach_m``, returns.
 
+    The water is level in the frame of the ``mounting``, by default about that of the cloud. No more than
+    ``most_frames`` are added; if they are few, the counter takes less memory.
+
     Notes
     -----
     1. *Cells*: beam (a ring, or 1° of elevation), 1° of azimuth, 8 cm of range. Two neighbours in range count as one,
@@ -140,12 +148,15 @@ class StructureSearch:
        the vessel did not move. What is constant may then be a quay.
     """
 
-    def __init__(self, reach_m: float) -> None:
-        self._reach_m, self._frames = reach_m, 0
+    def __init__(self, reach_m: float, mounting: Mounting | None = None, most_frames: int = _MOST_FRAMES) -> None:
+        self._reach_m, self._frames, self._dtype = reach_m, 0, np.min_scalar_type(most_frames)
+        self._mounting = mounting or Mounting()
         self._bins = int(np.ceil(reach_m / _STEP_M))
         self._far_bins = int(np.ceil((_FAR_M - reach_m) / _FAR_STEP_M)) if reach_m < _FAR_M else 0
         self._grid: BeamGrid | None = None
         self._water, self._planes = WaterTracker(), np.zeros(4)
+        self.bodies: NDArray[np.intp] = np.empty(0, np.intp)
+        """Points of the last frame that stand out of the water; none without water."""
 
     def add(self, frame: Frame) -> None:
         """Add a frame."""
@@ -154,22 +165,40 @@ class StructureSearch:
                 return
             self._grid = BeamGrid.of(frame)
             directions = self._grid.size
-            self._counts = np.zeros((directions, self._bins), np.uint32)
-            self._far = np.zeros((directions, self._far_bins), np.uint32)
-        xyz = frame.coordinates[:, frame.valid]
-        range_m, direction = frame.range_m[frame.valid], self._grid.directions(frame)
+            self._counts = np.zeros((directions, self._bins), self._dtype)
+            self._far = np.zeros((directions, self._far_bins), self._dtype)
         self._frames += 1
-        _count(self._counts, direction, range_m / _STEP_M)
-        _count(self._far, direction, (range_m - self._reach_m) / _FAR_STEP_M)
-        surface = self._water.step(xyz, Faces.of(xyz), frame.stamp_ns / 1e9)
+        self._add_returns(self._grid, frame)
+        xyz = frame.coordinates if frame.valid.all() else frame.coordinates[:, frame.valid]
+        level = self._mounting.levelled(xyz)
+        faces = Faces.of(level)
+        surface = self._water.step(level, faces, frame.stamp_ns / 1e9)
+        self.bodies = np.empty(0, np.intp)
         if surface is not None:
             plane = surface.plane
             self._planes += (1, plane.slope_x, plane.slope_y, plane.level_m)
+            self.bodies = np.flatnonzero(frame.valid)[faces.stands(plane.height(*level[:2]), surface.sigma_m)]
+
+    def _add_returns(self, grid: BeamGrid, frame: Frame) -> None:
+        range_m, direction = frame.range_m[frame.valid], grid.directions(frame)
+        _count(self._counts, direction, range_m / _STEP_M)
+        _count(self._far, direction, (range_m - self._reach_m) / _FAR_STEP_M)
 
     @property
     def frames(self) -> int:
         """Number of frames with points."""
         return self._frames
+
+    @property
+    def level_m(self) -> float | None:
+        """Mean height of the water at the lidar in metres; None without water."""
+        number, *_, level_m = self._planes.tolist()
+        return level_m / number if number else None
+
+    @property
+    def beams_deg(self) -> Floats | None:
+        """Elevations of the beams, ascending; None while they are not known."""
+        return None if self._grid is None else self._grid.beams_deg
 
     def found(self) -> FoundStructure:
         """Return what the frames so far show."""
@@ -200,7 +229,7 @@ class StructureSearch:
         if not number:
             return np.full((grid.size, len(range_m)), np.inf, np.float32)
         slope_x, slope_y, level_m = np.array(sums) / number
-        x, y, z = grid.centers
+        x, y, z = self._mounting.levelled(grid.centers)
         rise = (z - slope_x * x - slope_y * y).astype(np.float32)
         return np.asarray(rise[:, None] * range_m.astype(np.float32) - np.float32(level_m))
 
@@ -215,7 +244,7 @@ class StructureSearch:
         return constant / frames
 
 
-def _count(counts: NDArray[np.uint32], direction: NDArray[np.int64], depth: Floats) -> None:
+def _count(counts: NDArray[np.unsignedinteger], direction: NDArray[np.int64], depth: Floats) -> None:
     """Count each cell that has a return in a frame, together with the cell before it, once."""
     cells = counts.shape[1]
     with np.errstate(invalid="ignore"):

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.background import Background
 from seaclutter_cli.filters.confirmation.beams import Beams
-from seaclutter_cli.filters.confirmation.echoes import OWN_SHIP_M, Echoes, measure
+from seaclutter_cli.filters.confirmation.echoes import Echoes, measure
 from seaclutter_cli.filters.confirmation.objects import Clusters
+from seaclutter_cli.filters.zones import LEAST_M
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.tracking.detections import Detections
 from seaclutter_cli.water import Faces, Mounting, WaterTracker
@@ -64,7 +65,7 @@ class BodyFinder:
 
     def find(self, frame: Frame, left_out: Mask, time_s: float) -> Bodies:
         """Return the bodies of a frame at a time, without points that are left out, such as own ship's structure."""
-        index = np.flatnonzero(frame.valid & ~left_out & (frame.range_m >= OWN_SHIP_M))
+        index = np.flatnonzero(frame.valid & ~left_out & (frame.range_m >= LEAST_M))
         xyz = self._params.mounting.levelled(frame.coordinates.take(index, axis=1))
         echoes = Echoes(index, xyz, frame.range_m[index], None, np.ones(len(index), np.uint8))
         self._beams.add(xyz)

@@ -31,7 +31,10 @@ def run(tmp_path, make, *options):
 def test_near_points_are_named_by_their_setting(tmp_path):
     result, _ = run(tmp_path, at(3, 4, 20))
     assert "  nearer than 10 m (filter.start_m)    1,000  66.7 %\n" in result.stdout
-    assert "Most points are nearer; if own ship ends sooner, lower filter.start_m." in result.stdout
+    text = (
+        "of the removed points are nearer than 10 m (filter.start_m); if own ship ends sooner, use filter.start_m: auto"
+    )
+    assert text in result.stdout
 
 
 @pytest.mark.parametrize(("ranges", "options"), [((3, 20), ()), ((3, 4, 20), ("-s", "filter.near=keep"))])

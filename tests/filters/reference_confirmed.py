@@ -11,8 +11,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from seaclutter_cli.filters import confirmed
-from seaclutter_cli.filters.confirmation.echoes import OWN_SHIP_M
+from seaclutter_cli.filters.zones import LEAST_M
 from seaclutter_cli.frame import Frame, Reason
+from seaclutter_cli.structure.own_ship import OwnShip
 from tests.filters.reference_faces import faces_of
 from tests.filters.reference_objects import (
     Background,
@@ -63,6 +64,7 @@ class ConfirmedObjects:
         self.tracks = Tracks(self.params)
         self.water = Water()
         self.beams, self.background = Beams(), Background()
+        self.own_ship = OwnShip(10.0, LEAST_M) if self.params.start_m == "auto" else None
 
     def observe(self, frame: Frame) -> None:
         raise AssertionError("one pass is enough")
@@ -113,7 +115,10 @@ class ConfirmedObjects:
     def scan(self, frame: Frame, time_s: float) -> Scan:
         """Find the objects of a frame and their tracks."""
         points = points_of(frame)
-        rings = [self.ring_of(point) for point in points]
+        if self.own_ship:
+            self.own_ship.add(frame)
+        own = self.own_ship.contains(frame) if self.own_ship else frame.range_m < self.params.start_m
+        rings = [self.ring_of(point, is_own) for point, is_own in zip(points, own, strict=True)]
         used = [number for number, point in enumerate(points) if self.is_used(point, rings[number])]
         places = [points[number].xyz for number in used]
         self.beams.learn([bin_of(z, (x, y)) for x, y, z in places])
@@ -126,7 +131,7 @@ class ConfirmedObjects:
         candidates = candidates_of(echoes, self.beams)
         sigma = 0.0 if water is None else water.sigma
         things = self.things([one for one in candidates if not one.near], sigma, near=False)
-        if self.tracks.approach(self.params.start_m, time_s):
+        if self.tracks.approach(self.params.own_ship_m, time_s):
             things += self.things([one for one in candidates if one.near], sigma, near=True)
         things.sort(key=lambda thing: thing.center)
         self.tracks.turn(things, time_s)
@@ -144,22 +149,22 @@ class ConfirmedObjects:
         tracks = self.tracks.step(things, time_s, lambda place, top: self.beams.meets(place, top, water))
         return Scan(time_s, reasons, rings, echoes, things, tracks, water)
 
-    def ring_of(self, point: Point) -> int | None:
-        """Return the index of the range ring, -1 nearer, the number of range rings beyond; None without a zone."""
+    def ring_of(self, point: Point, is_own: bool) -> int | None:
+        """Return the index of the range ring, -1 for own ship, their number beyond; None without a zone."""
         if point.invalid or any(point.inside(box) for box in self.params.exclude_boxes):
             return None
-        if point.range_m < self.params.start_m:
+        if is_own:
             return -1
         count = len(self.params.initial_thresholds)
         if point.range_m >= self.params.end_m:
             return count
-        edges = [self.params.start_m + ring * self.params.ring_width_m for ring in range(count)]
-        return max(ring for ring, edge in enumerate(edges) if point.range_m >= edge)
+        edges = [self.params.own_ship_m + ring * self.params.ring_width_m for ring in range(count)]
+        return max(ring for ring, edge in enumerate(edges) if not ring or point.range_m >= edge)
 
     def is_used(self, point: Point, ring: int | None) -> bool:
         """Return whether a point may belong to water or objects."""
         dropped = ring == len(self.params.initial_thresholds) and self.params.far == "drop"
-        return ring is not None and not dropped and point.range_m >= min(OWN_SHIP_M, self.params.start_m)
+        return ring is not None and not dropped and point.range_m >= min(LEAST_M, self.params.own_ship_m)
 
     def by_zone(self, point: Point, ring: int | None) -> int:
         """Return the reason that follows from the position of a point alone."""

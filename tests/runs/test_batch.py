@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import seaclutter
+from seaclutter_cli.commands.console import Console
 from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.runs.batch import Work, run_batch
 from seaclutter_cli.runs.observer import Silent
@@ -299,6 +300,32 @@ def test_a_manifest_has_a_row_for_each_recording(logs, tmp_path, name):
     assert "no readable record" in rows[4]["error"]
     again = execute(*line[:2], "-o", f"{tmp_path / 'other'}/", *line[4:], code=2)
     assert "already exists" in again.stderr
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_an_interrupted_run_has_a_manifest(logs, tmp_path, monkeypatch, jobs):
+    def interrupt(self, *_):
+        raise KeyboardInterrupt
+
+    manifest = tmp_path / "manifest.csv"
+    monkeypatch.setattr(Console, "done", interrupt)  # after the first recording
+    result, files, _ = filtered(logs, tmp_path, "--manifest", str(manifest), "-j", jobs)
+    assert result.exit_code == 130
+    with manifest.open(newline="") as file:
+        rows = {row["recording"]: (row["status"], row["error"]) for row in csv.DictReader(file)}
+    assert len(files) == sum(status == "done" for status, _ in rows.values()) == 1
+    assert sorted(rows) == ["a", "b", "c", "d", "e"]
+    assert sum(error == "not processed" for _, error in rows.values()) == 4
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_warning_that_recordings_share_is_shown_once_and_counted(logs, tmp_path, jobs):
+    log = tmp_path / "run.log"
+    result, _, _ = filtered(logs, tmp_path, "--exclude", "/none", "-j", jobs, "--log-file", str(log))
+    warned = [line for line in result.stderr.splitlines() if "matches no topic" in line]
+    assert re.match(r"Warning: [abcd]: --exclude /none matches no topic", warned[0])
+    assert warned[1:] == ["Warning: 3 more: --exclude /none matches no topic"]
+    assert len(re.findall(r" [abcd]: --exclude /none matches no topic", log.read_text())) == 4
 
 
 def test_a_manifest_of_an_evaluation(labelled, tmp_path):

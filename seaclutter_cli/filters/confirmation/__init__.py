@@ -6,6 +6,7 @@ from typing import Annotated
 from annotated_types import Interval
 
 from seaclutter_cli.filters.joint import RingIntensityParams
+from seaclutter_cli.filters.zones import Auto
 from seaclutter_cli.params import Count, NotNegative, Positive, key
 from seaclutter_cli.water import Mounting
 
@@ -17,6 +18,7 @@ class ConfirmedParams(RingIntensityParams):
     Points beyond ``end_m`` have no threshold. With far keep, they are filtered like the others.
     """
 
+    start_m: NotNegative | Auto = key("auto")
     mounting_roll_deg: Annotated[float, Interval(ge=-180, le=180)] = key(
         0.0, "Roll of the mounted lidar in degrees; positive if its left side (+y) is up. 180 is upside down."
     )

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.background import Background
+from seaclutter_cli.filters.zones import LEAST_M
 from seaclutter_cli.frame import Frame, Reason
 from seaclutter_cli.water import Faces, WaterSurface
 from seaclutter_cli.water.surface import BEYOND, mirrored_below_m
@@ -14,7 +15,6 @@ from seaclutter_cli.water.surface import BEYOND, mirrored_below_m
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-OWN_SHIP_M = 3.0
 _RISE_PER_M = 0.006
 _RISE_FROM_M = 30.0
 _WAVE_SIGMAS = 6.0
@@ -31,7 +31,7 @@ class Echoes:
 
     They are valid, not excluded, not far if far points are dropped, and at least 3 m away. ``index`` are their indices
     in the frame, ``xyz`` their coordinates in the levelled frame, ``intensity`` is None if the method ignores it, and
-    zone 0 is nearer than ``start_m``.
+    zone 0 is own ship.
     """
 
     index: NDArray[np.intp]
@@ -44,7 +44,7 @@ class Echoes:
     def of(cls, frame: Frame, zone: NDArray[np.uint8], reason: NDArray[np.uint8], params: ConfirmedParams) -> "Echoes":
         """Return the echoes among the points of a frame, given their zones and the reasons that follow from them."""
         in_reach = (reason == Reason.KEPT) | (reason == Reason.NEAR)
-        index = np.flatnonzero(in_reach & (frame.range_m >= min(OWN_SHIP_M, params.start_m)))
+        index = np.flatnonzero(in_reach & (frame.range_m >= min(LEAST_M, params.own_ship_m)))
         every = len(index) == frame.size  # no copies of whole frames
         used = slice(None) if every else index
         xyz = params.mounting.levelled(frame.coordinates if every else frame.coordinates.take(index, axis=1))
@@ -58,7 +58,7 @@ class Echoes:
 
     @property
     def is_near(self) -> NDArray[np.bool_]:
-        """Whether they are nearer than ``start_m``, shape (M,)."""
+        """Whether they are own ship, shape (M,)."""
         return np.asarray(self.zone == 0)
 
 

@@ -81,6 +81,7 @@ class FolderSource(TimedSource):
             stamps = from_time_files(files)
         except InputError as error:
             self.warnings.append(f"{error}; using {rate_hz:g} frames per second")
+        self.has_times = stamps is not None
         period_ns = 10**9 / Fraction(str(rate_hz))
         return list(zip(stamps or [round(index * period_ns) for index in range(len(files))], files, strict=True))
 

@@ -15,7 +15,7 @@ class SourceWrapper(Source):
         super().__init__()
         self._inner = inner
         self.name, self.format = inner.name, inner.format
-        self.profile, self.compression = inner.profile, inner.compression
+        self.profile, self.compression, self.has_times = inner.profile, inner.compression, inner.has_times
         self.metadata, self.facts = inner.metadata, inner.facts
         self.damage, self.warnings = inner.damage, inner.warnings
 

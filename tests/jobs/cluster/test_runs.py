@@ -239,7 +239,7 @@ def test_an_interrupt_leaves_nothing_incomplete(certified, trial, tmp_path):
     wait_for(lambda: list((tmp_path / "out").glob("*.mcap")))
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate()
-    assert process.returncode == 1
+    assert process.returncode == 130
     assert errors.splitlines()[-1].startswith("Interrupted")
     assert not list((tmp_path / "out").glob(".*.part"))
     assert not (tmp_path / "frames.csv").exists()

@@ -92,7 +92,7 @@ def test_an_interrupt_cancels_the_jobs(slurm, user, trial, tmp_path):
     wait_for(lambda: list((tmp_path / "out").glob("*.mcap")))
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate()
-    assert process.returncode == 1
+    assert process.returncode == 130
     assert errors.splitlines()[-1].startswith("Interrupted")
     wait_for(lambda: not slurm.jobs())
     assert all(outputs(trial)[name] == data for name, data in outputs(tmp_path).items())

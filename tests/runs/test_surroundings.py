@@ -1,0 +1,74 @@
+"""Own ship, what is beside it, and the smallest buoy that beams meet, as `info` and `filter` report them."""
+
+import re
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from seaclutter_cli.commands import cli
+from seaclutter_cli.runs.surroundings import Surroundings, met_up_to_m
+from seaclutter_cli.simulation.lidar.models import LIDARS
+from tests.filters.seas import Body
+from tests.paths import ROOT
+from tests.structure.test_own_ship import MAST, sea
+
+SAMPLE = ROOT / "samples" / "sea.mcap"
+BESIDE = Body(9, 6.5, vx=-2, length=2, width=1, height=0.9, points=40)
+
+
+def around(log, reach_m=10.0):
+    found = Surroundings(reach_m)
+    for frame in log:
+        found.add(frame)
+    return found
+
+
+@pytest.mark.parametrize("lidar", ["OS1-64", "OS1-128", "PandarXT-32", "RS-LiDAR-16", "generic-64-905"])
+@pytest.mark.parametrize("beams", [1, 2])
+def test_evenly_spaced_beams(lidar, beams):
+    """A body is met if it is as high as the beams are apart, from every height of the lidar and in between."""
+    elevations = np.sort(LIDARS[lidar].elevations_deg)
+    apart = np.radians(beams * np.diff(elevations).max())
+    for lidar_m in (0.8, 1.2):
+        found = met_up_to_m(elevations, 0.4, lidar_m, beams)
+        assert found <= 0.4 / np.tan(apart) <= found + 2
+        for range_m in range(8, found + 1):
+            for shift in np.linspace(0, apart, 20):  # of the beams, against a body on the water
+                rays = range_m * np.tan(np.radians(elevations) + shift - apart / 2) + lidar_m
+                assert np.count_nonzero((rays >= 0) & (rays <= 0.4 * 1.02)) >= beams or range_m * 0.9 < lidar_m / 0.26
+
+
+def test_beams_that_meet_no_buoy_are_not_said_to():
+    assert met_up_to_m(np.array([-15.0, 15.0]), 0.4, 2.0, 1) == 0
+    assert met_up_to_m(np.array([5.0, 6.0, 7.0]), 0.4, 2.0, 1) == 0, "they look at the sky"
+
+
+def test_a_boat_beside_own_ship_gives_a_warning():
+    found = around(sea([BESIDE], frames=20))
+    assert re.search(r"moves in (1[5-9]|20) of 20 frames examined", found.warning())
+    assert "own ship reaches 5." in found.warning()
+    assert found.own_ship() == f"reaches {found.end_m:.1f} m; filter.start_m: 6 suffices, or auto"
+
+
+def test_own_ship_and_water_alone_give_none():
+    assert around(sea(frames=20)).warning() is None
+    assert around(sea(mast=MAST[:0], frames=20)).own_ship().startswith("nothing constant from 3 to 10 m")
+    few = around(sea(frames=19))
+    assert (few.warning(), few.own_ship(), few.smallest(("OS1-64",))) == (None, None, None)
+
+
+def test_info_shows_own_ship_and_the_smallest_buoy():
+    text = CliRunner().invoke(cli, ["info", str(SAMPLE)]).stdout
+    assert "  own ship   reaches 4.5 m; filter.start_m: 5 suffices, or auto\n" in text
+    assert "  beams      a buoy of 0.4 m is met by one beam up to 68 m, by two up to 34 m\n" in text
+
+
+def test_a_filter_run_shows_them_in_its_summary(tmp_path):
+    line = ["filter", str(SAMPLE), "-n", "25", "-o", str(tmp_path / "x.mcap"), "-m"]
+    text = CliRunner().invoke(cli, [*line, "confirmed"]).stdout
+    assert "  own ship (filter.start_m)   " in text
+    assert "\n  a buoy of 0.4 m is met by one beam up to 68 m, by two up to 34 m\n" in text
+    text = CliRunner().invoke(cli, [*line, "joint", "--force"]).stdout
+    assert "% of the removed points are nearer than 10 m (filter.start_m)" in text
+    assert "a buoy" not in text
