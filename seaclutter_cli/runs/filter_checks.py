@@ -1,6 +1,7 @@
 """Checks of the frames of a filter run, and of the sums over them."""
 
 from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
 
 from seaclutter_cli.config import Config
 from seaclutter_cli.filters.zones import ZoneParams
@@ -11,12 +12,16 @@ from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.surroundings import MOST_M, Surroundings
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
 from seaclutter_cli.selection import filtered_by
 from seaclutter_cli.text import count, share
 
+if TYPE_CHECKING:
+    from seaclutter_cli.runs.surroundings import Surroundings
+
 _FEW_WATER = 0.05
+_BEGIN = 10
+"""Number of the frame from which on surroundings are looked at."""
 
 
 class FitChecks(Checks):
@@ -26,9 +31,8 @@ class FitChecks(Checks):
         super().__init__(config, source.facts, filtered=filtered_by(source, [topic]) is not None)
         self._config, self._topic, self._observer, self._facts = config, topic, observer, source.facts
         self._written_anew: str | None = None
-        self._sensor, self._around = TopicStatistics(), None
-        if isinstance(config.filter, ZoneParams):
-            self._around = Surroundings(min(config.filter.own_ship_m, MOST_M))
+        self._sensor, self._frames = TopicStatistics(), 0
+        self._around: Surroundings | None = None
 
     def see(self, result: FilterResult) -> None:
         """Check a frame."""
@@ -36,10 +40,14 @@ class FitChecks(Checks):
         if not self._written_anew and (change := rewrapped(result.frame.cloud)):
             self._written_anew = change
             self._warn([change])
+        self._frames += 1
+        if self._frames == _BEGIN and isinstance(params := self._config.filter, ZoneParams):
+            from seaclutter_cli.runs.surroundings import MOST_M, Surroundings  # short logs do not show them
+
+            self._around = Surroundings(min(params.own_ship_m, MOST_M))
+            self._sensor.add(result.frame)
         if self._around is not None:
             self._around.add(result.frame)
-            if not self._sensor.frames:
-                self._sensor.add(result.frame)
 
     def end(self, tally: TopicTally) -> str | None:
         """Check what was removed, and whether nearly all frames are without the water that a method needs.

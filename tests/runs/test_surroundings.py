@@ -65,7 +65,7 @@ def test_info_shows_own_ship_and_the_smallest_buoy():
 
 
 def test_a_filter_run_shows_them_in_its_summary(tmp_path):
-    line = ["filter", str(SAMPLE), "-n", "25", "-o", str(tmp_path / "x.mcap"), "-m"]
+    line = ["filter", str(SAMPLE), "-n", "30", "-o", str(tmp_path / "x.mcap"), "-m"]
     text = CliRunner().invoke(cli, [*line, "confirmed"]).stdout
     assert "  own ship (filter.start_m)   " in text
     assert "\n  a buoy of 0.4 m is met by one beam up to 68 m, by two up to 34 m\n" in text
