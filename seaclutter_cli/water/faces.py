@@ -16,7 +16,8 @@ LEAST_M = 0.25
 _COLUMN_DEG = 0.3
 _COLUMNS = round(360 / _COLUMN_DEG)
 _BEAM_DEG = 0.1
-_STEP_DEG = 0.65
+_STEP_DEG, _STEPS, _MAX_STEP_DEG = 0.65, 1.5, 1.1
+_LEAST_STEP_DEG, _FINEST = 0.02, 50
 _NOISE_M, _DIVERGENCE, _RAKE = 0.15, 0.003, 0.3
 _APART_M = 3.0
 _GAP_BEAMS, _LEAST_GAP_DEG = 1.5, 0.7
@@ -61,7 +62,8 @@ class Faces:
         along = np.argsort(bearing, kind="stable").astype(np.int32)
         order = along[np.argsort(beam[along], kind="stable")]
         step = np.diff(bearing[order])
-        near = _same(beam[order]) & (step <= _STEP_DEG)
+        near = _same(beam[order])
+        near &= step <= _reach_deg(step[near])
         one = _Neighbors.among(order, near, distance, np.radians(step) * distance[order][1:])
         found = [(one.pairs, one.joined)]
         run = np.empty(len(z), np.int32)
@@ -146,6 +148,16 @@ class _Neighbors:
         first[self.second[self.close]] = False
         start = np.flatnonzero(first)
         return start, group_sizes(start, len(self.order))
+
+
+def _reach_deg(step: Floats) -> float:
+    """Return the angle within which echoes of a beam are neighbours, given the steps between echoes, shape (n,).
+
+    It is one and a half steps of the lidar, that is of the finest step but for 2 %, and at least 0.65°.
+    """
+    step = step[step > _LEAST_STEP_DEG]
+    finest = np.partition(step, len(step) // _FINEST)[len(step) // _FINEST] if len(step) else 0.0
+    return float(np.clip(_STEPS * finest, _STEP_DEG, _MAX_STEP_DEG))
 
 
 def _same(ordered: NDArray[np.uint16]) -> Mask:

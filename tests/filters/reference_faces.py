@@ -77,16 +77,27 @@ def faces_of(points: Sequence[XYZ], elevations: Sequence[float], gaps: Sequence[
                     chain = []
                 chain.append(step.second)
             stand(found, chain, points)
-    for members in grouped([round((elevation + 90) / faces._BEAM_DEG) for elevation in elevations]):
+    beams = grouped([round((elevation + 90) / faces._BEAM_DEG) for elevation in elevations])
+    reach = reach_deg(beams, bearings)
+    for members in beams:
         members.sort(key=lambda k: bearings[k])
         steps = []
         for left, right in pairwise(members):
             turn = bearings[right] - bearings[left]
             slope = math.radians(turn) * distances[right]
-            steps.append(step_between(left, right, distances, slope, near=turn <= faces._STEP_DEG))
+            steps.append(step_between(left, right, distances, slope, near=turn <= reach))
         record(found, steps)
         count_runs(found, members, steps)
     return found
+
+
+def reach_deg(beams: Sequence[list[int]], bearings: Sequence[float]) -> float:
+    """Return the angle between neighbours of a beam, from the steps of all beams."""
+    ordered = [sorted(bearings[k] for k in members) for members in beams]
+    steps = sorted(right - left for one in ordered for left, right in pairwise(one))
+    steps = [step for step in steps if step > faces._LEAST_STEP_DEG]
+    finest = steps[len(steps) // faces._FINEST] if steps else 0.0
+    return min(max(faces._STEPS * finest, faces._STEP_DEG), faces._MAX_STEP_DEG)
 
 
 def grouped(keys: Sequence[int]) -> list[list[int]]:
