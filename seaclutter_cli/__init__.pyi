@@ -14,6 +14,7 @@ from .errors import ModelError as ModelError
 from .errors import OutputError as OutputError
 from .errors import SeaclutterError as SeaclutterError
 from .errors import SelectionError as SelectionError
+from .errors import TopicError as TopicError
 from .errors import UnsupportedCloudError as UnsupportedCloudError
 from .errors import UsageError as UsageError
 from .frame import FilterResult as FilterResult

@@ -68,7 +68,8 @@ class Cloud:
 
     The stamp of the header is 0 if unknown. Height and width are the number of rows, one for an unorganised cloud, and
     of points per row; the steps are in bytes. A cloud is ``dense`` if the message declares all points valid. ``extra``
-    is what only the message encoding uses, needed to write the cloud again.
+    is what only the message encoding uses, needed to write the cloud again. The pose is that of the origin of points
+    which are relative to it: position in metres, and orientation as the quaternion x, y, z, w.
     """
 
     stamp_ns: int
@@ -82,6 +83,7 @@ class Cloud:
     dense: bool
     data: Buffer
     extra: Any = None
+    pose: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         """Check that the layout fits the data."""
@@ -112,8 +114,15 @@ class Cloud:
 
     @property
     def _pitch(self) -> int:
-        """Bytes from row to row; computed from the width for a single row or if the row step is missing."""
-        return self.row_step if self.height > 1 and self.row_step else self.width * self.point_step
+        """Bytes from row to row; computed from the width for a single row or if the row step is missing or wrong."""
+        is_stated = self.height > 1 and self.row_step and not self.has_wrong_rows
+        return self.row_step if is_stated else self.width * self.point_step
+
+    @property
+    def has_wrong_rows(self) -> bool:
+        """Whether the data are those of rows without padding, but the row step is another."""
+        tight = self.width * self.point_step
+        return self.height > 1 and self.row_step not in (0, tight) and len(self.data) == self.height * tight
 
     @property
     def points(self) -> NDArray[Any]:
@@ -141,15 +150,37 @@ class Cloud:
 
     def blank(self, removed: NDArray[np.bool_]) -> "Cloud":
         """Return a cloud of this shape, NaN where ``removed``, (N,), is true; `FieldError` without floats."""
-        for axis in "xyz":
-            if axis not in _names(self.dtype) or self.dtype[axis].kind != "f":
-                raise FieldError(f"field {axis!r} is not a floating-point number, so removed points cannot become NaN")
+        self._require_floats("removed points cannot become NaN")
         data = bytearray(self.data)
         if self.size:
             points = self._rows(self.dtype, data)
             for axis in "xyz":
                 np.copyto(points[axis], np.nan, where=removed.reshape(points.shape))
         return replace(self, data=memoryview(data), dense=False)
+
+    @property
+    def is_moved(self) -> bool:
+        """Whether the cloud has a pose other than the origin."""
+        return self.pose is not None and any(self.pose[:6])
+
+    def posed(self) -> "Cloud":
+        """Return a cloud without pose, whose points are relative to the origin; `FieldError` without floats."""
+        if self.pose is None or not self.is_moved:
+            return replace(self, pose=None)
+        data = bytearray(self.data)
+        if self.size:
+            points = self._rows(self.dtype, data)
+            self._require_floats("the pose of the cloud cannot be applied")
+            xyz = np.stack([points[axis].astype(np.float64) for axis in "xyz"])
+            moved = np.tensordot(_rotation(*self.pose[3:]), xyz, 1)
+            for axis, values, origin in zip("xyz", moved, self.pose[:3], strict=True):
+                points[axis] = values + origin
+        return replace(self, data=memoryview(data), pose=None)
+
+    def _require_floats(self, else_: str) -> None:
+        for axis in "xyz":
+            if axis not in _names(self.dtype) or self.dtype[axis].kind != "f":
+                raise FieldError(f"field {axis!r} is not a floating-point number, so {else_}")
 
     def with_field(self, name: str, values: NDArray[Any]) -> "Cloud":
         """Return an unorganised cloud with a further last field, shape (N,); a name that exists gets an underscore."""
@@ -164,6 +195,13 @@ class Cloud:
     def _unorganised(self, points: NDArray[Any], fields: tuple[PointField, ...]) -> "Cloud":
         step, data = points.dtype.itemsize, points.view(np.uint8).data
         return replace(self, height=1, width=len(points), fields=fields, point_step=step, row_step=len(data), data=data)
+
+
+def _rotation(x: float, y: float, z: float, w: float) -> NDArray[np.float64]:
+    """Return the rotation matrix of a quaternion of any length; no rotation if all of it is 0."""
+    x, y, z, w = np.array((x, y, z, w)) / (np.sqrt(x * x + y * y + z * z + w * w) or 1.0)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + 2 * (w * cross + cross @ cross))
 
 
 def _field_type(dtype: np.dtype[Any]) -> str:

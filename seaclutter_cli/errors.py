@@ -12,6 +12,7 @@
     ├── MissingExtraError  an optional dependency is not installed
     └── UsageError         exit status 2
         ├── ConfigError    a config file or value is not valid
+        ├── TopicError     a recording lacks a selected topic, or one of its topics has to be selected
         └── SelectionError no frame is in the selected part of a recording
 
 A message says what is wrong, where, and what to do.
@@ -177,6 +178,17 @@ class ConfigError(UsageError):
     >>> seaclutter.make_filter("joint", star_m=5)
     Traceback (most recent call last):
     seaclutter_cli.errors.ConfigError: configuration: filter.star_m: unknown key; ...
+    """
+
+
+class TopicError(UsageError):
+    """A recording lacks a selected topic, or has several of which one must be selected.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> issubclass(seaclutter.TopicError, seaclutter.UsageError)
+    True
     """
 
 

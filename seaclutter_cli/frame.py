@@ -163,7 +163,7 @@ class Frame:
         FieldError
             If x, y or z is missing or is not a single number.
         """
-        return _coordinates(self.cloud.points)
+        return _coordinates(self.cloud.points) if self.size else np.empty((3, 0))
 
     def coordinates_of(self, index: NDArray[np.integer]) -> NDArray[np.float64]:
         """Return the coordinates of some points in metres, shape (3, n); raises the errors of `coordinates`."""
@@ -187,6 +187,8 @@ class Frame:
         names = self.cloud.dtype.names or ()
         if self.intensity_field is not None:
             if self.intensity_field not in names:
+                if not self.size:
+                    return None
                 raise FieldError(f"no field {self.intensity_field!r}; the cloud has {_listed(names)}")
             return self.intensity_field
         folded = {name.lower(): name for name in reversed(names)}
@@ -201,6 +203,8 @@ class Frame:
         FieldError
             If the intensity field is missing or is not a single number.
         """
+        if not self.size:
+            return np.empty(0)
         if self.intensity_name is None:
             names = _listed(self.cloud.dtype.names)
             raise FieldError(f"no intensity field; the cloud has {names}; name one with --intensity-field")

@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import CloudError, FieldError, UsageError
+from seaclutter_cli.errors import CloudError, FieldError, TopicError
 from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Frame, Reason, Rings, WaterState
 from seaclutter_cli.interfaces import Filter, Sink, Source
 from seaclutter_cli.reading import frames, read, rejoined, report_lost
@@ -205,13 +205,13 @@ def run_each(
     the filter cannot use the frame), and the seconds that each filter took. Coordinates and ranges, which all filters
     use, are computed before and not timed. Frames without coordinates are damage. If the log has the points that an
     earlier run removed, on the topic ``removed``, they are in the frames again when the filters have seen these.
-    `FieldError` if all frames lack a field that one of the methods needs; `UsageError` if there are several topics.
+    `FieldError` if all frames lack a field that one of the methods needs; `TopicError` if there are several topics.
     """
     clouds = cloud_channels(source, selection.topics)
     topics = list(dict.fromkeys(channel.topic for channel in clouds))
     if len(topics) > 1:
         choices = " or ".join(f"-t {topic}" for topic in topics)
-        raise UsageError(f"{source.name}: several point-cloud topics; choose one: {choices}")
+        raise TopicError(f"{source.name}: several point-cloud topics; choose one: {choices}")
     _observe(source, selection, {topics[0]: filters})
     tallies = [TopicTally() for _ in filters]
     records = read(source, clouds, selection)

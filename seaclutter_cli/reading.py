@@ -19,6 +19,8 @@ from seaclutter_cli.selection import Selection, Window, cloud_channels
 _LATCHED_TOPICS = re.compile(r"(^|/)(tf_static|robot_description)$")
 _LATCHED_TYPES = re.compile(r"(^|/|\.)(CameraInfo|CameraCalibration)$")
 
+_MAX_SENSORS = 64
+
 
 def frames(source: Source, selection: Selection) -> Iterator[Frame]:
     """Yield the selected frames; see `read`, and `cloud_channels` for its errors."""
@@ -43,7 +45,7 @@ def read(
     they need an extra. With ``unreadable``, the reason is stored there by topic instead; the topic yields no frames.
     """
     codecs = {channel: codec for channel in clouds if (codec := find_codec(channel))}
-    window = Window(source, clouds, selection)
+    window, stamps = Window(source, clouds, selection), _Stamps()
     if with_latched and window.start_ns is not None:
         yield from ((message, None) for message in _latched_before(source, window.start_ns, selection.latched))
     for record in source.records(window.start_ns, window.end_ns):
@@ -66,9 +68,39 @@ def read(
                 report_lost(source, record.channel.topic, index, len(record.data), error)
                 continue
             else:
-                frame = Frame.of_message(record, cloud, index, selection.intensity_field)
+                frame = stamps.checked(Frame.of_message(record, cloud, index, selection.intensity_field), source)
                 window.count_selected(record)
         yield record, frame
+
+
+class _Stamps:
+    """Stamps of the last frames of each topic: what is said about them, and what stands in for those that stand still.
+
+    A frame with the stamp of the one before is as much later as its log time is. Frames of several sensors on one topic
+    have stamps of their own.
+    """
+
+    def __init__(self) -> None:
+        self._last: dict[str, dict[str, tuple[int, int]]] = {}
+
+    def checked(self, frame: Frame, source: Source) -> Frame:
+        """Return the next frame, with a stamp that is later than the one before if its log time is; warn once."""
+        cloud, message, topic = frame.cloud, frame.message, frame.topic
+        if cloud.has_wrong_rows:
+            source.warn(f"{topic} has a wrong row_step: rows are read as {cloud.width} x {cloud.point_step} bytes")
+        known = self._last.setdefault(topic, {})
+        if not cloud.stamp_ns or message is None:
+            return frame
+        if cloud.frame_id not in known and known:
+            source.warn(f"{topic} has frames of several sensors (frame ids {next(iter(known))!r} and others)")
+            if len(known) >= _MAX_SENSORS:
+                known.popitem()
+        before_ns, log_ns = known.get(cloud.frame_id, (0, 0))
+        if cloud.stamp_ns != before_ns:
+            known[cloud.frame_id] = cloud.stamp_ns, message.log_time_ns
+            return frame
+        source.warn(f"{topic} has frames with the stamp of the one before; times between them are those of the log")
+        return replace(frame, stamp_ns=max(before_ns + message.log_time_ns - log_ns, before_ns))
 
 
 def _note_unreadable(

@@ -125,4 +125,4 @@ class Damage:
             amounts.append(count(self.lost_messages, "message"))
         if self.lost_bytes:
             amounts.append(count(self.lost_bytes, "byte"))
-        return printable(f"{position}: {self.problem}; left out: {', '.join(amounts) or 'nothing'}")
+        return printable(f"{position}: {self.problem}{'; left out: ' * bool(amounts)}{', '.join(amounts)}")

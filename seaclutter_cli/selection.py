@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from fractions import Fraction
 
-from seaclutter_cli.errors import InputError, SelectionError, UsageError
+from seaclutter_cli.errors import InputError, SelectionError, TopicError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import diagnostics, find_codec, main_clouds
 from seaclutter_cli.messages.metadata import FILTERED, RAW, REMOVED, RecordedTopic, recorded_topics
@@ -88,7 +88,7 @@ def _shown(moment: Moment) -> str:
 def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel]:
     """Return the channels of the selected cloud topics.
 
-    Raise `InputError` if there are no point clouds; `UsageError` if a topic is missing or has none, or if there are
+    Raise `InputError` if there are no point clouds; `TopicError` if a topic is missing or has none, or if there are
     several and none was selected.
     """
     clouds = [channel for channel in source.channels if find_codec(channel)]
@@ -96,15 +96,16 @@ def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel
     if not names:
         kinds = {c: c.schema.name if c.schema else "no schema" for c in source.channels}
         found = ", ".join(sorted({f"{c.topic} ({kind}, {c.message_encoding})" for c, kind in kinds.items()}))
-        raise InputError(f"{source.name}: no point clouds that can be read; the log has {found or 'no topics'}")
+        hint = "; types with names of DDS are not read: record with rosbag2" if "::dds_::" in found else ""
+        raise InputError(f"{source.name}: no point clouds that can be read; the log has {found or 'no topics'}{hint}")
     if not topics and len(names) > 1:
         choices = " ".join(f"-t {name}" for name in names)
-        raise UsageError(f"{source.name}: several point-cloud topics; choose from: {choices}")
-    known = [channel.topic for channel in clouds]
+        raise TopicError(f"{source.name}: several point-cloud topics; choose from: {choices}")
+    known = {channel.topic: None for channel in clouds}
     for topic in topics:
         if topic not in known:
-            choices = " ".join(f"-t {name}" for name in dict.fromkeys(known))
-            raise UsageError(
+            choices = " ".join(f"-t {name}" for name in known)
+            raise TopicError(
                 f"{source.name}: no point-cloud topic {topic}; {suggestion(topic, known)}choose from: {choices}"
             )
     return [channel for channel in clouds if channel.topic in (topics or names)]
@@ -151,6 +152,13 @@ def studied(source: Source, selection: Selection) -> Selection:
     first = next((kind for kind in (RAW, FILTERED) if kind in content.values()), REMOVED)
     chosen = [name for name in names if content[name] == first]
     return selection if selection.topics or len(chosen) == len(names) else replace(selection, topics=tuple(chosen))
+
+
+def every_topic(source: Source, selection: Selection) -> Selection:
+    """Return a selection of all cloud topics of a recording, or of those of the selected ones that it has."""
+    chosen = studied(source, selection).topics or main_topics(source)
+    known = {channel.topic for channel in source.channels if find_codec(channel)}
+    return replace(selection, topics=tuple(topic for topic in chosen if topic in known) or selection.topics)
 
 
 def recorded_of(source: Source, topics: Collection[str] = ()) -> list[RecordedTopic]:

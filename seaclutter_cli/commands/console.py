@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 import time
 from collections import Counter
@@ -123,14 +124,16 @@ class Console(Options):
             show_line(f"Warning: {text}")
 
     def damage(self, damage: Sequence[Damage], *, most: int = _SHOWN_DAMAGE) -> None:
-        """Print the parts of the input that could not be used; all of them if verbose."""
-        shown = len(damage) if self.verbose else most
+        """Print the parts of the input that could not be used: one of each kind, all of them if verbose."""
+        kinds: dict[object, list[Damage]] = {}
         for number, item in enumerate(damage):
             self.record(f"damaged: {item}", "WARNING")
-            if number < shown:
-                show_line(f"Damaged: {item}")
-        if len(damage) > shown > 0:
-            show_line(f"Damaged: {len(damage) - shown} more; use -v to list all")
+            kinds.setdefault(number if self.verbose else re.sub("[0-9]+", "", item.problem), []).append(item)
+        shown = len(kinds) if self.verbose else most
+        for first, *alike in [*kinds.values()][:shown]:
+            show_line(f"Damaged: {first}" + f" (and {len(alike)} more like this; -v lists all)" * bool(alike))
+        if len(kinds) > shown > 0:
+            show_line(f"Damaged: {len(damage) - sum(map(len, [*kinds.values()][:shown]))} more; use -v to list all")
 
     def fail(self, error: SeaclutterError) -> None:
         """Print an error and continue; with ``--debug``, raise it."""

@@ -24,6 +24,7 @@ _ROS: Mapping[str, type[RosCodec]] = {
 
 CODECS: Mapping[tuple[str, str], CloudCodec] = {
     **{(name.replace("/", "/msg/"), "cdr"): codec(2) for name, codec in _ROS.items()},
+    **{(name, "cdr"): codec(2) for name, codec in _ROS.items()},  # as the first versions of ROS 2 named them
     **{(name, "ros1"): codec(1) for name, codec in _ROS.items()},
     ("foxglove.PointCloud", "protobuf"): ProtobufPointCloud(),
     ("foxglove.PointCloud", "json"): JsonPointCloud(),
@@ -51,7 +52,8 @@ def main_clouds(channels: Iterable[Channel]) -> Sequence[Channel]:
     for channel in channels:
         if codec := find_codec(channel):
             ranks[channel] = next((rank for rank, kind in enumerate(_SECONDARY, 1) if isinstance(codec, kind)), 0)
-    return [channel for channel, rank in ranks.items() if rank == min(ranks.values())]
+    first = min(ranks.values(), default=0)
+    return [channel for channel, rank in ranks.items() if rank == first]
 
 
 def has_fixed_fields(channel: Channel) -> bool:

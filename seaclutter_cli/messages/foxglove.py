@@ -1,8 +1,8 @@
 """Codecs for ``foxglove.PointCloud`` in protobuf and JSON, and for the ROS message ``foxglove_msgs/PointCloud``.
 
-Only the fields that describe points are decoded; the pose and fields of newer versions are kept unchanged in
-``Cloud.extra``. The protobuf wire format is parsed directly, since a generated class would copy the points and could
-drop unknown fields.
+Only the pose and the fields that describe points are decoded; others are kept unchanged in ``Cloud.extra``, also the
+pose unless it was applied to the points. The protobuf wire format is parsed directly, since a generated class would
+copy the points and could drop unknown fields.
 """
 
 import base64
@@ -10,6 +10,7 @@ import json
 import re
 import struct
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -23,13 +24,20 @@ _TYPES = ("u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8")
 """Types of fields in the order of their numbers, from 1."""
 _MASK = 2**64 - 1
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
-_TIMESTAMP, _FRAME_ID, _STRIDE, _FIELDS, _DATA = 1, 2, 4, 5, 6
-_POSE = "ddddddd"
+_TIMESTAMP, _FRAME_ID, _POSE, _STRIDE, _FIELDS, _DATA = 1, 2, 3, 4, 5, 6
+_POSITION, _ORIENTATION = ("position", "xyz"), ("orientation", "xyzw")
+_NO_POSE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+_NOTHING = memoryview(b"")
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def _unorganised(
-    stamp_ns: int, frame_id: str, stride: int, fields: tuple[PointField, ...], data: Buffer, extra: Any
+    stamp_ns: int,
+    frame_id: str,
+    stride: int,
+    fields: tuple[PointField, ...],
+    data: Buffer,
+    extra: Any,
 ) -> Cloud:
     """Return a cloud of whole points, in one row."""
     if stride <= 0 and len(data):
@@ -74,6 +82,11 @@ def _walk(data: memoryview) -> Iterator[tuple[int, int, int | memoryview, memory
         yield number, wire, value, data[start:at]
 
 
+def _double(value: int | memoryview) -> float:
+    bits = value if isinstance(value, int) else 0
+    return float(struct.unpack("<d", bits.to_bytes(8, "little"))[0])
+
+
 def _signed(value: int) -> int:
     return value - 2**64 if value >> 63 else value
 
@@ -102,6 +115,7 @@ class ProtobufPointCloud:
         stamp_ns, frame_id, stride, points = 0, "", 0, memoryview(b"")
         fields: list[PointField] = []
         others: list[bytes] = []
+        pose = None
         for number, wire, value, whole in _walk(memoryview(data)):
             if number == _DATA and isinstance(value, memoryview):
                 points = value
@@ -116,7 +130,18 @@ class ProtobufPointCloud:
                     stamp_ns = parts.get(1, 0) * NANO + parts.get(2, 0)
                 elif number == _FRAME_ID and isinstance(value, memoryview):
                     frame_id = bytes(value).decode("utf-8", "replace")
-        return _unorganised(stamp_ns, frame_id, stride, tuple(fields), points, b"".join(others))
+                elif number == _POSE and isinstance(value, memoryview):
+                    pose = self._pose(value)
+        cloud = _unorganised(stamp_ns, frame_id, stride, tuple(fields), points, b"".join(others))
+        return replace(cloud, pose=pose)
+
+    def _pose(self, data: memoryview) -> tuple[float, ...]:
+        parts = {number: value for number, _, value, _ in _walk(data) if isinstance(value, memoryview)}
+        pose: list[float] = []
+        for number, (_, axes) in enumerate((_POSITION, _ORIENTATION), 1):
+            values = {at: value for at, wire, value, _ in _walk(parts.get(number, _NOTHING)) if wire == _FIXED64}
+            pose += (_double(values.get(at, 0)) for at in range(1, len(axes) + 1))
+        return tuple(pose)
 
     def _field(self, data: memoryview) -> PointField:
         parts = {number: value for number, _, value, _ in _walk(data)}
@@ -135,7 +160,10 @@ class ProtobufPointCloud:
             + _packed(3, _VARINT, _TYPES.index(field.type) + 1)
             for field in cloud.fields
         ]
-        parts = [cloud.extra or b"", _packed(_STRIDE, _FIXED32, cloud.point_step)]
+        extra = cloud.extra or b""
+        if cloud.pose is None:
+            extra = b"".join(whole for number, _, _, whole in _walk(memoryview(extra)) if number != _POSE)
+        parts = [extra, _packed(_STRIDE, _FIXED32, cloud.point_step)]
         parts += [_packed(_FIELDS, _BYTES, field) for field in fields]
         return b"".join((*parts, _packed(_DATA, _BYTES, cloud.data)))
 
@@ -159,15 +187,22 @@ class JsonPointCloud:
                 for field in message["fields"]
             )
             stride, stamp_ns = int(message["point_stride"]), _stamp_ns(message.get("timestamp"))
+            pose = message.get("pose") and tuple(
+                float((message["pose"].get(part) or {}).get(axis) or 0)
+                for part, axes in (_POSITION, _ORIENTATION)
+                for axis in axes
+            )
         except _BAD_JSON as error:
             raise CloudError(f"not a valid JSON foxglove.PointCloud: {error!r}") from error
-        return _unorganised(stamp_ns, str(message.get("frame_id", "")), stride, fields, points, message)
+        cloud = _unorganised(stamp_ns, str(message.get("frame_id", "")), stride, fields, points, message)
+        return replace(cloud, pose=pose or None)
 
     def encode(self, cloud: Cloud) -> bytes:
         """Return a cloud as the bytes of a message."""
         fields = [{"name": f.name, "offset": f.offset, "type": _TYPES.index(f.type) + 1} for f in cloud.fields]
         described = {"point_stride": cloud.point_step, "fields": fields, "data": base64.b64encode(cloud.data).decode()}
-        return json.dumps({**(cloud.extra or {}), **described}).encode()
+        extra = {name: value for name, value in (cloud.extra or {}).items() if name != "pose" or cloud.pose is not None}
+        return json.dumps({**extra, **described}).encode()
 
 
 def _stamp_ns(timestamp: Any) -> int:
@@ -182,17 +217,18 @@ def _stamp_ns(timestamp: Any) -> int:
 
 
 class RosFoxglovePointCloud(RosCodec):
-    """Codec for Foxglove's cloud as a ROS message; ``Cloud.extra`` contains position and orientation of its pose."""
+    """Codec for Foxglove's cloud as a ROS message."""
 
     def _read(self, read: Reader) -> Cloud:
-        stamp_ns, frame_id, pose = read.time_ns(), read.text(), read.numbers(_POSE)
+        stamp_ns, frame_id, pose = read.time_ns(), read.text(), read.numbers("ddddddd")
         stride, fields = read.number("I"), read.fields(_TYPES, counted=False)
-        return _unorganised(stamp_ns, frame_id, stride, fields, read.blob(), pose)
+        cloud = _unorganised(stamp_ns, frame_id, stride, fields, read.blob(), None)
+        return replace(cloud, pose=tuple(map(float, pose)))
 
     def _write(self, write: Writer, cloud: Cloud) -> None:
         write.time_ns(cloud.stamp_ns)
         write.text(cloud.frame_id)
-        write.numbers(_POSE, cloud.extra or (0, 0, 0, 0, 0, 0, 1))
+        write.numbers("ddddddd", cloud.pose or _NO_POSE)
         write.number("I", cloud.point_step)
         write.fields(cloud.fields, _TYPES, counted=False)
         write.blob(cloud.data)

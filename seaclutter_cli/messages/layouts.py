@@ -217,23 +217,32 @@ def known_types(ros: Ros) -> Types:
 
 @lru_cache(maxsize=256)
 def types_of(schema: Schema) -> Types:
-    """Return the types that a schema defines, and known ones; `TranslationError` if it is no definition of ROS."""
+    """Return the types that a schema defines, and known ones; `TranslationError` if it is no definition of ROS.
+
+    A known type may lack its definition, or have only its name for one.
+    """
     name, known = full_name(schema.name), known_types(1 if schema.encoding == "ros1msg" else 2)
-    if not schema.data and name in known:
-        return known
+    try:
+        return {**known, **_defined(schema, name)}
+    except TranslationError:
+        if name in known:
+            return known
+        raise
+
+
+def _defined(schema: Schema, name: str) -> Types:
+    """Return the types that a schema defines; `TranslationError` if it is no definition of ROS."""
     if len(schema.data) > _MAX_DEFINITION:
         raise TranslationError(f"the definition of {schema.name} is longer than {_MAX_DEFINITION:,} bytes")
-    text = schema.data.decode("utf-8", "replace")
+    text = schema.data.decode("utf-8", "replace").replace("\r\n", "\n")
     try:
         if schema.encoding == "ros2idl":
-            types = get_types_from_idl(text)
-        elif schema.encoding in ("ros1msg", "ros2msg") and text.strip():
-            types = get_types_from_msg(text, name)
-        else:
-            raise TranslationError(f"the definition of {schema.name} is unknown")
+            return get_types_from_idl(text)
+        if schema.encoding in ("ros1msg", "ros2msg") and text.strip():
+            return get_types_from_msg(text, name)
     except (TypesysError, RecursionError, ValueError, LookupError, AttributeError) as error:
         raise TranslationError(f"the definition of {schema.name} is not valid") from error
-    return {**known, **types}
+    raise TranslationError(f"the definition of {schema.name} is unknown")
 
 
 def definition_of(types: Types, name: str, ros: Ros) -> tuple[Schema, str]:

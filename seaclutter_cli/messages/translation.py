@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
-from seaclutter_cli.errors import CloudError
+from seaclutter_cli.errors import CloudError, FieldError
 from seaclutter_cli.messages import CODECS, declares_latched, find_codec
 from seaclutter_cli.messages.definitions import full_name
 from seaclutter_cli.messages.layouts import (
@@ -51,8 +51,7 @@ class Translations:
 
     def __init__(self, encoding: str) -> None:
         self._encoding = encoding
-        self._translators: dict[int, tuple[str, Callable[[Buffer], Buffer]] | None] = {}
-        self._fields: dict[str, None] = {}
+        self._translators: dict[int, tuple[str, Translator] | None] = {}
         self._topics: dict[str, None] = {}
         self.broken = Counter[str]()
         """Number of messages by topic that could not be translated."""
@@ -60,7 +59,8 @@ class Translations:
     @property
     def lost(self) -> Sequence[str]:
         """What the encoding cannot keep, in words."""
-        return [*self._fields, *self._topics]
+        found = filter(None, self._translators.values())
+        return [*dict.fromkeys(f"{name} of {topic}" for topic, one in found for name in one.lost), *self._topics]
 
     def channel(self, channel: Channel) -> Channel | None:
         """Return a channel in this encoding, under the same id; None if its messages cannot be translated."""
@@ -70,8 +70,7 @@ class Translations:
             self._topics[f"{channel.topic} ({error})"] = None
             self._translators[channel.id] = None
             return None
-        self._fields |= dict.fromkeys(f"{name} of {channel.topic}" for name in found.lost)
-        self._translators[channel.id] = channel.topic, found.translate
+        self._translators[channel.id] = channel.topic, found
         return found.channel
 
     def message(self, channel: int, data: Buffer) -> Buffer | None:
@@ -79,20 +78,20 @@ class Translations:
         found = self._translators[channel]
         if found is None:
             return None
-        topic, translate = found
+        topic, translator = found
         try:
-            return translate(data)
+            return translator.translate(data)
         except TranslationError:
             self.broken[topic] += 1
             return None
 
 
 class Translator(NamedTuple):
-    """A channel of another version of ROS, the translation of its messages, and the fields that are lost."""
+    """A channel of another version of ROS, the translation of its messages, and what is lost, as far as is known."""
 
     channel: Channel
     translate: Callable[[Buffer], Buffer]
-    lost: tuple[str, ...] = ()
+    lost: Sequence[str] = ()
 
 
 def translator(channel: Channel, encoding: str) -> Translator:
@@ -107,8 +106,10 @@ def translator(channel: Channel, encoding: str) -> Translator:
         raise TranslationError("its messages have no definition")
     if channel.message_encoding not in (CDR, ROS1):
         return _cloud_translator(channel, encoding)
-    ros, name, types = _version(encoding), full_name(channel.schema.name), types_of(channel.schema)
-    known = known_types(ros)
+    ros, name = _version(encoding), full_name(channel.schema.name)
+    known, before = known_types(ros), known_types(1 if ros == 2 else 2)
+    # Clouds are read as they are known, whatever the log says about them.
+    types = before if find_codec(channel) and name in before else types_of(channel.schema)
     schema, checksum = definition_of(known if name in known else types, name, ros)
     out = _channel(channel, encoding, schema, checksum)
     source = Layouts(types).struct(name)
@@ -162,12 +163,14 @@ def _cloud_translator(channel: Channel, encoding: str) -> Translator:
     if codec is None:
         raise TranslationError(f"its messages are encoded as {channel.message_encoding}")
     schema, checksum = definition_of(known_types(ros), _CLOUD, ros)
-    target = CODECS[schema.name, encoding]
+    target, lost = CODECS[schema.name, encoding], list[str]()
 
     def encode(data: Buffer) -> bytes:
         try:
-            return target.encode(replace(codec.decode(data), extra=None))
-        except CloudError as error:
+            cloud = codec.decode(data)
+            lost[:] = ["the pose, which was applied to the points,"] if cloud.is_moved else lost
+            return target.encode(replace(cloud.posed(), extra=None))
+        except (CloudError, FieldError) as error:
             raise TranslationError(str(error)) from error
 
-    return Translator(_channel(channel, encoding, schema, checksum), encode)
+    return Translator(_channel(channel, encoding, schema, checksum), encode, lost)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from seaclutter_cli.buckets import copies_removed, local, mirror_of, on_paths, shown
-from seaclutter_cli.errors import SeaclutterError, SelectionError
+from seaclutter_cli.errors import SeaclutterError, SelectionError, TopicError
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.jobs.engine import Engine, Lost, Report, run_in_turn
 from seaclutter_cli.records import Channel
@@ -223,6 +223,9 @@ def _outcome(work: Work[O], observer: Observer) -> O:
             return work.run(observer)
         except SelectionError as error:
             return work.skipped(str(error))
+        except TopicError as error:
+            observer.fail(error)
+            return work.without_result(str(error))
 
 
 def run_all(

@@ -11,7 +11,7 @@ import numpy as np
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.calibration import Calibration, ClutterSelector
 from seaclutter_cli.config import Config
-from seaclutter_cli.errors import LabelError, UsageError
+from seaclutter_cli.errors import LabelError, TopicError, UsageError
 from seaclutter_cli.evaluation.scores import Parts, Summary
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.confirmation import ConfirmedParams
@@ -217,7 +217,7 @@ class _CalibrateWork(RecordingWork[Calibrated]):
         found = outcome.clutter = Clutter(params, self.options)
         topics = sorted({channel.topic for channel in cloud_channels(source, selection.topics)})
         if labels and len(topics) > 1:
-            raise UsageError(f"{source.name}: labels apply to one topic; choose from: -t {' -t '.join(topics)}")
+            raise TopicError(f"{source.name}: labels apply to one topic; choose from: -t {' -t '.join(topics)}")
         selector = ClutterSelector(params, labels, self.config.evaluation.box_margin_m)
         search = None if labels else _TargetSearch(params, outcome)
         with self.progress(source, observer) as step:

@@ -12,7 +12,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.config import Config
-from seaclutter_cli.errors import InputError, UsageError
+from seaclutter_cli.errors import InputError, TopicError, UsageError
 from seaclutter_cli.frame import WATER_REASONS, FilterResult, Reason, Rings
 from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
@@ -30,9 +30,10 @@ from seaclutter_cli.runs.options.logs import FilterOptions
 from seaclutter_cli.runs.outputs import PackedRows, may_appear
 from seaclutter_cli.runs.recordings import open_recording
 from seaclutter_cli.runs.resume import RunIdentity, identity_of
-from seaclutter_cli.selection import Selection, cloud_channels, filtered_by
+from seaclutter_cli.selection import Selection, cloud_channels, every_topic, filtered_by
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import FrameTable
+from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, data_size, indented, printable, share, table
@@ -287,7 +288,12 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
 
     def clouds(self, source: Source) -> list[Channel]:
         """Return the channels of the clouds to filter."""
-        return cloud_channels(source, self.options.reading.selection.topics)
+        return cloud_channels(source, self._chosen(source, self.options.reading.selection).topics)
+
+    def _chosen(self, source: Source, selection: Selection) -> Selection:
+        """Return a selection; of one of several recordings, by default all topics, if the output has room for them."""
+        every = self.is_one_of_several and OUTPUT_FORMATS[self.form].has_topics
+        return every_topic(source, selection) if every else selection
 
     def without_result(self, reason: str | None) -> FilterOutcome:
         """Return an outcome without frames."""
@@ -304,10 +310,10 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         self, source: Source, selection: Selection, outcome: FilterOutcome, sink: Sink, observer: Observer
     ) -> int:
         """Filter the frames of the recording."""
-        clouds = self.clouds(source)
+        clouds, selection = self.clouds(source), self._chosen(source, selection)
         topics = list(dict.fromkeys(channel.topic for channel in clouds))
         if self.labels and len(topics) > 1:
-            raise UsageError(f"{source.name}: labels apply to one topic; choose one with -t")
+            raise TopicError(f"{source.name}: labels apply to one topic; choose one with -t")
         if self.config.method != "none" and (by := filtered_by(source, selection.topics)) is not None:
             observer.warn(f"{source.name}: already filtered{by}; this run only filters the remaining points")
         named = printable(", ".join(channel.topic for channel in clouds))

@@ -206,10 +206,11 @@ def _describe(topic: str, cloud: TopicStatistics, facts: SensorFacts | None, ass
     least, middle, most = cloud.sizes()
     rate = f" at {cloud.rate_hz:.2f} Hz{assumed}" if cloud.rate_hz else ""
     rows = [
-        ("frames", f"{cloud.frames}{rate}, frame id {cloud.frame_id!r}"),
+        ("frames", f"{cloud.frames}{rate}" + f", frame id {cloud.frame_id!r}" * bool(cloud.frames)),
         (
             "points",
-            f"{least:,} to {most:,} per frame, median {middle:,.0f}; {share(cloud.invalid, cloud.points)} invalid",
+            f"{least:,} to {most:,} per frame, median {middle:,.0f}"
+            + f"; {share(cloud.invalid, cloud.points)} invalid" * bool(cloud.points),
         ),
         ("fields", ", ".join(f"{f.name} {f.type}{f'x{f.count}' if f.count > 1 else ''}" for f in cloud.fields)),
         ("intensity", f"{cloud.intensity_name or 'none'}{_span(cloud.intensity)}"),

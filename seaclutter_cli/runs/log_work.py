@@ -104,6 +104,7 @@ class LogWork(RecordingWork[L], Generic[L, O]):
     form: str
     group: OutputGroup | None = field(default=None, kw_only=True)
     complete: L | None = field(default=None, kw_only=True)
+    is_one_of_several: bool = field(default=False, kw_only=True)
 
     @property
     def output(self) -> Path:
@@ -212,7 +213,10 @@ class LogRun(Generic[W]):
         check_options(form, options.written, with_scene=getattr(options, "with_scene", False))
         each = zip(recordings, assign_labels(options, recordings), targets, strict=True)
         self.options = options
-        self.works = [make(options.reading, *pair, options, target, form) for *pair, target in each]
+        several = len(recordings) > 1
+        self.works = [
+            make(options.reading, *pair, options, target, form, is_one_of_several=several) for *pair, target in each
+        ]
         configs = [work.config for work in self.works[:1] if hasattr(work, "config")]
         self.inputs = inputs_of(recordings, options.reading, getattr(options, "config", None), configs)
         self.root = Root(Path(options.output), OUTPUT_FORMATS[form].marker)

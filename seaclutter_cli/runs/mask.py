@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seaclutter_cli.buckets import on_paths
-from seaclutter_cli.errors import UsageError
+from seaclutter_cli.errors import TopicError
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import map_frames
@@ -74,7 +74,7 @@ class _MaskWork(RecordingWork[Outcome]):
     def study(self, source: Source, labels: Labels | None, outcome: Outcome, observer: Observer) -> None:  # noqa: ARG002
         selection = self.reading.selection
         if len({channel.topic for channel in cloud_channels(source, selection.topics)}) > 1:
-            raise UsageError(f"{source.name}: each lidar needs a mask of its own; choose one topic with -t")
+            raise TopicError(f"{source.name}: each lidar needs a mask of its own; choose one topic with -t")
         number = 0
         with self.progress(source, observer) as step:
             for _ in map_frames(source, selection, self.search.add):

@@ -46,7 +46,8 @@ class TopicStatistics:
         cloud = frame.cloud
         self.frames += 1
         self._sizes.append(frame.size)
-        self.fields, self.shape, self.frame_id = cloud.fields, (cloud.height, cloud.width), cloud.frame_id
+        if cloud.fields or not self.fields:
+            self.fields, self.shape, self.frame_id = cloud.fields, (cloud.height, cloud.width), cloud.frame_id
         self._stamps_ns.append(frame.stamp_ns)
         try:
             self.intensity_name = frame.intensity_name

@@ -59,7 +59,7 @@ class FrameSink(ExitStack):
         self._first_frame = 0
         self._others: set[str] = set()
         self._attachments = self._points = 0
-        self._has_log_times = False
+        self._has_log_times = self._has_poses = False
 
     @property
     def messages(self) -> int:
@@ -71,6 +71,7 @@ class FrameSink(ExitStack):
         """What the files cannot keep of the recording, in words."""
         found = {
             "log times other than stamps": self._has_log_times,
+            "the poses of clouds, which were applied to their points": self._has_poses,
             f"{count(self._points, 'point')} without coordinates": self._points,
             count(len(self._others), "other topic"): self._others,
             count(self._attachments, "attachment"): self._attachments,
@@ -109,7 +110,7 @@ class FrameSink(ExitStack):
         self._add(result.frame, filtered_cloud(result, self._options))
 
     def _add(self, frame: Frame, cloud: Cloud) -> None:
-        message = message_of(frame)
+        message, self._has_poses = message_of(frame), self._has_poses or cloud.is_moved
         self._has_log_times |= frame.stamp_ns != message.log_time_ns
         if not self._stamps_ns:
             self._first_frame = frame.index
@@ -121,9 +122,9 @@ class FrameSink(ExitStack):
         self._stamps_ns.append(frame.stamp_ns)
         if isinstance(self._output, AtomicFolder):
             with self._output.open(f"{frame.index:06d}{self._suffix}") as stream:
-                self._points += self._write_frame(stream, cloud)
+                self._points += self._write_frame(stream, cloud.posed())
         else:
-            self._points += self._write_frame(self._output.stream, cloud)
+            self._points += self._write_frame(self._output.stream, cloud.posed())
 
     def end(self) -> None:
         """Write times and metadata records."""

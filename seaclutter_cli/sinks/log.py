@@ -261,6 +261,8 @@ class LogSink(ExitStack):
         translated = self._translations.channel(channel) if self._translations else channel
         if translated is not None:
             self._writer.add_channel(translated)
+        elif channel.topic in self._selected:
+            raise OutputError(f"{self.lost[-1]} cannot be written in this format")
         return translated is not None
 
     def _copy(self, message: Message) -> None:

@@ -1,8 +1,10 @@
 """ROS 2 recordings (rosbag2): folders with storage files, in sqlite3 or MCAP, and a ``metadata.yaml``."""
 
+import re
 import sqlite3
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
@@ -20,6 +22,15 @@ from seaclutter_cli.sinks.options import ROSBAG2_METADATA
 
 _VERSION = 8
 """Version of the metadata: that of ROS 2 Iron, which older and newer releases read."""
+
+_POLICIES: Mapping[str, Sequence[str]] = {
+    "history": ("system_default", "keep_last", "keep_all", "unknown"),
+    "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
+    "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
+    "liveliness": ("system_default", "automatic", "manual_by_node", "manual_by_topic", "unknown", "best_available"),
+}
+"""Policies of quality of service that ROS 2 has numbered until this version, and named since."""
+_NAMED_POLICY = re.compile(rf"\b({'|'.join(_POLICIES)}): *([a-z_]+)")
 
 _TABLES = """
 CREATE TABLE schema(schema_version INTEGER PRIMARY KEY, ros_distro TEXT NOT NULL);
@@ -80,6 +91,9 @@ class _McapFileWriter(McapWriter):
     def __init__(self, stream: BinaryIO, compression: str) -> None:
         super().__init__(stream, profile="ros2", compression=compression)
 
+    def add_channel(self, channel: Channel) -> None:
+        super().add_channel(_with_numbers(channel))
+
     def finish(self) -> None:
         super().finish()
         self._stream.close()
@@ -106,8 +120,8 @@ class _Db3Writer(LogWriter):
             self._run(statement)
 
     def add_channel(self, channel: Channel) -> None:
+        self.channels[channel.id] = channel = _with_numbers(channel)
         assert channel.schema is not None  # noqa: S101 - translated channels have one
-        self.channels[channel.id] = channel
         metadata, schema = dict(channel.metadata), channel.schema
         checksum, qos = metadata.get("topic_type_hash", ""), metadata.get("offered_qos_profiles", "")
         row = (channel.id, channel.topic, schema.name, channel.message_encoding, qos, checksum)
@@ -145,6 +159,20 @@ class _Db3Writer(LogWriter):
 
 
 _FileWriter = _Db3Writer | _McapFileWriter
+
+
+def _with_numbers(channel: Channel) -> Channel:
+    """Return a channel whose quality of service has numbers instead of names."""
+
+    def numbered(match: re.Match[str]) -> str:
+        policy, name = match.groups()
+        return f"{policy}: {_POLICIES[policy].index(name)}" if name in _POLICIES[policy] else match[0]
+
+    kept = dict(channel.metadata)
+    if "offered_qos_profiles" not in kept:
+        return channel
+    profiles = _NAMED_POLICY.sub(numbered, kept["offered_qos_profiles"])
+    return replace(channel, metadata=tuple({**kept, "offered_qos_profiles": profiles}.items()))
 
 
 def _description(storage: str, files: Mapping[str, _FileWriter]) -> str:

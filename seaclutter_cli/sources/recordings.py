@@ -18,7 +18,14 @@ from seaclutter_cli.sources.frame_files.folder import is_frame_folder
 from seaclutter_cli.sources.frame_files.sidecars import times_beside
 from seaclutter_cli.sources.pcap import metadata_of
 from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
-from seaclutter_cli.sources.shared.split import SplitSource, difference, joined, split_groups
+from seaclutter_cli.sources.shared.split import (
+    SplitSource,
+    difference,
+    joined,
+    joined_name,
+    numbered,
+    split_groups,
+)
 from seaclutter_cli.text import count
 
 
@@ -38,8 +45,8 @@ class Recording:
     def name(self) -> str:
         """Name of the recording."""
         first = self.paths[0]
-        if len(self.paths) > 1 and first.stem.endswith("_0"):
-            return first.stem.rpartition("_")[0]
+        if len(self.paths) > 1 and numbered(first)[1] == 0:
+            return joined_name(self.paths)
         return first.resolve().name if first.is_dir() else first.stem
 
     @property
@@ -98,23 +105,31 @@ def find_recordings(
     search = search or Search()
     found: dict[Path, Recording] = {}
     real = Identities()
-    for pattern in patterns:
-        if pattern == "-":
-            raise UsageError("-: logs are read more than once, so not from standard input; save it to a file first")
-        named = Path(pattern)
-        is_glob = re.search(r"[*?\[]", pattern) and not named.exists()
-        paths = sorted(map(Path, glob(pattern, recursive=True))) if is_glob else [named]  # noqa: PTH207 - any root
-        if not paths:
-            raise UsageError(f"{pattern}: no file matches this pattern")
-        if not paths[0].exists():
-            raise UsageError(f"{pattern}: no such file or folder")
-        files = [path for path in paths if path.is_file()] if search.join else []
-        recordings = [Recording(tuple(group)) for group in split_groups(files)]
-        for path in paths:
-            recordings += _expand(path, search, note) if path not in files else []
+    paths = [path for pattern in patterns for path in _matching(pattern)]
+    files = dict.fromkeys(path for path in paths if path.is_file()) if search.join else {}
+    groups = {group[0]: group for group in split_groups([*files])}
+    for path in paths:
+        if path in groups:
+            recordings = [Recording(tuple(groups[path]))]
+        else:
+            recordings = _expand(path, search, note) if path not in files else []
         for recording in recordings:
             found.setdefault(real(recording.paths[0]), recording)
     return list(found.values())
+
+
+def _matching(pattern: str) -> list[Path]:
+    """Return the paths that a name or a glob refers to; `UsageError` if there are none."""
+    if pattern == "-":
+        raise UsageError("-: logs are read more than once, so not from standard input; save it to a file first")
+    named = Path(pattern)
+    is_glob = re.search(r"[*?\[]", pattern) and not named.exists()
+    paths = sorted(map(Path, glob(pattern, recursive=True))) if is_glob else [named]  # noqa: PTH207 - any root
+    if not paths:
+        raise UsageError(f"{pattern}: no file matches this pattern")
+    if not paths[0].exists():
+        raise UsageError(f"{pattern}: no such file or folder")
+    return paths
 
 
 def _expand(

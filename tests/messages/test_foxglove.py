@@ -335,7 +335,7 @@ def test_ros_rosbags_reads_a_selection(encoding):
 
 def test_ros_big_endian_cdr():
     cloud = ROS["cdr"].decode(wrapped.foxglove(ROS_CLOUD, "cdr", little=False))
-    assert (bytes(cloud.data), cloud.extra[:3]) == (ROS_CLOUD.data, (1.0, 2.0, 3.0))
+    assert (bytes(cloud.data), cloud.pose[:3]) == (ROS_CLOUD.data, (1.0, 2.0, 3.0))
 
 
 def test_ros_truncated_messages_are_errors():

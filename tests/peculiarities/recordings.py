@@ -1,5 +1,105 @@
 """Peculiarities of recordings and their records: bags, MCAP files, folders, split files."""
 
-from tests.peculiarities.case import Case
+import json
+from functools import partial
 
-CASES: list[Case] = []
+import yaml
+
+from tests.logs import PERIOD_NS, START_NS, Entry, Topic, cloud_message, cloud_topic, write_log
+from tests.peculiarities.case import Case, sea
+
+TYPE, TEXT = cloud_topic("/points").schema[0], cloud_topic("/points").schema[2]
+ROSBAG2 = "https://github.com/ros2/rosbag2/"
+
+
+def structured(points):
+    return points.view([(name, "<f4") for name in ("x", "y", "z", "intensity")])[:, 0]
+
+
+def entries(numbers=range(3), **changes):
+    times = {number: START_NS + number * PERIOD_NS for number in numbers}
+    return [
+        Entry("/points", time_ns, cloud_message("ros2", structured(sea(number)), time_ns, **changes))
+        for number, time_ns in times.items()
+    ]
+
+
+def log(folder, definition=TEXT, name=TYPE, **changes):
+    topic = Topic("/points", "cdr", (name, "ros2msg", definition))
+    return write_log(folder / "log.mcap", [topic], entries(**changes))
+
+
+def crashed(folder):
+    """Return a folder whose last file its ``metadata.yaml`` lacks."""
+    path = folder / "run_2026_01_02-10_00_00"
+    path.mkdir()
+    names = [f"{number}_run_2026_01_02-10_00_{10 * number:02d}.mcap" for number in range(3)]
+    for number, name in enumerate(names):
+        write_log(path / name, [cloud_topic("/points")], entries([number]))
+    info = {"version": 9, "storage_identifier": "mcap", "relative_file_paths": names[:2], "message_count": 2}
+    (path / "metadata.yaml").write_text(yaml.safe_dump({"rosbag2_bagfile_information": info}))
+    return path
+
+
+def posed(folder):
+    message = json.loads(cloud_message("json", structured(sea()), START_NS))
+    message["pose"] = {"position": {"x": 1, "y": 2, "z": 12}, "orientation": {"x": 0, "y": 0, "z": 1, "w": 0}}
+    entry = Entry("/points", START_NS, json.dumps(message).encode())
+    return write_log(folder / "log.mcap", [cloud_topic("/points", "json")], [entry], profile="")
+
+
+def with_empty(folder):
+    empty = cloud_message("ros2", structured(sea(0, 0)), START_NS, fields=[], width=0, point_step=0, row_step=0)
+    late = Entry("/points", START_NS + 3 * PERIOD_NS, empty)
+    return write_log(folder / "log.mcap", [cloud_topic("/points")], [*entries(), late])
+
+
+SEA = [sea(number) for number in range(3)]
+CASES = [
+    Case(
+        name="files named N_NAME_TIME after a crash",
+        source=f"{ROSBAG2}pull/2265",
+        build=crashed,
+        frames=SEA,
+    ),
+    *(
+        Case(
+            name=f"definition: {name}",
+            source="https://github.com/foxglove/mcap/issues: schemas that bridges wrote, whose text tools ignore",
+            build=partial(log, definition=text),
+            frames=SEA,
+            to=("bag", "rosbag2-db3"),
+        )
+        for name, text in {"empty": b"", "name": TYPE.encode(), "CRLF": TEXT.replace(b"\n", b"\r\n")}.items()
+    ),
+    Case(
+        name="type without msg",
+        source=f"{ROSBAG2}issues: the first versions of ROS 2 named types as ROS 1 does",
+        build=partial(log, name="sensor_msgs/PointCloud2"),
+        frames=SEA,
+        to=("mcap", "bag"),
+    ),
+    Case(
+        name="wrong row_step",
+        source="https://github.com/ros-perception/perception_pcl/issues: clouds with the row_step of one point",
+        build=partial(log, height=4, width=10, row_step=16),
+        frames=SEA,
+        says={"filter": "wrong row_step", "info": "wrong row_step"},
+    ),
+    Case(
+        name="cloud without points and fields",
+        source="Drivers publish clouds without points and fields while a lidar starts.",
+        build=with_empty,
+        frames=[*SEA, sea(0, 0)],
+        to=("mcap", "bag"),
+    ),
+    Case(
+        name="cloud with a pose",
+        source="https://docs.foxglove.dev/docs/visualization/message-schemas/point-cloud: points relative to a pose",
+        build=posed,
+        frames=[sea() * (-1, -1, 1, 1) + (1, 2, 12, 0)],
+        to=("pcd", "bag"),
+        atol=1e-5,
+        says={"convert": "pose, which was applied|poses of clouds, which were applied"},
+    ),
+]

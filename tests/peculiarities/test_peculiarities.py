@@ -25,7 +25,8 @@ def run(case, command, *words, code):
 
 
 def points_of(frame):
-    columns = frame.xyz if frame.intensity_name is None else np.column_stack((frame.xyz, frame.intensity))
+    has_none = frame.intensity_name is None and frame.size
+    columns = frame.xyz if has_none else np.column_stack((frame.xyz, frame.intensity))
     return columns[frame.valid]
 
 

@@ -81,6 +81,7 @@ def open_las(path: Path) -> Iterator[Any]:
             count = reader.header.point_count
             if count and not reader.header.are_points_compressed:
                 check_size(reader.header.offset_to_point_data + count * reader.header.point_format.size, size)
+                _check_count(reader.header, file, size)
             elif count:
                 if not laz.is_available():
                     raise MissingExtraError("LAZ", "las")
@@ -122,6 +123,22 @@ def _records(file: BinaryIO, at: int, number: int, length: str) -> list[Any]:
         user, described = user.split(b"\0")[0], described.split(b"\0")[0]
         found.append(_laspy().VLR(user.decode("ascii"), kind, described, data))
     return found
+
+
+def _check_count(header: Any, file: BinaryIO, size: int) -> None:
+    """Check that no points follow those that the header declares; files may end in zeros."""
+    end, at = header.offset_to_point_data + header.point_count * header.point_format.size, file.tell()
+    records = [header.start_of_first_evlr] * (header.number_of_evlrs > 0)
+    waveforms = getattr(header, "start_of_waveform_data_packet_record", 0)
+    more = (min(one for one in (size, *records, waveforms) if one >= end) - end) // header.point_format.size
+    if more:
+        file.seek(end)
+        if any(file.read(header.point_format.size)):
+            raise CloudError(
+                f"the header declares {count(header.point_count, 'point')}, but {more:,} more follow; correct it, as "
+                "with lasinfo -repair_counters"
+            )
+        file.seek(at)
 
 
 def _check_compressed(header: Any, file: BinaryIO, size: int) -> None:

@@ -9,7 +9,8 @@ from seaclutter_cli.documents import MAX_YAML_CHARACTERS, DocumentError, load_ya
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Damage
-from seaclutter_cli.sources.shared.split import SplitSource, numbered
+from seaclutter_cli.sources.shared.split import SplitSource, numbered, without_time
+from seaclutter_cli.text import count
 
 METADATA = "metadata.yaml"
 
@@ -25,7 +26,8 @@ def is_rosbag2_folder(path: Path) -> bool:
     if (path / METADATA).is_file():
         return bool(files) or _KEY in _read_text(path / METADATA)
     name = path.resolve().name
-    return bool(files) and all(prefix == name and number >= 0 for prefix, number in map(numbered, files))
+    names = (name, without_time(name))
+    return bool(files) and all(prefix in names and number >= 0 for prefix, number in map(numbered, files))
 
 
 def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
@@ -53,7 +55,7 @@ def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
     if not files:
         raise InputError(f"{folder}: a ROS 2 recording without .mcap or .db3 files")
     messages = _count(info)
-    return SplitSource(
+    source = SplitSource(
         files,
         open_file,
         name=folder.resolve().name,
@@ -61,6 +63,12 @@ def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
         expected=None if messages is None else (folder / METADATA, messages),
         packed_messages=mode == "message",
     )
+    used = {file.name.removesuffix(".zstd") for file in files}
+    left = [file.name for file in _storage_files(folder) if file.name.removesuffix(".zstd") not in used]
+    if left:
+        more = f" and {count(len(left) - 1, 'other file')}" if len(left) > 1 else ""
+        source.warn(f"{left[0]}{more} left out: {METADATA} does not list them, nor do they continue its files")
+    return source
 
 
 def _storage_files(folder: Path) -> list[Path]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import Cloud
-from seaclutter_cli.errors import CloudError
+from seaclutter_cli.errors import CloudError, FieldError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.limits import limits
 from seaclutter_cli.messages import CODECS, find_codec, has_fixed_fields, main_clouds
@@ -17,6 +17,7 @@ from seaclutter_cli.sources.shared import SourceWrapper
 
 _RELATIVE = ("offset_time", "t", "time")
 """Point times relative to the stamp, of Livox, Ouster and Velodyne: whole nanoseconds, or seconds as float32."""
+_MAX_WINDOWS = 64
 
 
 @dataclass
@@ -34,9 +35,9 @@ class _Window:
 class Integrated(SourceWrapper):
     """A recording in which the clouds of each time window are one cloud.
 
-    Windows of a topic begin with its first cloud; a late cloud belongs to the open window. Joined clouds are not
-    organised and have their earliest stamp. They come before the message that begins the next window, with its times.
-    Messages whose points have fixed fields become ``sensor_msgs/PointCloud2``.
+    Windows of a topic begin with its first cloud of each frame id; a late cloud belongs to the open one. Joined clouds
+    are not organised and have their earliest stamp. They come before the message that begins the next window, with its
+    times. Messages whose points have fixed fields become ``sensor_msgs/PointCloud2``.
     """
 
     def __init__(self, inner: Source, window_ns: int, topics: Collection[str] = ()) -> None:
@@ -63,7 +64,7 @@ class Integrated(SourceWrapper):
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:  # noqa: ARG002
         """Yield the records before ``end_ns``, with joined clouds; can be called again."""
-        windows: dict[Channel, _Window] = {}
+        windows: dict[tuple[Channel, str], _Window] = {}
         times = (0, 0)
         for record in self._inner.records():
             if isinstance(record, Message):
@@ -73,15 +74,17 @@ class Integrated(SourceWrapper):
                 codec = find_codec(record.channel) if record.channel.id in self._clouds else None
                 if codec:
                     try:
-                        cloud = codec.decode(record.data)
-                    except CloudError as error:
+                        cloud = codec.decode(record.data).posed()
+                    except (CloudError, FieldError) as error:
                         self._note(f"a cloud of {record.channel.topic} cannot be read ({error})", len(record.data))
                         continue
-                    window = windows.setdefault(record.channel, _Window())
-                    yield from self._add(record, cloud, window)
+                    # Sensors that share a topic have windows of their own.
+                    key = record.channel, cloud.frame_id
+                    key = key if key in windows or len(windows) < _MAX_WINDOWS else (record.channel, "")
+                    yield from self._add(record, cloud, windows.setdefault(key, _Window()))
                     continue
             yield record
-        for channel, window in windows.items():
+        for (channel, _), window in windows.items():
             yield from self._join(channel, window, times)
 
     def _add(self, message: Message, cloud: Cloud, window: _Window) -> Iterator[Message]:

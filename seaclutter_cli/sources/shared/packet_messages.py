@@ -22,14 +22,16 @@ _MAX_DIMENSIONS = 16
 class Layout:
     """Fields of a packet message: a ``std_msgs/Header``, ``flags`` bytes, and one packet, or a sequence of ``many``.
 
-    Each packet begins with a ``stamp``, and has ``length`` reserved bytes, or is preceded by its length. If ``sized``,
-    the number of used bytes follows it; if ``spare``, some drivers append a byte to lengths that are multiples of 4.
+    Each packet begins with a ``stamp`` and ``marks`` bytes, and has ``length`` reserved bytes, or is preceded by its
+    length. If ``sized``, the number of used bytes follows it; if ``spare``, some drivers append a byte to lengths that
+    are multiples of 4.
     """
 
     header: bool = True
     flags: int = 0
     many: bool = True
     stamp: bool = True
+    marks: int = 0
     length: int | None = None
     sized: bool = False
     spare: bool = False
@@ -64,6 +66,9 @@ DRIVER_MESSAGES: Mapping[str, DriverMessage] = {
         ("robosense",), (Layout(length=1248),), ("rslidar_msgs/msg/rslidarPacket", "")
     ),
     "rslidar_msgs/msg/rslidarPacket": DriverMessage(("robosense",), (_FIXED, _SINGLE)),
+    "robosense_msgs/msg/RobosenseScan": DriverMessage(
+        ("robosense",), (Layout(marks=1, length=1500, sized=True), Layout(length=1248, sized=True))
+    ),
     "ouster_ros/msg/PacketMsg": _OUSTER,
     "ouster_sensor_msgs/msg/PacketMsg": _OUSTER,
     "hesai_lidar/msg/PandarScan": DriverMessage(_HESAI, (Layout(sized=True), Layout(length=1500, sized=True))),
@@ -148,6 +153,7 @@ def _read(message: Message, layout: Layout) -> PacketMessage:
     times_ns, payloads = list[int](), list[memoryview]()
     for _ in range(read.number("I") if layout.many else 1):
         stamp_ns = read.time_ns() if layout.stamp else header.stamp_ns if header else 0
+        read.take(layout.marks)
         packet = read.blob() if layout.length is None else read.take(layout.length)
         size = min(read.number("I"), len(packet)) if layout.sized else len(packet)
         payloads.append(packet[: size - (layout.spare and size % 4 == 1)])

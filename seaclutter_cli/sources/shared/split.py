@@ -29,8 +29,13 @@ MAX_OVERLAP_S = 1.0
 
 _NANO = 1_000_000_000
 
-NUMBERED = re.compile(r"(.+)_(0|[1-9][0-9]{0,8})(\.mcap|\.db3|\.bag)(\.zstd|\.active)?", re.IGNORECASE)
-"""Names of numbered files: the part before the number, the number, and suffixes."""
+_NUMBER, _SUFFIXES = "(0|[1-9][0-9]{0,8})", r"(?P<suffix>\.mcap|\.db3|\.bag)(\.zstd|\.active)?"
+_TIME = r"_[0-9]{4}_[0-9]{2}_[0-9]{2}-[0-9]{2}_[0-9]{2}_[0-9]{2}"
+_NUMBERED = [
+    re.compile(rf"(?P<number>{_NUMBER})_(?P<name>.+){_TIME}{_SUFFIXES}", re.IGNORECASE),
+    re.compile(rf"(?P<name>.+)_(?P<number>{_NUMBER}){_SUFFIXES}", re.IGNORECASE),
+]
+"""Names of numbered files: ``2_run_2026_05_01-12_30_00.mcap``, as rosbag2 names them since 2026, and ``run_2.mcap``."""
 
 
 class SplitSource(Source):
@@ -51,7 +56,7 @@ class SplitSource(Source):
         expected: tuple[Path, int] | None = None,
         packed_messages: bool = False,
     ) -> None:
-        self.name = name or Path(files[0].name.removesuffix(".zstd").removesuffix(".active")).stem.removesuffix("_0")
+        self.name = name or joined_name(files)
         super().__init__()
         self.damage += damage
         self._open_file = open_file
@@ -200,8 +205,8 @@ def split_groups(files: Sequence[Path]) -> list[list[Path]]:
     groups: list[list[Path]] = []
     growing: dict[tuple[Path, str, str], list[Path]] = {}
     for file in sorted(files, key=lambda file: numbered(file)[1]):
-        match = NUMBERED.fullmatch(file.name)
-        key = (file.parent, match[1], match[3].lower()) if match else (file.parent, file.name, "")
+        match = _match(file)
+        key = (file.parent, match["name"], match["suffix"].lower()) if match else (file.parent, file.name, "")
         group = growing.get(key)
         if group is not None and len(group) == numbered(file)[1]:
             group.append(file)
@@ -214,9 +219,26 @@ def split_groups(files: Sequence[Path]) -> list[list[Path]]:
 
 
 def numbered(file: Path) -> tuple[str, int]:
-    """Return the name of a file before its number, and the number; -1 without one."""
-    match = NUMBERED.fullmatch(file.name)
-    return (match[1], int(match[2])) if match else (file.name, -1)
+    """Return the name of a file without its number, and the number; -1 without one."""
+    match = _match(file)
+    return (match["name"], int(match["number"])) if match else (file.name, -1)
+
+
+def _match(file: Path) -> re.Match[str] | None:
+    return next((match for pattern in _NUMBERED if (match := pattern.fullmatch(file.name))), None)
+
+
+def without_time(name: str) -> str:
+    """Return the name of a folder without the time that recorders append."""
+    return re.sub(f"{_TIME}$", "", name)
+
+
+def joined_name(files: Sequence[Path]) -> str:
+    """Return the name of the recording that files form."""
+    name, number = numbered(files[0])
+    if len(files) > 1 and number == 0:
+        return name
+    return Path(files[0].name.removesuffix(".zstd").removesuffix(".active")).stem.removesuffix("_0")
 
 
 @dataclass(frozen=True)

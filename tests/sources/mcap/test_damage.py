@@ -177,7 +177,7 @@ def test_zeros_at_the_end_after_a_crash(path, name):
         assert len(messages) == sum(len(block.messages) for block in message_blocks(name)[:3])
         assert damage_texts(source.damage) == [
             f"byte {end}: no readable record follows; left out: {count(size, 'byte')}",
-            f"byte {end + size}: the recording was not closed: the file has no footer; left out: nothing",
+            f"byte {end + size}: the recording was not closed: the file has no footer",
         ]
         source.close()
 
