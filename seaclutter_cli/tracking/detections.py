@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.clustering import ClusterFinder
+from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.groups import group_sizes, group_starts
 
@@ -17,10 +17,11 @@ Indices = NDArray[np.int64]
 DIRECTIONS = 36
 _CELL_M = 0.5
 _MAX_CELL = 1 << 19
-_FLATTENED = 0.2
+_FLATTENED = np.array([[1], [1], [0.2]])
+_THINNED_M = np.array([[0.2], [0.2], [1]])
 _MAX_DETECTIONS = 2000
 _ANGLES = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
-_TOWARDS = np.stack((np.cos(_ANGLES), np.sin(_ANGLES)))
+_COS, _SIN = (part(_ANGLES)[:, None].astype(np.float32) for part in (np.cos, np.sin))
 
 
 class Pose(NamedTuple):
@@ -81,16 +82,16 @@ class Detections:
         frame = result.frame
         # Without thresholds, the reason of the water is the same as that of objects.
         doubtful = np.equal(result.reason, Reason.UNCONFIRMED) & (result.rings is not None)
-        kept, doubtful = result.keep & frame.valid, doubtful & frame.valid
-        flat = frame.coordinates * np.array([[1], [1], [_FLATTENED]])
-        finder = ClusterFinder(flat, kept | doubtful, tolerance_m)
-        cluster = finder.clusters(kept, min_points)
-        clusters = int(cluster.max(initial=-1)) + 1
-        others = finder.clusters(doubtful, min_points)
-        cluster[others >= 0] = others[others >= 0] + clusters
-        members = np.flatnonzero(cluster >= 0)
-        members = members[np.argsort(cluster[members], kind="stable")]
-        return cls.made(frame.coordinates.take(members, axis=1), cluster[members], clusters)
+        subsets = [np.flatnonzero(mask & frame.valid) for mask in (result.keep, doubtful)]
+        members, numbers, kept = [], [], 0
+        for subset in subsets:
+            cluster = _clusters(frame.coordinates.take(subset, axis=1), tolerance_m, min_points)
+            order = np.argsort(cluster, kind="stable")[np.count_nonzero(cluster < 0) :]
+            members.append(subset[order])
+            numbers.append(cluster[order] + kept)
+            kept = kept or int(cluster.max(initial=-1)) + 1
+        kept *= bool(len(members[0]))
+        return cls.made(frame.coordinates.take(np.concatenate(members), axis=1), np.concatenate(numbers), kept)
 
     @classmethod
     def made(cls, xyz: Floats, cluster: Indices, kept: int) -> "Detections":
@@ -107,8 +108,9 @@ class Detections:
         centers = (np.add.reduceat(xy, starts, axis=1) / count).T
         hulls = np.empty((len(chosen), DIRECTIONS, 2))
         for row, k in zip(hulls, chosen.tolist(), strict=True):
-            own = xy[:, starts[k] : starts[k] + count[k]].T
-            row[:] = own[(own @ _TOWARDS).argmax(axis=0)]
+            own = xy[:, starts[k] : starts[k] + count[k]]
+            x, y = own.astype(np.float32)  # not by a product of matrices, whose threads wait for each other
+            row[:] = own[:, (_COS * x + _SIN * y).argmax(axis=1)].T
         number = np.full(len(starts), -1)
         number[chosen] = np.arange(len(chosen))
         owner = number[cluster]
@@ -120,6 +122,20 @@ class Detections:
             chosen < kept,
             *_cells(xy[:, owner >= 0], owner[owner >= 0]),
         )
+
+
+def _clusters(xyz: Floats, tolerance_m: float, min_points: int) -> Indices:
+    """Return the cluster of each point, shape (N,), by first points; -1 for small ones.
+
+    One point of each cell of 0.2 m by 0.2 m by 1 m is searched for neighbours.
+    """
+    if not xyz.shape[1]:
+        return np.empty(0, np.int64)
+    column, row, level = np.clip(np.floor(xyz / _THINNED_M), -_MAX_CELL, _MAX_CELL - 1).astype(np.int64) + _MAX_CELL
+    _, first, cell = np.unique((column * (2 * _MAX_CELL) + row) * (2 * _MAX_CELL) + level, True, True)
+    number = euclidean_clusters(xyz.take(first, axis=1) * _FLATTENED, tolerance_m, 1)[cell.ravel()]
+    large = np.bincount(number) >= min_points
+    return np.asarray(np.where(large, np.cumsum(large) - 1, -1)[number])
 
 
 def _cells(xy: Floats, owner: Indices) -> tuple[Floats, Indices]:
