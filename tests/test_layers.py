@@ -82,7 +82,7 @@ ALLOWED = {
     "calibration": BASE | {"filters"},
     "config": BASE | {"filters", "evaluation", "validation"},
     "simulation": BASE | {"validation", "messages", "sensors", "sinks"},
-    "reporting": BASE | {"evaluation", "messages", "reading", "selection"},
+    "reporting": BASE | {"evaluation", "messages", "reading", "selection", "tracking"},
     "plots": BASE | {"evaluation", "calibration", "reporting", "structure"},
     "viewing": BASE | {"evaluation", "messages", "reporting"},
     "runs": CORE

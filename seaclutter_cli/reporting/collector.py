@@ -15,6 +15,7 @@ from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.frame import WATER_COLUMNS, WATER_REASONS, FilterResult, Frame, Reason
 from seaclutter_cli.reporting.sample import Sample, take_sample
+from seaclutter_cli.reporting.tracks import TrackPaths
 from seaclutter_cli.truth import Truth
 
 Series = NDArray[np.float32]
@@ -286,6 +287,7 @@ class Collector(FrameListener):
         self.timeline: list[tuple[int, int, float]] = []
         """Recording index, number within the recording, and time in seconds within the recording of each frame."""
         self.histories = [History(max(len(method.edges) - 1, 0)) for method in methods]
+        self.tracks = TrackPaths(params)
         self._choice: Choice[Sample] = Choice(frames)
         self._picks, self._picked = frozenset(picks), dict[int, Sample]()
         self._first_ns: int | None = None
@@ -295,6 +297,7 @@ class Collector(FrameListener):
     def begin(self, recording: str) -> None:
         """Start a recording."""
         self.recordings.append(recording)
+        self.tracks.begin()
         self._first_ns = None
 
     def add(self, scored: ScoredFrame) -> None:
@@ -304,6 +307,8 @@ class Collector(FrameListener):
             self._first_ns = frame.log_time_ns
         row = len(self.timeline)
         self.timeline.append((len(self.recordings) - 1, frame.index, (frame.log_time_ns - self._first_ns) / _NANO))
+        if scored.results[0] is not None:
+            self.tracks.add(row, scored.results[0])
         for history, own, score in zip(self.histories, scored.results, scored.scores, strict=True):
             history.add(own, score)
 

@@ -379,6 +379,7 @@ if (samples.length) {
   byId("clouds").hidden = true;
 }
 fillSuspects(byId("suspects"));
+fillTracks(byId("tracks"));
 fillCurves(byId("curves"));
 fillDensity(byId("density"));
 fillProvenance(byId("provenance"));

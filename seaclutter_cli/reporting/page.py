@@ -22,7 +22,7 @@ LABELLED, FALSE_ALARM, MISSED_TARGET = 1, 2, 4
 """Bits that describe a frame in the timeline."""
 
 _STEPS = 32767
-SCRIPTS = ("dom.js", "charts.js", "cloud.js", "page.js")
+SCRIPTS = ("dom.js", "charts.js", "cloud.js", "tracks.js", "page.js")
 """JavaScript files of the page, in order of execution."""
 
 _OTHER_SOURCES = "img-src data:; base-uri 'none'; form-action 'none'"
@@ -56,6 +56,7 @@ def report_data(
             | {"density": _density(collected, number, history)}
             for number, (method, history) in enumerate(zip(collected.methods, collected.histories, strict=True))
         ],
+        "tracks": collected.tracks.found(),
         "samples": [_sample(one, top) for one in chosen],
         "intensity_top": top,
     }
