@@ -17,7 +17,8 @@ _SIZE_QUANTILE = 0.9
 _OBLIQUE = np.sin(np.radians(10))
 _USUAL_BEAM = 0.3
 _ROUND_M, _ROUND = 2.0, 0.9
-_ACCELERATION = 0.1
+_ACCELERATIONS = (0.1, 1.0, 10.0)
+_GAIN = 30.0
 _NOISE_M, _HIDDEN_NOISE, _BETWEEN_NOISE = 0.08, 0.1, 0.4
 _SPEED_MS = 4.0
 _OUTLYING = 3.0
@@ -115,7 +116,23 @@ def smoothed(places: Floats, deviations: Floats, times_s: Floats) -> tuple[Float
     """Return positions and velocities of N tracks in F frames, shape (F, N, 2), NaN before and after their life.
 
     ``places``, shape (F, N, 2), are measured ones, NaN where a track was not seen, with standard deviations, shape
-    (F, N). A Kalman filter of constant velocity runs forward, then the smoother of Rauch, Tung and Striebel back.
+    (F, N). Accelerations are the least that explain the track: where own ship turns, relative velocities change fast.
+    """
+    at, speed, best = _smoothed(places, deviations, times_s, _ACCELERATIONS[0])
+    for acceleration in _ACCELERATIONS[1:]:
+        other_at, other_speed, likelihood = _smoothed(places, deviations, times_s, acceleration)
+        better = likelihood > best + _GAIN
+        at[:, better], speed[:, better] = other_at[:, better], other_speed[:, better]
+        best = np.where(better, likelihood, best)
+    return at, speed
+
+
+def _smoothed(
+    places: Floats, deviations: Floats, times_s: Floats, acceleration: float
+) -> tuple[Floats, Floats, Floats]:
+    """Return positions, velocities, and the logarithm of the likelihood of each track, shape (N,).
+
+    A Kalman filter of constant velocity runs forward, then the smoother of Rauch, Tung and Striebel back.
     """
     frames, tracks, _ = places.shape
     seen = np.isfinite(places[..., 0])
@@ -123,12 +140,13 @@ def smoothed(places: Floats, deviations: Floats, times_s: Floats) -> tuple[Float
     at, speed = np.full(places.shape, np.nan), np.full(places.shape, np.nan)
     var = np.full((frames, tracks, 3), np.nan)
     prior = [np.empty(0)] * frames
+    likelihood = np.zeros(tracks)
     for f in range(frames):
         born = first == f
         noise = deviations[f] ** 2
         if f:
             dt = times_s[f] - times_s[f - 1]
-            a, v, p = _ahead(at[f - 1], speed[f - 1], var[f - 1], dt)
+            a, v, p = _ahead(at[f - 1], speed[f - 1], var[f - 1], dt, acceleration)
             prior[f] = p
             off = places[f] - a
             expected = p[:, 0] + noise
@@ -137,6 +155,8 @@ def smoothed(places: Floats, deviations: Floats, times_s: Floats) -> tuple[Float
             noise = np.where(far > 1, noise + (far - 1) * expected, noise)
             gain = p[:, :2] / (p[:, 0] + noise)[:, None]
             use = seen[f] & ~born
+            spread = p[:, 0] + noise
+            likelihood[use] -= (np.hypot(*off.T) ** 2 / (2 * spread) + np.log(spread))[use]
             off, gain = np.where(use[:, None], off, 0.0), np.where(use[:, None], gain, 0.0)
             at[f], speed[f] = a + gain[:, :1] * off, v + gain[:, 1:] * off
             var[f] = np.stack(
@@ -147,7 +167,7 @@ def smoothed(places: Floats, deviations: Floats, times_s: Floats) -> tuple[Float
     for f in range(frames - 2, -1, -1):
         go = (first <= f) & (f < last)
         dt = times_s[f + 1] - times_s[f]
-        a, v, p = (values[go] for values in (*_ahead(at[f], speed[f], var[f], dt)[:2], prior[f + 1]))
+        a, v, p = (values[go] for values in (*_ahead(at[f], speed[f], var[f], dt, acceleration)[:2], prior[f + 1]))
         own = var[f, go]
         det = np.maximum(p[:, 0] * p[:, 2] - p[:, 1] ** 2, 1e-30)
         cross = np.stack((own[:, 0] + dt * own[:, 1], own[:, 1], own[:, 1] + dt * own[:, 2], own[:, 2]), axis=1)
@@ -167,13 +187,12 @@ def smoothed(places: Floats, deviations: Floats, times_s: Floats) -> tuple[Float
         at[f, go] += c[:, :1] * da + c[:, 1:2] * dv
         speed[f, go] += c[:, 2:3] * da + c[:, 3:] * dv
     alive = (np.arange(frames)[:, None] >= first) & (np.arange(frames)[:, None] <= last)
-    return np.where(alive[..., None], at, np.nan), np.where(alive[..., None], speed, np.nan)
+    return np.where(alive[..., None], at, np.nan), np.where(alive[..., None], speed, np.nan), likelihood
 
 
-def _ahead(at: Floats, speed: Floats, var: Floats, dt: float) -> tuple[Floats, Floats, Floats]:
+def _ahead(at: Floats, speed: Floats, var: Floats, dt: float, q: float) -> tuple[Floats, Floats, Floats]:
     """Return positions, velocities and variances after a time."""
     position, both, velocity = var.T
-    q = _ACCELERATION
     ahead = (
         position + 2 * dt * both + dt**2 * velocity + q * dt**3 / 3,
         both + dt * velocity + q * dt**2 / 2,
