@@ -186,8 +186,9 @@ def _smoothed(
         da, dv = at[f + 1, go] - a, speed[f + 1, go] - v
         at[f, go] += c[:, :1] * da + c[:, 1:2] * dv
         speed[f, go] += c[:, 2:3] * da + c[:, 3:] * dv
-    alive = (np.arange(frames)[:, None] >= first) & (np.arange(frames)[:, None] <= last)
-    return np.where(alive[..., None], at, np.nan), np.where(alive[..., None], speed, np.nan), likelihood
+    over = np.arange(frames)[:, None] > last
+    at[over] = speed[over] = np.nan
+    return at, speed, likelihood
 
 
 def _ahead(at: Floats, speed: Floats, var: Floats, dt: float, q: float) -> tuple[Floats, Floats, Floats]:
