@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,24 @@ class Reason(IntEnum):
     MIRRORED = 8
 
 
+class Attitude(NamedTuple):
+    """Rotation from the axes of a lidar to fixed ones, shape (3, 3), and its source: topic, body and number of breaks.
+
+    Only attitudes of one source have the same fixed axes.
+    """
+
+    rotation: NDArray[np.float64]
+    source: tuple[str, str, int]
+
+    def of_axes(self, axes: NDArray[np.float64]) -> "Attitude":
+        """Return the attitude of other axes, given the rotation to them from those of the lidar, shape (3, 3)."""
+        return self._replace(rotation=self.rotation @ axes.T)
+
+    def turn_from(self, other: "Attitude | None") -> NDArray[np.float64] | None:
+        """Return the rotation from the axes of another attitude to these, shape (3, 3); None if it is not known."""
+        return None if other is None or other.source != self.source else self.rotation.T @ other.rotation
+
+
 @dataclass(frozen=True)
 class Frame:
     """A point cloud and its position in a recording; derived arrays are computed once, when first used.
@@ -65,6 +83,8 @@ class Frame:
         Name of the intensity field; None selects one of `INTENSITY_NAMES`.
     message : Message, optional
         Message that the frame was read from; None for a frame made from arrays.
+    attitude : Attitude, optional
+        Attitude of the lidar at the time of the frame, for methods that use it and where the log has one.
 
     Examples
     --------
@@ -81,6 +101,7 @@ class Frame:
     index: int = 0
     intensity_field: str | None = None
     message: Message | None = None
+    attitude: Attitude | None = None
 
     @classmethod
     def of_message(cls, message: Message, cloud: Cloud, index: int, intensity_field: str | None = None) -> Self:

@@ -115,6 +115,10 @@ class Filter(ABC):
     """Whether the method estimates the water."""
     needs_height: ClassVar[bool] = False
     """Whether the method depends on the heights of points."""
+    uses_attitude: ClassVar[bool] = False
+    """Whether the method uses own ship's attitude where a log has it."""
+    warnings: Sequence[str] = ()
+    """Warnings for the user about the frames so far."""
     needs_first_pass: bool = False
     """Whether the filter must `observe` all frames before the first `step`."""
     look_ahead_s: float = 0.0

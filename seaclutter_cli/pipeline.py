@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import CloudError, FieldError, TopicError
 from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Frame, Reason, Rings, WaterState
 from seaclutter_cli.interfaces import Filter, Sink, Source
-from seaclutter_cli.reading import frames, read, rejoined, report_lost
-from seaclutter_cli.records import Message, Record
+from seaclutter_cli.reading import frames, read, rejoined, report_lost, with_attitudes
+from seaclutter_cli.records import Channel, Message, Record
 from seaclutter_cli.selection import Selection, cloud_channels
 
 _MAX_UNFIT = 5
@@ -181,7 +181,7 @@ def run(
     _observe(source, selection, filters)
     for sink in sinks:
         sink.begin(source, clouds)
-    records = read(source, clouds, selection, with_latched=True)
+    records = _records(source, clouds, selection, filters, with_latched=True)
     for held in _filtered(source, filters, {topic: [tallies[topic]] for topic in filters}, records):
         if held.frame is None:
             for sink in sinks:
@@ -214,7 +214,7 @@ def run_each(
         raise TopicError(f"{source.name}: several point-cloud topics; choose one: {choices}")
     _observe(source, selection, {topics[0]: filters})
     tallies = [TopicTally() for _ in filters]
-    records = read(source, clouds, selection)
+    records = _records(source, clouds, selection, {topics[0]: filters})
     usable = (
         (record, frame)
         for record, frame in records
@@ -251,6 +251,20 @@ def _rejoined(every: Iterable[HeldRecord], source: Source) -> Iterator[Filtered]
         waiting = held if held and held.frame else None
 
 
+def _records(
+    source: Source,
+    clouds: Sequence[Channel],
+    selection: Selection,
+    filters: Mapping[str, Sequence[Filter]],
+    *,
+    with_latched: bool = False,
+) -> Iterator[tuple[Record, Frame | None]]:
+    """Yield the selected records, with own ship's attitude if any filter uses it."""
+    records = read(source, clouds, selection, with_latched=with_latched)
+    used = any(method.uses_attitude for own in filters.values() for method in own)
+    return with_attitudes(records, source.channels) if used else records
+
+
 def _filtered(
     source: Source,
     filters: Mapping[str, Sequence[Filter]],
@@ -277,6 +291,7 @@ def _filtered(
     for topic, own in tallies.items():
         for tally in own:
             _require_fields(source, topic, tally)
+        source.warn(*(f"{topic}: {text}" for method in filters[topic] for text in method.warnings))
 
 
 def _has_coordinates(frame: Frame, source: Source) -> bool:

@@ -1,7 +1,8 @@
 """The selected part of a recording: its records, with the clouds among them as frames."""
 
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from seaclutter_cli.errors import CloudError, MissingExtraError, UnsupportedClou
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import declares_latched, find_codec
+from seaclutter_cli.messages.navigation import Navigation
 from seaclutter_cli.records import Channel, Damage, Message, Record
 from seaclutter_cli.selection import Selection, Window, cloud_channels
 
@@ -20,6 +22,7 @@ _LATCHED_TOPICS = re.compile(r"(^|/)(tf_static|robot_description)$")
 _LATCHED_TYPES = re.compile(r"(^|/|\.)(CameraInfo|CameraCalibration)$")
 
 _MAX_SENSORS = 64
+_ATTITUDE_NS = 200_000_000
 
 
 def frames(source: Source, selection: Selection) -> Iterator[Frame]:
@@ -101,6 +104,35 @@ class _Stamps:
             return frame
         source.warn(f"{topic} has frames with the stamp of the one before; times between them are those of the log")
         return replace(frame, stamp_ns=max(before_ns + message.log_time_ns - log_ns, before_ns))
+
+
+def with_attitudes(
+    records: Iterable[tuple[Record, Frame | None]], channels: Sequence[Channel]
+) -> Iterator[tuple[Record, Frame | None]]:
+    """Yield records, frames with own ship's attitude where the log has it around their stamps.
+
+    A frame waits for that, and records behind it, until the log is 0.2 s ahead. ``channels`` are those of the log.
+    """
+    if not any(map(Navigation.tells_attitude, channels)):
+        yield from records
+        return
+    navigation, held, now_ns = Navigation(), deque[tuple[Record, Frame | None]](), 0
+    for record, frame in records:
+        held.append((record, frame))
+        if isinstance(record, Message):
+            navigation.see(record)
+            now_ns = record.log_time_ns
+        while held:
+            first = _with_attitude(held[0][1], navigation)
+            if first and not first.attitude and now_ns - first.log_time_ns <= _ATTITUDE_NS:
+                break
+            yield held.popleft()[0], first
+    for record, frame in held:
+        yield record, _with_attitude(frame, navigation)
+
+
+def _with_attitude(frame: Frame | None, navigation: Navigation) -> Frame | None:
+    return frame and replace(frame, attitude=navigation.attitude(frame.cloud.frame_id, frame.stamp_ns))
 
 
 def _note_unreadable(

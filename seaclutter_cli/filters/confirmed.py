@@ -101,6 +101,7 @@ class Confirmed(Filter):
     Params: ClassVar[type[ConfirmedParams]] = ConfirmedParams
     has_water = True
     needs_height = True
+    uses_attitude = True
 
     def __init__(self, params: ConfirmedParams) -> None:
         self._params, self._zones = params, Zones(params)
@@ -111,6 +112,11 @@ class Confirmed(Filter):
     def look_ahead_s(self) -> float:  # type: ignore[override] # constant in the base
         """Time after a frame from which its objects are confirmed, in seconds."""
         return 0.0 if self._params.causal else self._params.look_ahead_s
+
+    @property
+    def warnings(self) -> Sequence[str]:  # type: ignore[override] # constant in the base
+        """A warning if own ship's attitude in the log does not agree with the water."""
+        return self._water.trial.warnings
 
     def reset(self) -> None:
         """Forget own ship, the water, the beams, the tracks and the frames that wait."""
@@ -171,7 +177,8 @@ class Confirmed(Filter):
         self._beams.add(echoes.xyz)
         # 1. Water
         faces = self._faces(echoes.xyz)
-        water = self._water.step(echoes.xyz, faces, time_s)
+        attitude = frame.attitude and frame.attitude.of_axes(self._params.mounting.rotation)
+        water = self._water.step(echoes.xyz, faces, time_s, attitude)
         # 2. Band
         self._background.fade(time_s)
         heights = measure(echoes, self._threshold(echoes), water, faces, self._background, self._params)

@@ -11,15 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import CloudError
+from seaclutter_cli.frame import Attitude
 from seaclutter_cli.messages.definitions import full_name
 from seaclutter_cli.messages.serialisation import Reader
-from seaclutter_cli.records import Message
+from seaclutter_cli.records import Channel, Message
 
 Floats = NDArray[np.float64]
 
 _MAX_TRANSFORMS = 1000
 _KEPT, _MAX_EDGES, _MAX_DEPTH = 256, 256, 32
 _STALE_NS = 1_000_000_000
+_KEPT_TURNS, _GAP_NS = 2048, 500_000_000
+_UNSET = (0.0, 0.0, 0.0, 1.0)
 _UPRIGHT = 0.5
 _BODY = ""
 """Frame of poses that name none: the lidar, or own ship where transforms lead from the lidar to no other frame."""
@@ -42,19 +45,49 @@ class _Edge:
     parent: str
     samples: deque[_Sample] = field(default_factory=lambda: deque(maxlen=_KEPT))
 
-    def at(self, stamp_ns: int) -> _Sample | None:
-        """Return the transform at a time, between or shortly after samples; a single one is static."""
+    def at(self, stamp_ns: int, late_ns: int = _STALE_NS) -> _Sample | None:
+        """Return the transform at a time, between samples or within a time of them; a single one is static."""
         known = self.samples
         if len(known) == 1:
             return known[0]
         k = min(max(bisect(known, stamp_ns, key=lambda one: one.stamp_ns), 1), len(known) - 1)
         before, after = known[k - 1], known[k]
-        if not before.stamp_ns - _STALE_NS <= stamp_ns <= after.stamp_ns + _STALE_NS:
+        if not before.stamp_ns - late_ns <= stamp_ns <= after.stamp_ns + late_ns:
             return None
         share = (stamp_ns - before.stamp_ns) / max(after.stamp_ns - before.stamp_ns, 1)
         sign = 1 if before.turn @ after.turn >= 0 else -1
         turn = before.turn + share * (sign * after.turn - before.turn)
         return _Sample(stamp_ns, before.at + share * (after.at - before.at), turn / np.linalg.norm(turn))
+
+
+class _Gyro:
+    """Orientations of an IMU, measured, or integrated from angular velocities if the first message has none."""
+
+    def __init__(self, topic: str, frame_id: str, *, is_measured: bool) -> None:
+        self.topic, self.frame_id, self._is_measured = topic, frame_id, is_measured
+        self.breaks = 0
+        self.edge = _Edge("", deque(maxlen=_KEPT_TURNS))
+        self._rate = np.zeros(3)
+
+    def add(self, stamp_ns: int, turn: Floats | None, rate: Floats) -> None:
+        """Add an orientation, None if it is not set, and an angular velocity; after a gap, it begins again."""
+        known = self.edge.samples
+        elapsed_ns = stamp_ns - known[-1].stamp_ns if known else 0
+        if abs(elapsed_ns) > _GAP_NS:
+            known.clear()
+            self.breaks += 1
+        elif known and elapsed_ns <= 0:
+            return
+        if not self._is_measured:
+            if not np.isfinite(rate).all():
+                return
+            turn = known[-1].turn if known else np.array(_UNSET)
+            vector = (rate + self._rate) / 2 * (elapsed_ns / 1e9)
+            angle, self._rate = float(np.linalg.norm(vector)), rate
+            if known and angle:
+                turn = _product(turn, np.array([*(math.sin(angle / 2) / angle * vector), math.cos(angle / 2)]))
+        if turn is not None:
+            known.append(_Sample(stamp_ns, np.zeros(3), turn))
 
 
 class Fix(NamedTuple):
@@ -77,6 +110,13 @@ class Navigation:
         self._edges: dict[str, _Edge] = {}
         self._fix: tuple[int, float, float] | None = None
         self._imu: tuple[int, Floats, str] | None = None
+        self._gyro: _Gyro | None = None
+
+    @staticmethod
+    def tells_attitude(channel: Channel) -> bool:
+        """Return whether messages of a channel tell own ship's attitude."""
+        name = full_name(channel.schema.name) if channel.schema else ""
+        return name in _READERS and _READERS[name] is not Navigation._satellites
 
     def see(self, message: Message) -> None:
         """Receive a message of any topic; those that cannot be read are left out."""
@@ -102,6 +142,37 @@ class Navigation:
             return None
         return float(at[0]), float(at[1]), math.atan2(axes[1, 0], axes[0, 0])
 
+    def attitude(self, frame_id: str, stamp_ns: int) -> Attitude | None:
+        """Return the attitude of a frame, from an IMU if there is one, else from transforms; None if it is not known.
+
+        The axes of an IMU are those of the frame, or y and z are opposite ones if it is upside down, unless transforms
+        between them tell others.
+        """
+        name, gyro = _plain(frame_id), self._gyro
+        if gyro is not None and gyro.edge.samples and stamp_ns - gyro.edge.samples[-1].stamp_ns < _GAP_NS:
+            sample = gyro.edge.at(stamp_ns, 0)
+            if sample is None or len(gyro.edge.samples) == 1:
+                return None
+            (root, to_root), (other, from_imu) = self._mounted(name), self._mounted(gyro.frame_id)
+            axes = _matrix(sample.turn)
+            if root == other:
+                axes = axes @ from_imu.T @ to_root
+            elif axes[2, 2] < 0:  # its z axis is down
+                axes = axes @ np.diag((1.0, -1.0, -1.0))
+            return Attitude(axes, (gyro.topic, gyro.frame_id, gyro.breaks))
+        found = self._in_fixed(name, stamp_ns, _CONTINUOUS, late_ns=0)
+        return None if found is None else Attitude(_matrix(found[1]), ("transforms", found[2], 0))
+
+    def _mounted(self, name: str) -> tuple[str, Floats]:
+        """Return the topmost frame above a frame to which fixed transforms lead, and the rotation to its axes."""
+        axes = np.eye(3)
+        for _ in range(_MAX_DEPTH):
+            edge = self._edges.get(name)
+            if edge is None or len(edge.samples) > 1:
+                break
+            name, axes = edge.parent, _matrix(edge.samples[0].turn) @ axes
+        return name, axes
+
     def fix(self, frame_id: str, stamp_ns: int) -> Fix | None:
         """Return where on earth a frame is; None if it is not known."""
         found = self._in_fixed(frame_id, stamp_ns, _EARTH)
@@ -114,7 +185,9 @@ class Navigation:
         axes = _matrix(self._imu[1])
         return Fix(*self._fix[1:], math.atan2(axes[1, 0], axes[0, 0]))
 
-    def _in_fixed(self, frame_id: str, stamp_ns: int, preferred: str) -> tuple[Floats, Floats, str] | None:
+    def _in_fixed(
+        self, frame_id: str, stamp_ns: int, preferred: str, late_ns: int = _STALE_NS
+    ) -> tuple[Floats, Floats, str] | None:
         """Return position and orientation in the fixed frame, and its name; the topmost frame unless one is preferred.
 
         None if no transform on the way changes, since the topmost frame is then part of own ship.
@@ -124,7 +197,7 @@ class Navigation:
             edge = self._edges.get(name) or (self._edges.get(_BODY) if not moves else None)
             if edge is None or (moves and name == preferred):
                 return (at, turn, name) if moves else None
-            sample = edge.at(stamp_ns)
+            sample = edge.at(stamp_ns, late_ns)
             if sample is None:
                 return None
             at, turn = _matrix(sample.turn) @ at + sample.at, _product(sample.turn, turn)
@@ -167,15 +240,18 @@ class Navigation:
             self._fix = head.stamp_ns or message.log_time_ns, north, east
 
     def _orientation(self, read: Reader, message: Message) -> None:
-        head, turn, unknown = read.header(), np.array(read.numbers("dddd")), read.number("d")
+        head, turn = read.header(), np.array(read.numbers("dddd"))
+        unknown, rate = read.numbers("d" * 9)[0] == -1, np.array(read.numbers("ddd"))
+        stamp_ns, topic = head.stamp_ns or message.log_time_ns, message.channel.topic
         size = np.linalg.norm(turn)
-        if (
-            unknown != -1
-            and np.isfinite(size)
-            and size > 0
-            and (self._imu is None or self._imu[2] == message.channel.topic)
-        ):
-            self._imu = head.stamp_ns or message.log_time_ns, turn / size, message.channel.topic
+        is_known = bool(not unknown and np.isfinite(size) and size > 0)
+        if is_known and (self._imu is None or self._imu[2] == topic):
+            self._imu = stamp_ns, turn / size, topic
+        is_set = is_known and tuple(turn) != _UNSET  # drivers leave it as it is
+        if self._gyro is None and (is_set or np.isfinite(rate).all()):
+            self._gyro = _Gyro(topic, _plain(head.frame_id), is_measured=is_set)
+        if self._gyro is not None and self._gyro.topic == topic:
+            self._gyro.add(stamp_ns, turn / size if is_set else None, rate)
 
 
 _READERS: dict[str, Callable[[Navigation, Reader, Message], None]] = {

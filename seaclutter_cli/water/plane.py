@@ -1,5 +1,6 @@
 """The mean plane of the water, fitted to the lowest echoes around the lidar."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ NEAREST_M, FARTHEST_M = 5.0, 45.0
 _BEARINGS = 36
 _STEP_M = 3.0
 _RINGS = int((FARTHEST_M - NEAREST_M) / _STEP_M) + 1
+_UPRIGHT = 0.1
 _SCALES_M = (0.8, 0.6, 0.45, 0.3, 0.3)
 _ABOVE = 0.4
 _SUPPORT, _LEAST_SUPPORT = 0.4, 1.0
@@ -22,7 +24,7 @@ _MIN_CELLS = 8
 _FLAT_M, _ENOUGH, _SURE_M, _BESIDE, _FEET = 0.3, 3.0, 20.0, 0.1, 0.3
 _OF_BODIES = _BEARINGS * _RINGS
 _DEEPEST_M, _CELL_CM = 100.0, 20000
-_MIN_BEARINGS = 3
+MIN_SUPPORT = 3
 _START_SHARES = (0.02, 0.1, 0.3, 0.5, 0.7)
 
 
@@ -41,6 +43,16 @@ class Plane:
     def shifted(self, offset_m: float) -> "Plane":
         """Return the plane moved up by an offset."""
         return Plane(self.level_m + offset_m, self.slope_x, self.slope_y)
+
+    def turned(self, rotation: Floats) -> "Plane":
+        """Return the plane in axes to which a rotation, shape (3, 3), turns those of the lidar."""
+        up = np.array((-self.slope_x, -self.slope_y, 1.0))
+        x, y, z = (rotation @ up).tolist()
+        return Plane(self.level_m / z, -x / z, -y / z) if z > _UPRIGHT else self
+
+    def tilt_from(self, other: "Plane") -> float:
+        """Return the difference of the slopes of two planes."""
+        return math.hypot(self.slope_x - other.slope_x, self.slope_y - other.slope_y)
 
 
 @dataclass(frozen=True)
@@ -93,7 +105,7 @@ class PolarCells:
     def enough(self) -> bool:
         """Whether the cells can hold a plane."""
         bearings = np.count_nonzero(np.bincount(self.number // _RINGS))
-        return bool(len(self.number) >= _MIN_CELLS and bearings >= _MIN_BEARINGS)
+        return bool(len(self.number) >= _MIN_CELLS and bearings >= MIN_SUPPORT)
 
 
 def _nearness(xyz: Floats) -> Floats:
@@ -159,7 +171,7 @@ def _reweighted(cells: PolarCells, plane: Plane) -> tuple[Plane, Floats]:
         weight[residual > 0] *= _ABOVE
         weight *= cells.trust
         sums = (products @ weight).tolist()
-        if sums[0] < _MIN_BEARINGS:
+        if sums[0] < MIN_SUPPORT:
             break
         plane = _least_squares(sums)
     return plane, weight

@@ -2,16 +2,27 @@
 
 import numpy as np
 
+from seaclutter_cli.frame import Attitude
 from seaclutter_cli.water.faces import LEAST_M, Faces
-from seaclutter_cli.water.plane import FARTHEST_M, NEAREST_M, Floats, Plane, PolarCells, WaterEchoes, fit_plane
+from seaclutter_cli.water.plane import (
+    FARTHEST_M,
+    MIN_SUPPORT,
+    NEAREST_M,
+    Floats,
+    Plane,
+    PolarCells,
+    WaterEchoes,
+    fit_plane,
+)
 from seaclutter_cli.water.surface import GridCells, Swell, WaterSurface, mirrored_below_m
+from seaclutter_cli.water.trial import Trial
 
 _START_SIGMA_M = 0.1
 _START_PASSES = 5
 _BAND_SIGMAS = 3.5
 _MIN_BAND_M = 0.15
 _SIGMA_TIME_S = 1.0
-_MEMORY_S = 5.0
+_MEMORY_S, _TURNED_MEMORY_S = 5.0, 15.0
 _BODY_M = 0.5
 _DEPTH_PER_M = 0.015
 
@@ -33,10 +44,12 @@ class WaterTracker:
        crests. Echoes in faces do not count.
 
     **State**: the plane of the last frame with water, the deviation averaged over a second, and their time. Without
-    water in a frame, they hold for five seconds.
+    water in a frame, they hold for five seconds; fifteen if own ship's attitude agreed with the water before (`Trial`).
+    The plane turns with it meanwhile, and echoes with hardly any weight are no water.
     """
 
     def __init__(self) -> None:
+        self.trial = Trial()
         self.reset()
 
     def reset(self) -> None:
@@ -44,41 +57,48 @@ class WaterTracker:
         self._plane: Plane | None = None
         self._sigma_m = 0.0
         self._seen_s = 0.0
+        self._attitude: Attitude | None = None
 
-    def step(self, xyz: Floats, faces: Faces, time_s: float) -> WaterSurface | None:
-        """Return the water surface of a frame; None if no water was seen in the last five seconds.
+    def step(self, xyz: Floats, faces: Faces, time_s: float, attitude: Attitude | None = None) -> WaterSurface | None:
+        """Return the water surface of a frame; None if no water was seen in the last seconds.
 
         The points, shape (3, N), are finite and without own ship.
         """
-        if self._plane is not None and not 0 <= time_s - self._seen_s <= _MEMORY_S:
+        turn = attitude.turn_from(self._attitude) if attitude and self.trial.passed else None
+        memory_s = _MEMORY_S if turn is None else _TURNED_MEMORY_S
+        if self._plane is not None and not 0 <= time_s - self._seen_s <= memory_s:
             self.reset()
+        known = self._plane.turned(turn) if self._plane is not None and turn is not None else self._plane
         x, y, z = xyz
         distance = np.hypot(x, y)
         near = (distance >= NEAREST_M) & (distance < FARTHEST_M)
         of_bodies = near & (faces.height_m > _BODY_M + 2 * self._known_sigma_m)
         feet = np.stack([values[of_bodies] for values in (x, y, faces.low_m)])
-        if self._plane is not None:  # what is much lower is mirrored
+        if known is not None:  # what is much lower is mirrored
             depth = _DEPTH_PER_M * distance + mirrored_below_m(self._known_sigma_m)
-            near &= z - self._plane.height(x, y) > -depth
+            near &= z - known.height(x, y) > -depth
         near = np.flatnonzero(near & (faces.height_m <= LEAST_M + self._known_sigma_m))
         cells = PolarCells.of(xyz.take(near, axis=1), feet)
-        lowest, weight = fit_plane(cells, self._plane) if cells.enough else (self._plane, None)
+        lowest, weight = fit_plane(cells, known) if cells.enough else (known, None)
+        if turn is not None and weight is not None and weight.sum() < MIN_SUPPORT:
+            lowest, weight = known, None
         if lowest is None:
             return None
         height = z - lowest.height(x, y)
         stands = faces.stands(z - height, self._known_sigma_m)
         if weight is not None:
-            self._update(lowest, WaterEchoes.of(cells, height[near], weight, ~stands[near]), time_s)
-        if self._plane is None:
+            self._update(lowest, WaterEchoes.of(cells, height[near], weight, ~stands[near]), time_s, attitude)
+            lowest = self._plane
+        if lowest is None:
             return None
         flat = np.flatnonzero(~stands)
         grid, band = GridCells.of(x, y), _band(self._sigma_m)
-        cells_of_flat, height = GridCells(grid.number[flat]), (z - self._plane.height(x, y))[flat]
+        cells_of_flat, height = GridCells(grid.number[flat]), (z - lowest.height(x, y))[flat]
         swell = Swell.of(cells_of_flat, height, np.abs(height) <= band)
         swell = Swell.of(cells_of_flat, height, np.abs(height - swell.at(cells_of_flat)[0]) <= band)
-        return WaterSurface(self._plane, self._sigma_m, swell, grid)
+        return WaterSurface(lowest, self._sigma_m, swell, grid)
 
-    def _update(self, lowest: Plane, echoes: WaterEchoes, time_s: float) -> None:
+    def _update(self, lowest: Plane, echoes: WaterEchoes, time_s: float, attitude: Attitude | None) -> None:
         known = self._plane is not None
         sigma, offset = self._known_sigma_m, 0.0
         for _ in range(1 if known else _START_PASSES):
@@ -88,7 +108,9 @@ class WaterTracker:
             return
         share = np.exp((self._seen_s - time_s) / _SIGMA_TIME_S) if known else 0.0
         self._sigma_m = float(share * self._sigma_m + (1 - share) * sigma)
-        self._plane, self._seen_s = plane, time_s
+        self._plane, self._seen_s, self._attitude = plane, time_s, attitude
+        if attitude:
+            self.trial.add(plane, attitude, time_s)
 
     @property
     def _known_sigma_m(self) -> float:

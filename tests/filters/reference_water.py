@@ -70,7 +70,7 @@ class Water:
         used = [k for k in used if not is_part(points[k], feet)]
         cells = cells_of(points, used, feet)
         fitted, weights = self.plane, None
-        if len(cells) >= plane._MIN_CELLS and len({bearing for bearing, *_ in cells}) >= plane._MIN_BEARINGS:
+        if len(cells) >= plane._MIN_CELLS and len({bearing for bearing, *_ in cells}) >= plane.MIN_SUPPORT:
             fitted, weights = self.fit(cells)
         if fitted is None:
             return None
@@ -207,7 +207,7 @@ def reweighted(cells: Cells, start: Plane) -> tuple[Plane, dict[Key, float]]:
             residual = fitted.height_of(*cell.lowest)
             weight = max(0.0, 1 - (residual / (3 * scale)) ** 2) ** 2
             weights[key] = (weight * plane._ABOVE if residual > 0 else weight) * cell.trust
-        if sum(weights.values()) < plane._MIN_BEARINGS:
+        if sum(weights.values()) < plane.MIN_SUPPORT:
             break
         matrix = [[0.0] * 3 for _ in range(3)]
         right = [0.0] * 3

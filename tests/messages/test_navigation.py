@@ -49,11 +49,13 @@ def send(request):
             status = types["sensor_msgs/msg/NavSatStatus"](0, 1)
             return types[kind](head, status, *map(float, values["at"]), np.zeros(9), 0)
         zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+        turn = pose(("Vector3", "Quaternion"), (0, 0, 0), values["yaw"])[1]
+        unset = types["geometry_msgs/msg/Quaternion"](*map(float, values.get("turn", (0, 0, 0, 1))))
         return types[kind](
             head,
-            pose(("Vector3", "Quaternion"), (0, 0, 0), values["yaw"])[1],
-            np.zeros(9),
-            zero,
+            unset if "turn" in values else turn,
+            np.full(9, float(values.get("covariance", 0))),
+            types["geometry_msgs/msg/Vector3"](0.0, 0.0, math.radians(values.get("rate", 0.0))),
             np.zeros(9),
             zero,
             np.zeros(9),
@@ -137,3 +139,64 @@ def test_broken_messages_are_left_out():
         for data in (b"", b"\0\1\0\0", b"\0\1\0\0" + b"\xff" * 40):
             navigation.see(Message(channel, 0, 0, 0, data))
     assert navigation.pose("lidar", 0) is None
+
+
+def yaw_of(attitude):
+    """Return the yaw of an attitude in degrees."""
+    return pytest.approx(math.degrees(math.atan2(attitude.rotation[1, 0], attitude.rotation[0, 0])), abs=1e-6)
+
+
+IMU = "sensor_msgs/msg/Imu"
+NAN = math.nan
+
+
+def test_attitudes_are_those_of_the_imu_between_its_messages(send):
+    navigation = Navigation()
+    for k in range(5):
+        send(navigation, IMU, "imu", STAMP_NS + k * 10_000_000, yaw=30 + k)
+    assert navigation.attitude("lidar", STAMP_NS + 15_000_000).source == ("/topic", "imu", 0)
+    assert yaw_of(navigation.attitude("lidar", STAMP_NS + 15_000_000)) == 31.5
+    assert navigation.attitude("lidar", STAMP_NS - 1) is None
+    assert navigation.attitude("lidar", STAMP_NS + 40_000_001) is None
+
+
+def test_fixed_transforms_tell_how_the_imu_is_mounted(send):
+    navigation = Navigation()
+    send(navigation, "tf2_msgs/msg/TFMessage", "base_link", STAMP_NS, child="lidar", at=(0, 0, 0), yaw=90)
+    send(navigation, "tf2_msgs/msg/TFMessage", "base_link", STAMP_NS, child="imu", at=(0, 0, 0), yaw=-20)
+    for k in range(2):
+        send(navigation, IMU, "imu", STAMP_NS + k * 10_000_000, yaw=5)
+    assert yaw_of(navigation.attitude("lidar", STAMP_NS)) == 5 + 20 + 90
+
+
+@pytest.mark.parametrize(
+    "unset",
+    [{"turn": (0, 0, 0, 1)}, {"turn": (0, 0, 0, 0)}, {"turn": (NAN, 0, 0, 1)}, {"yaw": 10, "covariance": -1}],
+    ids=["identity", "zero", "NaN", "covariance"],
+)
+def test_angular_velocities_are_integrated_where_orientations_are_not_set(send, unset):
+    navigation = Navigation()
+    for k in range(11):
+        send(navigation, IMU, "imu", STAMP_NS + k * 10_000_000, **({"yaw": 0} | unset), rate=20 if k % 2 else NAN)
+    start, end = (navigation.attitude("lidar", STAMP_NS + ms * 1_000_000) for ms in (10, 90))
+    assert yaw_of(end) == math.degrees(math.atan2(start.rotation[1, 0], start.rotation[0, 0])) + 20 * 0.08
+
+
+def test_after_a_gap_of_the_imu_axes_are_others(send):
+    navigation = Navigation()
+    found = []
+    for late_ns in (0, 10_000_000, 600_000_000, 610_000_000):
+        send(navigation, IMU, "imu", STAMP_NS + late_ns, yaw=0, rate=20)
+        found.append(navigation.attitude("lidar", STAMP_NS + late_ns - 5_000_000))
+    _, before, _, after = found
+    assert after.turn_from(before) is None
+    assert navigation.attitude("lidar", STAMP_NS + 300_000_000) is None
+
+
+def test_attitudes_without_an_imu_are_those_of_transforms(send):
+    navigation = Navigation()
+    for k in range(2):
+        send(navigation, "nav_msgs/msg/Odometry", "odom", STAMP_NS + k * 10**8, child="base", at=(k, 0, 0), yaw=10 * k)
+    assert navigation.attitude("lidar", STAMP_NS + 5 * 10**7).source == ("transforms", "odom", 0)
+    assert yaw_of(navigation.attitude("lidar", STAMP_NS + 5 * 10**7)) == 5
+    assert navigation.attitude("lidar", STAMP_NS + 10**8 + 1) is None
