@@ -14,7 +14,9 @@ SCHEMES: Mapping[str, str] = {"s3": "Amazon S3", "gs": "Google Cloud Storage", "
 
 _URL = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]+)://(?P<rest>.*)", re.DOTALL)
 _COLLAPSED = re.compile(rf"({'|'.join(SCHEMES)}):[/\\](?![/\\])")  # Path("s3://bucket/key")
-_SIGNED = re.compile(r"[?&](X-(Amz|Goog)-\w+|sig|signature|AWSAccessKeyId|token)=", re.IGNORECASE)
+_QUERY = re.compile(
+    r"(\?|#|%3F|%23)[^/?]*(=|%3D)|&(X-(Amz|Goog)-\w+|sig|signature|AWSAccessKeyId|token)=", re.IGNORECASE
+)
 _BUCKET = re.compile(r"[A-Za-z0-9$][A-Za-z0-9._-]*")
 
 
@@ -72,8 +74,8 @@ def parse_url(text: str | os.PathLike[str] | Url) -> Url:
     scheme, rest = found["scheme"].lower(), found["rest"]
     shown = without_secrets(given)
     if shown != given:
-        advice = "set them in the environment, or choose a profile"
-        raise UsageError(f"{shown}: a URL must not contain credentials; {advice}")
+        advice = "set credentials in the environment, or choose a profile"
+        raise UsageError(f"{shown}: a URL must not contain credentials or a query; {advice}")
     if scheme not in SCHEMES:
         known = ", ".join(f"{name}:// ({service})" for name, service in SCHEMES.items())
         raise UsageError(f"{shown}: unknown kind of URL; known are {known}")
@@ -87,7 +89,7 @@ def parse_url(text: str | os.PathLike[str] | Url) -> Url:
 
 
 def without_secrets(text: str) -> str:
-    """Return a URL without user information and without the query of a signed URL."""
+    """Return a URL without user information and without its query."""
     found = _URL.fullmatch(text)
     if found is None:
         return text
@@ -96,9 +98,10 @@ def without_secrets(text: str) -> str:
         host = f"…@{host.rpartition('@')[2]}"
     elif ":" in host and found["scheme"].lower() in SCHEMES and "@" in rest:  # a secret may contain slashes
         host, slash, rest = "…@", "", rest.rpartition("@")[2]
-    if _SIGNED.search(rest):
-        rest = f"{rest.partition('?')[0]}?…"
-    return f"{found['scheme']}://{host}{slash}{rest}"
+    rest = f"{host}{slash}{rest}"
+    if query := _QUERY.search(rest):
+        rest = f"{rest[: query.start()]}?…"
+    return f"{found['scheme']}://{rest}"
 
 
 def is_url(text: str | os.PathLike[str] | Url) -> bool:

@@ -53,6 +53,13 @@ def test_urls_that_name_nothing_are_refused(text):
         "https://account.blob.core.windows.net/c/log.mcap?sv=2024&sig=SECRET",
         "s3://trial/log.mcap?X-Amz-Signature=SECRET",
         "gs://trial/log.mcap?GoogleAccessId=a&Signature=SECRET",
+        "s3://trial/log.mcap?password=SECRET",
+        "gs://trial/log.mcap?access_token=SECRET",
+        "s3://trial/*.mcap?x=a/SECRET",
+        "s3://trial?password=SECRET",
+        "s3://trial/log.mcap#token=SECRET",
+        "s3://trial/log.mcap%3Fpassword%3DSECRET",
+        "https://host/log.mcap?key=SECRET",
     ],
 )
 def test_secrets_are_refused_and_not_repeated(text):

@@ -14,6 +14,7 @@ from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
+from urllib.parse import urlsplit
 
 from seaclutter_cli.errors import InputError, MissingExtraError, OutputError, SeaclutterError, UsageError
 from seaclutter_cli.storage.uploads import send
@@ -38,6 +39,9 @@ _METADATA_SERVICE = re.compile(r"169\.254\.|metadata\.google\.internal|fd00:ec2"
 _OTHER_REGION = ("PermanentRedirect", "AuthorizationHeaderMalformed", "IllegalLocationConstraintException")
 _UNKNOWN_CREDENTIALS = ("InvalidAccessKeyId", "SignatureDoesNotMatch", "ExpiredToken", "InvalidToken")
 _PREFIXES = ("AWS_", "GOOGLE_", "AZURE_")
+_SENT = re.compile(r"(AWS|AZURE)_.*(KEY|TOKEN|SECRET|ENDPOINT|REGION)")
+"""Names of settings that go into requests."""
+
 _TIMEOUTS = {"timeout": "10 minutes", "read_timeout": "30 seconds"}
 """Of a request as a whole, and of its silence. A slow link is no error."""
 
@@ -55,11 +59,13 @@ def store_of(url: Url) -> "Store":
 
 
 @lru_cache
-def open_store(scheme: str, bucket: str, _: object) -> "Store":
+def open_store(scheme: str, bucket: str, given: tuple[tuple[str, str], ...]) -> "Store":
     """Return a client for the settings in the environment, the last argument; see `store_of`."""
     from obstore.exceptions import BaseError
     from obstore.store import AzureStore, GCSStore, S3Store
 
+    if wrong := next((name for name, value in given if _is_wrong(name, value)), None):
+        raise UsageError(f"{scheme}://{bucket}: {wrong} in the environment is not valid")
     settings: Any = {**_TIMEOUTS, "retry_config": RETRIES}
     try:
         if scheme == "gs":
@@ -71,6 +77,22 @@ def open_store(scheme: str, bucket: str, _: object) -> "Store":
         # The text of the error may contain settings, the name of its class never does.
         problem = "no storage account; set AZURE_STORAGE_ACCOUNT_NAME" if "Account" in str(error) else "not valid"
         raise UsageError(f"{scheme}://{bucket}: settings in the environment: {problem}") from None
+
+
+def _is_wrong(name: str, value: str) -> bool:
+    """Return whether obstore would panic at a setting."""
+    if not _SENT.match(name):
+        return False
+    if not value.isascii() or not value.isprintable():
+        return True
+    if "ENDPOINT" not in name:
+        return False
+    try:
+        place = urlsplit(value)
+        is_place = bool(place.hostname) and place.port != 0
+    except ValueError:
+        return True
+    return not is_place or " " in value
 
 
 def _profile(bucket: str) -> Any:
@@ -109,6 +131,10 @@ def explained(url: Url, kind: type[SeaclutterError] = InputError) -> Iterator[No
         yield
     except (BaseError, OSError, ValueError) as error:  # writers raise an OSError
         raise kind(f"{url}: {cause(error, url)}") from None
+    except BaseException as error:
+        if type(error).__name__ != "PanicException":  # it is no Exception, and has no place to import it from
+            raise
+        raise kind(f"{url}: object storage failed; check the settings in the environment") from None
 
 
 def cause(error: Exception, url: Url) -> str:

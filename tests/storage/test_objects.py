@@ -68,6 +68,27 @@ def test_wrong_credentials(bucket, monkeypatch, access, secret, cause):
     assert raised.value.__suppress_context__
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *((name, "SEC\nRET") for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_SESSION_TOKEN")),
+        ("AWS_SESSION_TOKEN", "schlüssel"),
+        *(("AWS_ENDPOINT_URL", url) for url in ("junk", "http://[::", "http://a b", "http://127.0.0.1:99999")),
+        ("AWS_ENDPOINT_URL", "http://a\nb"),
+    ],
+)
+def test_settings_that_make_obstore_panic(bucket, monkeypatch, name, value):
+    monkeypatch.setenv(name, value)
+    with pytest.raises(UsageError, match=f"^s3://trial: {name} in the environment is not valid$"):
+        find_object(bucket / "log.mcap")
+
+
+def test_a_panic_is_an_error(bucket):
+    kind = type("PanicException", (BaseException,), {})
+    with pytest.raises(InputError, match="object storage failed; check the settings"), objects.explained(bucket):
+        raise kind("SECRET")
+
+
 @pytest.mark.parametrize("has_boto3", [False, True])
 def test_no_credentials(proxy, few_retries, monkeypatch, tmp_path, has_boto3):
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):

@@ -57,6 +57,20 @@ def test_complete_outputs_are_skipped(logs, bucket, tmp_path, remote):
     assert "b: filtered again; the earlier output is of another input" in other.stderr
 
 
+@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("command", ["filter", "convert", "info", "evaluate"])
+def test_several_recordings_with_any_number_of_processes(logs, bucket, command, jobs):
+    put(logs / "c.mcap", get(logs / "b.mcap"))
+    words = {"info": "", "evaluate": "-m none --labels {0}"}.get(command, "-o {1}/out/").format(logs, bucket)
+    if command == "evaluate":
+        for name in "abc":
+            put(logs / f"{name}.labels.csv", b"frame,track_id,class,x,y,z,length,width,height,yaw\n0,,none,,,,,,,\n")
+    result = run(f"{command} {logs}/*.mcap -j {jobs} {words}")
+    assert result.exit_code == 0, result.output
+    if command in ("filter", "convert"):
+        assert names(bucket / "out") == ["a.mcap", "b.mcap", "c.mcap"]
+
+
 def test_objects_of_a_large_folder_count_by_their_versions(logs):
     for number in range(70):
         put(logs / f"frames/{number:06d}.bin", bytes([number]))
