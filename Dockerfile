@@ -2,7 +2,7 @@
 #   docker run --rm --user "$(id -u):$(id -g)" -v "$PWD:/data" seaclutter filter trial.mcap -o filtered.mcap
 # As a cluster worker, which the scheduler and other workers must be able to reach:
 #   docker run --rm --network host -v /mnt/nas:/mnt/nas -e DASK_CONFIG=/mnt/nas/dask --entrypoint dask seaclutter \
-#     worker tls://scheduler:8786 --nworkers 8 --nthreads 1 --memory-limit 1GB --no-dashboard
+#     worker tls://scheduler:8786 --nworkers 8 --nthreads 1 --memory-limit 1GB --no-dashboard --dashboard-address 127.0.0.1:0
 # docs/guide/cluster.md has more.
 FROM python:3.13-slim AS build
 WORKDIR /src

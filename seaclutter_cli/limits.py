@@ -24,6 +24,7 @@ _UNITS = {
     "chunk_messages": "messages",
     "message_mib": "MiB",
     "file_gib": "GiB",
+    "whole_mib": "MiB",
     "file_ratio": "times the size of the file",
 }
 
@@ -36,6 +37,7 @@ class Limits:
     ``file_gib`` and ``file_ratio``, the ratio to the size of the file, are of the content of a file that is compressed
     as a whole; up to 16 MiB, no ratio is too large. A chunk may have half of this ratio to its file, or 32 MiB; a
     message an eighth, or 8 MiB; the content of a message that is compressed by itself this ratio to it, or 8 MiB.
+    ``whole_mib`` is the size of a file that is read at once, such as that of a frame, or a model.
     """
 
     chunk_mib: int = 80
@@ -43,6 +45,7 @@ class Limits:
     message_mib: int = 48
     file_gib: int = 64
     file_ratio: int = 64
+    whole_mib: int = 512
 
     @classmethod
     def read(cls, environment: Mapping[str, str]) -> Self:

@@ -1,9 +1,14 @@
-"""Order and real paths of files, and recognition of one file under several paths."""
+"""Order and real paths of files, recognition of one file under several paths, and files that are read at once."""
 
+import errno
 import os
 import re
+import stat
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
+
+from seaclutter_cli.limits import limits, variable
 
 Identity = tuple[int | str, ...]
 """Numbers of device and file, followed by the names below if the file does not exist."""
@@ -16,6 +21,32 @@ def natural_order(file: Path) -> tuple[list[str | int], str]:
     """Return a sort key that orders numbers in names by value: frame2 before frame10."""
     parts = re.split(r"([0-9]+)", file.name)
     return [int(part) if index % 2 else part for index, part in enumerate(parts)], file.name
+
+
+class WrongFileError(OSError):
+    """A path is not that of a regular file, or that of one that is too large."""
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """Open a file for reading; `OSError` if it is something else: a pipe would wait, some devices have no end."""
+    number = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+    kind = os.fstat(number).st_mode
+    if not stat.S_ISREG(kind):
+        os.close(number)
+        if stat.S_ISDIR(kind):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        raise WrongFileError(errno.EINVAL, "not a regular file", str(path))
+    return open(number, "rb")  # noqa: PTH123 - not a path
+
+
+def read_whole(path: Path) -> bytes:
+    """Return the content of a regular file; `OSError` if there is none, or it is larger than the limit."""
+    most = limits().whole_mib
+    with open_regular(path) as file:
+        if os.fstat(file.fileno()).st_size > most * 2**20:
+            problem = f"larger than {most:,} MiB, the limit of a file that is read at once ({variable('whole_mib')})"
+            raise WrongFileError(errno.EFBIG, problem, str(path))
+        return file.read(most * 2**20)
 
 
 class Identities:

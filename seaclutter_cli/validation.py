@@ -1,5 +1,6 @@
 """Settings in YAML against the dataclasses that declare them: types, limits, former names, words, and comments."""
 
+import io
 import json
 import math
 import operator
@@ -16,6 +17,7 @@ import yaml
 from seaclutter_cli.documents import MAX_DEPTH, MAX_YAML_CHARACTERS, DocumentError, load_yaml
 from seaclutter_cli.errors import ConfigError, RenamedKeyWarning
 from seaclutter_cli.params import OneOf
+from seaclutter_cli.paths import open_regular
 from seaclutter_cli.text import count, printable, suggestion
 
 _SHOWN_PROBLEMS = 100
@@ -48,7 +50,7 @@ def find_file(name: str, folder: str, kind: str) -> Path:
 def read_yaml(path: Path, sections: Sequence[str]) -> Any:
     """Return the content of a file; raise `ConfigError` if it is not a YAML mapping."""
     try:
-        with path.open(encoding="utf-8") as file:
+        with io.TextIOWrapper(open_regular(path), encoding="utf-8") as file:
             text = file.read(MAX_YAML_CHARACTERS + 1)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or 'not UTF-8 text'})") from error

@@ -16,6 +16,7 @@ from seaclutter_cli import __version__
 from seaclutter_cli.airborne.settings import TileSettings, parse_settings
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import ConfigError, InputError, MissingExtraError, RenamedKeyWarning
+from seaclutter_cli.paths import read_whole
 
 _FORMAT = 1
 _TRUSTED = ["sklearn.tree._tree.Tree"]  # compiled arrays of nodes, checked in _check_tree
@@ -71,11 +72,11 @@ def load_model(path: Path) -> ObjectModel:
     MissingExtraError
         If scikit-learn or skops is not installed.
     """
-    skops = _skops()
     try:
-        data = path.read_bytes()
+        data = read_whole(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    skops = _skops()
     try:
         _check_size(data)
         foreign = sorted(set(skops.get_untrusted_types(data=data)) - set(_TRUSTED))

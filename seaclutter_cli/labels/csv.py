@@ -1,6 +1,7 @@
 """Native label format: a CSV file with one box per line, assigned to frames by number or stamp."""
 
 import csv
+import io
 import math
 import re
 from collections import deque
@@ -16,6 +17,7 @@ from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels.boxes import IGNORE, MAX_OBJECTS, Labelled, LabelOptions, checked, truth_of
 from seaclutter_cli.labels.point_labels import point_labels
+from seaclutter_cli.paths import open_regular
 from seaclutter_cli.text import count, printable
 from seaclutter_cli.truth import Truth
 
@@ -47,7 +49,7 @@ def find(path: Path) -> Path | None:
     """Return the path if it is a file that starts with a header that has at least three of the label columns."""
     if not path.is_file():
         return None
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         head = file.read(_HEAD_BYTES).decode("utf-8-sig", "replace")
     return path if len(_DISTINCTIVE.intersection(_names(head.partition("\n")[0]))) >= 3 else None
 
@@ -152,7 +154,7 @@ class CsvLabels:
     def __init__(self, path: Path, options: LabelOptions) -> None:
         self._path, self._number = path, options.number
         try:
-            with path.open(encoding="utf-8-sig", newline="") as file:
+            with io.TextIOWrapper(open_regular(path), encoding="utf-8-sig", newline="") as file:
                 lines = _lines(file)
                 first = next(lines, "")
                 names = _names(first)

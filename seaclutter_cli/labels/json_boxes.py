@@ -11,6 +11,7 @@ from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels.boxes import Labelled, LabelOptions, Proposal, checked, truth_of
 from seaclutter_cli.labels.files import FileLabels, files_in, label_folder
+from seaclutter_cli.paths import open_regular
 from seaclutter_cli.truth import Truth
 
 ANNOTATOR, PROPOSER = "annotator", "seaclutter"
@@ -100,13 +101,13 @@ class JsonForm:
 
 
 def _head(path: Path) -> bytes:
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return file.read(_HEAD_BYTES).removeprefix(_BOM).lstrip()
 
 
 def read_json(path: Path) -> Any:
     """Return the content of a JSON file; None if the file is empty, `LabelError` if it is not valid."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         content = file.read(MAX_JSON_BYTES + 1).removeprefix(_BOM)
     if not content.strip():
         return None

@@ -10,6 +10,7 @@ from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels.boxes import LabelOptions
 from seaclutter_cli.labels.files import FileLabels, label_folder
+from seaclutter_cli.paths import open_regular, read_whole
 from seaclutter_cli.text import count, printable
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
@@ -25,7 +26,7 @@ def find_log(path: Path) -> Path | None:
     if path.is_dir():
         found = (path / "metadata.yaml").is_file() or any(_is_log(file) for file in path.iterdir())
         return path if found else None
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return path if file.read(16).startswith(_MAGIC) or _is_log(path) else None
 
 
@@ -87,7 +88,7 @@ def _read(path: Path, frame: Frame, options: LabelOptions) -> Truth:
         raise LabelError(f"size must be a multiple of 4 bytes, got {4 * size + rest}")
     if size != frame.size:
         raise LabelError(f"{count(size, 'label')} for {count(frame.size, 'point')}")
-    return Truth(None, points=point_truth(np.frombuffer(path.read_bytes(), "<u4"), options))
+    return Truth(None, points=point_truth(np.frombuffer(read_whole(path), "<u4"), options))
 
 
 def point_truth(labels: NDArray[np.uint32], options: LabelOptions) -> NDArray[np.int64]:

@@ -220,6 +220,8 @@ def _check_place(target: _Target, *, force: bool) -> None:
             raise UsageError(f"{path}: {problem}; choose another output for {target.option}")
     elif target.exists and target.marker and not is_single_frame(target.path):
         raise UsageError(f"{path}: is a file, but the output is a folder")
+    elif target.file.exists() and not target.file.is_file():
+        raise UsageError(f"{path}: not a regular file, cannot be replaced")
     if target.exists and not force:
         raise UsageError(f"{path}: already exists; use --force to replace it")
 

@@ -21,6 +21,7 @@ from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import InputError, OutputError, UsageError
 from seaclutter_cli.frame import WATER_COLUMNS, Reason, Rings
 from seaclutter_cli.messages.metadata import RUN
+from seaclutter_cli.paths import open_regular
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Damage, Metadata
 from seaclutter_cli.runs.batch import Work
@@ -170,7 +171,7 @@ def _metadata_in(output: Path) -> list[Metadata]:
         with closing(open_recording(Recording((output,)), ReadOptions())) as source:
             return list(source.metadata)
     mirror = mirror_of(output)
-    with mirror.open(output) if mirror else output.open("rb") as stream:
+    with mirror.open(output) if mirror else open_regular(output) as stream:
         return [Metadata(record.name, record.metadata) for record in make_reader(stream).iter_metadata()]
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import MissingExtraError, ModelError
 from seaclutter_cli.frame import Frame
+from seaclutter_cli.paths import open_regular
 from seaclutter_cli.text import printable
 
 IMAGE_SIZE = 224
@@ -155,7 +156,7 @@ def builtin_models() -> dict[str, Path]:
 def _read(name: str) -> bytes:
     path = Path(name) if Path(name).is_file() else builtin_models().get(name, Path(name))
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             data = file.read(_MAX_BYTES + 1)
     except OSError as error:
         builtin = ", ".join(builtin_models()) or "none"

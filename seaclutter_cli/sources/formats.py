@@ -8,6 +8,7 @@ from pathlib import Path
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
+from seaclutter_cli.paths import open_regular
 from seaclutter_cli.sensors.catalog import ADVICE
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily
 from seaclutter_cli.sources.frame_files import FRAME_READERS
@@ -79,7 +80,7 @@ def open_file(path: Path, decoding: DecoderOptions | None = None) -> Source:
 def _form_of(path: Path) -> Format | None:
     """Return the format that the first bytes of a file show."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             head = file.read(_HEAD_BYTES)
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from error

@@ -11,7 +11,7 @@ from seaclutter_cli.storage.objects import StoredObject, explained, range_option
 
 _RANGE = 32 * 2**20
 _PIECE = 4 * 2**20
-_AT_ONCE = 4
+_AT_ONCE = 8
 _WAKE_SECONDS = 0.5
 
 

@@ -34,6 +34,8 @@ _HEAD_BYTES = 4096
 _END_BYTES = 2**20
 _TOLD_BY_CONTENT = (".csv", ".yaml")
 _WORTH_AN_EXCERPT = 16 * 2**20
+_MANY, _SMALL = 64, 16 * 2**20
+"""Files, and bytes, up to which several recordings are fetched ahead."""
 
 
 class Mirror:
@@ -62,6 +64,7 @@ class Mirror:
         self._complete: set[Path] = set()
         self._after: dict[tuple[Path, ...], Sequence[Path]] = {}
         self._next: Download | None = None
+        self._waiting: set[tuple[StoredObject, Path]] = set()
         schemes = "|".join(SCHEMES)
         self._shown = re.compile(rf"{re.escape(str(self.path) + os.sep)}({schemes}){re.escape(os.sep)}")
 
@@ -220,29 +223,46 @@ class Mirror:
         return files
 
     def _copy(self, files: list[tuple[StoredObject, Path]]) -> None:
-        download, self._next = self._next, None
-        if download is None or download.files != files:
-            self._next = download
+        if self._next is not None and self._waiting.issuperset(files):
+            try:
+                self._next.wait()
+            except SeaclutterError:  # perhaps of another file
+                self._forget_next()
+        if not self._waiting.issuperset(files):
             self._require(files)
             download = Download(files)
-        try:
-            download.wait()
-        except BaseException:
-            download.stop()
-            self._reset(files)
-            raise
+            try:
+                download.wait()
+            except BaseException:
+                download.stop()
+                self._reset(files)
+                raise
+        self._waiting.difference_update(files)
         self._complete.update(path for _, path in files)
 
     def _fetch_ahead(self, paths: Sequence[Path]) -> None:
         files = self._missing(paths)
-        if self._next is not None and self._next.files != files:
+        if self._waiting.issuperset(files):
+            return
+        self._forget_next()
+        later = self._after.get(tuple(paths))
+        while later is not None and len(files) < _MANY and sum(found.size for found, _ in files) < _SMALL:
+            files += self._missing(later)
+            later = self._after.get(tuple(later))
+        with suppress(SeaclutterError):  # it says so when it is its turn
+            self._require(files)
+            self._next, self._waiting = Download(files), set(files)
+
+    def _forget_next(self) -> None:
+        """Stop what is fetched ahead, and remove what is not used yet."""
+        if self._next is not None:
             self._next.stop()
-            self._reset(self._next.files)
-            self._next = None
-        if files and self._next is None:
-            with suppress(SeaclutterError):  # it says so when it is its turn
-                self._require(files)
-                self._next = Download(files)
+        self._reset(self._waiting)
+        self._next, self._waiting = None, set()
+
+    def is_small(self, path: Path) -> bool:
+        """Return whether what a path stands for is an object that takes longer to ask for than to copy."""
+        return path in self._objects and self._objects[path].size < _SMALL // _MANY
 
     def _require(self, files: Sequence[tuple[StoredObject, Path]]) -> None:
         """Raise `InputError` if there is no space for copies."""

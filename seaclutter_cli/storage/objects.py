@@ -7,13 +7,15 @@ has changed since it was found. An error of object storage becomes one line with
 import io
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from threading import Thread
+from time import monotonic
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar
 from urllib.parse import urlsplit
 
 from seaclutter_cli.errors import InputError, MissingExtraError, OutputError, SeaclutterError, UsageError
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from obstore.store import AzureStore, GCSStore, RetryConfig, S3Store
 
     Store = S3Store | GCSStore | AzureStore
+
+R = TypeVar("R")
 
 NO_CREDENTIALS = {
     "s3": "no credentials found; set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE (needs boto3)",
@@ -166,6 +170,11 @@ def _found(pattern: re.Pattern[str], text: str) -> str:
     return found[1].strip() if found else ""
 
 
+MAX_OBJECTS = 100_000
+"""Objects in a listing."""
+_MAX_BYTES = 2**48
+_ANSWER_S, _WAKE_S = 240.0, 0.5
+
 _PART = 8 * 2**20
 _MAX_PARTS = 9_000
 _BLOCK = 64 * 2**10
@@ -187,16 +196,20 @@ def find_object(url: Url) -> StoredObject | None:
     with explained(url):
         store = store_of(url)
         try:
-            return _stored(url, store.head(url.key)) if url.key else None
+            return _stored(url, _answer(url, lambda: store.head(url.key))) if url.key else None
         except FileNotFoundError:
-            next(iter(store.list(url.key)), None)  # says if there is no bucket
+            _answer(url, lambda: next(iter(store.list(url.key)), None))  # says if there is no bucket
             return None
 
 
 def list_objects(folder: Url) -> Iterator[StoredObject]:
     """Yield the objects in a folder and its subfolders, in the order in which the service lists them."""
+    number = 0
     with explained(folder):
-        for batch in store_of(folder).list(folder.key):
+        batches = iter(store_of(folder).list(folder.key))
+        while batch := _answer(folder, lambda: next(batches, None)):
+            number += len(batch)
+            _require_few(folder, number)
             for meta in batch:
                 yield _stored(Url(folder.scheme, folder.bucket, meta["path"]), meta)
 
@@ -204,13 +217,46 @@ def list_objects(folder: Url) -> Iterator[StoredObject]:
 def list_folder(folder: Url) -> tuple[list[StoredObject], list[Url]]:
     """Return the objects and the folders directly in a folder."""
     with explained(folder):
-        found = store_of(folder).list_with_delimiter(folder.key or None)
+        found = _answer(folder, lambda: store_of(folder).list_with_delimiter(folder.key or None))
+    _require_few(folder, len(found["objects"]) + len(found["common_prefixes"]))
     folders = [Url(folder.scheme, folder.bucket, name) for name in found["common_prefixes"]]
     return [_stored(Url(folder.scheme, folder.bucket, meta["path"]), meta) for meta in found["objects"]], folders
 
 
 def _stored(url: Url, meta: "ObjectMeta") -> StoredObject:
+    if meta["size"] > _MAX_BYTES:
+        raise InputError(f"{url}: the service says {meta['size']:,} bytes, which no object has")
     return StoredObject(url, meta["size"], meta["e_tag"])
+
+
+def _require_few(folder: Url, number: int) -> None:
+    if number > MAX_OBJECTS:
+        raise InputError(f"{folder}: more than {MAX_OBJECTS:,} objects; name a folder or pattern with fewer")
+
+
+def _answer(url: Url, request: Callable[[], R]) -> R:
+    """Return the answer to a request without content, made in a thread, so that Ctrl-C ends the wait; or its error.
+
+    Raise `InputError` if it takes too long: pages of a listing that do not end are one request for obstore.
+    """
+    answers: list[R] = []
+    errors: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            answers.append(request())
+        except BaseException as error:  # noqa: BLE001 - raised in the thread that waits
+            errors.append(error)
+
+    thread, end = Thread(target=run, daemon=True), monotonic() + _ANSWER_S
+    thread.start()
+    while thread.is_alive() and monotonic() < end:
+        thread.join(_WAKE_S)
+    for error in errors:
+        raise error
+    if not answers:
+        raise InputError(f"{url}: the server gives no complete answer within {_ANSWER_S:.0f} seconds")
+    return answers[0]
 
 
 def delete_object(url: Url) -> None:

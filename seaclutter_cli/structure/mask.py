@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.paths import open_regular
 from seaclutter_cli.text import count
 
 Floats = NDArray[np.float64]
@@ -89,7 +90,7 @@ class StructureMask:
     def load(cls, path: Path) -> Self:
         """Return the mask in a file; `ConfigError` if it cannot be read or is not a mask, with its line."""
         try:
-            with path.open(encoding="utf-8", newline="") as file:
+            with io.TextIOWrapper(open_regular(path), encoding="utf-8", newline="") as file:
                 text = file.read(_MAX_BYTES + 1)
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or "not UTF-8 text"

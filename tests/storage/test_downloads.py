@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from seaclutter_cli.errors import InputError, OutputError
-from seaclutter_cli.storage import downloads
+from seaclutter_cli.storage import downloads, mirrors
 from seaclutter_cli.storage.mirrors import Mirror
 from seaclutter_cli.storage.objects import StoredObject
 from tests.storage.buckets import put
@@ -114,10 +114,38 @@ def test_the_next_recording_is_fetched_meanwhile(proxy, mirror, recordings):
     mirror.fetch(recordings[:1])
     mirror._next.wait()
     proxy.reset()
+    for number in (1, 2):
+        mirror.fetch(recordings[number : number + 1])
+    assert not any(map(is_range, proxy.requests))
+    assert [path.read_text()[0] for path in recordings] == ["a", "b", "c"]
+
+
+def test_large_recordings_are_fetched_one_ahead(proxy, mirror, recordings, monkeypatch):
+    monkeypatch.setattr(mirrors, "_SMALL", 500)
+    mirror.fetch(recordings[:1])
+    mirror._next.wait()
+    proxy.reset()
     mirror.fetch(recordings[1:2])
     mirror._next.wait()
-    assert sum(is_range(request) for request in proxy.requests) == 1  # only that of c
-    assert [path.read_text()[0] for path in recordings] == ["a", "b", "c"]
+    assert sum(map(is_range, proxy.requests)) == 1  # only that of c
+
+
+def test_a_copy_that_was_fetched_ahead_and_removed_is_fetched_again(mirror, recordings):
+    mirror.fetch(recordings[:1])
+    mirror.fetch(recordings[1:2])
+    mirror.remove(recordings[1])
+    mirror.fetch(recordings[1:2])
+    assert recordings[1].read_bytes() == b"b" * 600
+
+
+def test_an_error_of_another_recording_that_is_fetched_ahead(mirror, recordings):
+    mirror.know(recordings[2])
+    put(mirror.url(recordings[2]), b"changed")
+    mirror.fetch(recordings[:1])
+    mirror.fetch(recordings[1:2])
+    assert recordings[1].read_bytes() == b"b" * 600
+    with pytest.raises(InputError, match=r"c\.mcap: the object changed"):
+        mirror.fetch(recordings[2:])
 
 
 def test_nothing_is_fetched_ahead_without_space(mirror, recordings, monkeypatch):

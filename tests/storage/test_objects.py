@@ -2,6 +2,7 @@
 
 import json
 import sys
+import threading
 
 import pytest
 
@@ -66,6 +67,31 @@ def test_wrong_credentials(bucket, monkeypatch, access, secret, cause):
     assert secret not in str(raised.value)
     assert raised.value.__cause__ is None
     assert raised.value.__suppress_context__
+
+
+def test_a_listing_has_an_end(bucket, monkeypatch):
+    """A server may repeat the same page for ever."""
+    for number in range(4):
+        put(bucket / f"logs/{number}.mcap", b"x")
+    monkeypatch.setattr(objects, "MAX_OBJECTS", 3)
+    for ask in (list_folder, lambda url: list(list_objects(url))):
+        with pytest.raises(InputError, match="logs: more than 3 objects; name a folder or pattern with fewer"):
+            ask(bucket / "logs")
+
+
+def test_a_server_that_does_not_answer_is_an_error(bucket, proxy, monkeypatch):
+    monkeypatch.setattr(objects, "_ANSWER_S", 0.1)
+    go_on = threading.Event()
+    proxy.rule = lambda _: go_on.wait(20)
+    for ask in (find_object, list_folder, lambda url: list(list_objects(url))):
+        with pytest.raises(InputError, match="the server gives no complete answer within"):
+            ask(bucket / "log.mcap")
+    go_on.set()
+
+
+def test_a_size_that_no_object_has(bucket):
+    with pytest.raises(InputError, match="1,000,000,000,000,000,000 bytes, which no object has"):
+        objects._stored(bucket, {"size": 10**18, "e_tag": None})
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Connections to clusters: to a scheduler that runs, or to workers that SLURM starts."""
 
+import asyncio
 import os
 import shutil
 import signal
@@ -33,6 +34,7 @@ _SCHEDULER = {
     "distributed.scheduler.worker-saturation": 1.0,
 }
 _NO_DASHBOARD = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
+_NO_PAGE = ("--dashboard-address", "127.0.0.1:0")  # without this, a page of its status is for everyone
 _WORKER = [f"export DASK_DISTRIBUTED__WORKER__MEMORY__{name}=False" for name in ("TARGET", "SPILL", "PAUSE")]
 
 
@@ -77,12 +79,22 @@ def _scheduler(address: str) -> Iterator["Client"]:
     make = _client_class()
     security = _certificates(required=True) if address.startswith("tls:") else None
     try:
+        asyncio.run(asyncio.wait_for(_greet(address, security), 1.5 * _CONNECT_S))
         client = make(address, security=security, timeout=_CONNECT_S, set_as_default=False)
     except (OSError, ValueError, RuntimeError) as error:
         raise ClusterError(f"{address}: no connection to a scheduler ({_cause(error)})") from error
     with ExitStack() as stack:
         stack.callback(client.close, timeout=_CONNECT_S)
         yield client
+
+
+async def _greet(address: str, security: "Security | None") -> None:
+    """Exchange greetings with a scheduler: a client would wait for ever for something else that listens."""
+    from distributed.comm import connect
+
+    arguments = security.get_connection_args("client") if security else {}
+    comm = await connect(address, timeout=_CONNECT_S, **arguments)
+    await comm.close()
 
 
 @contextmanager
@@ -127,6 +139,7 @@ def _cluster() -> Any:
             job_extra_directives=[*(configured("job-extra-directives") or ()), *discarded],
             job_script_prologue=[*_WORKER, *(configured("job-script-prologue") or ())],
             scheduler_options=_NO_DASHBOARD | configured("scheduler-options"),
+            worker_extra_args=[*_NO_PAGE, *(configured("worker-extra-args") or ())],
             silence_logs=False,
         )
     except (OSError, ValueError, RuntimeError) as error:

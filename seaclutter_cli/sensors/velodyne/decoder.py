@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.documents import read_document
 from seaclutter_cli.errors import InputError, MissingExtraError
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily, PacketFrame, Packets, point_dtype, view_packets
@@ -387,7 +388,7 @@ def _read_calibration(library: Any, path: Path | None, model: VelodyneModel) -> 
         return None
     usual = library.Calibration.default_calibs[getattr(library.Model, model.library)].to_string()
     try:
-        text = library.Calibration.read(str(path)).to_string()
+        text = library.Calibration.from_string(read_document(path).decode()).to_string()
         lasers = text.count("laser_id:")
         # The ROS drivers' calibration of the Alpha Prime states a wrong distance unit.
         calibration = library.Calibration.from_string(_UNIT.sub(_UNIT.findall(usual)[0], text))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.limits import above, limits
+from seaclutter_cli.paths import open_regular, read_whole
 from seaclutter_cli.sources.frame_files.headerless import check_usual, points_of, recognise
 from seaclutter_cli.sources.frame_files.reading import check_size, column_names
 from seaclutter_cli.text import count
@@ -26,7 +27,7 @@ def read_bin(path: Path, layout: np.dtype[np.void] | None = None, *, is_given: b
     Points that are implausible in their layout are refused, unless it ``is_given``.
     """
     layout = recognise([path])[0] if layout is None else layout
-    points = points_of(path.read_bytes(), layout)
+    points = points_of(read_whole(path), layout)
     return from_array(points if is_given else check_usual(points))
 
 
@@ -35,7 +36,7 @@ def read_npy(path: Path, columns: Sequence[str] = ()) -> Cloud:
 
     ``columns`` are the names of those of an array that is not structured.
     """
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         array = _checked(file, os.fstat(file.fileno()).st_size)
         if array.dtype.names and array.ndim == 1:
             return from_array(array)

@@ -12,6 +12,7 @@ import numpy as np
 
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
+from seaclutter_cli.paths import open_regular, read_whole
 from seaclutter_cli.sources.frame_files.headerless import check_usual
 from seaclutter_cli.sources.frame_files.reading import (
     MAX_LINE_BYTES,
@@ -47,7 +48,7 @@ def read_csv(path: Path, columns: Sequence[str] = ()) -> Cloud:
     Names of columns, in the first line after an optional ``#``, contain x, y and z, with an optional unit; without,
     they are ``columns`` or see `column_names`. Columns of text are left out.
     """
-    content = _utf8(path.read_bytes())
+    content = _utf8(read_whole(path))
     check_lines(content)
     head = _head(content)
     names, body, line = head.names, head.body, head.line
@@ -78,7 +79,7 @@ def _utf8(content: bytes) -> bytes:
 
 def is_point_table(path: Path) -> bool:
     """Return whether a text file starts like a table of points; tables of results and settings do not."""
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         start = file.read(MAX_LINE_BYTES)
     try:
         _head(_utf8(start))

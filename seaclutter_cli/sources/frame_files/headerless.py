@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import CloudError
+from seaclutter_cli.paths import open_regular
 from seaclutter_cli.text import count
 
 Points = NDArray[np.void]
@@ -216,7 +217,7 @@ class _Excerpt:
         whole = max(self.size - _BLOCK_BYTES, 0)
         starts = [number * whole // (_BLOCKS - 1) // _BLOCK_BYTES * _BLOCK_BYTES for number in range(_BLOCKS)]
         self._blocks: list[tuple[int, bytes]] = []
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             for start in dict.fromkeys(starts):
                 file.seek(start)
                 self._blocks.append((start, file.read(_BLOCK_BYTES)))

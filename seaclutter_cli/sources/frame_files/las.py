@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError, MissingExtraError
 from seaclutter_cli.limits import above, limits
+from seaclutter_cli.paths import open_regular
 from seaclutter_cli.sources.frame_files.laz import LazBackend
 from seaclutter_cli.sources.frame_files.reading import check_size, reading
 from seaclutter_cli.text import count
@@ -69,7 +70,7 @@ def parts_of(reader: Any) -> Iterator[Any]:
 def open_las(path: Path) -> Iterator[Any]:
     """Open a LAS or LAZ file as a ``laspy.LasReader`` after checking its sizes; call it inside `reading`."""
     laspy = _laspy()
-    with path.open("rb") as file, LazBackend(path) as laz:
+    with open_regular(path) as file, LazBackend(path) as laz:
         size = file.seek(0, os.SEEK_END)
         file.seek(0)
         head = file.read(_HEAD_BYTES)
@@ -100,7 +101,7 @@ def _laspy() -> Any:
 def with_records(header: Any, path: Path) -> Any:
     """Return a header of `open_las` with unchanged records: laspy rewrites some of them, at times wrongly."""
     laspy = _laspy()
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         (at,), (number,) = _unpack(file, _HEADER_BYTES_AT, "<H"), _unpack(file, _VLRS_AT, "<I")
         vlrs, evlrs = _records(file, at, number, "H"), list[Any]()
         if _unpack(file, _VERSION_AT, "<BB") >= (1, 4):
@@ -251,7 +252,7 @@ def read_index(path: Path, header: Any) -> CopcIndex:
 def _copc_entries(path: Path, offset: int, size: int) -> NDArray[Any]:
     found, known = [np.empty(0, _COPC_ENTRY)], set()
     total, pages = path.stat().st_size, [(offset, size)]
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         while pages:
             offset, size = pages.pop()
             if offset in known or size < 0 or offset + size > total:

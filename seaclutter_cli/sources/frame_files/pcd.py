@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.limits import above, limits
+from seaclutter_cli.paths import read_whole
 from seaclutter_cli.sources.frame_files.reading import check_size, parse_rows
 from seaclutter_cli.text import count
 
@@ -28,7 +29,7 @@ _BYTES_HEADER = (
 
 def read_pcd(path: Path) -> Cloud:
     """Return the points of a PCD file with all fields, height and width; `CloudError` if it is damaged."""
-    content = path.read_bytes()
+    content = read_whole(path)
     match = _DATA_LINE.search(content[:_MAX_HEADER])
     if match is None:
         raise CloudError("no PCD header with a DATA line")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
+from seaclutter_cli.paths import read_whole
 from seaclutter_cli.sources.frame_files.reading import check_size, parse_rows
 
 _SHORT = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"}
@@ -39,7 +40,7 @@ class _Element:
 
 def read_ply(path: Path) -> Cloud:
     """Return the vertices of a PLY file with all their properties; `CloudError` if it is damaged, or has lists."""
-    content = path.read_bytes()
+    content = read_whole(path)
     match = _HEADER.match(content[:_MAX_HEADER])
     if match is None:
         raise CloudError("no PLY header from 'ply' to 'end_header'")

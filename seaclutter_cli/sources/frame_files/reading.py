@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import CloudError, MissingExtraError
+from seaclutter_cli.paths import WrongFileError
 from seaclutter_cli.text import count
 
 MAX_LINE_BYTES = 1 << 16
 
+_OF_FILES = (IsADirectoryError, WrongFileError)
 _COLUMNS = ("x", "y", "z", "intensity", "ring")
 
 
@@ -21,7 +23,7 @@ def reading(kind: str) -> Iterator[None]:
     """Convert the errors that a format's library raises on damaged bytes to a one-line `CloudError`."""
     try:
         yield
-    except (CloudError, MissingExtraError, MemoryError, FileNotFoundError, PermissionError, IsADirectoryError):
+    except (CloudError, MissingExtraError, MemoryError, FileNotFoundError, PermissionError, *_OF_FILES):
         raise
     except Exception as error:
         text = str(error) if " " in str(error) else repr(error)

@@ -1,6 +1,7 @@
 """Stamps and poses of frames, from the names of their files and from files of data sets next to them."""
 
 import csv
+import io
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -14,6 +15,7 @@ import numpy as np
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages.metadata import SIDECAR
 from seaclutter_cli.messages.serialisation import Header, Writer
+from seaclutter_cli.paths import open_regular, read_whole
 from seaclutter_cli.text import count
 
 _NANO = 1_000_000_000
@@ -124,7 +126,7 @@ def _lines_for(files: Sequence[Path], times: Path) -> list[int]:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text("utf-8", "replace").strip()
+        return read_whole(path).decode(errors="replace").strip()
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}") from error
 
@@ -142,7 +144,7 @@ def poses_beside(folder: Path) -> Mapping[int, Pose]:
     if folder.name != "lidar" or not path.is_file():
         return {}
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        with io.TextIOWrapper(open_regular(path), encoding="utf-8", newline="") as file:
             text = file.read(_MAX_BYTES + 1)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: {getattr(error, 'strerror', None) or 'not UTF-8 text'}") from error

@@ -1,5 +1,6 @@
 """ROS 2 recordings: folders with a ``metadata.yaml``, or without it after a crash of the recorder."""
 
+import io
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path, PureWindowsPath
@@ -8,6 +9,7 @@ from typing import Any
 from seaclutter_cli.documents import MAX_YAML_CHARACTERS, DocumentError, load_yaml
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
+from seaclutter_cli.paths import open_regular
 from seaclutter_cli.records import Damage
 from seaclutter_cli.sources.shared.split import SplitSource, numbered, without_time
 from seaclutter_cli.text import count
@@ -94,7 +96,7 @@ def _unnamed(folder: Path, named: list[Path]) -> list[Path]:
 
 def _read_text(path: Path) -> str:
     try:
-        with path.open(encoding="utf-8", errors="replace") as file:
+        with io.TextIOWrapper(open_regular(path), encoding="utf-8", errors="replace") as file:
             return file.read(MAX_YAML_CHARACTERS + 1)
     except OSError:
         return ""

@@ -4,7 +4,6 @@ Files are read, not mapped: touching a mapped page that no longer exists ends th
 """
 
 import os
-import stat
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +12,7 @@ from threading import Lock
 from typing import Any, Protocol, TypeVar
 
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.paths import open_regular
 
 _WINDOW = 16 * 2**10
 _PIECE = 2**20
@@ -52,17 +52,14 @@ class LogFile:
         self._path, self._least = path, window
         self._lock = Lock()
         try:
-            self._file = path.open("rb", buffering=0)
+            self._file = open_regular(path)
         except OSError as error:
             raise InputError(f"{path}: {error.strerror}") from error
-        status = os.fstat(self._file.fileno())
-        self._size = status.st_size
+        self._size = os.fstat(self._file.fileno()).st_size
         self._window = (0, memoryview(b""))
-        is_regular = stat.S_ISREG(status.st_mode)
-        if not (is_regular and self._size):
+        if not self._size:
             self._file.close()
-            problem = "the file is empty" if is_regular else "not a regular file; logs need random access"
-            raise InputError(f"{path}: {problem}")
+            raise InputError(f"{path}: the file is empty")
 
     def __len__(self) -> int:
         """Return the size of the file when it was opened."""

@@ -11,6 +11,7 @@ import zstandard
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.limits import above, limits
+from seaclutter_cli.paths import open_regular
 from seaclutter_cli.records import Buffer, Damage
 
 DECOMPRESSION_ERRORS = (zstandard.ZstdError, RuntimeError, ValueError, EOFError, OSError)
@@ -101,7 +102,7 @@ def unpack_file(path: Path, folder: Path) -> tuple[Path, Damage | None]:
     """Return the readable part of a ``.zstd`` file, unpacked into a folder, and its damage; `InputError` if none."""
     target = folder / path.stem
     try:
-        with path.open("rb") as packed, target.open("wb") as unpacked:
+        with open_regular(path) as packed, target.open("wb") as unpacked:
             problem = _copy_unpacked(packed, unpacked, path.stat().st_size)
     except OSError as error:
         raise InputError(f"{path}: cannot be unpacked: {error.strerror}") from error
