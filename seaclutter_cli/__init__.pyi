@@ -3,6 +3,7 @@ from .api import filter_points as filter_points
 from .api import make_filter as make_filter
 from .api import open_log as open_log
 from .config import Config as Config
+from .errors import ArrayError as ArrayError
 from .errors import CloudError as CloudError
 from .errors import ClusterError as ClusterError
 from .errors import ConfigError as ConfigError

@@ -10,11 +10,10 @@ from seaclutter_cli.config import load_config
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.messages import find_codec
-from seaclutter_cli.options import Anything, function_of, option
+from seaclutter_cli.options import function_of, option
 from seaclutter_cli.reading import frames
-from seaclutter_cli.runs.options import ConfigOptions, Decoding
+from seaclutter_cli.runs.options import ConfigOptions, Decoding, Places, ReadOptions
 from seaclutter_cli.runs.recordings import expand, open_recording
-from seaclutter_cli.selection import Moment, Selection
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.config import Config
     from seaclutter_cli.interfaces import Filter, Source
     from seaclutter_cli.records import Damage, SensorFacts
+    from seaclutter_cli.selection import Moment
     from seaclutter_cli.urls import PathLike
 
     Settings = PathLike | Mapping[str, Any] | Config
@@ -38,7 +38,7 @@ class OpenOptions(Decoding):
         "LOG",
         "MCAP file, ROS 1 or ROS 2 bag, packet capture, folder of frames, single frame, or a folder or glob that "
         "contains one recording of several files.",
-        kind=Anything(),
+        kind=Places(),
         kw_only=False,
     )
 
@@ -174,12 +174,9 @@ class Log:
         ...     [(frame.topic, frame.index, frame.size) for frame in log.frames(start_s=1.0, limit=2)]
         [('/points', 10, 2145), ('/points', 11, 2214)]
         """
-        chosen = (topics,) if isinstance(topics, str) else tuple(topics)
-        selection = Selection(
-            topics=chosen, start_s=start_s, end_s=end_s, frames=limit, intensity_field=intensity_field
-        )
+        chosen = ReadOptions(topics=topics, start_s=start_s, end_s=end_s, frames=limit, intensity_field=intensity_field)
         with naming():
-            yield from frames(self._source, selection)
+            yield from frames(self._source, chosen.selection)
 
     def close(self) -> None:
         """Close the recording; frames already read remain valid."""

@@ -196,7 +196,11 @@ def _read(source: ConfigSource | None) -> tuple[str, Mapping[str, Any]]:
     if isinstance(source, Path):
         fetch(source, at_most=_MAX_BYTES)
         return shown(str(source)), read_yaml(find_file(str(source), "", "file"), _SECTIONS)
-    return "configuration", source.as_dict() if isinstance(source, Config) else source
+    if isinstance(source, Config):
+        return "configuration", source.as_dict()
+    if not isinstance(source, Mapping):
+        raise ConfigError(f"configuration: must be a file, a mapping or a Config, got {source!r}")
+    return "configuration", source
 
 
 def parse_sections(text: str, where: str) -> Any:

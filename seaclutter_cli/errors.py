@@ -169,6 +169,18 @@ class UsageError(SeaclutterError):
     exit_code = 2
 
 
+class ArrayError(UsageError, ValueError):
+    """An array has the wrong shape or type.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.filter_points([[1.0, 2.0]])
+    Traceback (most recent call last):
+    seaclutter_cli.errors.ArrayError: xyz must have the shape (N, 3), got (1, 2)
+    """
+
+
 class ConfigError(UsageError):
     """A config file or value is not valid.
 

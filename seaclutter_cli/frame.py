@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import Cloud, from_array
-from seaclutter_cli.errors import FieldError
+from seaclutter_cli.errors import ArrayError, FieldError
 from seaclutter_cli.records import Message
 from seaclutter_cli.text import printable
 
@@ -139,17 +139,21 @@ class Frame:
         >>> Frame.of_arrays(np.array([[3.0, 4.0, 0.0]]), np.array([12])).range_m
         array([5.])
         """
-        points_xyz = np.asarray(xyz)
+        try:
+            points_xyz = np.asarray(xyz)
+            values = None if intensity is None else np.asarray(intensity)
+        except ValueError as error:
+            raise ArrayError(f"xyz and intensity must be arrays ({error})") from error
         if points_xyz.ndim != 2 or points_xyz.shape[1] != 3:
-            raise ValueError(f"xyz must have the shape (N, 3), got {points_xyz.shape}")
+            raise ArrayError(f"xyz must have the shape (N, 3), got {points_xyz.shape}")
         columns = dict(zip("xyz", points_xyz.T, strict=True))
-        if intensity is not None:
-            columns["intensity"] = np.asarray(intensity)
+        if values is not None:
+            columns["intensity"] = values
         for name, values in columns.items():
             if values.shape != (len(points_xyz),):
-                raise ValueError(f"{name} must have the shape ({len(points_xyz)},), got {values.shape}")
+                raise ArrayError(f"{name} must have the shape ({len(points_xyz)},), got {values.shape}")
             if values.dtype.kind not in "fiu":
-                raise ValueError(f"{name} must contain numbers, got {values.dtype}")
+                raise ArrayError(f"{name} must contain numbers, got {values.dtype}")
         points = np.empty(len(points_xyz), [(name, values.dtype) for name, values in columns.items()])
         for name, values in columns.items():
             points[name] = values

@@ -29,6 +29,7 @@ R = TypeVar("R")
 T = TypeVar("T")
 Given = TypeVar("Given")
 Stored = TypeVar("Stored")
+_TINY = 1e-100  # the inverse of a smaller number is not finite
 
 
 class Kind:
@@ -89,7 +90,7 @@ class Number(Kind):
         """Return a number."""
         if isinstance(value, bool) or not isinstance(value, numbers.Real) or not math.isfinite(value):
             raise UsageError(f"{name}: must be a finite number, got {value!r}")
-        return self._within(float(value), name)
+        return self._within(float(value) if abs(float(value)) > _TINY else 0.0, name)
 
     def _within(self, value: Any, name: str) -> Any:
         low, high = self.least, self.most

@@ -43,10 +43,11 @@ def read_whole(path: Path) -> bytes:
     """Return the content of a regular file; `OSError` if there is none, or it is larger than the limit."""
     most = limits().whole_mib
     with open_regular(path) as file:
-        if os.fstat(file.fileno()).st_size > most * 2**20:
+        size = os.fstat(file.fileno()).st_size
+        if size > most * 2**20:
             problem = f"larger than {most:,} MiB, the limit of a file that is read at once ({variable('whole_mib')})"
             raise WrongFileError(errno.EFBIG, problem, str(path))
-        return file.read(most * 2**20)
+        return file.read(size)
 
 
 class Identities:

@@ -19,6 +19,11 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
+def harmless(value: object) -> object:
+    """Return a value of a table (CSV); a text that spreadsheets would take for a formula has an apostrophe before it."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value
+
+
 def shortened(text: str, limit: int) -> str:
     """Return text of at most ``limit`` characters with an ellipsis in place of its middle, as in ``/lid…ints``."""
     end = (limit - 1) // 2

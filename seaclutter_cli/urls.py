@@ -17,6 +17,7 @@ _COLLAPSED = re.compile(rf"({'|'.join(SCHEMES)}):[/\\](?![/\\])")  # Path("s3://
 _QUERY = re.compile(
     r"(\?|#|%3F|%23)[^/?]*(=|%3D)|&(X-(Amz|Goog)-\w+|sig|signature|AWSAccessKeyId|token)=", re.IGNORECASE
 )
+_MAX_LEVELS = 250
 _BUCKET = re.compile(r"[A-Za-z0-9$][A-Za-z0-9._-]*")
 
 
@@ -55,8 +56,22 @@ PathLike = str | os.PathLike[str]
 
 
 def place(text: str | os.PathLike[str]) -> Path:
-    """Return a path; a valid URL stays one until a run makes it the path of a copy. See `parse_url` for errors."""
-    return cast("Path", parse_url(text)) if is_url(text) else Path(text)
+    """Return a path; a valid URL stays one until a run makes it the path of a copy; or raise `UsageError`.
+
+    See `parse_url` for errors of URLs. The working folder has the name ".", not an empty one.
+    """
+    if not isinstance(text, str | os.PathLike | Url):
+        raise UsageError(f"{text!r}: not a path")
+    if is_url(text):
+        return cast("Path", parse_url(text))
+    path = Path(text)
+    try:
+        is_possible = bool(os.fspath(text)) and b"\0" not in os.fsencode(path)
+    except UnicodeEncodeError:
+        is_possible = False
+    if not is_possible or len(path.absolute().parts) > _MAX_LEVELS:
+        raise UsageError(f"{os.fspath(text)!r:.200}: not a possible name of a file or folder")
+    return path
 
 
 def parse_url(text: str | os.PathLike[str] | Url) -> Url:

@@ -170,11 +170,45 @@ def test_every_kind_of_configuration(tmp_path):
         (np.zeros((4, 3)), np.array(["a"] * 4)),
         (np.zeros((4, 3), complex), None),
         (np.zeros((4, 3), bool), None),
+        ([[1, 2, 3], [1, 2]], None),
+        ("points", None),
     ],
 )
 def test_arrays_of_wrong_shape_or_type(xyz, intensity):
-    with pytest.raises(ValueError, match=r"must have the shape|must contain numbers"):
+    with pytest.raises(
+        seaclutter.ArrayError, match=r"must have the shape|must contain numbers|must be arrays"
+    ) as caught:
         seaclutter.filter_points(xyz, intensity, method="none")
+    assert isinstance(caught.value, ValueError)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda _: seaclutter.make_filter(config=5),
+        lambda _: seaclutter.open_log(5),
+        lambda _: seaclutter.open_log(""),
+        lambda log: next(log.frames(topics=5)),
+        lambda log: next(log.frames(topics=[5])),
+        lambda log: next(log.frames(end_s=float("inf"))),
+        lambda log: next(log.frames(start_s=float("nan"))),
+        lambda log: next(log.frames(start_s="yesterday")),
+        lambda log: next(log.frames(limit="many")),
+        *(lambda _, name=name: seaclutter.filter_log(SEA, name) for name in ("a\0b", "", "x/" * 2000, 5, "\ud800")),
+        *(lambda _, name=name: seaclutter.filter_log(name, "out.mcap") for name in ("", ["a", 5], 5)),
+        lambda _: seaclutter.calibrate(SEA, filter_rate=1e-320),
+    ],
+)
+def test_arguments_of_wrong_kinds_are_usage_errors(tmp_path, monkeypatch, call):
+    monkeypatch.chdir(tmp_path)
+    with seaclutter.open_log(SEA) as log, pytest.raises(seaclutter.UsageError):
+        call(log)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_name_that_is_too_long(tmp_path):
+    with pytest.raises(seaclutter.OutputError, match="File name too long"):
+        seaclutter.filter_log(SEA, tmp_path / ("x" * 4000))
 
 
 def test_state_is_kept_from_frame_to_frame():

@@ -28,10 +28,16 @@ def test_urls(text, url):
     assert pickle.loads(pickle.dumps(url)) == url
 
 
-@pytest.mark.parametrize("text", ["log.mcap", "/a/b", "C:\\logs", "C:/logs", "a:b", "s3", "s3:", "", "s3:log"])
+@pytest.mark.parametrize("text", ["log.mcap", "/a/b", "C:\\logs", "C:/logs", "a:b", "s3", "s3:", "s3:log"])
 def test_everything_else_is_a_path(text):
     assert place(text) == Path(text)
     assert not is_url(text)
+
+
+def test_names_that_no_file_can_have():
+    for text in ("", "a\0b", "\ud800", "x/" * 300, 5, None):
+        with pytest.raises(UsageError):
+            place(text)
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ Rule = Literal["drop", "keep"]
 Box = tuple[float, float, float, float, float, float]
 
 MAX_RINGS = 250
+_MAX_VERTICES = 1000
 AUTO_M, LEAST_M = 10.0, 3.0
 """Ranges up to which all is own ship with ``start_m`` auto: while its extent is not known, and always."""
 
@@ -79,7 +80,10 @@ class ZoneParams:
         return np.append(0.0, edges[1:]) if self.start_m == "auto" else edges
 
     def __post_init__(self) -> None:
-        """Check the range limits and boxes."""
+        """Check the range limits, boxes and polygons."""
+        vertices = sum(len(polygon.vertices) for polygon in self.exclude_polygons)
+        if vertices > _MAX_VERTICES:
+            raise ValueError(f"exclude_polygons has {vertices:,} vertices; at most {_MAX_VERTICES:,} are possible")
         if not self.own_ship_m < self.end_m:
             raise ValueError(f"end_m ({self.end_m:g}) must be greater than start_m ({self.own_ship_m:g})")
         for number, box in enumerate(self.exclude_boxes, 1):

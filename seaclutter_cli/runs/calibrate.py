@@ -252,7 +252,9 @@ class _TargetSearch:
     def add(self, frame: Frame) -> None:
         """Add a frame, in order."""
         time_s = frame.stamp_ns / 1e9
-        start_s, method = self._topics.setdefault(frame.topic, (time_s, Confirmed(self._params)))
+        if frame.topic not in self._topics:
+            self._topics[frame.topic] = time_s, Confirmed(self._params)
+        start_s, method = self._topics[frame.topic]
         if (time_s - start_s) % _EVERY_S < _SEARCHED_S:
             self._count(method.process(frame))
         else:

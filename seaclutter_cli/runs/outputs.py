@@ -26,7 +26,7 @@ from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.folders import why_kept
 from seaclutter_cli.sinks.formats import is_single_frame
 from seaclutter_cli.sources.recordings import Recording, metadata_beside
-from seaclutter_cli.text import count, named_folder
+from seaclutter_cli.text import count, harmless, named_folder
 from seaclutter_cli.urls import PathLike
 
 if TYPE_CHECKING:  # imports all filters, which tiles do not need
@@ -80,7 +80,7 @@ def inputs_of(
 
 def is_file(place: Path) -> bool:
     """Return whether there is something of this name that is not a folder."""
-    return place.exists() and not place.is_dir()
+    return os.path.exists(place) and not os.path.isdir(place)  # noqa: PTH110, PTH112 - also of names that are too long
 
 
 def is_folder(output: PathLike, outputs: int, marker: str = "") -> bool:
@@ -220,7 +220,7 @@ def _check_place(target: _Target, *, force: bool) -> None:
             raise UsageError(f"{path}: {problem}; choose another output for {target.option}")
     elif target.exists and target.marker and not is_single_frame(target.path):
         raise UsageError(f"{path}: is a file, but the output is a folder")
-    elif target.file.exists() and not target.file.is_file():
+    elif target.exists and target.file.exists() and not target.file.is_file():
         raise UsageError(f"{path}: not a regular file, cannot be replaced")
     if target.exists and not force:
         raise UsageError(f"{path}: already exists; use --force to replace it")
@@ -312,5 +312,5 @@ def write_manifest(
     else:
         writer = csv.DictWriter(text, columns, lineterminator="\n")
         writer.writeheader()
-        writer.writerows(rows)
+        writer.writerows({name: harmless(value) for name, value in row.items()} for row in rows)
     write_files({path: text.getvalue().encode(errors="surrogateescape")}, replace=replace)

@@ -80,6 +80,7 @@ class BagWriter(ChunkedWriter):
         number = self._numbers.setdefault(channel.id, len(self._numbers))
         head = _fields(op=bytes((_CONNECTION,)), conn=_U32.pack(number), topic=topic.encode())
         self._connections[channel.id] = head + data
+        self.channels[channel.id] = channel
         self._undeclared.add(channel.id)
 
     def put(self, channel: int, times_ns: tuple[int, int], sequence: int, data: Buffer) -> None:  # noqa: ARG002
@@ -88,6 +89,9 @@ class BagWriter(ChunkedWriter):
             self._chunk.data += self._connections[channel]
             self._undeclared.remove(channel)
         number = self._numbers[channel]
+        if not 0 <= times_ns[0] // _NANO < 2**32:
+            where = f"message {self.counts[channel]} on {self.channels[channel].topic}"
+            raise OutputError(f"{where}: a ROS 1 bag cannot contain its log time, {times_ns[0]} ns; write MCAP instead")
         head = _fields(op=bytes((_MESSAGE,)), conn=_U32.pack(number), time=_time(times_ns[0]))
         self.add(number, times_ns[0], head, _U32.pack(len(data)), data)
 
@@ -155,7 +159,4 @@ def _sized(data: Buffer | bytearray) -> bytes:
 
 
 def _time(time_ns: int) -> bytes:
-    seconds, nanoseconds = divmod(time_ns, _NANO)
-    if not 0 <= seconds < 2**32:
-        raise OutputError(f"a ROS 1 bag cannot contain the log time {time_ns} ns; its times end in the year 2106")
-    return _PAIR.pack(seconds, nanoseconds)
+    return _PAIR.pack(*divmod(time_ns, _NANO))

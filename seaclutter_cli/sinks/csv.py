@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.frame import WATER_COLUMNS, WATER_REASONS, FilterResult, Reason, Rings, WaterState
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Attachment, Channel, Message, Metadata
+from seaclutter_cli.text import harmless
 
 _REASONS = (Reason.INVALID, Reason.NEAR, Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.FAR, Reason.EXCLUDED)
 _COLUMNS = (
@@ -82,5 +83,5 @@ class FrameTable:
 def csv_line(values: Iterable[object]) -> bytes:
     """Return a line of a table (CSV)."""
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(values)
+    csv.writer(text, lineterminator="\n").writerow(map(harmless, values))
     return text.getvalue().encode(errors="surrogateescape")  # file names need not be UTF-8

@@ -134,6 +134,12 @@ class FrameSink(ExitStack):
         if self._options.record is not None:
             self._metadata.append(self._options.record())
         with self._output.open(TIMES) as file:
-            file.writelines(f"{stamp // _NANO}.{stamp % _NANO:09d}\n".encode() for stamp in self._stamps_ns)
+            file.writelines(f"{_seconds(stamp)}\n".encode() for stamp in self._stamps_ns)
         with self._output.open(SIDECAR) as file:
             file.write(to_text(self._metadata).encode())
+
+
+def _seconds(time_ns: int) -> str:
+    """Return a time in seconds with all its digits."""
+    seconds, rest = divmod(abs(time_ns), _NANO)
+    return f"{'-' if time_ns < 0 else ''}{seconds}.{rest:09d}"

@@ -26,7 +26,7 @@ from seaclutter_cli.options import (
 )
 from seaclutter_cli.runs.observer import SILENT, Observer, raising
 from seaclutter_cli.text import suggestion
-from seaclutter_cli.urls import PathLike, is_url
+from seaclutter_cli.urls import PathLike, is_url, place
 
 if TYPE_CHECKING:
     from seaclutter_cli.config import Config, ConfigSource
@@ -48,6 +48,16 @@ def _moment(text: str) -> Moment:
     except (ValueError, OverflowError) as error:
         expected = "seconds from the start, a time such as 2026-05-01T12:30:00Z, or seconds since 1970"
         raise ValueError(f"expected {expected}") from error
+
+
+class Places(Anything):
+    """Paths, patterns and URLs of inputs, which stay as they are given; a single one need not be in a sequence."""
+
+    def check(self, value: Any, name: str) -> Any:  # noqa: ARG002
+        """Return the value."""
+        for one in value if isinstance(value, Sequence) and not isinstance(value, str) else [value]:
+            place(one)
+        return value
 
 
 class _Time(Kind):
@@ -159,7 +169,7 @@ class OfLogs(Options):
     writes_remotely = True
 
     logs: PathLike | Sequence[PathLike] = option(
-        "LOGS...", "Files, folders or globs of logs, or URLs of objects.", kind=Anything(is_place=True), kw_only=False
+        "LOGS...", "Files, folders or globs of logs, or URLs of objects.", kind=Places(is_place=True), kw_only=False
     )
     reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
     keep_going: bool = option(

@@ -47,11 +47,11 @@ def parse_time(text: str) -> int | None:
     except InvalidOperation:
         stamp_ns = _from_date(text.strip())
     else:
-        if not (value.is_finite() and 0 <= value < 10**19):
+        if not (value.is_finite() and abs(value) < 10**19):
             return None
         unit = next((unit for least, unit in _UNITS_NS if value >= least), _NANO)
         stamp_ns = int(value * unit)
-    return stamp_ns if stamp_ns is not None and 0 <= stamp_ns < _LIMIT_NS else None
+    return stamp_ns if stamp_ns is not None and -_LIMIT_NS <= stamp_ns < _LIMIT_NS else None
 
 
 def _from_date(text: str) -> int | None:
