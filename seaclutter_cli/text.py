@@ -20,7 +20,7 @@ def printable(text: str) -> str:
 
 
 def harmless(value: object) -> object:
-    """Return a value of a table (CSV); a text that spreadsheets would take for a formula has an apostrophe before it."""
+    """Return a value of a table (CSV); an apostrophe precedes a text that looks like a formula of a spreadsheet."""
     return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value
 
 

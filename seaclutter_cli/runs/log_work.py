@@ -38,7 +38,7 @@ from seaclutter_cli.runs.resume import (
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options, format_of
-from seaclutter_cli.sinks.options import McapOptions, part_path, parts_after
+from seaclutter_cli.sinks.options import McapOptions, matches, part_path, parts_after
 from seaclutter_cli.sources.formats import SOURCES
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.recordings import Recording
@@ -136,7 +136,7 @@ class LogWork(RecordingWork[L], Generic[L, O]):
         options = self.options.written
         for option, patterns in (("--include", options.include), ("--exclude", options.exclude)):
             for pattern in patterns:
-                if not any(re.search(pattern, channel.topic) for channel in source.channels):
+                if not any(matches(pattern, channel.topic) for channel in source.channels):
                     observer.warn(f"{source.name}: {option} {pattern} matches no topic")
         selection = replace(self.reading.selection, latched=options.latched)
         written = replace(options, record=partial(self.record, source, outcome), is_part=not selection.is_whole)

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from seaclutter_cli.buckets import look
+from seaclutter_cli.errors import UsageError
 from seaclutter_cli.options import Anything, Choice, Converted, Options, Parsed, option
+from seaclutter_cli.text import shortened
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -28,6 +30,7 @@ TIMES = "times.txt"
 ROSBAG2_METADATA = "metadata.yaml"
 """File that describes a ROS 2 recording, in its folder."""
 
+_MATCH_S = 1.0
 _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "ki": 2**10, "mi": 2**20, "gi": 2**30}
 _DURATIONS = {"s": 1, "sec": 1, "min": 60, "h": 3600}
 _PATTERN = re.compile(r"(\d+(?:\.\d+)?)\s*([a-z]*)", re.ASCII)
@@ -107,10 +110,25 @@ def parts_after(path: Path, number: int) -> list[Path]:
     return [numbers[one] for one in sorted(numbers) if one > number]
 
 
-def _pattern(text: str) -> str:
+def matches(pattern: str, topic: str) -> bool:
+    """Return whether the name of a topic contains a match of a regular expression.
+
+    Raise `UsageError` if that takes too long, as that of ``(a|aa)+$`` would in the library of Python.
+    """
+    import regex  # takes time, and is seldom needed
+
     try:
-        re.compile(text)
-    except re.error as error:
+        return regex.search(pattern, topic, timeout=_MATCH_S) is not None
+    except TimeoutError as error:
+        raise UsageError(f"{pattern}: takes too long to find in {shortened(topic, 60)}; simplify it") from error
+
+
+def _pattern(text: str) -> str:
+    import regex
+
+    try:
+        regex.compile(text)
+    except regex.error as error:
         raise ValueError(f"{text}: not a regular expression ({error})") from error
     return text
 
@@ -185,5 +203,5 @@ class McapOptions(Options):
 
     def takes(self, topic: str) -> bool:
         """Return whether one of the other topics is written."""
-        included = not self.include or any(re.search(pattern, topic) for pattern in self.include)
-        return included and not any(re.search(pattern, topic) for pattern in self.exclude)
+        included = not self.include or any(matches(pattern, topic) for pattern in self.include)
+        return included and not any(matches(pattern, topic) for pattern in self.exclude)

@@ -3,16 +3,19 @@
 import json
 from contextlib import closing
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from seaclutter_cli.cloud import from_array
+from seaclutter_cli.errors import UsageError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.metadata import recorded_topics
 from seaclutter_cli.reading import frames
 from seaclutter_cli.records import Message
 from seaclutter_cli.selection import Selection
+from seaclutter_cli.sinks import options as sinks_options
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sinks.frames import FrameSink
 from seaclutter_cli.sources.formats import open_source
@@ -355,3 +358,34 @@ def test_organised_clouds_keep_their_shape(tmp_path):
             (frame,) = frames(source, Selection())
             assert (frame.cloud.height, frame.cloud.width) == (3, 4)
             np.testing.assert_array_equal(frame.cloud.points["echo"], points["echo"])
+
+
+def test_negative_stamps_keep_their_fraction(tmp_path):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    for name in ("0", "1"):
+        np.save(folder / f"{name}.npy", np.ones((3, 4), np.float32))
+    (folder / "times.txt").write_text("-1.5\n2.25\n")
+    (folder / "seaclutter.json").write_text('{"metadata": []}')
+    run("convert", folder, "-o", tmp_path / "out", "--to", "pcd")
+    assert (tmp_path / "out" / "times.txt").read_text() == "-1.500000000\n2.250000000\n"
+    run("convert", tmp_path / "out", "-o", tmp_path / "again", "--to", "pcd")
+    assert (tmp_path / "again" / "times.txt").read_text() == "-1.500000000\n2.250000000\n"
+    run("convert", tmp_path / "out", "-o", tmp_path / "out.mcap")
+
+
+@pytest.mark.parametrize("name", ["=1+1", "+a", "-b", "@c"])
+def test_names_that_look_like_formulas(log, tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    Path(f"{name}.mcap").write_bytes(log.read_bytes())
+    run("filter", f"./{name}.mcap", "-o", "out.mcap", "-n", "1", "--csv", "t.csv", "--manifest", "m.csv", "-m", "none")
+    assert Path("t.csv").read_text().splitlines()[1].startswith(f"'{name},")
+    assert Path("m.csv").read_text().splitlines()[1].startswith(f"'{name},{name}.mcap".replace(f",{name}", f",'{name}"))
+
+
+def test_an_expression_that_takes_too_long(log, tmp_path, monkeypatch):
+    monkeypatch.setattr(sinks_options, "_MATCH_S", 0.05)
+    with pytest.raises(UsageError, match="takes too long to find in /aa"):
+        sinks_options.matches("(a|aa)+$", "/" + "a" * 60 + "b")
+    result = run("convert", log, "-o", tmp_path / "out.mcap", "--exclude", "(", code=2)
+    assert "not a regular expression" in result.stderr

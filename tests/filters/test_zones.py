@@ -96,3 +96,9 @@ def test_polygons_that_are_not_valid(polygons, problem):
 def test_a_mask_that_cannot_be_read_is_an_error_of_the_configuration(tmp_path):
     with pytest.raises(ConfigError, match=r"filter\.mask: .*cannot be read"):
         seaclutter.filter_points(POINTS, np.full(5, 99), config={"filter": {"mask": str(tmp_path / "none.csv")}})
+
+
+def test_polygons_have_a_bounded_number_of_vertices():
+    many = {"vertices": [[np.cos(k), np.sin(k)] for k in np.arange(1001.0)]}
+    with pytest.raises(ConfigError, match="exclude_polygons has 1,001 vertices; at most 1,000 are possible"):
+        load_config({"filter": {"exclude_polygons": [many]}})

@@ -94,7 +94,7 @@ class FolderSource(TimedSource):
         for index, (stamp_ns, file) in list(enumerate(self._frames))[first:last]:
             if stamp_ns in self._poses:
                 data = pose_message(self._poses[stamp_ns], stamp_ns)
-                yield Message(self._pose_channel, stamp_ns, stamp_ns, index, data)
+                yield Message(self._pose_channel, max(stamp_ns, 0), max(stamp_ns, 0), index, data)
             try:
                 message = self._message(index, stamp_ns, file)
             except (CloudError, OSError) as error:
@@ -107,7 +107,7 @@ class FolderSource(TimedSource):
         cloud = replace(self._read(file), stamp_ns=stamp_ns, frame_id="lidar")
         if len(cloud.data) > _MAX_MESSAGE_BYTES:
             raise CloudError(f"{len(cloud.data)} bytes of points exceed the size of a PointCloud2 message")
-        return Message(self._channel, stamp_ns, stamp_ns, index, CODECS[_TYPE, "cdr"].encode(cloud))
+        return Message(self._channel, max(stamp_ns, 0), max(stamp_ns, 0), index, CODECS[_TYPE, "cdr"].encode(cloud))
 
     def _note(self, file: Path, error: CloudError | OSError) -> None:
         problem = str(error) if isinstance(error, CloudError) else f"cannot be read: {error.strerror}"
