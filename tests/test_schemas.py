@@ -40,6 +40,7 @@ COMMANDS = [
     f"labels check {SEA} --labels swapped.csv",
     f"evaluate {SEA} {LABELS} -m joint -m none -n 3",
     f"evaluate bad.mcap {LABELS}",
+    f"evaluate {SEA} --without-labels -m joint -m sor -n 9",
     f"evaluate {SEA} --labels empty.csv -n 3",
     f"tune {SEA} {LABELS} --sweep filter.update_weight=0.4,0.6 -n 8",
     f"tune {SEA} {LABELS} -m joint -m sor -n 4",

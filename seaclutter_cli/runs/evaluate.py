@@ -4,19 +4,16 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from operator import attrgetter
 from tempfile import TemporaryFile
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import InputError, LabelError
 from seaclutter_cli.evaluation.label_check import LabelCheck
 from seaclutter_cli.evaluation.scores import (
-    ALARM_COLUMNS,
     IDEAL,
-    POINT_COLUMNS,
     FrameScore,
     Parts,
     Summary,
@@ -31,10 +28,11 @@ from seaclutter_cli.records import Channel
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all, without_labels
 from seaclutter_cli.runs.checks import Checks
+from seaclutter_cli.runs.indications import check_labelled, indicated, indications_text, sums_of
 from seaclutter_cli.runs.methods import Variant, note_left_out, variants, with_ideal
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import EvaluateOptions
-from seaclutter_cli.runs.outputs import PackedRows, may_appear, write_manifest
+from seaclutter_cli.runs.outputs import may_appear, write_manifest
 from seaclutter_cli.runs.recordings import RecordingsResult, data_of
 from seaclutter_cli.runs.score_tables import (
     ALARMS,
@@ -45,6 +43,8 @@ from seaclutter_cli.runs.score_tables import (
     R_FN,
     R_FP,
     TIMES,
+    FrameRows,
+    frame_table,
     score_cells,
     score_legend,
     score_table,
@@ -52,7 +52,6 @@ from seaclutter_cli.runs.score_tables import (
 from seaclutter_cli.runs.topic_statistics import Described
 from seaclutter_cli.selection import cloud_channels, filtered_by, main_topics, recorded_of, removed_topic, studied
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.text import count, printable, table
 from seaclutter_cli.truth import Truth
 
@@ -75,19 +74,23 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     {'joint': (14, 8), 'none': (60, 0)}
     """
     observer = options.watching
+    check_labelled(options)
     note_left_out(options, observer)
     settings = [f"evaluation.clustering={options.clustering}"] if options.clustering else []
-    chosen = with_ideal(variants(options, *settings))
+    chosen = variants(options, *settings)
+    chosen = chosen if options.without_labels else with_ideal(chosen)
     targets = {"-o": options.frames_file, "--summary": options.summary_file}
     outputs, configs = {**targets, "--manifest": options.batch.manifest}, [one.config for one in chosen]
     pairs = prepared(options.logs, options, outputs, observer, configs)
     works = [EvaluateWork(options.reading, *each, chosen, tabulated=bool(options.frames_file)) for each in pairs]
+    works = [replace(work, indicated=options.without_labels) for work in works]
     with OutputGroup(replace=options.force) as files:
         with ExitStack() as stack:
             table, summary = (stack.enter_context(AtomicFile(it, files)) if it else None for it in targets.values())
             if table and options.batch.runs_here(len(works)):
                 works = [replace(works[0], spool=stack.enter_context(TemporaryFile(dir=table.part.parent)))]
-            outcomes = run_all(works, options.batch, observer, earlier=without_labels(works, observer))
+            earlier = () if options.without_labels else without_labels(works, observer)
+            outcomes = run_all(works, options.batch, observer, earlier=earlier)
             comparison = Comparison(chosen, outcomes)
             if table:
                 table.stream.writelines(frame_table([one.rows for one in outcomes if one.rows and not one.error]))
@@ -99,33 +102,13 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     return comparison
 
 
+if TYPE_CHECKING:
+    from seaclutter_cli.suspects.indications import Indications
+
 _MAX_ROWS = 40
 _AS_PROPOSED = (
     "labels: some boxes are as `labels propose` made them; until a person has corrected them, the method judges itself"
 )
-_UNKNOWN_POINTS = b"," * len(POINT_COLUMNS) + b"\n"
-
-
-class FrameRows(PackedRows):
-    """Rows of the frames of one recording, and whether the labels of points are known for any."""
-
-    def __init__(self, recording: str, packed: IO[bytes] | None = None) -> None:
-        super().__init__(packed)
-        self._recording, self.points_known = recording, False
-
-    def add(self, method: str, frame: Frame, score: FrameScore) -> None:
-        """Add the row of a method; cells are empty for what the labels of the frame do not tell."""
-        self.points_known |= score.points is not None
-        self.write(csv_line((self._recording, method, frame.index, frame.stamp_ns, *score.cells())))
-
-
-def frame_table(recordings: Sequence[FrameRows]) -> Iterator[bytes]:
-    """Yield the lines of a table (CSV); it has columns for points if their labels are known for any frame."""
-    points_known = any(rows.points_known for rows in recordings)
-    columns = (*ALARM_COLUMNS, *(POINT_COLUMNS if points_known else ()))
-    yield csv_line(("recording", "method", "frame", "stamp_ns", *columns))
-    for line in chain.from_iterable(recordings):
-        yield line if points_known else line.replace(_UNKNOWN_POINTS, b"\n")
 
 
 @dataclass(kw_only=True)
@@ -137,6 +120,7 @@ class Evaluated(Described):
     methods: Mapping[str, Summary]
     rows: FrameRows | None = field(default=None, repr=False)
     parts: Parts | None = field(default=None, repr=False)
+    indications: "Indications | None" = field(default=None, repr=False)
 
     @property
     def frames(self) -> int:
@@ -185,6 +169,7 @@ class EvaluateWork(RecordingWork[Evaluated]):
     tabulated: bool = False
     in_parts: bool = False
     spool: IO[bytes] | None = None
+    indicated: bool = False
 
     def without_result(self, reason: str | None) -> Evaluated:
         """Return an outcome without frames."""
@@ -221,6 +206,8 @@ class EvaluateWork(RecordingWork[Evaluated]):
         given = [variant for variant in given if variant.name != IDEAL]
         checks = {variant.name: Checks(variant.config, source.facts, filtered=by is not None) for variant in given}
         every = run_each(source, filters, selection, removed)
+        if self.indicated:
+            every = indicated(every, self.variants, outcome)
         frames = self._finished(source, self._stepped(every, source, clouds, observer), labels, outcome, observer)
         warn_once(observer, outcome, self.scored(frames, labels, outcome, checks))
 
@@ -321,14 +308,27 @@ class Comparison(RecordingsResult):
                 totals[name].update(summary)
         return totals
 
+    def as_dict(self) -> Any:
+        """Return JSON-compatible data, with indications if there are any."""
+        found = self.indications()
+        return super().as_dict() if found is None else {**super().as_dict(), "indications": found}
+
     def configs(self) -> dict[str, Config]:
         """Return the configuration of each method."""
         return {variant.name: variant.config for variant in self.variants if variant.name != IDEAL}
+
+    def indications(self) -> dict[str, dict[str, Any]] | None:
+        """Return what indicates the quality of each method without labels; None if that was not asked for."""
+        found = [outcome.indications for outcome in self.outcomes if outcome.indications and outcome.known]
+        return sums_of(found, [variant.name for variant in self.variants]) if found else None
 
     def as_text(self) -> str:
         """Return the comparison as human-readable text; for DBSCAN clusters, include the measures of [Bi]."""
         if not any(outcome.known for outcome in self.outcomes):
             return ""
+        if (found := self.indications()) is not None:
+            frames = sum(outcome.frames for outcome in self.outcomes)
+            return indications_text(found, f"{count(frames, 'frame')} without labels")
         totals = self.totals()
         points_known = any(summary.points for summary in totals.values())
         groups = [ALARMS, (*(POINTS if points_known else ()), *TIMES)]

@@ -1,11 +1,15 @@
 """Tables of scores: their columns, what these mean, and the best method in each."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from operator import attrgetter, methodcaller
-from typing import Literal, TypeVar
+from typing import IO, Literal, TypeVar
 
-from seaclutter_cli.evaluation.scores import IDEAL, Summary
+from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, IDEAL, POINT_COLUMNS, FrameScore, Summary
+from seaclutter_cli.frame import Frame
+from seaclutter_cli.runs.outputs import PackedRows
+from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.text import UNKNOWN, legend, table
 
 K = TypeVar("K")
@@ -13,6 +17,7 @@ BASELINES = ("none", IDEAL)
 """Methods that are never marked as the best: one does not filter, the other knows the labels."""
 
 _MARK = "*"
+_UNKNOWN_POINTS = b"," * len(POINT_COLUMNS) + b"\n"
 
 
 @dataclass(frozen=True)
@@ -113,3 +118,25 @@ def score_legend(text: str, columns: Iterable[Column], others: Mapping[str, str]
     if UNKNOWN in text:
         lines[UNKNOWN] = "nothing to count"
     return legend(lines)
+
+
+class FrameRows(PackedRows):
+    """Rows of the frames of one recording, and whether the labels of points are known for any."""
+
+    def __init__(self, recording: str, packed: IO[bytes] | None = None) -> None:
+        super().__init__(packed)
+        self._recording, self.points_known = recording, False
+
+    def add(self, method: str, frame: Frame, score: FrameScore) -> None:
+        """Add the row of a method; cells are empty for what the labels of the frame do not tell."""
+        self.points_known |= score.points is not None
+        self.write(csv_line((self._recording, method, frame.index, frame.stamp_ns, *score.cells())))
+
+
+def frame_table(recordings: Sequence[FrameRows]) -> Iterator[bytes]:
+    """Yield the lines of a table (CSV); it has columns for points if their labels are known for any frame."""
+    points_known = any(rows.points_known for rows in recordings)
+    columns = (*ALARM_COLUMNS, *(POINT_COLUMNS if points_known else ()))
+    yield csv_line(("recording", "method", "frame", "stamp_ns", *columns))
+    for line in chain.from_iterable(recordings):
+        yield line if points_known else line.replace(_UNKNOWN_POINTS, b"\n")

@@ -31,7 +31,8 @@ class Bodies:
     (K,). ``found`` are the bodies for a tracker. ``top_m`` are heights above the water, NaN without water, ``rise``
     multiples of the height at which points stand out, at most 4. ``alone`` is 1 where the water around has no echoes, 0
     where it has many. ``linked`` and ``loose`` are numbers of neighbours that lie on one surface, or do not. ``flat``,
-    shape (N,), are the points of the frame near the water. All other arrays have the shape (K,).
+    shape (N,), are the points of the frame near the water, ``height_m``, shape (N,), heights above it of the points in
+    no body, NaN where unknown. All other arrays have the shape (K,).
     """
 
     points: Indices
@@ -43,6 +44,7 @@ class Bodies:
     linked: Floats
     loose: Floats
     flat: Mask
+    height_m: Floats
 
     def __len__(self) -> int:
         return len(self.start)
@@ -81,11 +83,15 @@ class BodyFinder:
         flat = np.zeros(frame.size, np.bool_)
         flat[index] = np.abs(heights.height_m) <= heights.rise_m
         points = index[clusters.points]
+        height = np.full(frame.size, np.nan)
+        if water is not None:
+            height[index] = heights.height_m
+            height[points] = np.nan
         owner = np.repeat(np.arange(len(clusters)), clusters.count)
         found = Detections.made(frame.coordinates.take(points, axis=1), owner, len(clusters))
         if not len(clusters):
             none = np.empty(0)
-            return Bodies(points, clusters.start, found, none, none, none, none, none, flat)
+            return Bodies(points, clusters.start, found, none, none, none, none, none, flat, height)
         (top,) = clusters.ranked(heights.height_m, clusters.count - 1 - np.clip(clusters.count // 4, 0, 3))
         return Bodies(
             points,
@@ -97,6 +103,7 @@ class BodyFinder:
             clusters.sum(heights.linked),
             clusters.sum(heights.loose),
             flat,
+            height,
         )
 
 

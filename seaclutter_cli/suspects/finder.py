@@ -168,14 +168,25 @@ class Tally:
     """Sums over the bodies of a recording for M methods, shape (M,): the looks of those that are likely targets.
 
     ``lost`` and ``changes`` are looks of these in which they are lost, and changes between kept and not; ``doubtful``
-    the looks of unlikely bodies that are kept, and clusters of kept points near the water.
+    the looks of unlikely bodies that are kept, and clusters of kept points near the water. ``kept_score`` and
+    ``lost_score`` are sums of the scores of all bodies over the looks in which they are kept or lost.
     """
 
     lost: Counts
     changes: Counts
     doubtful: Counts
+    kept_looks: Counts
+    lost_looks: Counts
+    kept_score: Floats
+    lost_score: Floats
     looks: int = 0
     seconds: float = 0.0
+
+    @classmethod
+    def of(cls, methods: int) -> Self:
+        """Return the sums over no body."""
+        lost, changes, doubtful, kept_looks, lost_looks = (_zeros(methods) for _ in range(5))
+        return cls(lost, changes, doubtful, kept_looks, lost_looks, np.zeros(methods), np.zeros(methods))
 
 
 class SuspectFinder:
@@ -191,7 +202,7 @@ class SuspectFinder:
         self._listed: dict[str, list[tuple[float, int, Suspect]]] = {"removed": [], "kept": []}
         self._time_s: float | None = None
         self._number = 0
-        self.tally = Tally(_zeros(methods), _zeros(methods), _zeros(methods))
+        self.tally = Tally.of(methods)
 
     def add(self, frame: Frame, results: Sequence[FilterResult | None]) -> Bodies:
         """Add a frame with its results, None for a method that could not use it; return its bodies."""
@@ -276,6 +287,10 @@ class SuspectFinder:
         for track in tracks:
             body = self._bodies.pop(track)
             score = body.score
+            self.tally.kept_looks += body.kept
+            self.tally.lost_looks += body.lost
+            self.tally.kept_score += score * body.kept
+            self.tally.lost_score += score * body.lost
             if score >= LIKELY:
                 self.tally.looks += body.looks
                 self.tally.seconds += body.last[2] - body.first[2]

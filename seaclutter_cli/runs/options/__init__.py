@@ -340,14 +340,14 @@ class _Ids(Kind):
         return Whole().check_all(value, name)
 
 
-_LABELS_HELP = "Labels of LOGS in the same order, or a folder with RECORDING.labels.csv for each; repeatable."
+LABELS_HELP = "Labels of LOGS in the same order, or a folder with RECORDING.labels.csv for each; repeatable."
 
 
 class LabelSources(Options):
     """Labels of recordings, and how to read them."""
 
     labels: Converted[PathLike | Sequence[PathLike] | None, tuple[Path, ...]] = option(
-        "--labels LABELS", _LABELS_HELP, default=(), kind=Place(remote=True)
+        "--labels LABELS", LABELS_HELP, default=(), kind=Place(remote=True)
     )
     clutter_ids: Converted[Sequence[int] | None, tuple[int, ...] | None] = option(
         "--clutter-ids IDS",
@@ -364,7 +364,7 @@ class OfLabelledLogs(LabelSources, OfLogs):
     """What every function for labelled logs takes."""
 
     labels: Converted[PathLike | Sequence[PathLike], tuple[Path, ...]] = option(
-        "--labels LABELS", _LABELS_HELP, kind=Place(remote=True), repeatable=True, kw_only=False
+        "--labels LABELS", LABELS_HELP, kind=Place(remote=True), repeatable=True, kw_only=False
     )
 
 

@@ -23,6 +23,7 @@ from seaclutter_cli.options import (
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import (
+    LABELS_HELP,
     BatchOptions,
     ConfigOptions,
     LabelSources,
@@ -229,6 +230,12 @@ class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
 class EvaluateOptions(Replacing, OfLabelledLogs, MethodOptions):
     """Options of an evaluation."""
 
+    labels: Converted[PathLike | Sequence[PathLike] | None, tuple[Path, ...]] = option(
+        "--labels LABELS", LABELS_HELP, default=(), kind=Place(remote=True), kw_only=False
+    )
+    without_labels: bool = option(
+        "--without-labels", "Show indications of the quality of methods that need no labels.", default=False
+    )
     frames_file: OptionalPath = option(
         "-o --output FRAMES.csv", "Write a table with a row for each frame and method.", default=None
     )

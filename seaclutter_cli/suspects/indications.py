@@ -1,0 +1,113 @@
+"""Indications of the quality of methods without labels: bodies lost, doubtful clusters kept, agreement, water kept."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.frame import FilterResult, Frame, Reason
+from seaclutter_cli.suspects.finder import SuspectFinder
+from seaclutter_cli.water import Mounting
+
+Counts = NDArray[np.int64]
+Sums = NDArray[np.float64]
+
+RANGES_M = (0.0, 15.0, 30.0, 60.0, np.inf)
+HEIGHTS_M = (-np.inf, 0.0, 0.25, 0.5)
+"""Edges of the ranges and heights above the water by which points of the water are counted."""
+
+
+@dataclass
+class Indications:
+    """Sums over the frames of recordings for M methods, and what they indicate.
+
+    ``looks`` is in how many frames likely targets were seen, ``seconds`` their time; ``lost`` and ``changes``, shape
+    (M,), are looks in which they were lost, and changes between kept and lost. ``doubtful`` are kept clusters that are
+    unlike targets. ``kept_score`` and ``lost_score`` are sums of the scores of bodies over ``kept_looks`` and
+    ``lost_looks``. ``water`` are the points of the water by height and range, shape (H, R), ``water_kept`` those kept,
+    shape (M, H, R); ``same``, shape (M, M), the points that two methods treat alike, of all ``points``.
+    """
+
+    frames: int = 0
+    looks: int = 0
+    seconds: float = 0.0
+    points: int = 0
+    lost: Counts = field(default_factory=lambda: np.zeros(0, np.int64))
+    changes: Counts = field(default_factory=lambda: np.zeros(0, np.int64))
+    doubtful: Counts = field(default_factory=lambda: np.zeros(0, np.int64))
+    kept_score: Sums = field(default_factory=lambda: np.zeros(0))
+    kept_looks: Counts = field(default_factory=lambda: np.zeros(0, np.int64))
+    lost_score: Sums = field(default_factory=lambda: np.zeros(0))
+    lost_looks: Counts = field(default_factory=lambda: np.zeros(0, np.int64))
+    water: Counts = field(default_factory=lambda: np.zeros((len(HEIGHTS_M) - 1, len(RANGES_M) - 1), np.int64))
+    water_kept: Counts = field(default_factory=lambda: np.zeros((0, len(HEIGHTS_M) - 1, len(RANGES_M) - 1), np.int64))
+    same: Counts = field(default_factory=lambda: np.zeros((0, 0), np.int64))
+
+    def update(self, other: "Indications") -> None:
+        """Add the frames of another recording, of the same methods."""
+        for item in fields(self):
+            own, added = getattr(self, item.name), getattr(other, item.name)
+            setattr(self, item.name, added if np.size(own) == 0 else own + added)
+
+    def of_method(self, m: int) -> dict[str, Any]:
+        """Return what the sums indicate for a method; None where there is nothing to count."""
+        lost, doubtful = _ratio(self.lost[m], self.looks), _ratio(self.doubtful[m], self.frames)
+        found = self.looks - int(self.lost[m])
+        others = [self.same[m, k] for k in range(len(self.lost)) if k != m]
+        return {
+            "targets_lost": lost,
+            "doubtful_per_frame": doubtful,
+            "f1": _ratio(2 * found, self.looks and found + int(self.doubtful[m]) + self.looks),
+            "changes_per_minute": _ratio(60 * self.changes[m], self.seconds),
+            "score_of_kept": _ratio(self.kept_score[m], self.kept_looks[m]),
+            "score_of_removed": _ratio(self.lost_score[m], self.lost_looks[m]),
+            "water_kept": _ratio(self.water_kept[m].sum(), self.water.sum()),
+            "water_kept_by_height_and_range": [
+                [_ratio(kept, points) for kept, points in zip(*row, strict=True)]
+                for row in zip(self.water_kept[m], self.water, strict=True)
+            ],
+            "agreement": _ratio(sum(others), self.points * len(others)),
+        }
+
+
+def _ratio(part: float, whole: float) -> float | None:
+    return float(part / whole) if whole else None
+
+
+class Indicator:
+    """Collector of the indications of a recording for several methods."""
+
+    def __init__(self, methods: int, mounting: Mounting | None = None) -> None:
+        self._finder = SuspectFinder(methods, mounting)
+        shape = len(HEIGHTS_M) - 1, len(RANGES_M) - 1
+        self._sums = Indications(
+            water_kept=np.zeros((methods, *shape), np.int64), same=np.zeros((methods, methods), np.int64)
+        )
+
+    def add(self, frame: Frame, results: Sequence[FilterResult | None]) -> None:
+        """Add a frame with its results, None for a method that could not use it."""
+        bodies, sums = self._finder.add(frame, results), self._sums
+        sums.frames += 1
+        valid = np.flatnonzero(frame.valid)
+        nothing = np.zeros(frame.size, np.bool_)
+        kept = np.array([(nothing if one is None else one.reason == Reason.KEPT)[valid] for one in results])
+        sums.points += len(valid)
+        for m, own in enumerate(kept):
+            sums.same[m] += np.count_nonzero(kept == own, axis=1)
+        height = bodies.height_m[valid]
+        water = np.flatnonzero(height < HEIGHTS_M[-1])  # false for NaN
+        row = np.searchsorted(HEIGHTS_M, height[water], side="right") - 1
+        column = np.searchsorted(RANGES_M, frame.range_m[valid[water]], side="right") - 1
+        np.add.at(sums.water, (row, column), 1)
+        for counts, own in zip(sums.water_kept, kept[:, water], strict=True):
+            np.add.at(counts, (row[own], column[own]), 1)
+
+    def finish(self) -> Indications:
+        """Return the sums."""
+        self._finder.finish()
+        tally = self._finder.tally
+        for item in fields(tally):
+            setattr(self._sums, item.name, getattr(tally, item.name))
+        return self._sums
