@@ -89,7 +89,7 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
             table, summary = (stack.enter_context(AtomicFile(it, files)) if it else None for it in targets.values())
             if table and options.batch.runs_here(len(works)):
                 works = [replace(works[0], spool=stack.enter_context(TemporaryFile(dir=table.part.parent)))]
-            earlier = () if options.without_labels else without_labels(works, observer)
+            earlier = None if options.without_labels else without_labels(works, observer)
             outcomes = run_all(works, options.batch, observer, earlier=earlier)
             comparison = Comparison(chosen, outcomes)
             if table:
