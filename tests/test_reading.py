@@ -13,7 +13,18 @@ from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.sources.mcap.source import McapSource
 from seaclutter_cli.sources.recordings import find_recordings
 from seaclutter_cli.sources.rosbag1.source import BagSource
-from tests.logs import LAYOUTS, PERIOD_NS, Entry, Layout, cloud_log, cloud_topic, write_log
+from tests.logs import (
+    LAYOUTS,
+    PERIOD_NS,
+    Entry,
+    Layout,
+    _store,
+    cloud_log,
+    cloud_message,
+    cloud_topic,
+    sea_points,
+    write_log,
+)
 from tests.paths import ROOT, shared
 from tests.test_formats import FORMATS, STORE, TYPE, message
 
@@ -138,3 +149,22 @@ def test_frames_have_their_topics_and_arrays(tmp_path):
         (topic, number) for number in range(3) for topic in ("/points", "/aft")
     ]
     assert all(frame.xyz.dtype == np.float64 and frame.xyz.shape == (frame.size, 3) for frame in found)
+
+
+def test_frames_with_the_stamp_of_the_one_before_are_as_late_as_their_log_times(tmp_path):
+    """Two sensors on one topic have stamps of their own, and a clock that stands still is no time."""
+    stamps = {"lidar": [1, 1, 1, 4], "aft": [1, 2, 2, 2]}
+    entries = []
+    for number in range(4):
+        for place, (frame_id, own) in enumerate(stamps.items()):
+            header = _store("ros2").types["std_msgs/msg/Header"]
+            stamp = _store("ros2").types["builtin_interfaces/msg/Time"](own[number], 0)
+            data = cloud_message("ros2", sea_points(5), 0, header=header(stamp, frame_id))
+            entries.append(Entry("/points", (100 + number) * 10**9 + place, data))
+    source = open_source(write_log(tmp_path / "log.mcap", [cloud_topic("/points")], entries))
+    found = [frame.stamp_ns / 10**9 for frame in frames(source, Selection())]
+    assert found == [1, 1, 2, 2, 3, 3, 4, 4]
+    assert [text.partition(" has ")[2][:30] for text in source.warnings] == [
+        "frames of several sensors (fra",
+        "frames with the stamp of the o",
+    ]

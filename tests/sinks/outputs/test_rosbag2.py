@@ -1,5 +1,6 @@
 """ROS 2 recordings against the reader of rosbags, sqlite3 and the rules of rosbag2."""
 
+import re
 import sqlite3
 from contextlib import closing
 
@@ -71,6 +72,23 @@ def test_rosbags_reads_topics_counts_and_quality_of_service(log, tmp_path, form)
         assert topics["/map"].ext.offered_qos_profiles[0].durability.name == "TRANSIENT_LOCAL"
         assert topics["/points"].digest.startswith("RIHS01_")
         assert len(list(reader.messages())) == 11
+
+
+@KINDS
+def test_quality_of_service_has_the_numbers_of_this_version(log, tmp_path, form):
+    """Up to version 8 of the metadata, as in ROS 2 Iron; rosbag2 names policies since version 9, as in Jazzy."""
+    names = {"history": "keep_last", "reliability": "best_effort", "durability": "volatile", "liveliness": "automatic"}
+    named = re.sub("(history|reliability|durability|liveliness): 1", lambda m: f"{m[1]}: {names[m[1]]}", QOS)
+    topic = Topic("/map", "cdr", ("std_msgs/msg/String", "ros2msg", b"string data\n"), {"offered_qos_profiles": named})
+    entry = Entry("/map", START_NS, bytes((0, 1, 0, 0, 1, 0, 0, 0, 0)))
+    convert(write_log(tmp_path / "log.mcap", [topic], [entry]), tmp_path / "day", form)
+    numbered = QOS.replace("reliability: 1", "reliability: 2").replace("durability: 1", "durability: 2")
+    info = yaml.safe_load((tmp_path / "day" / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert info["version"] == 8
+    (found,) = info["topics_with_message_count"]
+    assert found["topic_metadata"]["offered_qos_profiles"] == numbered
+    with closing(open_source(tmp_path / "day")) as source:
+        assert [dict(channel.metadata)["offered_qos_profiles"] for channel in source.channels] == [numbered]
 
 
 def test_the_database_has_the_schema_of_rosbag2(log, tmp_path):

@@ -8,7 +8,7 @@ from seaclutter_cli.records import Message
 from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources.formats import open_source
 from tests.pairs import covering
-from tests.paths import ROOT
+from tests.paths import ROOT, shared
 from tests.sources.shared.packet_bags import CONTAINERS, Types, array, captured, write
 
 CAPTURE = ROOT / "samples" / "rs-lidar-32.pcap"
@@ -162,3 +162,15 @@ def test_recorded_clouds_are_preferred(packets, tmp_path):
     source = open_source(write(tmp_path, "mcap", types, [cloud, *sdk_messages(types, packets)]))
     assert [channel.topic for channel in source.channels] == ["/rslidar_points", "/rslidar_packets"]
     source.close()
+
+
+def test_real_packets_of_an_rs_helios_in_scans_of_nebula():
+    """Whole revolutions have stamps 100 ms apart and points on all 32 rings."""
+    found, _, damage, _ = clouds(shared("nebula/robosense_helios"))
+    (frames,) = found.values()
+    sizes = [len(points) // 26 for _, points in frames]
+    assert sizes == [28_126, 28_694, 28_746, 28_776, 28_801, 627]
+    assert np.allclose(np.diff([stamp_ns for stamp_ns, _ in frames[:5]]) / 1e9, 0.1, atol=1e-5)
+    layout = np.dtype({"names": ["ring"], "formats": ["<u2"], "offsets": [16], "itemsize": 26})
+    assert np.unique(np.frombuffer(frames[2][1], layout)["ring"]).tolist() == list(range(32))
+    assert damage == []
