@@ -15,7 +15,12 @@ from seaclutter_cli.text import count
 FIELD_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 """Types of point fields that every supported message encoding has, as numpy codes."""
 
+MAX_FIELDS = 1024
+"""Number of fields that a cloud may have."""
+
 _MAX_POINT_BYTES = 10_000_000
+_MAX_OVERLAP = 8
+_MAX_STAMP_NS = 2**63
 _MAX_SMALL_POINTS, _XYZ_BYTES = 2**20, 12
 """Few bytes could be very many points, and each point costs memory: more than this must have room for coordinates."""
 _FALLBACK = {"b1": "u1", "f2": "f4", "i8": "f8", "u8": "f8"}
@@ -45,15 +50,24 @@ def point_dtype(fields: tuple[PointField, ...], point_step: int, big_endian: boo
     order = ">" if big_endian else "<"
     if not 0 <= point_step <= _MAX_POINT_BYTES:
         raise CloudError(f"a point must have 0 to {_MAX_POINT_BYTES} bytes, got {point_step}")
-    names: dict[str, None] = {}
+    names: dict[str, int] = {}
     formats: list[Any] = []
     for field in fields:
         if not 0 <= field.offset < field.end <= point_step:
             raise CloudError(f"field {field.name!r} does not fit into a point of {count(point_step, 'byte')}")
-        names[_free_name(field.name or "unnamed", names)] = None
+        names[_next_name(field.name or "unnamed", names)] = 1
         formats.append((order + field.type, (field.count,)) if field.count > 1 else order + field.type)
     offsets = [field.offset for field in fields]
     return np.dtype({"names": list(names), "formats": formats, "offsets": offsets, "itemsize": point_step})
+
+
+def _next_name(name: str, taken: dict[str, int]) -> str:
+    """Return what `_free_name` does, in a time that does not depend on how often a name is repeated."""
+    name += "_" * (taken[name] - 1 if name in taken else 0)
+    start, name = name, _free_name(name, taken)
+    if start != name:
+        taken[start] = len(name) - len(start) + 1
+    return name
 
 
 def _free_name(name: str, taken: Collection[str]) -> str:
@@ -86,7 +100,16 @@ class Cloud:
     pose: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        """Check that the layout fits the data."""
+        """Check that the layout fits the data, and that its parts are of a usual size."""
+        if len(self.fields) > MAX_FIELDS:
+            raise CloudError(f"{count(len(self.fields), 'field')}, at most {MAX_FIELDS:,} are supported")
+        if not -_MAX_STAMP_NS <= self.stamp_ns < _MAX_STAMP_NS:
+            raise CloudError("the stamp of the header is not between the years 1677 and 2262")
+        if (
+            sum(field.end - field.offset for field in self.fields) > _MAX_OVERLAP * max(self.point_step, 1)
+            and self.size
+        ):
+            raise CloudError(f"the fields overlap: they have more than {_MAX_OVERLAP} times the bytes of a point")
         if self.size and self.point_step <= 0:
             raise CloudError(f"point_step must be positive for {count(self.size, 'point')}, got {self.point_step}")
         if self._pitch < self.width * self.point_step:

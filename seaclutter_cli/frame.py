@@ -236,6 +236,13 @@ class Frame:
         with np.errstate(invalid="ignore"):
             return _column(self.cloud.points, self.intensity_name).astype(np.float64)
 
+    def other_intensities(self) -> list[str]:
+        """Return the names of other fields with a usual name of the intensity that have values other than zero."""
+        points = self.cloud.points
+        folded = {name.lower(): name for name in points.dtype.names or ()}
+        found = [folded[usual] for usual in INTENSITY_NAMES if usual in folded]
+        return [name for name in found if name != self.intensity_name and np.nan_to_num(points[name]).any()]
+
     @cached_property
     def valid(self) -> NDArray[np.bool_]:
         """Whether each point is a return, shape (N,): finite coordinates and intensity, not at the origin."""

@@ -1,6 +1,7 @@
 """Labels in JSON: a file for each frame (SeePerSea, SUSTechPOINTS), or for a scenario (Autoferry)."""
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,10 +26,11 @@ _BOM = b"\xef\xbb\xbf"
 class JsonForm:
     """Form of labels: a folder with a JSON file for each frame, in a scene that may also have a folder of clouds.
 
-    Every JSON file starts with ``mark``, and contains ``key`` near its start. In a ``complete`` form, every frame must
-    have a file; in others, frames without a file are unlabelled. ``objects`` returns the objects in the content of a
-    file, or None if the frame is not labelled. The first of the keys ``tracks`` that has a text names an object, the
-    key ``kind`` its class; below ``box`` are position, size along x, y and z, and yaw, each a key with keys.
+    Every JSON file starts with ``mark`` (a regular expression), and contains ``key`` near its start. In a ``complete``
+    form, every frame must have a file; in others, frames without a file are unlabelled. ``objects`` returns the objects
+    in the content of a file, or None if the frame is not labelled. The first of the keys ``tracks`` that has a text
+    names an object, the key ``kind`` its class; below ``box`` are position, size along x, y and z, and yaw, each a key
+    with keys.
     """
 
     folder: str
@@ -58,11 +60,12 @@ class JsonForm:
         if folder is None:
             return None
         files = files_in(folder, (".json",))
-        if any(head.startswith(self.mark) and self.key in head for head in map(_head, files)):
+        starts = re.compile(self.mark)
+        if any(starts.match(head) and self.key in head for head in map(_head, files)):
             return folder
-        other = b"[" if self.mark == b"{" else b"{"
         named = folder.resolve().name == self.folder
-        return folder if named and not any(head.startswith(other) for head in map(_head, files)) else None
+        others = (head for head in map(_head, files) if head[:1] in (b"[", b"{") and not starts.match(head))
+        return folder if named and not any(others) else None
 
     def _read(self, path: Path, _: Frame) -> Truth | None:
         objects = self.objects(read_json(path))
@@ -171,7 +174,7 @@ def _seepersea_objects(content: Any) -> list[Any] | None:
 SEEPERSEA = JsonForm(
     folder="annotations",
     clouds="point_clouds",
-    mark=b"{",
+    mark=rb"\{(?!\s*\"objs\")",
     key=b'"labels"',
     complete=True,
     objects=_seepersea_objects,
@@ -186,15 +189,16 @@ SEEPERSEA = JsonForm(
 
 
 def _sustechpoints_objects(content: Any) -> list[Any] | None:
-    if content is not None and not isinstance(content, list):
+    objects = content.get("objs") if isinstance(content, Mapping) else content  # as older versions write them
+    if objects is not None and not isinstance(objects, list):
         raise LabelError("not a list of boxes")
-    return content
+    return objects
 
 
 SUSTECHPOINTS = JsonForm(
     folder="label",
     clouds="lidar",
-    mark=b"[",
+    mark=rb"\[|\{\s*\"objs\"",
     key=b'"psr"',
     complete=False,  # the tool writes a file once a frame has been edited
     objects=_sustechpoints_objects,

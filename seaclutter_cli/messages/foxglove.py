@@ -14,7 +14,7 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from seaclutter_cli.cloud import Cloud, PointField
+from seaclutter_cli.cloud import MAX_FIELDS, Cloud, PointField
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.messages.serialisation import NANO, Reader, RosCodec, Writer, field_type
@@ -122,7 +122,8 @@ class ProtobufPointCloud:
             elif number == _STRIDE and wire == _FIXED32:
                 stride = int(value)
             elif number == _FIELDS and isinstance(value, memoryview):
-                fields.append(self._field(value))
+                if len(fields) <= MAX_FIELDS:  # one too many is an error of the cloud
+                    fields.append(self._field(value))
             else:
                 others.append(bytes(whole))
                 if number == _TIMESTAMP and isinstance(value, memoryview):

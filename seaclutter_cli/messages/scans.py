@@ -16,6 +16,7 @@ from seaclutter_cli.messages.serialisation import Header, Reader, RosCodec, Writ
 from seaclutter_cli.text import count
 
 _POINT_BYTES = 20
+_MAX_BEAMS = 100_000
 _LIMITS = "fffffff"
 """Code of angle_min, angle_max, angle_increment, time_increment, scan_time, range_min and range_max."""
 
@@ -132,6 +133,6 @@ class MultiEchoLaserScan(RosCodec):
 
     def _lists(self, read: Reader) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         """Return the values of all lists of a message, one after another, and the length of each list."""
-        lists = [read.floats() for _ in range(read.length(read.left // 4, "beam"))]
+        lists = [read.floats() for _ in range(read.length(_MAX_BEAMS, "beam"))]
         echoes = np.array([len(values) for values in lists], np.int64)
         return np.concatenate(lists).astype("<f4") if lists else np.zeros(0, np.float32), echoes

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.cloud import FIELD_TYPES, Cloud, PointField
+from seaclutter_cli.cloud import FIELD_TYPES, MAX_FIELDS, Cloud, PointField
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.records import Buffer
 from seaclutter_cli.text import count
@@ -18,7 +18,6 @@ Ros = Literal[1, 2]
 """Major version of ROS, which determines the serialisation."""
 
 NANO = 1_000_000_000
-_MAX_FIELDS = 1024
 _CDR_BIG_ENDIAN, _CDR_LITTLE_ENDIAN = 0, 1
 
 
@@ -97,7 +96,7 @@ class Reader:
     def fields(self, types: Sequence[str] = FIELD_TYPES, *, counted: bool = True) -> tuple[PointField, ...]:
         """Return a sequence of fields, whose types have numbers from 1; without counts, each has one value."""
         found = []
-        for _ in range(self.length(_MAX_FIELDS, "field")):
+        for _ in range(self.length(MAX_FIELDS, "field")):
             name, offset, kind = self.text(), self.number("I"), self.number("B")
             number = self.number("I") if counted else 1
             found.append(PointField(name, offset, field_type(kind, name, types), number))

@@ -11,7 +11,7 @@ import numpy as np
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.calibration import Calibration, ClutterSelector
 from seaclutter_cli.config import Config
-from seaclutter_cli.errors import LabelError, TopicError, UsageError
+from seaclutter_cli.errors import FieldError, LabelError, TopicError, UsageError
 from seaclutter_cli.evaluation.scores import Parts, Summary
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.confirmation import ConfirmedParams
@@ -122,6 +122,10 @@ def _result(
     if unlabelled and not any(one.frames for one in outcomes):
         frames = count(unlabelled, "frame")
         raise LabelError(f"{frames} read, none of them labelled; choose frames with labels, or leave out --labels")
+    if clutter.calibration.highest == 0:
+        others = (cloud.other_intensity for one in outcomes for cloud in one.clouds.values() if cloud.other_intensity)
+        hint = next((f"; use --intensity-field {name}" for name in others), "")
+        raise FieldError(f"the intensities are always 0, so they give no thresholds{hint}")
     mounting = clutter.search.found() if clutter.search is not None else None
     found, labelled = clutter.calibration.thresholds(), bool(options.labels)
     return CalibrationResult(

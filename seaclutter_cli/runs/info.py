@@ -194,6 +194,9 @@ class Content(Described):
                 needs.append(f"{topic}: no intensity field with a usual name; name one with --intensity-field")
             elif cloud.frames and cloud.invalid == cloud.points:
                 needs.append(f"{topic}: the clouds contain no valid point, so there is nothing to filter")
+            elif cloud.frames and cloud.intensity[1] == 0:
+                other = f"; use --intensity-field {cloud.other_intensity}" if cloud.other_intensity else ""
+                needs.append(f"{topic}: {cloud.intensity_name} is always 0{other}")
             elif cloud.frames and cloud.intensity[1] < _DEFAULT_THRESHOLD:
                 least, most = cloud.intensity
                 needs.append(f"{topic}: intensities of {least:g} to {most:g} do not fit the default thresholds; use -c")

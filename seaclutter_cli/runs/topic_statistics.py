@@ -33,6 +33,8 @@ class TopicStatistics:
     shape: tuple[int, int] = (0, 0)
     frame_id: str = ""
     intensity_name: str | None = None
+    other_intensity: str | None = None
+    """Field that has values, if all those of the intensity are zero."""
     problem: str | None = None
     intensity: list[float] = field(default_factory=lambda: [np.inf, -np.inf])
     range_m: list[float] = field(default_factory=lambda: [np.inf, -np.inf])
@@ -56,6 +58,8 @@ class TopicStatistics:
             _extend(self.range_m, frame.range_m[valid])
             if self.intensity_name is not None:
                 _extend(self.intensity, frame.intensity[valid])
+                if self.intensity[1] == 0 and not self.other_intensity:
+                    self.other_intensity = next(iter(frame.other_intensities()), None)
             if self.around is not None:
                 self.around.add(frame)
         except FieldError as error:

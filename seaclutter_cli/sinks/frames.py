@@ -1,5 +1,6 @@
 """Frames as files: a folder with a file for each frame, or a single file."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -24,6 +25,7 @@ from seaclutter_cli.records import Attachment, Channel, Message, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile, AtomicFolder, OutputGroup
 from seaclutter_cli.sinks.log import filtered_cloud, message_of
 from seaclutter_cli.sinks.options import TIMES, McapOptions
+from seaclutter_cli.sinks.point_files import NAMES, NO_COORDINATES, TOO_FAR
 from seaclutter_cli.text import count
 
 _NANO = 10**9
@@ -34,7 +36,7 @@ TOPIC = "/points"
 class FrameSink(ExitStack):
     """Sink that writes each frame of one topic to a file: the target itself, or one named by its number in a folder.
 
-    ``write_frame`` writes a cloud to a file, and returns the number of points that it cannot contain. With ``as_is``,
+    ``write_frame`` writes a cloud to a file, and returns what it cannot contain, see `FRAME_WRITERS`. With ``as_is``,
     frames are written with `keep` only.
     """
 
@@ -44,7 +46,7 @@ class FrameSink(ExitStack):
         options: McapOptions,
         group: OutputGroup | None = None,
         *,
-        write_frame: Callable[[BinaryIO, Cloud], int],
+        write_frame: Callable[[BinaryIO, Cloud], Counter[str]],
         suffix: str,
         as_is: bool = False,
     ) -> None:
@@ -58,7 +60,7 @@ class FrameSink(ExitStack):
         self._stamps_ns: list[int] = []
         self._first_frame = 0
         self._others: set[str] = set()
-        self._attachments = self._points = 0
+        self._attachments, self._lost = 0, Counter[str]()
         self._has_log_times = self._has_poses = False
 
     @property
@@ -72,7 +74,8 @@ class FrameSink(ExitStack):
         found = {
             "log times other than stamps": self._has_log_times,
             "the poses of clouds, which were applied to their points": self._has_poses,
-            f"{count(self._points, 'point')} without coordinates": self._points,
+            **{f"{count(self._lost[why], 'point')} {why}": self._lost[why] for why in (NO_COORDINATES, TOO_FAR)},
+            NAMES: self._lost[NAMES],
             count(len(self._others), "other topic"): self._others,
             count(self._attachments, "attachment"): self._attachments,
         }
@@ -122,9 +125,9 @@ class FrameSink(ExitStack):
         self._stamps_ns.append(frame.stamp_ns)
         if isinstance(self._output, AtomicFolder):
             with self._output.open(f"{frame.index:06d}{self._suffix}") as stream:
-                self._points += self._write_frame(stream, cloud.posed())
+                self._lost += self._write_frame(stream, cloud.posed())
         else:
-            self._points += self._write_frame(self._output.stream, cloud.posed())
+            self._lost += self._write_frame(self._output.stream, cloud.posed())
 
     def end(self) -> None:
         """Write times and metadata records."""

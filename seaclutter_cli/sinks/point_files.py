@@ -1,7 +1,8 @@
 """Files of single point clouds: frames of a recording, and tiles."""
 
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -13,18 +14,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import Cloud, from_array
+from seaclutter_cli.errors import OutputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Metadata
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.las import import_laspy
 from seaclutter_cli.sinks.mcap_writer import McapWriter
+from seaclutter_cli.text import count
 
 _TYPE = "sensor_msgs/msg/PointCloud2"
 _PLY = {"i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint", "f4": "float"}
 _PLY_NAMES = {**_PLY, "f8": "double"}
 _PCD_KINDS = {"i": "I", "u": "U", "f": "F"}
+_PACKED = ("X", "Y", "Z")
+"""Dimensions of LAS with the whole numbers of the coordinates."""
 _LAS_SCALE, _LAS_STEPS, _LAS_NAME_BYTES = 1e-4, 4e9, 32
+_LAS_POINT_BYTES, _LAS_DIMENSIONS = 2**16 - 1, (2**16 - 1) // 192
+"""Limits of LAS: bytes of a point, and extra dimensions, whose descriptions are one record."""
+NO_COORDINATES, TOO_FAR, NAMES = "without coordinates", "too far away", "full names of fields"
+Lost = Counter[str]
+"""Number of points that a file cannot contain, by the reason; `NAMES` if names of fields had to be changed."""
 _ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 
 
@@ -40,10 +50,10 @@ def with_columns(cloud: Cloud, columns: Mapping[str, NDArray[Any]]) -> Cloud:
     return replace(from_array(out), stamp_ns=cloud.stamp_ns, frame_id=cloud.frame_id)
 
 
-def _write_pcd(stream: BinaryIO, cloud: Cloud) -> int:
+def _write_pcd(stream: BinaryIO, cloud: Cloud) -> Lost:
     """Write a binary PCD file with all fields; an organised cloud keeps its height and width."""
-    packed = _packed(cloud)
-    names = ["".join("_" if c.isspace() else c for c in field.name) for field in packed.fields]
+    packed, lost = _packed(cloud)
+    names = list(_distinct("".join("_" if c.isspace() else c for c in field.name) for field in packed.fields))
     rows = {
         "FIELDS": names,
         "SIZE": [field.type[1] for field in packed.fields],
@@ -54,20 +64,20 @@ def _write_pcd(stream: BinaryIO, cloud: Cloud) -> int:
     lines += [f"{key} {' '.join(values)}" for key, values in rows.items()]
     lines += [f"WIDTH {packed.width}", f"HEIGHT {packed.height}", "VIEWPOINT 0 0 0 1 0 0 0"]
     lines += [f"POINTS {packed.size}", "DATA binary", ""]
-    stream.write("\n".join(lines).encode("utf-8", "replace"))
+    stream.write("\n".join(lines).encode())
     stream.write(packed.data)
-    return 0
+    return lost
 
 
-def _write_ply(stream: BinaryIO, cloud: Cloud) -> int:
+def _write_ply(stream: BinaryIO, cloud: Cloud) -> Lost:
     """Write a binary PLY file of a packed cloud; each value of a field with several values becomes a property."""
     lines = ["ply", "format binary_little_endian 1.0", f"element vertex {cloud.size}"]
     for field in cloud.fields:
         names = [field.name] if field.count <= 1 else [f"{field.name}_{number}" for number in range(field.count)]
         lines += [f"property {_PLY_NAMES[field.type]} {name}" for name in names]
-    stream.write("\n".join([*lines, "end_header", ""]).encode())
+    stream.write("\n".join([*lines, "end_header", ""]).encode(errors="replace"))
     stream.write(cloud.data)
-    return 0
+    return Lost()
 
 
 @contextmanager
@@ -86,92 +96,113 @@ def cloud_log(stream: BinaryIO, *metadata: Metadata) -> Iterator[Callable[[int, 
         raise
 
 
-def _write_mcap(stream: BinaryIO, cloud: Cloud) -> int:
+def _write_mcap(stream: BinaryIO, cloud: Cloud) -> Lost:
     with cloud_log(stream) as write:
         write(0, cloud)
-    return 0
+    return Lost()
 
 
-def _write_npz(stream: BinaryIO, cloud: Cloud) -> int:
+def _write_npz(stream: BinaryIO, cloud: Cloud) -> Lost:
     """Write an array for each field, of shape (N,), or (height, width) of an organised cloud, and the stamp.
 
     A field with several values has one more axis. ``stamp_ns`` and ``frame_id`` are arrays without axes, unless fields
     have these names.
     """
     shape = (cloud.height, cloud.width) if cloud.height > 1 else (cloud.size,)
-    points = _packed(cloud).points
+    packed, lost = _packed(cloud)
+    points = packed.points
     arrays: dict[str, NDArray[Any]] = {
         name: points[name].reshape(shape + points.dtype[name].shape) for name in points.dtype.names or ()
     }
     arrays.setdefault("stamp_ns", np.array(cloud.stamp_ns, np.int64))
-    arrays.setdefault("frame_id", np.array(cloud.frame_id))
+    arrays.setdefault("frame_id", np.array(_utf8(cloud.frame_id)))
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
         for name, values in arrays.items():
             entry = zipfile.ZipInfo(f"{name}.npy", _ZIP_TIME)  # the same bytes in every run
             with archive.open(entry, "w", force_zip64=True) as file:
                 np.lib.format.write_array(file, values, allow_pickle=False)
-    return 0
+    return lost
 
 
-def _write_las(stream: BinaryIO, cloud: Cloud, *, packed: bool) -> int:
-    """Write a LAS 1.4 or a LAZ file, and return the number of points without coordinates, which it cannot contain.
+def _write_las(stream: BinaryIO, cloud: Cloud, *, packed: bool) -> Lost:
+    """Write a LAS 1.4 or a LAZ file, and return the number of points that it cannot contain.
 
-    Coordinates have a resolution of 0.1 mm, if they are at most 400 km apart. Fields with the name and the type of a
+    They are those without coordinates, and those more than 200 km from the others: coordinates have a resolution of
+    0.1 mm. Fields with the name and the type of a
     dimension of LAS are stored in it, all others in extra dimensions, those with several values in one for each value.
     An intensity that is no 8 or 16 bit number is rounded, and also stored as ``original_intensity``.
 
-    `MissingExtraError` if laspy or its LAZ backend is not installed.
+    `MissingExtraError` if laspy or its LAZ backend is not installed; `OutputError` if LAS has no room for the fields.
     """
     laspy = import_laspy(packed=packed)
-    points = _packed(cloud).points
+    _require_room(cloud)
+    whole, lost = _packed(cloud)
+    points = whole.points
     names = points.dtype.names or ()
     xyz = np.array([points[axis] if axis in names else np.zeros(len(points)) for axis in "xyz"], np.float64)
     valid = np.isfinite(xyz).all(axis=0)
-    points, xyz = points[valid], xyz[:, valid]
+    with np.errstate(invalid="ignore", over="ignore"):
+        middle = np.median(xyz[:, valid], axis=1, keepdims=True) if valid.any() else np.zeros((3, 1))
+        near = valid & (np.abs(xyz - middle) < _LAS_SCALE * _LAS_STEPS / 2).all(axis=0)
+    lost += Lost({NO_COORDINATES: np.count_nonzero(~valid), TOO_FAR: np.count_nonzero(valid & ~near)})
+    points, xyz = points[near], xyz[:, near]
     header = laspy.LasHeader(point_format=7 if {"red", "green", "blue"} <= set(names) else 6, version="1.4")
     header.creation_date = datetime.fromtimestamp(max(cloud.stamp_ns, 0) // 10**9, UTC).date()
     header.generating_software = "seaclutter"
     header.global_encoding.wkt = True  # LAS 1.4 requires it from point format 6, also without a reference system
     header.scales, header.offsets = _grid(xyz)
-    columns = _las_columns(laspy, header, points)
+    columns, shortened = _las_columns(laspy, header, points)
+    lost += Lost({NAMES: int(shortened)})
     las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(points), header=header))
     las.x, las.y, las.z = xyz
     for name, values in columns.items():
         las[name] = values
     las.write(stream, do_compress=packed, laz_backend=laspy.LazBackend.LazrsParallel if packed else None)
-    return int(np.count_nonzero(~valid))
+    return lost
+
+
+def _require_room(cloud: Cloud) -> None:
+    """Raise `OutputError` if LAS has no room for the values of a point; all but a few are extra dimensions."""
+    values = sum(max(field.count, 1) for field in cloud.fields)
+    size = sum(field.end - field.offset for field in cloud.fields)
+    if values > _LAS_DIMENSIONS or size > _LAS_POINT_BYTES - 100:
+        raise OutputError(
+            f"LAS has room for {_LAS_DIMENSIONS} values of a point, but the cloud has {count(values, 'value')} of "
+            f"{count(size, 'byte')}; write npz or pcd"
+        )
 
 
 def _grid(xyz: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return scales and offsets with which all coordinates fit into 32 bits: 0.1 mm and zero where possible."""
+    """Return scales, and offsets with which all coordinates fit into 32 bits: zero where possible."""
     if not xyz.size:
         return np.full(3, _LAS_SCALE), np.zeros(3)
-    least, most = xyz.min(axis=1), xyz.max(axis=1)
     is_far = np.abs(xyz).max(axis=1) > _LAS_SCALE * 2**30
-    steps = np.maximum((most - least) / (_LAS_SCALE * _LAS_STEPS), 1.0)
-    return _LAS_SCALE * 10 ** np.ceil(np.log10(steps)), np.where(is_far, np.floor((least + most) / 2), 0.0)
+    return np.full(3, _LAS_SCALE), np.where(is_far, np.floor((xyz.min(axis=1) + xyz.max(axis=1)) / 2), 0.0)
 
 
-def _las_columns(laspy: Any, header: Any, points: NDArray[Any]) -> dict[str, NDArray[Any]]:
-    """Return the values of all dimensions but the coordinates, and add those that LAS does not have to the header."""
+def _las_columns(laspy: Any, header: Any, points: NDArray[Any]) -> tuple[dict[str, NDArray[Any]], bool]:
+    """Return the values of all dimensions but the coordinates, and add those that LAS does not have to the header.
+
+    Also return whether a name was shortened.
+    """
     standard = {dimension.name: dimension for dimension in header.point_format.standard_dimensions}
     columns: dict[str, NDArray[Any]] = {}
     extra: dict[str, NDArray[Any]] = {}
     for name in points.dtype.names or ():
         values = points[name]
-        if name in "xyz":
+        if name in ("x", "y", "z"):
             continue
         if name == "intensity":
             columns[name] = np.clip(np.nan_to_num(np.rint(values.astype(np.float64))), 0, 2**16 - 1).astype(np.uint16)
-        if name in standard and _fits(values, standard[name]):
+        if name in standard and name not in _PACKED and _fits(values, standard[name]):
             columns[name] = values
         elif values.ndim == 1:
-            extra[_free(f"original_{name}" if name in (*standard, "X", "Y", "Z") else name, extra)] = values
+            extra[_free(f"original_{name}" if name in (*standard, *_PACKED) else name, extra)] = values
         else:
-            parts = values.reshape(len(values), -1).T
+            parts = values.reshape(len(values), int(np.prod(values.shape[1:]))).T
             extra |= {_free(f"{name}_{number}", extra): part for number, part in enumerate(parts)}
     header.add_extra_dims([laspy.ExtraBytesParams(name, values.dtype.str[1:]) for name, values in extra.items()])
-    return columns | extra
+    return columns | extra, any(len(name.encode()) > _LAS_NAME_BYTES for name in points.dtype.names or ())
 
 
 def _fits(values: NDArray[Any], dimension: Any) -> bool:
@@ -194,20 +225,36 @@ def _free(name: str, taken: Mapping[str, object]) -> str:
     return short
 
 
-def _packed(cloud: Cloud) -> Cloud:
-    """Return a cloud without gaps between the fields, in little endian."""
-    return from_array(cloud.points, stamp_ns=cloud.stamp_ns, frame_id=cloud.frame_id, height=max(cloud.height, 1))
+def _packed(cloud: Cloud) -> tuple[Cloud, Lost]:
+    """Return a cloud without gaps between the fields, in little endian, with distinct names in UTF-8."""
+    named = replace(cloud, fields=tuple(replace(field, name=_utf8(field.name)) for field in cloud.fields))
+    whole = from_array(named.points, stamp_ns=cloud.stamp_ns, frame_id=cloud.frame_id, height=max(cloud.height, 1))
+    return whole, Lost({NAMES: int(named.fields != cloud.fields)})
 
 
-FRAME_WRITERS: Mapping[str, Callable[[BinaryIO, Cloud], int]] = {
+def _utf8(text: str) -> str:
+    """Return text with a question mark for what is not UTF-8."""
+    return text.encode(errors="replace").decode()
+
+
+def _distinct(names: Iterable[str]) -> Iterator[str]:
+    taken = set[str]()
+    for name in names:
+        while name in taken:
+            name += "_"  # noqa: PLW2901 - as a cloud does
+        taken.add(name)
+        yield name
+
+
+FRAME_WRITERS: Mapping[str, Callable[[BinaryIO, Cloud], Lost]] = {
     "pcd": _write_pcd,
     "las": partial(_write_las, packed=False),
     "laz": partial(_write_las, packed=True),
     "npz": _write_npz,
 }
-"""Writers of frames by the name of the format; they return the number of points that a file cannot contain."""
+"""Writers of frames by the name of the format; they return what a file cannot contain."""
 
-POINT_WRITERS: Mapping[str, Callable[[BinaryIO, Cloud], int]] = {
+POINT_WRITERS: Mapping[str, Callable[[BinaryIO, Cloud], Lost]] = {
     ".pcd": _write_pcd,
     ".ply": _write_ply,
     ".mcap": _write_mcap,

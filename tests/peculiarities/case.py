@@ -23,6 +23,8 @@ class Case:
     build: Callable[[Path], Path]
     """Writes the input into an empty folder, and returns its path."""
     frames: Sequence[ArrayLike] = ()
+    raw: Sequence[ArrayLike] = ()
+    """Points that are in the input, if outputs cannot have all of them."""
     invalid: int = 0
     """Number of points of each frame that have no return."""
     stamps_ns: Sequence[int] | None = None
@@ -40,6 +42,11 @@ class Case:
     atol: float = 0.0
     also: Callable[[Path], None] | None = None
     """Further assertions about an output."""
+
+    @property
+    def content(self) -> Sequence[ArrayLike]:
+        """Points that are in the input."""
+        return self.raw or self.frames
 
     def __str__(self) -> str:
         return self.name

@@ -1,9 +1,13 @@
 """Peculiarities of clouds in files and messages."""
 
 import io
+import struct
 
 import numpy as np
+import pytest
 
+import seaclutter
+from tests import logs
 from tests.peculiarities.case import Case, sea
 
 
@@ -188,4 +192,178 @@ TABLES = [
     ),
 ]
 
-CASES = [*HEADERLESS, *TABLES]
+
+def pcd(fields, body, encoding="binary", *, points=40, names=("0.pcd",)):
+    """Return a function that writes a PCD file, with rows of name, type letter, size and count, under some names."""
+    columns = [" ".join(map(str, column)) for column in zip(*fields, strict=True)]
+    rows = zip(("FIELDS", "TYPE", "SIZE", "COUNT"), columns, strict=True)
+    head = "".join(f"{key} {values}\n" for key, values in rows)
+    head += f"WIDTH {points}\nHEIGHT 1\nPOINTS {points}\nDATA {encoding}\n"
+
+    def build(folder):
+        for name in names:
+            (folder / name).write_bytes(head.encode() + body)
+        return folder / names[0] if len(names) == 1 else folder
+
+    return build
+
+
+FOUR = [(name, "F", 4, 1) for name in ("x", "y", "z", "intensity")]
+STORED = b"".join(column.tobytes() for column in np.ascontiguousarray(frame(40).T))
+PACKED = struct.pack("<II", len(STORED), len(STORED)) + STORED
+WINDOWS = "\n".join(f"{x} {y} {z} {i}" for x, y, z, i in frame(38).tolist()).encode()
+EXPORTER = "https://github.com/ros-perception/perception_pcl: pcl_ros wrote SEC.NSEC without leading zeros until 2025."
+LATE = [1741286117 * 10**9 + ns for ns in (11_149_430, 111_149_431, 911_149_430)]
+PCDS = [
+    Case(
+        name="a field without values",
+        source="PCL writes padding as fields named _, and some drivers give them the count 0.",
+        build=pcd([*FOUR, ("_", "F", 4, 0)], frame(40).tobytes()),
+        frames=[frame(40)],
+    ),
+    Case(
+        name="stored as compressed",
+        source="Exporters that find no saving in compression store the columns as they are.",
+        build=pcd(FOUR, PACKED, "binary_compressed"),
+        frames=[frame(40)],
+    ),
+    Case(
+        name="not a number in Windows",
+        source="Visual C++ writes NaN as 1.#QNAN, and since 2015 as -nan(ind).",
+        build=pcd(FOUR, WINDOWS + b"\n1.#QNAN -nan(ind) 1.#IND00 -1.#INF\n-nan(ind) nan(snan) 1.#INF 3\n", "ascii"),
+        frames=[frame(38)],
+        invalid=2,
+    ),
+    Case(
+        name="nanoseconds without leading zeros",
+        source=EXPORTER,
+        build=pcd(FOUR, frame(40).tobytes(), names=[f"{ns // 10**9}.{ns % 10**9}.pcd" for ns in LATE]),
+        frames=[frame(40)] * 3,
+        stamps_ns=LATE,
+    ),
+    Case(
+        name="seconds and nanoseconds",
+        source=EXPORTER + " Others write SEC_NSEC.",
+        build=pcd(FOUR, frame(40).tobytes(), names=[f"{ns // 10**9}_{ns % 10**9}.pcd" for ns in LATE]),
+        frames=[frame(40)] * 3,
+        stamps_ns=LATE,
+    ),
+    Case(
+        name="seconds with few decimals",
+        source="Python writes seconds with as many digits as needed: 1741286117.5 is half a second.",
+        build=pcd(FOUR, frame(40).tobytes(), names=[f"1741286117.{part}.pcd" for part in ("5", "25", "0625")]),
+        frames=[frame(40)] * 3,
+        stamps_ns=[1741286117 * 10**9 + ns for ns in (62_500_000, 250_000_000, 500_000_000)],
+    ),
+    Case(
+        name="a dark intensity",
+        source="Firmware 3 of Ouster leaves the intensity at 0 and fills reflectivity.",
+        build=pcd(
+            [*FOUR, ("reflectivity", "F", 4, 1)],
+            (frame(40)[:, [0, 1, 2, 3, 3]] * [1, 1, 1, 0, 1]).astype("<f4").tobytes(),
+        ),
+        frames=[frame(40) * [1, 1, 1, 0]],
+        says={"info": "intensity is always 0; use --intensity-field reflectivity"},
+    ),
+]
+
+
+def las(*, version="1.2", legacy=False, latin=False):
+    """Return a function that writes a LAS file; ``legacy`` leaves the number of points of LAS 1.4 at 0."""
+
+    def build(folder):
+        laspy = pytest.importorskip("laspy")
+        header = laspy.LasHeader(version=version, point_format=3)
+        header.scales = [1 / 16] * 3
+        header.vlrs.append(laspy.VLR("Geodasie", 7, "", b"abc"))
+        out = laspy.LasData(header)
+        out.x, out.y, out.z = frame(40)[:, :3].T.astype("f8")
+        out.intensity = frame(40)[:, 3].astype("u2")
+        path = folder / "0.las"
+        out.write(path)
+        data = bytearray(path.read_bytes())
+        if legacy:
+            data[107:111], data[247:255] = struct.pack("<I", 40), bytes(8)
+        path.write_bytes(bytes(data).replace(b"Geodasie", "Geodäsie".encode("latin-1") if latin else b"Geodasie"))
+        return path
+
+    return build
+
+
+SURVEYS = [
+    Case(
+        name="Latin-1 in LAS",
+        source="Programs of surveyors write names with umlauts in Latin-1.",
+        build=las(latin=True),
+        frames=[frame(40)],
+    ),
+    Case(
+        name="legacy count of LAS 1.4",
+        source="Writers of LAS 1.4 for older readers fill in the former number of points only.",
+        build=las(version="1.4", legacy=True),
+        frames=[frame(40)],
+    ),
+]
+
+
+def cloud(change=None, **fields):
+    """Return a function that writes a log with one cloud, whose named columns follow x, y, z and intensity."""
+
+    def build(folder):
+        layout = [(name, "<f4") for name in ("x", "y", "z", "intensity")]
+        points = np.zeros(40, [*layout, *fields.items()])
+        for name, column in zip(("x", "y", "z", "intensity"), frame(40).T, strict=True):
+            points[name] = column
+        for name in fields:
+            points[name] = 7
+        if change:
+            change(points)
+        data = logs.cloud_message("ros2", points, logs.START_NS)
+        return logs.write_log(
+            folder / "log.mcap", [logs.cloud_topic("/points")], [logs.Entry("/points", logs.START_NS, data)]
+        )
+
+    return build
+
+
+def wild(points):
+    points["x"][3] = 1e9
+
+
+LASSES = "Clouds of drivers have fields of any name, which a survey format may use for something else."
+WRITTEN = [
+    Case(
+        name="fields X, Y and Z in LAS",
+        source=LASSES,
+        build=cloud(X="<f8", Y="<f8", Z="<f8"),
+        frames=[frame(40)],
+        to=("las", "mcap"),
+    ),
+    Case(
+        name="fields xy and yz in LAS",
+        source=LASSES,
+        build=cloud(xy="<f4", yz="<f4", xyz="<u2"),
+        frames=[frame(40)],
+        to=("las",),
+        also=lambda out: has_fields(out, "xy", "yz", "xyz"),
+    ),
+    Case(
+        name="a wild point in LAS",
+        source="One echo at a billion metres must not coarsen the resolution of all others.",
+        build=cloud(wild),
+        frames=[np.delete(frame(40), 3, axis=0)],
+        to=("las",),
+        says={"filter": "1 point too far away", "convert": "1 point too far away"},
+        atol=1e-4,
+        raw=[frame(40) + [[1e9 - frame(40)[3, 0], 0, 0, 0] if k == 3 else [0] * 4 for k in range(40)]],
+    ),
+]
+
+
+def has_fields(out, *names):
+    with seaclutter.open_log(out) as log:
+        found = next(iter(log.frames())).cloud.points
+    assert all((found[name] == 7).all() for name in names)
+
+
+CASES = [*HEADERLESS, *TABLES, *PCDS, *SURVEYS, *WRITTEN]

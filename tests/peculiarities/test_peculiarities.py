@@ -62,12 +62,12 @@ def test_info(tmp_path, case):
     (content,) = json.loads(run(case, "info", case.build(tmp_path), "--json", code=case.code).stdout)
     clouds = content["clouds"]
     cloud = clouds[case.topic] if case.topic else next(iter(clouds.values()))
-    assert cloud["frames"] == len(case.frames)
-    sizes = [len(points) for points in case.frames]
+    assert cloud["frames"] == len(case.content)
+    sizes = [len(points) for points in case.content]
     assert cloud["points"]["max"] == max(sizes) + case.invalid
     assert cloud["points"]["min"] == min(sizes) + case.invalid
-    if len(case.frames[0]) and np.shape(case.frames[0])[1] > 3:
-        values = np.concatenate(case.frames)[:, 3]
+    if len(case.content[0]) and np.shape(case.content[0])[1] > 3:
+        values = np.concatenate(case.content)[:, 3]
         np.testing.assert_allclose(cloud["intensity"], [values.min(), values.max()], rtol=1e-6)
 
 
@@ -94,7 +94,7 @@ def test_evaluate(tmp_path, case):
     run(case, "evaluate", case.build(tmp_path / "in"), "--labels", labels, "-m", "none", "-o", table, code=case.code)
     with closing(table.open()) as file:
         found = [int(row["points_out"]) for row in csv.DictReader(file) if row["method"] == "none"]
-    assert found == [len(points) + case.invalid for points in case.frames]
+    assert found == [len(points) + case.invalid for points in case.content]
 
 
 @pytest.mark.parametrize(

@@ -4,10 +4,11 @@ laspy and lazrs trust the sizes in a file: one wrong bit can cost hours or gigab
 here first. Of a COPC file, a part of the area can be read alone; laspy's reader would decompress it in this process.
 """
 
+import io
 import logging
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +29,8 @@ CHUNK_POINTS = 500_000
 """Number of points that are decompressed at a time."""
 
 _HEAD_BYTES = 104
+_LEGACY_COUNT_AT = 107
+_USER_AT, _USER_BYTES = 2, 16
 _VERSION_AT, _HEADER_BYTES_AT, _VLRS_AT, _EVLRS_AT = 24, 94, 100, 235
 _VLR_BYTES = 54
 _LASZIP = ("laszip encoded", 22204)
@@ -77,8 +80,14 @@ def open_las(path: Path) -> Iterator[Any]:
         if len(head) < _HEAD_BYTES or not head.startswith(b"LASF"):
             raise CloudError("no LAS header")
         check_size(_unpack(file, _VLRS_AT, "<I")[0] * _VLR_BYTES, size)
+        others = _ids_to_replace(file, *_unpack(file, _HEADER_BYTES_AT, "<H"), *_unpack(file, _VLRS_AT, "<I"))
         file.seek(0)
-        with laspy.open(file, read_evlrs=False, laz_backend=laz, closefd=False) as reader:
+        with laspy.open(
+            _Patched(file, others) if others else file, read_evlrs=False, laz_backend=laz, closefd=False
+        ) as reader:
+            if not reader.header.point_count:  # some writers of LAS 1.4 fill in the number of earlier versions only
+                reader.header.point_count = _unpack(file, _LEGACY_COUNT_AT, "<I")[0]
+                file.seek(reader.header.offset_to_point_data)
             count = reader.header.point_count
             if count and not reader.header.are_points_compressed:
                 check_size(reader.header.offset_to_point_data + count * reader.header.point_format.size, size)
@@ -88,6 +97,50 @@ def open_las(path: Path) -> Iterator[Any]:
                     raise MissingExtraError("LAZ", "las")
                 _check_compressed(reader.header, file, size)
             yield reader
+
+
+class _Patched(io.RawIOBase):
+    """File some of whose bytes, by their offset, are others."""
+
+    def __init__(self, file: BinaryIO, others: Mapping[int, bytes]) -> None:
+        self._file, self._others = file, others
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET, /) -> int:
+        return self._file.seek(offset, whence)
+
+    def readinto(self, buffer: Any, /) -> int:
+        at = self._file.tell()
+        data = bytearray(self._file.read(len(buffer)))
+        for start, other in self._others.items():
+            low, high = max(start, at), min(start + len(other), at + len(data))
+            if low < high:
+                data[low - at : high - at] = other[low - start : high - start]
+        buffer[: len(data)] = data
+        return len(data)
+
+
+def _ids_to_replace(file: BinaryIO, at: int, number: int) -> dict[int, bytes]:
+    """Return ASCII for the user ids of records that are not UTF-8, which laspy requires, by their offset."""
+    found = {}
+    for _ in range(number):
+        user, size = _unpack(file, at + _USER_AT, f"<{_USER_BYTES}s2xH")
+        if _ascii(user.split(b"\0")[0]).encode() != user.split(b"\0")[0]:
+            found[at + _USER_AT] = _ascii(user.split(b"\0")[0]).encode().ljust(_USER_BYTES, b"\0")
+        at += _VLR_BYTES + size
+    return found
+
+
+def _ascii(text: bytes) -> str:
+    return text.decode("ascii", "replace").replace("\ufffd", "?")
 
 
 def _laspy() -> Any:
@@ -122,7 +175,7 @@ def _records(file: BinaryIO, at: int, number: int, length: str) -> list[Any]:
         (data,) = _unpack(file, at, f"<{content}s")
         at += content
         user, described = user.split(b"\0")[0], described.split(b"\0")[0]
-        found.append(_laspy().VLR(user.decode("ascii"), kind, described, data))
+        found.append(_laspy().VLR(_ascii(user), kind, described, data))
     return found
 
 

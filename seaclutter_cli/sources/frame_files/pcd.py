@@ -50,6 +50,8 @@ def _layout(header: dict[str, list[str]]) -> np.dtype[np.void]:
         raise CloudError("the PCD header lacks the SIZE, TYPE or COUNT of a field")
     layout = []
     for index, (name, size, kind, number) in enumerate(zip(names, sizes, types, counts, strict=True)):
+        if name == "_" and int(number) == 0:
+            continue
         if size not in _SIZES.get(kind, ()) or int(number) < 1:
             raise CloudError(f"field {name!r} has the invalid type {kind}{size} x {number}")
         shape = (int(number),) if int(number) > 1 else ()
@@ -84,14 +86,23 @@ def _decode(content: bytes, data_line: re.Match[bytes], dtype: np.dtype[np.void]
 
 
 def _decompress(body: memoryview, size: int) -> NDArray[np.uint8]:
-    from pypcd4.pypcd4 import PointCloud  # slow: imports pydantic
-
     packed, unpacked = struct.unpack_from("<II", body)
     check_size(packed + 8, len(body))
     if unpacked != size or unpacked > packed * _MAX_RATIO:
         raise CloudError(f"the compressed points declare {count(unpacked, 'byte')}, the header {size:,}")
     if unpacked > limits().file_bytes(packed):
         raise CloudError(f"the points have {above(count(unpacked, 'byte'), 'file_ratio')}")
+    try:
+        return _lzf(body, size)
+    except Exception:
+        if packed != unpacked:
+            raise
+        return np.frombuffer(body[8 : 8 + size], np.uint8)  # stored, because compression would not make it smaller
+
+
+def _lzf(body: memoryview, size: int) -> NDArray[np.uint8]:
+    from pypcd4.pypcd4 import PointCloud  # slow: imports pydantic
+
     # Read as single bytes: pypcd4 would misread fields of several values and headers of older versions.
     header = _BYTES_HEADER.format(size).encode()
     file: Any = io.BytesIO(b"".join((header, body)))

@@ -1,6 +1,7 @@
 """Parts of frame readers: handling of damaged files, default names of columns, rows of text."""
 
 import io
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -16,6 +17,11 @@ MAX_LINE_BYTES = 1 << 16
 
 _OF_FILES = (IsADirectoryError, WrongFileError)
 _COLUMNS = ("x", "y", "z", "intensity", "ring")
+
+
+# As the C library of Windows writes them.
+_WINDOWS_NAN = re.compile(rb"[+-]?(?:nan\([a-z]*\)|1\.#(?:QNAN|SNAN|IND|NAN)\d*)", re.IGNORECASE)
+_WINDOWS_INF = re.compile(rb"([+-]?)1\.#INF\d*", re.IGNORECASE)
 
 
 @contextmanager
@@ -58,6 +64,7 @@ def parse_rows(
     with other than the right number of numbers, counted from ``first_line``.
     """
     check_lines(body, first_line)
+    body = _WINDOWS_NAN.sub(b"nan", _WINDOWS_INF.sub(rb"\1inf", body))
     if not body.strip():
         return np.empty(0, dtype)
     try:

@@ -23,6 +23,9 @@ _LIMIT_NS = 2**31 * _NANO  # ROS stamps have signed 32-bit seconds.
 _UNITS_NS = ((10**18, 1), (10**15, 10**3), (10**12, 10**6))
 _IN_NAME = re.compile(r"(?<![\d.])([1-9]\d{18}|[1-9]\d{15}|[1-9]\d{12}|[1-9]\d{9}\.\d+)(?![\d.])", re.ASCII)
 
+_TWO_PARTS = re.compile(r"(?<![\d.])([1-9]\d{9})([._-])(\d{1,9})(?![\d.])", re.ASCII)
+_NANO_DIGITS = 9
+
 _USVINLAND = "Laser_Timestamp_Middle.txt"
 _SECONDS_AND_NANOSECONDS = re.compile(r"(?<![\d.])([1-9]\d{9})[^\d.]+(\d{1,9})(?![\d.])", re.ASCII)
 
@@ -68,11 +71,33 @@ def _from_date(text: str) -> int | None:
 
 def from_names(files: Sequence[Path]) -> list[int] | None:
     """Return one stamp per file if all names contain different times in the same unit, otherwise None."""
+    if (stamps := _in_two_parts(files)) is not None:
+        return stamps
     times = [_IN_NAME.search(file.stem) for file in files]
     found = [match[0] for match in times if match]
     stamps = [stamp for text in found if (stamp := parse_time(text)) is not None]
     same_unit = len({len(text.partition(".")[0]) for text in found}) == 1
     return stamps if same_unit and len(set(stamps)) == len(files) else None
+
+
+def _in_two_parts(files: Sequence[Path]) -> list[int] | None:
+    """Return the stamps of files named by seconds and nanoseconds without leading zeros, as the exporter of ROS did.
+
+    Decimals of seconds have as many digits in all names, or leading zeros in some.
+    """
+    found = [_TWO_PARTS.search(file.stem) for file in files]
+    parts = [(match[1], match[2], match[3]) for match in found if match]
+    nanoseconds = [part for _, _, part in parts]
+    if len(parts) < len(files) or len({mark for _, mark, _ in parts}) > 1:
+        return None
+    longest = max(map(len, nanoseconds))
+    is_decimal = parts[0][1] == "." and (
+        min(map(len, nanoseconds)) == longest or any(len(part) > 1 and part[0] == "0" for part in nanoseconds)
+    )
+    if longest != _NANO_DIGITS or is_decimal or max(map(int, nanoseconds)) < _NANO // 10:  # a counter, not a time
+        return None
+    stamps = [int(seconds) * _NANO + int(part) for seconds, _, part in parts]
+    return stamps if len(set(stamps)) == len(files) and max(stamps) < _LIMIT_NS else None
 
 
 def from_time_files(files: Sequence[Path]) -> list[int] | None:
