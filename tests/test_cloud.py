@@ -176,3 +176,24 @@ def test_bytes_after_the_last_point_are_left_out():
     assert bytes(last_row_cut_short.points) == b"abcd"
     with pytest.raises(CloudError, match="the points occupy 5 bytes, but the message has 4"):
         Plain(2, 2, (Field("v", 0, "u1"),), 1, 3, False, b"ab.c").cloud()
+
+
+@pytest.mark.parametrize(
+    ("fields", "stamp_ns", "problem"),
+    [
+        ([PointField("x", 0, "f4")] * 1025, 0, "1,025 fields, at most 1,024"),
+        ([PointField(f"v{k}", 0, "f4", 4) for k in range(40)], 0, "fields overlap"),
+        ([PointField("x", 0, "f4")], 2**63, "1677 and 2262"),
+        ([PointField("x", 0, "f4")], -(2**63) - 1, "1677 and 2262"),
+    ],
+)
+def test_clouds_of_absurd_sizes_are_refused(fields, stamp_ns, problem):
+    with pytest.raises(CloudError, match=problem):
+        Cloud(stamp_ns, "lidar", 1, 1, tuple(fields), 16, 16, False, False, bytes(16))
+
+
+def test_repeated_names_get_underscores():
+    cloud = Cloud(
+        0, "lidar", 1, 1, (PointField("a", 0, "u1"),) * 5 + (PointField("a__", 0, "u1"),), 1, 1, False, False, b"1"
+    )
+    assert cloud.dtype.names == ("a", "a_", "a__", "a___", "a____", "a_____")
