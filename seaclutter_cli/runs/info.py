@@ -194,12 +194,8 @@ class Content(Described):
                 needs.append(f"{topic}: no intensity field with a usual name; name one with --intensity-field")
             elif cloud.frames and cloud.invalid == cloud.points:
                 needs.append(f"{topic}: the clouds contain no valid point, so there is nothing to filter")
-            elif cloud.frames and cloud.intensity[1] == 0:
-                other = f"; use --intensity-field {cloud.other_intensity}" if cloud.other_intensity else ""
-                needs.append(f"{topic}: {cloud.intensity_name} is always 0{other}")
             elif cloud.frames and cloud.intensity[1] < _DEFAULT_THRESHOLD:
-                least, most = cloud.intensity
-                needs.append(f"{topic}: intensities of {least:g} to {most:g} do not fit the default thresholds; use -c")
+                needs.append(f"{topic}: {_weak(cloud)}")
         if not self.clouds:
             needs.append("there are no point clouds that can be read")
         return needs
@@ -230,6 +226,15 @@ def _describe(topic: str, cloud: TopicStatistics, facts: SensorFacts | None, ass
         rows.append(("packets", f"{facts.lost_packets:,} missing, {facts.bad_packets:,} not decodable"))
     form = textwrap.TextWrapper(79, subsequent_indent=" " * 13, break_on_hyphens=False, break_long_words=False)
     return "\n".join((printable(topic), *(form.fill(printable(f"  {name:<10} {text}")) for name, text in rows)))
+
+
+def _weak(cloud: TopicStatistics) -> str:
+    """Return what weak intensities need."""
+    least, most = cloud.intensity
+    if most:
+        return f"intensities of {least:g} to {most:g} do not fit the default thresholds; use -c"
+    other = f"; use --intensity-field {cloud.other_intensity}" if cloud.other_intensity else ""
+    return f"{cloud.intensity_name} is always 0{other}"
 
 
 def _span(limits: Sequence[float]) -> str:
