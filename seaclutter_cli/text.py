@@ -1,6 +1,7 @@
 """Text output: printable names, tables, counts and percentages."""
 
 import os
+import re
 import textwrap
 from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
@@ -8,6 +9,7 @@ from difflib import get_close_matches
 UNKNOWN = "–"
 """Stands for a value that is not known, or a rate without anything to count."""
 
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
 _CELL_CHARACTERS = 200
 _LINE_CHARACTERS = 80
 
@@ -20,8 +22,13 @@ def printable(text: str) -> str:
 
 
 def harmless(value: object) -> object:
-    """Return a value of a table (CSV); an apostrophe precedes a text that looks like a formula of a spreadsheet."""
-    return f"'{value}" if isinstance(value, str) and value.startswith(("=", "+", "-", "@", "\t", "\r")) else value
+    """Return a value of a table (CSV); an apostrophe precedes a text that looks like a formula of a spreadsheet.
+
+    Numbers that are written as text stay as they are.
+    """
+    if not isinstance(value, str) or not value.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return value
+    return value if _NUMBER.fullmatch(value) else f"'{value}"
 
 
 def shortened(text: str, limit: int) -> str:

@@ -11,7 +11,7 @@ from seaclutter_cli.commands.printer import _presentable
 from seaclutter_cli.paths import Identities
 from seaclutter_cli.runs.options.logs import parse_seeds
 from seaclutter_cli.selection import parse_moment
-from seaclutter_cli.text import (
+from seaclutter_cli.text import harmless, (
     count,
     data_size,
     duration,
@@ -65,6 +65,8 @@ from seaclutter_cli.validation import _in_words, merged, yaml_value
             "a number greater than 0 and less than or equal to 1",
         ),
         (yaml_value([1, None, "a: b"]), "[1, null, 'a: b']"),
+        ([harmless(value) for value in ("-1.190", "-2e-05", "+.5", -3)], ["-1.190", "-2e-05", "+.5", -3]),
+        ([harmless(value) for value in ("-1+1", "-", "=2", "@a")], ["'-1+1", "'-", "'=2", "'@a"]),
     ],
 )
 def test_texts(found, expected):

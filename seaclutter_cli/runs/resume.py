@@ -92,7 +92,7 @@ def identity_of(
         "written": {
             k: v
             for k, v in vars(written).items()
-            if k not in ("config", "water", "scene", "record", "method") and (v or k not in _LATER)
+            if k not in ("config", "water", "scene", "objects", "record", "method") and (v or k not in _LATER)
         },
         **others,
     }
