@@ -11,10 +11,11 @@ from seaclutter_cli.commands.printer import _presentable
 from seaclutter_cli.paths import Identities
 from seaclutter_cli.runs.options.logs import parse_seeds
 from seaclutter_cli.selection import parse_moment
-from seaclutter_cli.text import harmless, (
+from seaclutter_cli.text import (
     count,
     data_size,
     duration,
+    harmless,
     legend,
     listed,
     named_folder,
