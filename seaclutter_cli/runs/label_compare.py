@@ -15,7 +15,7 @@ from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels
 from seaclutter_cli.labels import open_labels
 from seaclutter_cli.options import function_of
-from seaclutter_cli.runs.options.logs import CompareOptions
+from seaclutter_cli.runs.options.objects import CompareOptions
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.text import UNKNOWN, count, share, table
 from seaclutter_cli.truth import Boxes

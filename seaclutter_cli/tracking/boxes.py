@@ -134,40 +134,14 @@ def _smoothed(
 
     A Kalman filter of constant velocity runs forward, then the smoother of Rauch, Tung and Striebel back.
     """
-    frames, tracks, _ = places.shape
+    frames = len(places)
     seen = np.isfinite(places[..., 0])
     first, last = seen.argmax(axis=0), frames - 1 - seen[::-1].argmax(axis=0)
-    at, speed = np.full(places.shape, np.nan), np.full(places.shape, np.nan)
-    var = np.full((frames, tracks, 3), np.nan)
-    prior = [np.empty(0)] * frames
-    likelihood = np.zeros(tracks)
-    for f in range(frames):
-        born = first == f
-        noise = deviations[f] ** 2
-        if f:
-            dt = times_s[f] - times_s[f - 1]
-            a, v, p = _ahead(at[f - 1], speed[f - 1], var[f - 1], dt, acceleration)
-            prior[f] = p
-            off = places[f] - a
-            expected = p[:, 0] + noise
-            # What is far off what is expected is doubtful.
-            far = np.hypot(*off.T) ** 2 / (_OUTLYING**2 * expected)
-            noise = np.where(far > 1, noise + (far - 1) * expected, noise)
-            gain = p[:, :2] / (p[:, 0] + noise)[:, None]
-            use = seen[f] & ~born
-            spread = p[:, 0] + noise
-            likelihood[use] -= (np.hypot(*off.T) ** 2 / (2 * spread) + np.log(spread))[use]
-            off, gain = np.where(use[:, None], off, 0.0), np.where(use[:, None], gain, 0.0)
-            at[f], speed[f] = a + gain[:, :1] * off, v + gain[:, 1:] * off
-            var[f] = np.stack(
-                ((1 - gain[:, 0]) * p[:, 0], (1 - gain[:, 0]) * p[:, 1], p[:, 2] - gain[:, 1] * p[:, 1]), axis=1
-            )
-        at[f, born], speed[f, born] = places[f, born], 0.0
-        var[f, born] = np.stack((noise[born], 0 * noise[born], np.full(born.sum(), _SPEED_MS**2)), axis=1)
+    at, speed, var, likelihood = _filtered(places, deviations, times_s, acceleration)
     for f in range(frames - 2, -1, -1):
         go = (first <= f) & (f < last)
         dt = times_s[f + 1] - times_s[f]
-        a, v, p = (values[go] for values in (*_ahead(at[f], speed[f], var[f], dt, acceleration)[:2], prior[f + 1]))
+        a, v, p = (values[go] for values in _ahead(at[f], speed[f], var[f], dt, acceleration))
         own = var[f, go]
         det = np.maximum(p[:, 0] * p[:, 2] - p[:, 1] ** 2, 1e-30)
         cross = np.stack((own[:, 0] + dt * own[:, 1], own[:, 1], own[:, 1] + dt * own[:, 2], own[:, 2]), axis=1)
@@ -189,6 +163,41 @@ def _smoothed(
     over = np.arange(frames)[:, None] > last
     at[over] = speed[over] = np.nan
     return at, speed, likelihood
+
+
+def _filtered(
+    places: Floats, deviations: Floats, times_s: Floats, acceleration: float
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return positions, velocities, variances, shape (F, N, 3), and log-likelihoods of the Kalman filter."""
+    frames, tracks, _ = places.shape
+    seen = np.isfinite(places[..., 0])
+    first = seen.argmax(axis=0)
+    at, speed = np.full(places.shape, np.nan), np.full(places.shape, np.nan)
+    var = np.full((frames, tracks, 3), np.nan)
+    likelihood = np.zeros(tracks)
+    for f in range(frames):
+        born = first == f
+        noise = deviations[f] ** 2
+        if f:
+            dt = times_s[f] - times_s[f - 1]
+            a, v, p = _ahead(at[f - 1], speed[f - 1], var[f - 1], dt, acceleration)
+            off = places[f] - a
+            expected = p[:, 0] + noise
+            # What is far off what is expected is doubtful.
+            far = np.hypot(*off.T) ** 2 / (_OUTLYING**2 * expected)
+            noise = np.where(far > 1, noise + (far - 1) * expected, noise)
+            spread = p[:, 0] + noise
+            gain = p[:, :2] / spread[:, None]
+            use = seen[f] & ~born
+            likelihood[use] -= (np.hypot(*off.T) ** 2 / (2 * spread) + np.log(spread))[use]
+            off, gain = np.where(use[:, None], off, 0.0), np.where(use[:, None], gain, 0.0)
+            at[f], speed[f] = a + gain[:, :1] * off, v + gain[:, 1:] * off
+            var[f] = np.stack(
+                ((1 - gain[:, 0]) * p[:, 0], (1 - gain[:, 0]) * p[:, 1], p[:, 2] - gain[:, 1] * p[:, 1]), axis=1
+            )
+        at[f, born], speed[f, born] = places[f, born], 0.0
+        var[f, born] = np.stack((noise[born], 0 * noise[born], np.full(born.sum(), _SPEED_MS**2)), axis=1)
+    return at, speed, var, likelihood
 
 
 def _ahead(at: Floats, speed: Floats, var: Floats, dt: float, q: float) -> tuple[Floats, Floats, Floats]:
