@@ -71,7 +71,7 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     >>> import seaclutter
     >>> result = seaclutter.evaluate("samples/sea.mcap", "samples/sea.labels.csv", methods=["joint", "none"])
     >>> {name: (summary.n_fp, summary.n_fn) for name, summary in result.totals().items()}
-    {'joint': (14, 8), 'none': (60, 0)}
+    {'joint': (14, 8), 'none': (60, 0), 'ideal': (0, 0)}
     """
     observer = options.watching
     check_labelled(options)
