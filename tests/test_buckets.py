@@ -90,7 +90,7 @@ def test_observers_hear_of_urls():
     listener = Listener()
     run(URL, listener)
     assert listener.heard[0] == f"{URL}: odd"
-    assert listener.heard[1].startswith(f"{URL}: byte 5: cut; ")
+    assert listener.heard[1].startswith(f"{URL}: byte 5: cut")
 
 
 def test_a_run_within_a_run_has_the_same_folder():

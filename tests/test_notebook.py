@@ -17,4 +17,4 @@ def test_the_notebook_runs():
     assert sum("image/png" in output.get("data", {}) for output in outputs) == 2
     assert not any(output.output_type == "stream" and output.name == "stderr" for output in outputs)
     last = outputs[-1]["data"]["text/plain"]
-    assert last == "{'joint': (14, 8), 'ring_intensity': (32, 0), 'none': (60, 0)}"
+    assert last == "{'joint': (14, 8), 'ring_intensity': (32, 0), 'none': (60, 0), 'ideal': (0, 0)}"

@@ -35,7 +35,7 @@ def compare_labels(options: CompareOptions) -> "LabelComparison":
     >>> labels = "samples/sea.labels.csv"
     >>> same = seaclutter.compare_labels(labels, labels)
     >>> same.changes["unchanged"], same.good
-    (120, 120)
+    (180, 180)
     """
     before, numbers_before = _opened(options.proposed)
     after, numbers_after = _opened(options.corrected)

@@ -268,7 +268,8 @@ def from_entries(entries: Mapping[str, str], paths: Iterable[Path]) -> tuple[dic
 def _tally_as_json(tally: TopicTally) -> dict[str, Any]:
     sums = {name: getattr(tally, name) for name in _SUMS}
     end = None if tally.counts[Reason.MIRRORED] else Reason.MIRRORED  # as written before there was this reason
-    return {**sums, "counts": tally.counts[:end]}
+    undecided = {"undecided": tally.undecided.reshape(-1)} if tally.undecided.any() else {}
+    return {**sums, **undecided, "counts": tally.counts[:end]}
 
 
 def _damage_from_json(stored: Mapping[str, Any], by_name: Mapping[str, Path]) -> Damage:
@@ -285,6 +286,7 @@ def _tally_from_json(stored: Mapping[str, Any]) -> TopicTally:
     if not 0 <= len(tally.counts) - len(counts) <= 1 or len(tally.water) != len(WATER_COLUMNS):
         raise ValueError("numbers are missing")
     tally.counts[: len(counts)] = counts
+    tally.undecided[:] = _array(stored.get("undecided", [0] * tally.undecided.size), "i").reshape(tally.undecided.shape)
     if rings is not None:
         tally.rings = Rings(**{name: _array(values, "if") for name, values in rings.items()})
         sizes = {len(values) for name, values in vars(tally.rings).items() if name != "beyond"}

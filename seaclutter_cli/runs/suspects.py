@@ -58,7 +58,7 @@ def find_suspects(options: SuspectsOptions) -> "SuspectsResult":
     >>> (found,) = seaclutter.find_suspects("samples/sea.mcap", method="joint").outcomes
     >>> first = found.suspects["removed"][0]
     >>> first.frames > 5, max(first.reasons, key=first.reasons.get)
-    (True, 'low_intensity')
+    (True, 'outlier')
     """
     observer, folder = options.watching, options.picture_folder
     config = configured(options)

@@ -228,7 +228,7 @@ def test_an_output_that_cannot_be_written_shows_before_the_work(folder, line, mo
     os.mkfifo(folder / "x")
     monkeypatch.setattr(Recording, "open", lambda *_, **__: pytest.fail("opened"))
     result = run(f"{line} --force")
-    assert result.exit_code == 1, result.output
+    assert result.exit_code == 2, result.output
     assert "x: not a regular file, cannot be replaced" in result.stderr
 
 
@@ -291,7 +291,7 @@ def test_a_failure_at_the_very_end_changes_nothing(folder, given, error, monkeyp
             raise error
 
     monkeypatch.setattr(CompleteFile, "prepare", fail)
-    assert run(line).exit_code == 1
+    assert run(line).exit_code == (130 if isinstance(error, KeyboardInterrupt) else 1)
     assert content(folder) == before
 
 

@@ -141,7 +141,7 @@ def test_an_error_of_one_tile_leaves_the_others(survey, tmp_path):
     (tiles / "nw.laz").write_bytes(damaged)
     result = separate(tiles, "-o", f"{tmp_path / 'out'}/", "-j", 2, "--json", "--manifest", tmp_path / "m.csv", code=1)
     assert f"Error: {tiles / 'nw.laz'}: " in result.stderr
-    assert "sw: no margin from nw.laz, which cannot be read" in result.stderr
+    assert "no margin from nw.laz, which cannot be read" in result.stderr
     rows = json.loads(result.stdout)
     assert [(row["tile"], row["status"], row["output"] is None) for row in rows] == [
         ("ne", "done", False),

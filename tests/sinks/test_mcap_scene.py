@@ -63,7 +63,7 @@ def test_without_labels_there_are_clusters(log, tmp_path):
 def test_objects_keep_their_ids(tmp_path):
     filtered(ROOT / "samples" / "sea.mcap", tmp_path / "f.mcap", "-m", "confirmed", "-n", 20, "--with-scene")
     last = {entity.id: entity for entity in scenes(tmp_path / "f.mcap")[-1].entities}
-    boat = last["/points object 1"]
+    boat = last["/points object 2"]
     assert (len(boat.cubes), len(boat.arrows)) == (1, 1)
     assert 6 < float({pair.key: pair.value for pair in boat.metadata}["vy_ms"]) < 8
     with AnyReader([tmp_path / "f.mcap"]) as reader:

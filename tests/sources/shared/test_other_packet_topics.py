@@ -144,7 +144,6 @@ def test_a_truncated_packet_is_reported(tmp_path):
 
 
 UNDECODED = (
-    "robosense_msgs/msg/RobosenseScan",
     "robosense_msgs/msg/RobosensePacket",
     "innovusion_msgs/msg/InnovusionPacket",
     "innovusion_msgs/msg/InnovusionScan",

@@ -43,6 +43,8 @@ class Tens(PacketFamily):
 
 
 class TensDecoder:
+    places_end = 1 << 62
+
     def __init__(self):
         self.facts = SensorFacts("Tens", warnings=["a toy"])
         self.packets = []
@@ -57,6 +59,9 @@ class TensDecoder:
             self.packets.append((time_ns, payload[0], len(payload)))
             if len(self.packets) == 10:
                 yield self.frame()
+
+    def places(self, packets):
+        return packets.times_ns
 
     def finish(self):
         if self.packets:
@@ -78,6 +83,7 @@ class Log:
     facts = MappingProxyType({})
     metadata = ()
     span_ns = None
+    has_times = True
 
     def __init__(self, records, channels, *, counts=None):
         self._records, self.channels = records, channels
