@@ -103,7 +103,7 @@ class PacketOrder:
 def _most(packets: Packets) -> int:
     """Return the number of packets with which later ones are compared."""
     size = int(packets.payloads.shape[1])
-    return max(min(_MOST_PACKETS, _MOST_BYTES // size), _LEAST_HELD)
+    return max(min(_MOST_PACKETS, _MOST_BYTES // max(size, 1)), _LEAST_HELD)
 
 
 def _repeats(places: _Places, packets: Packets) -> NDArray[np.bool_]:
