@@ -105,13 +105,10 @@ class Cloud:
             raise CloudError(f"{count(len(self.fields), 'field')}, at most {MAX_FIELDS:,} are supported")
         if not -_MAX_STAMP_NS <= self.stamp_ns < _MAX_STAMP_NS:
             raise CloudError("the stamp of the header is not between the years 1677 and 2262")
-        if (
-            sum(field.end - field.offset for field in self.fields) > _MAX_OVERLAP * max(self.point_step, 1)
-            and self.size
-        ):
-            raise CloudError(f"the fields overlap: they have more than {_MAX_OVERLAP} times the bytes of a point")
         if self.size and self.point_step <= 0:
             raise CloudError(f"point_step must be positive for {count(self.size, 'point')}, got {self.point_step}")
+        if self.size and sum(field.end - field.offset for field in self.fields) > _MAX_OVERLAP * self.point_step:
+            raise CloudError(f"the fields overlap: they have more than {_MAX_OVERLAP} times the bytes of a point")
         if self._pitch < self.width * self.point_step:
             raise CloudError(
                 f"a row of {count(self.row_step, 'byte')} cannot contain {count(self.width, 'point')} of "

@@ -230,7 +230,8 @@ def sea_points(size: int, seed: Sequence[int] = (0,)) -> np.ndarray:
     points["intensity"][on_target] = (30 + random.normal(0, 8, size))[on_target]
     points["x"], points["y"] = range_m * np.cos(bearing), range_m * np.sin(bearing)
     points["z"] = random.normal(0, 0.3, size)
-    points["x"][:: size // 20 or 1] = np.nan
+    for axis in "xyz":
+        points[axis][:: size // 20 or 1] = np.nan
     points["ring"], points["timestamp"] = np.arange(size) % 32, np.arange(size) * 1e-6
     return points
 

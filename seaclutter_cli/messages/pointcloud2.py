@@ -140,7 +140,10 @@ def _room(size: int, packed: int) -> int:
 
 def _unpack_zstd(packed: Buffer, size: int) -> bytes:
     with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream:
-        return stream.read(size + 1)
+        data = stream.read(size + 1)
+    if len(data) < min(zstandard.frame_content_size(packed), size):
+        raise zstandard.ZstdError("incomplete")
+    return data
 
 
 def _unpack_zlib(packed: Buffer, size: int) -> bytes:

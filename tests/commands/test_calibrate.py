@@ -163,7 +163,7 @@ def test_rings_with_few_or_no_points(tmp_path, out):
 
 def test_gaps_between_the_circles_of_beams_are_not_the_end(tmp_path, out):
     cloud = np.zeros(900, POINT)
-    cloud["x"] = np.repeat([12, 16, 31], 300)
+    cloud["x"], cloud["intensity"] = np.repeat([12, 16, 31], 300), 5
     log = write_log(tmp_path / "log.mcap", make=lambda _: cloud)
     assert data(log, "-o", out)["end_m"] == 40
 

@@ -170,8 +170,11 @@ def test_wrong_row_steps(encoding):
         assert bytes(cloud.select(np.array([False, True])).data) == points[26:]
     left_out = CODECS[encoding].decode(serialised(Plain(2, 1, RSLIDAR, 26, 0, False, points), encoding))
     assert left_out.points["ring"].tolist() == [0x1110, 0x2B2A]
+    wrong = CODECS[encoding].decode(serialised(Plain(2, 1, RSLIDAR, 26, 25, False, points), encoding))
+    assert wrong.has_wrong_rows
+    assert wrong.points["ring"].tolist() == [0x1110, 0x2B2A]
     with pytest.raises(CloudError, match="a row of 25 bytes cannot contain 1 point of 26 bytes"):
-        CODECS[encoding].decode(serialised(Plain(2, 1, RSLIDAR, 26, 25, False, points), encoding))
+        CODECS[encoding].decode(serialised(Plain(2, 1, RSLIDAR, 26, 25, False, points + b"x"), encoding))
 
 
 @pytest.mark.parametrize(
@@ -182,7 +185,7 @@ def test_wrong_row_steps(encoding):
         ({"width": 3}, "the points occupy 78 bytes, but the message has 52"),
         ({"width": 2**32 - 1, "height": 2**32 - 1, "row_step": 2**32 - 1}, "cannot contain"),
         ({"fields": (Field("x", 2**32 - 1, "f4"),)}, "does not fit into"),
-        ({"fields": (Field("x", 0, "f8", 2**32 - 1),)}, "does not fit into"),
+        ({"fields": (Field("x", 0, "f8", 2**32 - 1),)}, "the fields overlap"),
         ({"width": 0, "fields": (Field("x", 0, "f8", 2**32 - 1),)}, "a point must have"),
         ({"width": 0, "data": b"", "point_step": 2**32 - 1}, "a point must have"),
         ({"fields": RSLIDAR[:1] * 1025}, "declares 1,025 fields, at most 1024"),
@@ -194,7 +197,8 @@ def test_impossible_layouts(changes, message):
 
 
 def test_the_maximum_number_of_fields():
-    plain = Plain(**{**vars(PLAIN), "fields": RSLIDAR[:1] * 1024})
+    fields = tuple(Field(f"v{k}", k, "u1") for k in range(1024))
+    plain = Plain(1, 2, fields, 1024, 2048, False, bytes(2048))
     assert len(CODECS["cdr"].decode(serialised(plain, "cdr")).fields) == 1024
 
 

@@ -75,7 +75,7 @@ def test_evaluate_counts_detections(tmp_path):
     words = [word for setting in settings for word in ("-s", f"evaluation.{setting}")]
     log = folder / "scenario2_detections.json"
     run("evaluate", log, "-t", RADAR, "--labels", folder, "-m", "none", *words, "--summary", tmp_path / "s.json")
-    (summary,) = json.loads((tmp_path / "s.json").read_text())["methods"].values()
+    summary = json.loads((tmp_path / "s.json").read_text())["methods"]["none"]
     assert (summary["frames"], summary["N_FP"]) == (1, 1), "one of three positions is at no target"
     assert (
         "choose from: -t /lidar/detections -t /radar/detections"
