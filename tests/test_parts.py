@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from unittest.mock import patch
 
 import pytest
 
@@ -21,11 +22,12 @@ def dead_pid():
 
 def part_of(target, *, pid=None, host=None):
     """Create an incomplete file as another process would."""
-    name = part_path(target)
-    release(name)
-    base, _, end = name.name.rpartition(f"-{os.getpid()}-")
-    base = base if host is None else f"{base.rpartition('.')[0]}.{host}"
-    path = target.with_name(f"{base}-{os.getpid() if pid is None else pid}-{end}")
+    with patch("os.getpid", return_value=os.getpid() if pid is None else pid):
+        path = part_path(target)
+    release(path)
+    if host is not None:
+        base, _, end = path.name.rpartition(f"-{pid}-")
+        path = path.with_name(f"{base.rpartition('.')[0]}.{host}-{pid}-{end}")
     path.touch()
     return path
 
