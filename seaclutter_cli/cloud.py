@@ -192,7 +192,7 @@ class Cloud:
             points = self._rows(self.dtype, data)
             self._require_floats("the pose of the cloud cannot be applied")
             xyz = np.stack([points[axis].astype(np.float64) for axis in "xyz"])
-            moved = np.tensordot(_rotation(*self.pose[3:]), xyz, 1)
+            moved = np.tensordot(rotation(*self.pose[3:]), xyz, 1)
             for axis, values, origin in zip("xyz", moved, self.pose[:3], strict=True):
                 points[axis] = values + origin
         return replace(self, data=memoryview(data), pose=None)
@@ -217,7 +217,7 @@ class Cloud:
         return replace(self, height=1, width=len(points), fields=fields, point_step=step, row_step=len(data), data=data)
 
 
-def _rotation(x: float, y: float, z: float, w: float) -> NDArray[np.float64]:
+def rotation(x: float, y: float, z: float, w: float) -> NDArray[np.float64]:
     """Return the rotation matrix of a quaternion of any length; no rotation if all of it is 0."""
     x, y, z, w = np.array((x, y, z, w)) / (np.sqrt(x * x + y * y + z * z + w * w) or 1.0)
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +15,17 @@ from seaclutter_cli.errors import CloudError, MissingExtraError, UnsupportedClou
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import declares_latched, find_codec
-from seaclutter_cli.messages.navigation import Navigation
 from seaclutter_cli.records import Channel, Damage, Message, Record
 from seaclutter_cli.selection import Selection, Window, cloud_channels
+
+if TYPE_CHECKING:
+    from seaclutter_cli.messages.navigation import Navigation
 
 _LATCHED_TOPICS = re.compile(r"(^|/)(tf_static|robot_description)$")
 _LATCHED_TYPES = re.compile(r"(^|/|\.)(CameraInfo|CameraCalibration)$")
 
 _MAX_SENSORS = 64
-_ATTITUDE_NS = 200_000_000
+_ATTITUDE_NS, _MOST_FRAMES, _MOST_RECORDS = 200_000_000, 16, 4096
 
 
 def frames(source: Source, selection: Selection) -> Iterator[Frame]:
@@ -111,27 +114,33 @@ def with_attitudes(
 ) -> Iterator[tuple[Record, Frame | None]]:
     """Yield records, frames with own ship's attitude where the log has it around their stamps.
 
-    A frame waits for that, and records behind it, until the log is 0.2 s ahead. ``channels`` are those of the log.
+    A frame waits for that, and records behind it, until the log is 0.2 s ahead, or too many wait. ``channels`` are
+    those of the log.
     """
+    from seaclutter_cli.messages.navigation import Navigation  # not needed by most methods
+
     if not any(map(Navigation.tells_attitude, channels)):
         yield from records
         return
-    navigation, held, now_ns = Navigation(), deque[tuple[Record, Frame | None]](), 0
+    navigation, held, now_ns, waiting = Navigation(), deque[tuple[Record, Frame | None]](), 0, 0
     for record, frame in records:
         held.append((record, frame))
+        waiting += frame is not None
         if isinstance(record, Message):
             navigation.see(record)
             now_ns = record.log_time_ns
         while held:
             first = _with_attitude(held[0][1], navigation)
-            if first and not first.attitude and now_ns - first.log_time_ns <= _ATTITUDE_NS:
+            has_room = waiting <= _MOST_FRAMES and len(held) <= _MOST_RECORDS
+            if first and not first.attitude and now_ns - first.log_time_ns <= _ATTITUDE_NS and has_room:
                 break
+            waiting -= first is not None
             yield held.popleft()[0], first
     for record, frame in held:
         yield record, _with_attitude(frame, navigation)
 
 
-def _with_attitude(frame: Frame | None, navigation: Navigation) -> Frame | None:
+def _with_attitude(frame: Frame | None, navigation: "Navigation") -> Frame | None:
     return frame and replace(frame, attitude=navigation.attitude(frame.cloud.frame_id, frame.stamp_ns))
 
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from recordings import LabelledFrame, Recording, calibrated_thresholds, simulate
 from variants import ABLATIONS, CALIBRATED, Variant
 
-from seaclutter_cli.evaluation import EvaluationParams
+from seaclutter_cli.evaluation import IDEAL, EvaluationParams
 from seaclutter_cli.evaluation.matching import FrameTargets, Matches, finder_of, match_clusters, targets_of
-from seaclutter_cli.evaluation.scores import IDEAL, Summary, ideal, score_frame
+from seaclutter_cli.evaluation.scores import Summary, ideal, score_frame
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.simulation.layouts import scene_class
 

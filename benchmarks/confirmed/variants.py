@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.config import load_config
-from seaclutter_cli.evaluation.scores import IDEAL
+from seaclutter_cli.evaluation import IDEAL
 from seaclutter_cli.filters import FILTERS, confirmed
 from seaclutter_cli.filters.confirmation.echoes import Heights, measure
 from seaclutter_cli.filters.confirmation.objects import DetectedObject, find_objects

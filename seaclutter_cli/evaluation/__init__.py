@@ -5,6 +5,9 @@ from typing import Literal
 
 from seaclutter_cli.params import Count, NotNegative, Positive, key
 
+IDEAL = "ideal"
+"""Name of an imagined method that keeps exactly the points of targets: what it misses, no filter could find."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluationParams:

@@ -129,10 +129,6 @@ def score_frame(
     return scores
 
 
-IDEAL = "ideal"
-"""Name of an imagined method that keeps exactly the points of targets: what it misses, no filter could find."""
-
-
 def ideal(frame: Frame, truth: Truth, params: EvaluationParams) -> FilterResult:
     """Return the result of `IDEAL` for a frame."""
     points = point_truth(frame, truth, params)

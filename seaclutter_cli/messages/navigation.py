@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.cloud import rotation
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.frame import Attitude
 from seaclutter_cli.messages.definitions import full_name
@@ -137,7 +138,7 @@ class Navigation:
         if found is None:
             return None
         at, turn, _ = found
-        axes = _matrix(turn)
+        axes = rotation(*turn)
         if axes[2, 2] < _UPRIGHT:  # not upright: positions seen from above would be mirrored
             return None
         return float(at[0]), float(at[1]), math.atan2(axes[1, 0], axes[0, 0])
@@ -154,14 +155,14 @@ class Navigation:
             if sample is None or len(gyro.edge.samples) == 1:
                 return None
             (root, to_root), (other, from_imu) = self._mounted(name), self._mounted(gyro.frame_id)
-            axes = _matrix(sample.turn)
+            axes = rotation(*sample.turn)
             if root == other:
                 axes = axes @ from_imu.T @ to_root
             elif axes[2, 2] < 0:  # its z axis is down
                 axes = axes @ np.diag((1.0, -1.0, -1.0))
             return Attitude(axes, (gyro.topic, gyro.frame_id, gyro.breaks))
         found = self._in_fixed(name, stamp_ns, _CONTINUOUS, late_ns=0)
-        return None if found is None else Attitude(_matrix(found[1]), ("transforms", found[2], 0))
+        return None if found is None else Attitude(rotation(*found[1]), ("transforms", found[2], 0))
 
     def _mounted(self, name: str) -> tuple[str, Floats]:
         """Return the topmost frame above a frame to which fixed transforms lead, and the rotation to its axes."""
@@ -170,19 +171,19 @@ class Navigation:
             edge = self._edges.get(name)
             if edge is None or len(edge.samples) > 1:
                 break
-            name, axes = edge.parent, _matrix(edge.samples[0].turn) @ axes
+            name, axes = edge.parent, rotation(*edge.samples[0].turn) @ axes
         return name, axes
 
     def fix(self, frame_id: str, stamp_ns: int) -> Fix | None:
         """Return where on earth a frame is; None if it is not known."""
         found = self._in_fixed(frame_id, stamp_ns, _EARTH)
         if found is not None and found[2] == _EARTH:
-            return _from_earth(found[0], _matrix(found[1]))
+            return _from_earth(found[0], rotation(*found[1]))
         if self._fix is None or self._imu is None:
             return None
         if max(abs(stamp_ns - self._fix[0]), abs(stamp_ns - self._imu[0])) > 2 * _STALE_NS:
             return None
-        axes = _matrix(self._imu[1])
+        axes = rotation(*self._imu[1])
         return Fix(*self._fix[1:], math.atan2(axes[1, 0], axes[0, 0]))
 
     def _in_fixed(
@@ -200,7 +201,7 @@ class Navigation:
             sample = edge.at(stamp_ns, late_ns)
             if sample is None:
                 return None
-            at, turn = _matrix(sample.turn) @ at + sample.at, _product(sample.turn, turn)
+            at, turn = rotation(*sample.turn) @ at + sample.at, _product(sample.turn, turn)
             moves |= len(edge.samples) > 1
             name = edge.parent
         return None
@@ -306,15 +307,3 @@ def _product(first: Floats, second: Floats) -> Floats:
     """Return the quaternion that turns by the second, then by the first."""
     (a, p), (b, q) = ((turn[3], turn[:3]) for turn in (first, second))
     return np.array([*(a * q + b * p + np.cross(p, q)), a * b - p @ q])
-
-
-def _matrix(turn: Floats) -> Floats:
-    """Return the rotation matrix of a quaternion."""
-    x, y, z, w = turn.tolist()
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )

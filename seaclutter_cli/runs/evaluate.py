@@ -11,9 +11,9 @@ from typing import IO, TYPE_CHECKING, Any
 from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import InputError, LabelError
+from seaclutter_cli.evaluation import IDEAL
 from seaclutter_cli.evaluation.label_check import LabelCheck
 from seaclutter_cli.evaluation.scores import (
-    IDEAL,
     FrameScore,
     Parts,
     Summary,

@@ -20,7 +20,7 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import InfoOptions
 from seaclutter_cli.runs.recordings import RecordingsResult, expand, expected_frames, opened, statuses, storing_errors
-from seaclutter_cli.runs.surroundings import Surroundings
+from seaclutter_cli.runs.surroundings import Surroundings, smallest
 from seaclutter_cli.runs.topic_statistics import Described, TopicStatistics
 from seaclutter_cli.sources.mcap.excerpt import Excerpt, excerpt
 from seaclutter_cli.sources.recordings import Recording
@@ -220,7 +220,8 @@ def _describe(topic: str, cloud: TopicStatistics, facts: SensorFacts | None, ass
         details = (f"{name}: {text}" for name, text in facts.details.items())
         rows[-1] = ("sensor", "; ".join((facts.model, *details)))
     if around := cloud.around:
-        seen = {"own ship": around.own_ship(), "beams": around.smallest(cloud.sensor(facts).models)}
+        beams = smallest(cloud.sensor(facts).models, around.beams_deg, around.level_m)
+        seen = {"own ship": around.own_ship(), "beams": beams}
         rows += [(name, text) for name, text in seen.items() if text]
     if facts and facts.from_packets:
         rows.append(("packets", f"{facts.lost_packets:,} missing, {facts.bad_packets:,} not decodable"))

@@ -13,7 +13,7 @@ from typing import Any
 from seaclutter_cli.config import Config, ConfigSource, UnnamedFile, load_config
 from seaclutter_cli.documents import DocumentError, load_yaml
 from seaclutter_cli.errors import ConfigError, UsageError
-from seaclutter_cli.evaluation.scores import IDEAL
+from seaclutter_cli.evaluation import IDEAL
 from seaclutter_cli.filters import FILTERS, OPTIONAL
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ConfigOptions, MethodOptions

@@ -6,7 +6,8 @@ from itertools import chain
 from operator import attrgetter, methodcaller
 from typing import IO, Literal, TypeVar
 
-from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, IDEAL, POINT_COLUMNS, FrameScore, Summary
+from seaclutter_cli.evaluation import IDEAL
+from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, Summary
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.runs.outputs import PackedRows
 from seaclutter_cli.sinks.csv import csv_line

@@ -46,17 +46,20 @@ class Surroundings(OwnShip):
             "use filter.start_m: auto, or a lower one"
         )
 
-    def smallest(self, models: tuple[str, ...]) -> str | None:
-        """Return up to which range the beams of a lidar meet a small buoy; None if beams or water are unknown."""
-        known = [LIDARS[name].elevations_deg for name in models if name in LIDARS]
-        elevations = np.sort(known[0]) if known else self.beams_deg
-        if elevations is None or self.level_m is None or self.level_m >= 0:
-            return None
-        one, two = (met_up_to_m(elevations, _BUOY_M, -self.level_m, beams) for beams in (1, 2))
-        by_two = f"by two up to {two} m" if two else "nowhere by two"
-        return f"a buoy of {_BUOY_M} m " + (
-            f"is met by one beam up to {one} m, {by_two}" if one else "can lie between beams"
-        )
+
+def smallest(models: tuple[str, ...], beams_deg: NDArray[np.float64] | None, level_m: float | None) -> str | None:
+    """Return up to which range the beams of a lidar meet a small buoy; None if beams or water are unknown.
+
+    Beams are those of the first known model, else at ascending elevations; the water is at a height from the lidar.
+    """
+    known = [LIDARS[name].elevations_deg for name in models if name in LIDARS]
+    elevations = np.sort(known[0]) if known else beams_deg
+    if elevations is None or level_m is None or level_m >= 0:
+        return None
+    one, two = (met_up_to_m(elevations, _BUOY_M, -level_m, beams) for beams in (1, 2))
+    by_two = f"by two up to {two} m" if two else "nowhere by two"
+    met = f"is met by one beam up to {one} m, {by_two}" if one else "can lie between beams"
+    return f"a buoy of {_BUOY_M} m {met}"
 
 
 def met_up_to_m(elevations_deg: NDArray[np.float64], height_m: float, lidar_m: float, beams: int) -> int:

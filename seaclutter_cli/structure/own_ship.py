@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.frame import Frame
@@ -16,7 +15,7 @@ from seaclutter_cli.water import Mounting
 _EVERY = 5
 _WINDOWS = 6
 _MARGIN_M = 0.5
-_BESIDE = 11
+_BESIDE = 5
 _MIN_POINTS = 5
 _MOST_POINTS = 1 << 17
 
@@ -118,4 +117,4 @@ def _outline(mask: StructureMask) -> Floats:
     for one in mask.sectors:
         column = int(one.azimuth_min_deg + 180)
         outline[column] = max(outline[column], one.range_max_m + _MARGIN_M)
-    return np.asarray(ndimage.maximum_filter1d(outline, _BESIDE, mode="wrap"))
+    return np.asarray(np.max([np.roll(outline, shift) for shift in range(-_BESIDE, _BESIDE + 1)], axis=0))

@@ -5,7 +5,6 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.structure.mask import Floats, Sector, StructureMask, azimuth_deg, elevation_deg
@@ -256,6 +255,8 @@ def _count(counts: NDArray[np.unsignedinteger], direction: NDArray[np.int64], de
 
 def _connected(strong: NDArray[np.bool_], weak: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return the part of each weak cell, (rows, columns, bins), from 1 if connected to strong ones; else 0."""
+    from scipy import ndimage  # slow to import, not needed while the first frames come
+
     around = np.ones((3, 3, 3))
     wrapped = np.concatenate((strong[:, -1:], strong, strong[:, :1]), axis=1)
     neighbors = ndimage.convolve(wrapped.astype(np.uint8), around.astype(np.uint8), mode="constant")[:, 1:-1]
@@ -280,6 +281,8 @@ def _ends_within(parts: NDArray[np.int64], share: NDArray[np.float32]) -> NDArra
 
     Arrays have the shape (rows, columns, bins): the part of each cell, from 1, 0 for none, and its share of the frames.
     """
+    from scipy import ndimage
+
     near = ndimage.uniform_filter1d(share, _BESIDE_BINS, axis=2, mode="constant") * (_BESIDE_BINS / 2)
     occupied = (parts > 0).any(axis=2)
     borders, ongoing = np.zeros(parts.max() + 1), np.zeros(parts.max() + 1)

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.tracking.tracker import ahead
+
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -202,10 +204,4 @@ def _filtered(
 
 def _ahead(at: Floats, speed: Floats, var: Floats, dt: float, q: float) -> tuple[Floats, Floats, Floats]:
     """Return positions, velocities and variances after a time."""
-    position, both, velocity = var.T
-    ahead = (
-        position + 2 * dt * both + dt**2 * velocity + q * dt**3 / 3,
-        both + dt * velocity + q * dt**2 / 2,
-        velocity + q * dt,
-    )
-    return at + dt * speed, speed, np.stack(ahead, axis=1)
+    return at + dt * speed, speed, np.stack(ahead(var[:, 0], var[:, 1], var[:, 2], dt, q), axis=1)

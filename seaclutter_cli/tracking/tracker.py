@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,18 @@ _JITTER_M, _JITTER_SHARE, _LEARNED = 0.15, 0.1, 0.2
 _STEP_M, _STEP_SPEED_MS, _MAX_STEP_M = 0.4, 5.0, 4.0
 _KNOWN_AFTER_S, _NEW_COAST_S, _COAST_S = 0.5, 0.5, 5.0
 _SLACK_S = 1e-6
+
+
+V = TypeVar("V", float, Floats)
+
+
+def ahead(position: V, both: V, velocity: V, dt: float, acceleration: float) -> tuple[V, V, V]:
+    """Return the variances of position, both, and velocity after a time, for white noise of acceleration."""
+    return (
+        position + 2 * dt * both + dt**2 * velocity + acceleration * dt**3 / 3,
+        both + dt * velocity + acceleration * dt**2 / 2,
+        velocity + acceleration * dt,
+    )
 
 
 @dataclass(eq=False)
@@ -54,13 +67,7 @@ class Track:
 
     def predicted(self, time_s: float) -> tuple[float, float, float]:
         """Return the variances at a time."""
-        position, both, velocity = self.variance
-        dt, q = time_s - self.seen_s, _ACCELERATION
-        return (
-            position + 2 * dt * both + dt**2 * velocity + q * dt**3 / 3,
-            both + dt * velocity + q * dt**2 / 2,
-            velocity + q * dt,
-        )
+        return ahead(*self.variance, time_s - self.seen_s, _ACCELERATION)
 
     def gate_m(self, time_s: float, interval_s: float) -> float:
         """Return the distance from the place where its parts are expected within which they may be.

@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
-from seaclutter_cli.runs.surroundings import Surroundings, met_up_to_m
+from seaclutter_cli.runs.surroundings import Surroundings, met_up_to_m, smallest
 from seaclutter_cli.simulation.lidar.models import LIDARS
 from tests.filters.seas import Body
 from tests.paths import ROOT
@@ -55,7 +55,7 @@ def test_own_ship_and_water_alone_give_none():
     assert around(sea(frames=20)).warning() is None
     assert around(sea(mast=MAST[:0], frames=20)).own_ship().startswith("nothing constant from 3 to 10 m")
     few = around(sea(frames=19))
-    assert (few.warning(), few.own_ship(), few.smallest(("OS1-64",))) == (None, None, None)
+    assert (few.warning(), few.own_ship(), smallest(("OS1-64",), few.beams_deg, None)) == (None, None, None)
 
 
 def test_info_shows_own_ship_and_the_smallest_buoy():

@@ -43,6 +43,7 @@ _COPC_INFO = struct.Struct("<5dQQ")
 _COPC_ENTRY = np.dtype([("level", "<i4"), ("key", "<i4", 3), ("offset", "<u8"), ("bytes", "<i4"), ("points", "<i4")])
 _COPC_PAGE = -1
 _DEEPEST = 30
+_OF_NAN = np.iinfo(np.int32).min
 _COPC = ("copc", 1)
 # laspy logs errors before it raises them; without a handler, the log would reach standard error.
 logging.getLogger("laspy").addHandler(logging.NullHandler())
@@ -50,6 +51,8 @@ logging.getLogger("laspy").addHandler(logging.NullHandler())
 
 def read_las(path: Path) -> Cloud:
     """Return the points of a LAS or LAZ file: scaled x, y, z as float64, all other dimensions unchanged.
+
+    Points that a writer made of NaN have NaN again.
 
     `CloudError` if the file is not a LAS file, or does not contain the number of points in its header;
     `MissingExtraError` if laspy, or its LAZ backend, is not installed.
@@ -248,6 +251,10 @@ def _structured(part: Any) -> NDArray[Any]:
     points = np.empty(len(part), [(name, column.dtype, column.shape[1:]) for name, column in columns.items()])
     for name, column in columns.items():
         points[name] = column
+    # NumPy makes this integer of NaN, and so do writers.
+    nowhere = np.all([np.asarray(part[axis]) == _OF_NAN for axis in "XYZ"], axis=0)
+    for axis in "xyz":
+        points[axis][nowhere] = np.nan
     return points
 
 
