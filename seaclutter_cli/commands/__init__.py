@@ -128,8 +128,8 @@ def _lacks_memory(error: BaseException) -> bool:
     return isinstance(error, MemoryError) or any(sign in str(error) for sign in _SIGNS_OF_LITTLE_MEMORY)
 
 
-_NEEDED_MB: Mapping[str, int] = {"numpy": 100, "scipy": 140}
-"""Address space that packages take with one thread; each has an OpenBLAS of its own."""
+_NEEDED_MB: Mapping[str, int] = {"numpy": 140, "scipy": 140}
+"""Address space that packages take with one thread; each has an OpenBLAS, which ends the process if it lacks room."""
 
 
 def _check_imports() -> None:
