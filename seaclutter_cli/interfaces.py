@@ -6,7 +6,7 @@ provide the ground truth of a recording.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, ClassVar, Protocol
 
@@ -43,6 +43,8 @@ class Source(ABC):
     def __init__(self) -> None:
         self.damage: list[Damage] = []
         """Parts that cannot be read; grows while the records are read."""
+        self.reported: set[Damage] = set()
+        """Those of `add_damage`."""
         self.warnings: list[str] = []
         """Warnings for the user about conditions that lose no data."""
 
@@ -81,8 +83,14 @@ class Source(ABC):
 
     def add_damage(self, damage: Damage) -> None:
         """Add damage that is not known yet: a log may be read more than once."""
-        if damage not in self.damage:
+        if damage not in self.reported:
+            self.reported.add(damage)
             self.damage.append(damage)
+
+    def restore_damage(self, damage: Iterable[Damage]) -> None:
+        """Forget all other damage than this, so that the next reading adds it."""
+        self.damage[:] = damage
+        self.reported.intersection_update(self.damage)
 
     def warn(self, *texts: str) -> None:
         """Add warnings that are not known yet."""
@@ -94,11 +102,9 @@ class CloudCodec(Protocol):
 
     def decode(self, data: Buffer) -> Cloud:
         """Return a cloud whose points are a view of the message; `CloudError` if it is not a valid point cloud."""
-        ...
 
     def encode(self, cloud: Cloud) -> bytes:
         """Return a cloud as the bytes of a message."""
-        ...
 
 
 class Filter(ABC):
@@ -148,11 +154,9 @@ class Labels(Protocol):
 
     def truth(self, frame: Frame) -> Truth | None:
         """Return the ground truth of a frame, None without; `LabelError` if the labels do not match the frame."""
-        ...
 
     def finish(self) -> None:
         """Raise `LabelError` if a label refers to a frame that does not exist; called after the last frame."""
-        ...
 
 
 class TilePoints(Protocol):
@@ -160,11 +164,9 @@ class TilePoints(Protocol):
 
     def __iter__(self) -> Iterator[NDArray[np.float64]]:
         """Yield coordinates in metres, shape (3, n), for each part of the tile; can be iterated repeatedly."""
-        ...
 
     def column(self, name: str) -> NDArray[Any] | None:
         """Return an attribute of all points by its LAS name, shape (N,); None if the tile does not have it."""
-        ...
 
 
 class Sink(Protocol):
@@ -172,16 +174,12 @@ class Sink(Protocol):
 
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:
         """Start a recording; ``clouds`` are its filtered channels."""
-        ...
 
     def copy(self, record: Message | Attachment | Metadata) -> None:
         """Receive a record that is not filtered."""
-        ...
 
     def write(self, result: FilterResult) -> None:
         """Receive a filtered frame."""
-        ...
 
     def end(self) -> None:
         """End the recording."""
-        ...

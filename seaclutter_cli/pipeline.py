@@ -322,7 +322,7 @@ def _observe(source: Source, selection: Selection, filters: Mapping[str, Sequenc
         for method in waiting[frame.topic]:
             with suppress(FieldError):  # `step` reports it
                 method.observe(frame)
-    source.damage[:] = damage  # reading reports it again
+    source.restore_damage(damage)
 
 
 def _record_unfit(error: FieldError, frame: Frame, tally: TopicTally, source: Source) -> None:

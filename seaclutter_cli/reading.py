@@ -207,7 +207,7 @@ def _latched_before(source: Source, start_ns: int, topics: Collection[str]) -> I
     damage = list(source.damage)
     for message in source.latest(channels, start_ns) if channels else ():
         yield replace(message, log_time_ns=start_ns)
-    source.damage[:] = damage  # of parts that are not selected
+    source.restore_damage(damage)  # parts that are not selected
 
 
 def report_lost(source: Source, topic: str, index: int, lost_bytes: int, error: Exception) -> None:

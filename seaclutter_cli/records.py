@@ -19,15 +19,12 @@ class Stored(Protocol):
 
     def __len__(self) -> int:
         """Return the number of bytes."""
-        ...
 
     def __bytes__(self) -> bytes:
         """Return all of the data."""
-        ...
 
     def pieces(self) -> Iterator[Buffer]:
         """Yield the data in order."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -227,5 +227,5 @@ def _first_log_time(source: Source) -> int:
     records = source.records()
     first_ns = next((record.log_time_ns for record in records if isinstance(record, Message)), 0)
     del records  # closes the generator, which may report damage
-    source.damage[:] = damage  # reading reports it again
+    source.restore_damage(damage)
     return first_ns

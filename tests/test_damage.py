@@ -51,6 +51,14 @@ def test_a_flipped_byte_in_a_chunk(tmp_path, logs, name):
     assert line.endswith(f"left out: 3 messages, {chunk.end - chunk.offset:,} bytes")
 
 
+@pytest.mark.parametrize("options", [("--end", 0.2), ("-m", "sea_surface")], ids=["a part", "a first pass"])
+def test_damage_is_reported_once_if_a_log_is_read_twice(tmp_path, logs, options):
+    chunk = chunks(logs["zstd"])[0]
+    outcome = Outcome(tmp_path, flip(logs["zstd"], chunk.end - 1000), *options)
+    assert outcome.code == 3
+    assert len(outcome.damage) == 1
+
+
 HARMLESS = {
     "no end": (lambda data: data[: -len(MAGIC)], "does not end with the MCAP magic bytes"),
     "wrong checksum of the index": (lambda data: flip(data, len(data) - 9), "the index at the end is damaged"),

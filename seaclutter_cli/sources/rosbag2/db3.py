@@ -66,7 +66,7 @@ class Db3Source(Source):
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
         """Yield metadata, then the messages with log times in ``[start_ns, end_ns)`` in order; can be called again."""
         yield from self.metadata
-        del self.damage[self._at_opening :]
+        self.restore_damage(self.damage[: self._at_opening])
         size = self._path.stat().st_size
         lost, large, most = 0, 0, limits().bytes_of("message", size)
         try:

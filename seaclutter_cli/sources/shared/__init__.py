@@ -17,7 +17,7 @@ class SourceWrapper(Source):
         self.name, self.format = inner.name, inner.format
         self.profile, self.compression, self.has_times = inner.profile, inner.compression, inner.has_times
         self.metadata, self.facts = inner.metadata, inner.facts
-        self.damage, self.warnings = inner.damage, inner.warnings
+        self.damage, self.reported, self.warnings = inner.damage, inner.reported, inner.warnings
 
     @property
     def span_ns(self) -> tuple[int, int] | None:

@@ -146,7 +146,6 @@ class ChunkedSource(Source, Generic[C, P]):
         super().__init__()
         self._path = path
         self._file = LogFile(path)
-        self._reported: set[Damage] = set()
         self._chunks: list[C] = []
         try:
             self._open()
@@ -233,7 +232,4 @@ class ChunkedSource(Source, Generic[C, P]):
         self._file.close()
 
     def _report(self, offset: int | None, problem: str, lost_bytes: int, lost_messages: int | None = None) -> None:
-        damage = Damage(self._path, offset, problem, lost_bytes, lost_messages)
-        if damage not in self._reported:  # a chunk may be read more than once
-            self._reported.add(damage)
-            self.damage.append(damage)
+        self.add_damage(Damage(self._path, offset, problem, lost_bytes, lost_messages))

@@ -113,7 +113,7 @@ class SplitSource(Source):
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
         """Yield the records of one file after another, late messages in the file to which the recorder wrote them."""
-        del self.damage[self._at_opening :]
+        self.restore_damage(self.damage[: self._at_opening])
         read = 0
         for file in self._relabelled:
             source = self._source(file)
