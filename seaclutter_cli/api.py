@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, Self
+from contextlib import AbstractContextManager, ExitStack
+from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.buckets import local_copy, naming, shown
 from seaclutter_cli.config import load_config
@@ -17,7 +17,6 @@ from seaclutter_cli.runs.recordings import expand, open_recording
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
-    from types import TracebackType
 
     import numpy as np
     from numpy.typing import NDArray
@@ -75,7 +74,7 @@ def open_log(options: OpenOptions) -> Log:
         return Log(open_recording(recordings[0], options), stack.pop_all().close)
 
 
-class Log:
+class Log(AbstractContextManager["Log"]):
     """A recording opened by `open_log`; as a context manager, it closes the recording.
 
     Parameters
@@ -97,13 +96,7 @@ class Log:
     def __init__(self, source: Source, release: Callable[[], object] = lambda: None) -> None:
         self._source, self._release = source, release
 
-    def __enter__(self) -> Self:
-        """Return the log."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the log."""
         self.close()
 

@@ -7,6 +7,7 @@ provide the ground truth of a recording.
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Protocol
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.frame import FilterResult, Frame
-from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message, Metadata, Record, SensorFacts
+from seaclutter_cli.records import Buffer, Channel, Damage, Message, Metadata, Record, SensorFacts
 from seaclutter_cli.truth import Truth
 
 
@@ -44,7 +45,7 @@ class Source(ABC):
         self.damage: list[Damage] = []
         """Parts that cannot be read; grows while the records are read."""
         self.reported: set[Damage] = set()
-        """Those of `add_damage`."""
+        """Those of `report`."""
         self.warnings: list[str] = []
         """Warnings for the user about conditions that lose no data."""
 
@@ -81,8 +82,17 @@ class Source(ABC):
     def close(self) -> None:  # noqa: B027 - most sources keep nothing open
         """Close files and free other resources."""
 
-    def add_damage(self, damage: Damage) -> None:
-        """Add damage that is not known yet: a log may be read more than once."""
+    def report(
+        self,
+        problem: str,
+        lost_bytes: int = 0,
+        lost_messages: int | None = None,
+        *,
+        offset: int | None = None,
+        path: Path | None = None,
+    ) -> None:
+        """Add damage, by default of the recording as a whole, that is not known yet: a log may be read again."""
+        damage = Damage(path or Path(self.name), offset, problem, lost_bytes, lost_messages)
         if damage not in self.reported:
             self.reported.add(damage)
             self.damage.append(damage)
@@ -169,17 +179,19 @@ class TilePoints(Protocol):
         """Return an attribute of all points by its LAS name, shape (N,); None if the tile does not have it."""
 
 
-class Sink(Protocol):
+class Sink(ABC):
     """A consumer of results and of other records: `begin`, then `copy` and `write` in log time order, then `end`."""
 
+    @abstractmethod
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:
         """Start a recording; ``clouds`` are its filtered channels."""
 
-    def copy(self, record: Message | Attachment | Metadata) -> None:
+    def copy(self, record: Record) -> None:  # noqa: B027 - tables are of frames
         """Receive a record that is not filtered."""
 
+    @abstractmethod
     def write(self, result: FilterResult) -> None:
         """Receive a filtered frame."""
 
-    def end(self) -> None:
+    def end(self) -> None:  # noqa: B027 - tables have no end
         """End the recording."""

@@ -4,7 +4,6 @@ import re
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +14,7 @@ from seaclutter_cli.errors import CloudError, MissingExtraError, UnsupportedClou
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import declares_latched, find_codec
-from seaclutter_cli.records import Channel, Damage, Message, Record
+from seaclutter_cli.records import Channel, Message, Record
 from seaclutter_cli.selection import Selection, Window, cloud_channels
 
 if TYPE_CHECKING:
@@ -212,5 +211,4 @@ def _latched_before(source: Source, start_ns: int, topics: Collection[str]) -> I
 
 def report_lost(source: Source, topic: str, index: int, lost_bytes: int, error: Exception) -> None:
     """Record a frame that cannot be used as damage of the source."""
-    problem = f"frame {index} of {topic} is not a valid cloud ({error})"
-    source.damage.append(Damage(Path(source.name), None, problem, lost_bytes, 1))
+    source.report(f"frame {index} of {topic} is not a valid cloud ({error})", lost_bytes, 1)

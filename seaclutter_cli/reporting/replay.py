@@ -5,7 +5,6 @@ points are on two additional topics, and each frame has a diagnostics message.
 """
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from seaclutter_cli.messages import find_codec
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
 from seaclutter_cli.messages.metadata import DIAGNOSTICS, recorded_topics
 from seaclutter_cli.reading import read, removed_points
-from seaclutter_cli.records import Damage, Message, Metadata
+from seaclutter_cli.records import Message, Metadata
 from seaclutter_cli.selection import Selection
 
 _FILTERED, _REMOVED = "/filtered", "/removed"
@@ -73,7 +72,7 @@ def replay(source: Source, topic: str, selection: Selection) -> Iterator[FilterR
             try:
                 found = read_diagnostics(record.data, record.channel.message_encoding, name)
             except InputError as error:
-                source.damage.append(Damage(Path(source.name), None, str(error), len(record.data), 1))
+                source.report(str(error), len(record.data), 1)
                 continue
             if found.topic == topic and found.numbers["points_in"] == frame.size:
                 yield FilterResult(frame, _reasons(frame, removed), found.rings, found.scene or None, found.water)

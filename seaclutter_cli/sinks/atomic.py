@@ -7,8 +7,7 @@ import shutil
 import weakref
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, BinaryIO, Self, cast
+from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
 from seaclutter_cli.buckets import look, mirror_of
 from seaclutter_cli.errors import OutputError
@@ -104,8 +103,8 @@ class CompleteFile:
 class AtomicFile(CompleteFile, AbstractContextManager["AtomicFile"]):
     """A file that is written in the folder of its target, then renamed on success or removed after an error.
 
-    The folder is created if necessary. In a group, the file is renamed with the others. Raise `OutputError` if it
-    cannot be created or written, for example because the disk is full.
+    The context is the file; write to its ``stream``. The folder is created if necessary. In a group, the file is
+    renamed with the others. Raise `OutputError` if it cannot be created or written, for example if the disk is full.
     """
 
     def __init__(self, path: Path, group: "OutputGroup | None" = None, *, last: str = "") -> None:
@@ -134,15 +133,9 @@ class AtomicFile(CompleteFile, AbstractContextManager["AtomicFile"]):
         self._latest = PartFile(part, self.path)
         return cast("BinaryIO", io.BufferedWriter(self._latest))
 
-    def __enter__(self) -> Self:
-        """Return the file; write to its ``stream``."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
         """Rename the file to its target, or leave that to its group; remove it after an error."""
-        if kind is not None:
+        if error is not None:
             failure = None if self._latest is None else self._latest.failure
             self.discard()
             if failure is not None and isinstance(error, Exception) and not isinstance(error, OutputError):
@@ -209,16 +202,10 @@ class OutputGroup(AbstractContextManager["OutputGroup"]):
         while self._files:
             self._files.pop().discard()
 
-    def __enter__(self) -> Self:
-        """Return the group."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
         """Rename all files to their targets, or remove them after an error."""
         try:
-            if kind is None:
+            if error is None:
                 self._complete()
             elif self._files:
                 _note_removal(error, self._files[-1].path)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.frame import WATER_COLUMNS, WATER_REASONS, FilterResult, Reason, Rings, WaterState
-from seaclutter_cli.interfaces import Source
-from seaclutter_cli.records import Attachment, Channel, Message, Metadata
+from seaclutter_cli.interfaces import Sink, Source
+from seaclutter_cli.records import Channel
 from seaclutter_cli.text import harmless
 
 _REASONS = (Reason.INVALID, Reason.NEAR, Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.FAR, Reason.EXCLUDED)
@@ -25,7 +25,7 @@ _COLUMNS = (
 )
 
 
-class FrameTable:
+class FrameTable(Sink):
     """Sink that passes one line for each frame of a recording to a function.
 
     There are columns for the ``rings`` of the method and, if it distinguishes scenes, the class of scene; if it
@@ -47,9 +47,6 @@ class FrameTable:
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:  # noqa: ARG002
         """Start a recording."""
         self._recording = source.name
-
-    def copy(self, record: Message | Attachment | Metadata) -> None:
-        """Ignore records that are not filtered."""
 
     def write(self, result: FilterResult) -> None:
         """Write the row of a frame."""
@@ -75,9 +72,6 @@ class FrameTable:
         by_reason = (counts[reason] for reason in _REASONS)
         row = (recording, *place, *by_reason, counts[Reason.KEPT], *states, *scenes, *waters)
         self._write(csv_line(row))
-
-    def end(self) -> None:
-        """End the recording."""
 
 
 def csv_line(values: Iterable[object]) -> bytes:

@@ -11,7 +11,7 @@ from seaclutter_cli import __version__
 from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import FilterResult, Frame
-from seaclutter_cli.interfaces import Source
+from seaclutter_cli.interfaces import Sink, Source
 from seaclutter_cli.messages.metadata import (
     FILTERED,
     RAW,
@@ -21,7 +21,7 @@ from seaclutter_cli.messages.metadata import (
     to_metadata,
     to_text,
 )
-from seaclutter_cli.records import Attachment, Channel, Message, Metadata
+from seaclutter_cli.records import Attachment, Channel, Metadata, Record
 from seaclutter_cli.sinks.atomic import AtomicFile, AtomicFolder, OutputGroup
 from seaclutter_cli.sinks.log import filtered_cloud, message_of
 from seaclutter_cli.sinks.options import TIMES, McapOptions
@@ -33,7 +33,7 @@ TOPIC = "/points"
 """Topic of the frames when they are read again."""
 
 
-class FrameSink(ExitStack):
+class FrameSink(ExitStack, Sink):
     """Sink that writes each frame of one topic to a file: the target itself, or one named by its number in a folder.
 
     ``write_frame`` writes a cloud to a file, and returns what it cannot contain, see `FRAME_WRITERS`. With ``as_is``,
@@ -95,7 +95,7 @@ class FrameSink(ExitStack):
         if not self._as_is:
             self._metadata.append(Metadata("seaclutter", {"version": __version__, "config": self._options.config}))
 
-    def copy(self, record: Message | Attachment | Metadata) -> None:
+    def copy(self, record: Record) -> None:
         """Keep a metadata record; count what is lost."""
         if isinstance(record, Metadata):
             self._metadata.append(record)

@@ -7,7 +7,7 @@ from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.messages.detections import Detections3D
 from seaclutter_cli.messages.navigation import Navigation
 from seaclutter_cli.messages.scene import SceneBox, SceneTrack
-from seaclutter_cli.records import Attachment, Message, Metadata
+from seaclutter_cli.records import Message, Record
 from seaclutter_cli.sinks.objects import pose_of
 from seaclutter_cli.tracking.follow import CANDIDATE, CONFIRMED, LOST, Follower, FrameObjects
 
@@ -25,7 +25,7 @@ class LiveObjects:
         self._shown: dict[str, set[str]] = {}
         self._last: tuple[FilterResult, FrameObjects] | None = None
 
-    def copy(self, record: Message | Attachment | Metadata) -> None:
+    def copy(self, record: Record) -> None:
         """Receive messages about own ship's motion."""
         if isinstance(record, Message):
             self._navigation.see(record)

@@ -11,7 +11,7 @@ from seaclutter_cli import __version__
 from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.frame import FilterResult, Frame
-from seaclutter_cli.interfaces import CloudCodec, Source
+from seaclutter_cli.interfaces import CloudCodec, Sink, Source
 from seaclutter_cli.messages import find_codec, has_fixed_fields
 from seaclutter_cli.messages.definitions import points_channel
 from seaclutter_cli.messages.detections import TOPIC as OBJECTS_TOPIC
@@ -29,7 +29,7 @@ from seaclutter_cli.messages.metadata import (
 )
 from seaclutter_cli.messages.scene import TOPIC as SCENE_TOPIC
 from seaclutter_cli.messages.scene import scene_format
-from seaclutter_cli.records import Attachment, Buffer, Channel, Damage, Message, Metadata
+from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata, Record
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.log_output import LogOutput, LogWriter
 from seaclutter_cli.sinks.mcap_writer import McapOutput
@@ -46,7 +46,7 @@ _Output = tuple[int, Callable[[FilterResult], Buffer]]
 """Channel id of the messages that are written for the frames of a cloud topic, and their encoder."""
 
 
-class LogSink(ExitStack):
+class LogSink(ExitStack, Sink):
     """Sink that writes a recording to a log; with ``as_is``, frames are written with `keep`, and nothing is added."""
 
     def __init__(
@@ -110,7 +110,7 @@ class LogSink(ExitStack):
             else:
                 self._outputs[channel] = self._add_outputs(channel, taken, known, several=several)
 
-    def copy(self, record: Message | Attachment | Metadata) -> None:
+    def copy(self, record: Record) -> None:
         """Write a record unchanged."""
         if self._options.objects:
             self._options.objects.copy(record)
@@ -148,8 +148,7 @@ class LogSink(ExitStack):
             first.add_metadata(self._options.record())
         first.finish()
         for topic, messages in self._translations.broken.items() if self._translations else ():
-            problem = f"messages on {topic} that do not fit their definition"
-            self._source.damage.append(Damage(Path(self._source.name), None, problem, lost_messages=messages))
+            self._source.report(f"messages on {topic} that do not fit their definition", 0, messages)
 
     def _takes(self, channel: Channel) -> bool:
         return channel.topic in self._selected or self._options.takes(channel.topic)

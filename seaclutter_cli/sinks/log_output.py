@@ -202,7 +202,7 @@ class LogFiles(LogOutput):
     ) -> None:
         """Complete the files under their names, and delete further parts of an earlier run; remove all on an error."""
         with ExitStack() as stack:
-            for leftover in parts_after(self._path, self._number) if self._split and kind is None else ():
+            for leftover in parts_after(self._path, self._number) if self._split and error is None else ():
                 self._group.replaces(leftover)
             for output in (self._group, *self._files):
                 stack.push(output.__exit__)

@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 
 from seaclutter_cli.frame import FilterResult
-from seaclutter_cli.interfaces import Source
+from seaclutter_cli.interfaces import Sink, Source
 from seaclutter_cli.messages.navigation import Fix, Navigation, on_earth
-from seaclutter_cli.records import Attachment, Channel, Message, Metadata
+from seaclutter_cli.records import Channel, Message, Record
 from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.tracking.detections import Pose
 from seaclutter_cli.tracking.follow import CONFIRMED, LOST, Follower, FrameObjects
@@ -55,7 +55,7 @@ class TrackSummary:
     over_ground: bool = False
 
 
-class ObjectTable:
+class ObjectTable(Sink):
     """Sink that passes one line for each frame and object of a recording to a function."""
 
     def __init__(self, write: Callable[[bytes], object], tolerance_m: float, min_points: int) -> None:
@@ -71,7 +71,7 @@ class ObjectTable:
         self._recording, self._navigation = source.name, Navigation()
         self._followers = {channel.topic: self._new() for channel in clouds}
 
-    def copy(self, record: Message | Attachment | Metadata) -> None:
+    def copy(self, record: Record) -> None:
         """Receive messages about own ship's motion."""
         if isinstance(record, Message):
             self._navigation.see(record)

@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any, BinaryIO
 
 import yaml
@@ -65,11 +64,9 @@ class Db3Output(LogOutput):
     def _start(self, name: str, source: Source, compression: str | None) -> "_FileWriter":  # noqa: ARG002
         return _Db3Writer(self._folder.part / name, self._folder.path)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         """Complete the folder under its name, or remove it after an error."""
-        if kind is not None:
+        if error is not None:
             self._folder.__exit__(kind, error, trace)
             return
         with self._folder, self._folder.open(ROSBAG2_METADATA) as file:

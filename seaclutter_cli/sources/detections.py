@@ -17,7 +17,7 @@ from seaclutter_cli.documents import DocumentError, load_json, read_document
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.records import Channel, Damage, Message
+from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.sources.frame_files.sidecars import Pose, pose_message
 from seaclutter_cli.sources.shared import TimedSource
 
@@ -51,7 +51,7 @@ class DetectionSource(TimedSource):
             try:
                 found = _parsed(item)
             except (KeyError, TypeError, ValueError, OverflowError):
-                self.damage.append(Damage(path, None, f"detection {number} is not valid", lost_messages=1))
+                self.report(f"detection {number} is not valid", 0, 1, path=path)
                 continue
             self._found += [found] if found else []
             bearings += found is None

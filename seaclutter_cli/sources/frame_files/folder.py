@@ -3,6 +3,7 @@
 import os
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -13,7 +14,7 @@ from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.messages.metadata import SIDECAR, from_text
 from seaclutter_cli.paths import natural_order
-from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record
+from seaclutter_cli.records import Channel, Message, Metadata, Record
 from seaclutter_cli.sources.frame_files import FRAME_READERS, reader_of
 from seaclutter_cli.sources.frame_files.sidecars import (
     Pose,
@@ -98,7 +99,11 @@ class FolderSource(TimedSource):
             try:
                 message = self._message(index, stamp_ns, file)
             except (CloudError, OSError) as error:
-                self._note(file, error)
+                problem = str(error) if isinstance(error, CloudError) else f"cannot be read: {error.strerror}"
+                size = 0
+                with suppress(OSError):
+                    size = file.stat().st_size
+                self.report(problem, size, 1, path=file)
             else:
                 yield message
                 del message
@@ -108,14 +113,6 @@ class FolderSource(TimedSource):
         if len(cloud.data) > _MAX_MESSAGE_BYTES:
             raise CloudError(f"{len(cloud.data)} bytes of points exceed the size of a PointCloud2 message")
         return Message(self._channel, max(stamp_ns, 0), max(stamp_ns, 0), index, CODECS[_TYPE, "cdr"].encode(cloud))
-
-    def _note(self, file: Path, error: CloudError | OSError) -> None:
-        problem = str(error) if isinstance(error, CloudError) else f"cannot be read: {error.strerror}"
-        try:
-            size = file.stat().st_size
-        except OSError:
-            size = 0
-        self.add_damage(Damage(file, None, problem, lost_bytes=size, lost_messages=1))
 
 
 def _read_metadata(folder: Path) -> Sequence[Metadata]:

@@ -120,20 +120,17 @@ class Declarations:
 
     def get(self, number: int) -> Channel | None:
         """Return a channel by its number; None if it is not declared."""
-        built = self._channels
-        channel = built.get(number)
-        if channel is None and number in self._records:
+        if number not in self._channels and number in self._records:
             _, record = self._records[number]
             _, schema = self._schemas.get(record.schema_id, (None, None))
             known = Schema(schema.name, schema.encoding, schema.data) if schema else None
             metadata = tuple(record.metadata.items())
-            channel = built[number] = Channel(number, record.topic, record.message_encoding, known, metadata)
-        return channel
+            self._channels[number] = Channel(number, record.topic, record.message_encoding, known, metadata)
+        return self._channels.get(number)
 
     def all(self) -> list[Channel]:
         """Return the channels in the order of their numbers."""
-        channels = (self.get(number) for number in sorted(self._records))
-        return [channel for channel in channels if channel is not None]
+        return [channel for number in sorted(self._records) if (channel := self.get(number))]
 
     def incomplete(self, numbers: Iterable[int]) -> set[int]:
         """Return the channel numbers that are not declared, or whose schema is not."""
@@ -252,18 +249,17 @@ class McapContents:
     def _message_index(self, span: Span) -> None:
         """Count the messages of a channel in the previous chunk, and compare their times with the chunk's."""
         content = self._file[span.start : span.end]
-        count = int.from_bytes(content[2:6], "little") // 16
-        if self._follows_chunk and count:
+        channel, size = (int.from_bytes(content[part], "little") for part in (slice(2), slice(2, 6)))
+        if self._follows_chunk and size >= 16:
             chunk = self.chunks[-1]
             # The index must contain valid times of messages in the chunk.
-            size = int.from_bytes(content[2:6], "little")
-            is_valid = not size % 16 and 0 < size <= len(content) - 6
+            is_valid = not size % 16 and size <= len(content) - 6
             if is_valid:
                 times_ns = np.frombuffer(content, "<u8", size // 8, 6)[::2]
                 is_valid = chunk.start_ns <= int(times_ns.min()) and int(times_ns.max()) <= chunk.end_ns
             suspect = chunk.suspect or not is_valid
-            self.chunks[-1] = replace(chunk, messages=chunk.messages + count, suspect=suspect)
-            self._count(int.from_bytes(content[:2], "little"), count)
+            self.chunks[-1] = replace(chunk, messages=chunk.messages + size // 16, suspect=suspect)
+            self._count(channel, size // 16)
 
     def _gap(self, offset: int, problem: str, lost_bytes: int) -> None:
         """Report damaged bytes; the chunk of an index after them is unknown."""
@@ -281,12 +277,11 @@ class McapContents:
         channel, _, log_time, _ = log_file.unpack(MESSAGE, self._file, span.start)
         last = self.chunks[-1] if self.chunks else None
         if last and last.header is None and last.offset + last.size == span.offset and last.size < _LOOSE_BYTES:
-            first = self.chunks.pop()
-            offset, count = first.offset, first.messages
-            start_ns, end_ns = min(first.start_ns, log_time), max(first.end_ns, log_time)
+            start_ns, end_ns, size = min(last.start_ns, log_time), max(last.end_ns, log_time), span.end - last.offset
+            run = replace(last, size=size, start_ns=start_ns, end_ns=end_ns, messages=last.messages + 1)
+            self.chunks[-1] = run
         else:
-            offset, start_ns, end_ns, count = span.offset, log_time, log_time, 0
-        self.chunks.append(McapChunk(offset, span.end - offset, start_ns, end_ns, None, messages=count + 1))
+            self.chunks.append(McapChunk(span.offset, span.end - span.offset, log_time, log_time, None, messages=1))
         self._count(channel, 1)
 
     def _count(self, channel: int, messages: int) -> None:

@@ -208,10 +208,10 @@ class CaptureSource(Source):
         self.damage += reader.damage
         for flow in search.damaged_flows():
             problem = f"{count(flow.count, 'packet')} from {flow.ends}, too few for a sensor"
-            self.damage.append(Damage(self._path, None, problem, flow.count * flow.length))
+            self.report(problem, flow.count * flow.length, path=self._path)
         for flow, number in search.headless(self._file, udp):
             problem = f"{count(number, 'packet')} like those from {flow.ends}, with damaged headers"
-            self.damage.append(Damage(self._path, None, problem, number * flow.length))
+            self.report(problem, number * flow.length, path=self._path)
         if udp.fragments.lost:
             self.warnings.append(f"fragments of {count(udp.fragments.lost, 'datagram')} are missing")
         if not search.sensors():
@@ -258,7 +258,7 @@ class CaptureSource(Source):
                     yield from merge.finish()
                     return
         except LostDataError as error:
-            self.add_damage(Damage(self._path, None, f"{error.problem}; the frames after this are missing"))
+            self.report(f"{error.problem}; the frames after this are missing", path=self._path)
         for number, stream in enumerate(streams):
             for frame in stream.finish():
                 yield from merge.add(number, frame)

@@ -13,7 +13,7 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
 from seaclutter_cli.messages.definitions import full_name, ros2_schema
 from seaclutter_cli.messages.metadata import from_custom_data
-from seaclutter_cli.records import Channel, Damage, Message, Metadata, Record, Schema
+from seaclutter_cli.records import Channel, Message, Metadata, Record, Schema
 from seaclutter_cli.sources.rosbag2.database import BROKEN, has_table, latest_row, open_database, read_rows
 from seaclutter_cli.sources.shared.unpacking import is_large, unpack_file, unpack_message
 
@@ -131,7 +131,7 @@ class Db3Source(Source):
     def _report(self, problem: str, lost_messages: int | None) -> None:
         if lost_messages is None:
             problem += "; the number of lost messages is unknown"
-        self.damage.append(Damage(self._path, None, problem, lost_messages=lost_messages))
+        self.report(problem, 0, lost_messages, path=self._path)
 
     def _read_channels(self) -> dict[int, Channel]:
         if not (has_table(self._db, "topics") and has_table(self._db, "messages")):

@@ -2,10 +2,9 @@
 
 from bisect import bisect_left
 from collections.abc import Collection, Mapping, Sequence
-from pathlib import Path
 
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.records import Damage, Message
+from seaclutter_cli.records import Message
 
 
 class SourceWrapper(Source):
@@ -31,9 +30,6 @@ class SourceWrapper(Source):
     def close(self) -> None:
         """Close the recording."""
         self._inner.close()
-
-    def _note(self, problem: str, lost_bytes: int, lost_messages: int | None = 1) -> None:
-        self.add_damage(Damage(Path(self.name), None, problem, lost_bytes, lost_messages))
 
 
 class TimedSource(Source):

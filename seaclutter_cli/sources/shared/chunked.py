@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.limits import above_in_file, limits
-from seaclutter_cli.records import Damage, Message
+from seaclutter_cli.records import Message
 from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
 from seaclutter_cli.threads import executor, threads
 
@@ -47,11 +47,11 @@ class Chunk:
 C = TypeVar("C", bound=Chunk)
 P = TypeVar("P")
 
-_UNPACKERS = 2
-_log_time = attrgetter("log_time_ns")
-
 _Entry = tuple[int, int, int, Message]
 """Time of a waiting message, the offset of its chunk, and its number in the chunk, which are its place in order."""
+
+_UNPACKERS = 2
+_log_time = attrgetter("log_time_ns")
 
 
 def in_time_order(
@@ -232,4 +232,4 @@ class ChunkedSource(Source, Generic[C, P]):
         self._file.close()
 
     def _report(self, offset: int | None, problem: str, lost_bytes: int, lost_messages: int | None = None) -> None:
-        self.add_damage(Damage(self._path, offset, problem, lost_bytes, lost_messages))
+        self.report(problem, lost_bytes, lost_messages, offset=offset, path=self._path)

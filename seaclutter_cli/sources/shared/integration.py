@@ -76,7 +76,7 @@ class Integrated(SourceWrapper):
                     try:
                         cloud = codec.decode(record.data).posed()
                     except (CloudError, FieldError) as error:
-                        self._note(f"a cloud of {record.channel.topic} cannot be read ({error})", len(record.data))
+                        self.report(f"a cloud of {record.channel.topic} cannot be read ({error})", len(record.data), 1)
                         continue
                     # Sensors that share a topic have windows of their own.
                     key = record.channel, cloud.frame_id
@@ -113,7 +113,7 @@ class Integrated(SourceWrapper):
         try:
             data = codec.encode(_one(clouds))
         except CloudError as error:
-            self._note(f"frame {number} of {channel.topic} cannot be written ({error})", 0)
+            self.report(f"frame {number} of {channel.topic} cannot be written ({error})", 0, 1)
             return
         yield Message(joined, *times, number, data)
 

@@ -11,7 +11,7 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
-from seaclutter_cli.records import Channel, Damage, Message
+from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.sensors.order import PacketOrder
 from seaclutter_cli.sensors.packets import PacketDecoder, PacketFamily, PacketFrame, Packets
 from seaclutter_cli.text import count
@@ -92,7 +92,7 @@ class CloudStream:
                 data = codec.encode(cloud)
             except CloudError as error:
                 problem = f"frame {number} of {channel.topic} cannot be written ({error})"
-                self.source.add_damage(Damage(Path(self.source.name), None, problem, len(cloud.data), 1))
+                self.source.report(problem, len(cloud.data), 1)
             else:
                 yield Message(channel, *(self.times_ns or (frame.stamp_ns, frame.stamp_ns)), number, data)
 
@@ -113,4 +113,4 @@ class CloudStream:
         for number, problem in ((facts.bad_packets, "that cannot be decoded"), (cut, "truncated by the capture")):
             if number:
                 text = f"{topic}: {count(number, 'packet')} {problem}"
-                self.source.add_damage(Damage(path, None, text, number * self.packet_bytes))
+                self.source.report(text, number * self.packet_bytes, path=path)

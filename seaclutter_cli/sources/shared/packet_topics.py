@@ -286,8 +286,7 @@ class PacketTopics(SourceWrapper):
             try:
                 read = read_packets(message)
             except CloudError as error:
-                problem = f"scan {number} of {message.channel.topic} cannot be read ({error})"
-                self._note(problem, len(message.data))
+                self.report(f"scan {number} of {message.channel.topic} cannot be read ({error})", len(message.data), 1)
                 continue
             times_ns += read.times_ns
             payloads += read.payloads

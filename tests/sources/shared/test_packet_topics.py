@@ -3,13 +3,13 @@
 import struct
 import sys
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 import pytest
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS, find_codec
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Message, Metadata, Schema, SensorFacts
@@ -76,28 +76,20 @@ class TensDecoder:
         return PacketFrame(points, stamp_ns, partial=partial)
 
 
-class Log:
+class Log(Source):
     """A log in memory."""
 
-    name, format, profile, compression = "log", "a list", "ros2", None
-    facts = MappingProxyType({})
-    metadata = ()
-    span_ns = None
-    has_times = True
+    name, format = "log", "a list"
+    channels = counts = span_ns = None
 
     def __init__(self, records, channels, *, counts=None):
+        super().__init__()
         self._records, self.channels = records, channels
         self.counts = counts or {}
-        self.damage, self.warnings, self.closed = [], [], False
+        self.closed = False
 
     def records(self, start_ns=None, end_ns=None):
         return iter(self._records)
-
-    def skipped(self, start_ns):
-        return {}
-
-    def latest(self, channels, before_ns):
-        return []
 
     def close(self):
         self.closed = True
