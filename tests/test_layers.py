@@ -73,7 +73,7 @@ ALLOWED = {
     "evaluation": BASE | {"clustering"},
     "scenes": BASE | {"evaluation"},
     "water": BASE,
-    "structure": BASE | {"water"},
+    "structure": BASE | {"clustering", "water"},
     "suspects": BASE | {"clustering", "filters", "tracking", "water"},
     "filters": BASE | {"clustering", "grids", "scenes", "structure", "water"},
     "selection": BASE | {"messages"},

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.config import load_config
 from seaclutter_cli.evaluation import IDEAL
 from seaclutter_cli.filters import FILTERS, confirmed
-from seaclutter_cli.filters.confirmation.echoes import Heights, measure
+from seaclutter_cli.filters.confirmation.echoes import Heights, Sea
 from seaclutter_cli.filters.confirmation.objects import DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 from seaclutter_cli.filters.joint import RingIntensityParams
@@ -90,9 +90,12 @@ def _frame_alone(_: Tracker, track: Track, time_s: float) -> float:
     return sum(item.evidence for item in track.history if item.time_s == time_s)
 
 
+_measure = Sea.measure
+
+
 def _without_heights(*arguments: Any) -> Heights:
     """Measure brightness, and no heights."""
-    heights = measure(*arguments)
+    heights = _measure(*arguments)
     nothing = np.zeros_like(heights.high)
     return replace(heights, high=nothing, upright=nothing, grows=nothing, bright=heights.brightness >= 1)
 
@@ -120,7 +123,7 @@ def _no_persistence() -> Iterator[None]:
 
 @contextmanager
 def _no_height() -> Iterator[None]:
-    with patch.object(confirmed, "measure", _without_heights), patch.object(confirmed, "find_objects", _equal_objects):
+    with patch.object(Sea, "measure", _without_heights), patch.object(confirmed, "find_objects", _equal_objects):
         yield
 
 

@@ -10,16 +10,14 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.background import Background
-from seaclutter_cli.filters.confirmation.beams import Beams, Sight
-from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, measure
+from seaclutter_cli.filters.confirmation.beams import Sight
+from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, Sea
 from seaclutter_cli.filters.confirmation.objects import SHORT_RUN, DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distances, within
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
 from seaclutter_cli.interfaces import Filter
-from seaclutter_cli.water import Faces, WaterTracker
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -104,7 +102,7 @@ class Confirmed(Filter):
     uses_attitude = True
 
     def __init__(self, params: ConfirmedParams) -> None:
-        self._params, self._zones = params, Zones(params)
+        self._params, self._zones = params, Zones(params, finds_water=False)
         self._thresholds = np.asarray(params.initial_thresholds, np.float64)
         self.reset()
 
@@ -116,13 +114,12 @@ class Confirmed(Filter):
     @property
     def warnings(self) -> Sequence[str]:  # type: ignore[override] # constant in the base
         """A warning if own ship's attitude in the log does not agree with the water."""
-        return self._water.trial.warnings
+        return self._sea.water.trial.warnings
 
     def reset(self) -> None:
         """Forget own ship, the water, the beams, the tracks and the frames that wait."""
         self._zones.reset()
-        self._water, self._beams = WaterTracker(), Beams(self._params.mounting)
-        self._background, self._tracker = Background(), Tracker(self._params)
+        self._sea, self._tracker = Sea(self._params), Tracker(self._params)
         self._undecided: deque[_Undecided] = deque()
         self._time_s: float | None = None
 
@@ -174,23 +171,19 @@ class Confirmed(Filter):
         zone, reason = self._zones.divide(frame)
         echoes = Echoes.of(frame, zone, reason, self._params)
         frame.release()
-        self._beams.add(echoes.xyz)
-        # 1. Water
-        faces = self._faces(echoes.xyz)
+        # 1. Water, 2. Band
         attitude = frame.attitude and frame.attitude.of_axes(self._params.mounting.rotation)
-        water = self._water.step(echoes.xyz, faces, time_s, attitude)
-        # 2. Band
-        self._background.fade(time_s)
-        heights = measure(echoes, self._threshold(echoes), water, faces, self._background, self._params)
-        del faces  # less to hold
+        heights = self._sea.measure(echoes, self._threshold(echoes), time_s, attitude)
+        if self._zones.own_ship:
+            self._zones.own_ship.see(frame, heights.water, echoes.index[heights.upright])
         # 3. Candidates
         candidates = heights.upright | self._accompanied(echoes, heights) | self._dense(echoes, heights)
         candidates |= self._unbroken(echoes, heights)
         # 4. Objects
         near = echoes.is_near
-        objects = find_objects(echoes, candidates & ~near, heights, self._beams, self._params, near=False)
+        objects = find_objects(echoes, candidates & ~near, heights, self._sea.beams, self._params, near=False)
         if self._tracker.approached(self._params.own_ship_m, time_s):  # all else there is own ship
-            objects += find_objects(echoes, candidates & near, heights, self._beams, self._params, near=True)
+            objects += find_objects(echoes, candidates & near, heights, self._sea.beams, self._params, near=True)
             objects.sort(key=lambda one: tuple(one.center))
         # 5. Confirmation: evidence is collected now and judged when the later frames are known.
         self._tracker.turn(objects, time_s)
@@ -198,16 +191,14 @@ class Confirmed(Filter):
         if weak := self._expected(echoes, heights, self._tracker.expected(found, time_s)):
             found = self._tracker.associate([*objects, *weak], time_s)
         since_s = self._undecided[0].time_s if self._undecided else time_s
-        tracks = self._tracker.step(found, time_s, since_s, Sight(self._beams, water, self._params.min_rise_m))
-        state = None if water is None else water.state
+        tracks = self._tracker.step(
+            found, time_s, since_s, Sight(self._sea.beams, heights.water, self._params.min_rise_m)
+        )
         reason[echoes.index] = self._reasons(reason[echoes.index], echoes, heights, found.objects)
         index = echoes.index.astype(np.int32)  # less to hold
+        state = heights.water.state if heights.water else None
         objects = [replace(one, points=index[one.points]) for one in found.objects]
         return _Undecided(frame, time_s, zone, reason, index[heights.grows & ~near], objects, tracks, state)
-
-    def _faces(self, xyz: Floats) -> Faces:
-        elevation = self._beams.elevation_deg(xyz)
-        return Faces.of(xyz, elevation, self._beams.gaps(elevation, elevation)[1])
 
     def _threshold(self, echoes: Echoes) -> Floats:
         """Return the intensity threshold of each echo, shape (M,); near points have that of the first range ring."""
@@ -264,8 +255,8 @@ class Confirmed(Filter):
 
     def _next_beam_m(self, echoes: Echoes, heights: Heights, points: Indices) -> Floats:
         """Return the height above the water at which the next beam passes above points."""
-        elevation = self._beams.elevation_deg(echoes.xyz.take(points, axis=1))
-        _, above = self._beams.gaps(elevation, elevation)
+        elevation = self._sea.beams.elevation_deg(echoes.xyz.take(points, axis=1))
+        _, above = self._sea.beams.gaps(elevation, elevation)
         return heights.height_m[points] + np.tan(np.radians(above)) * echoes.range_m[points]
 
     def _expected(self, echoes: Echoes, heights: Heights, cells: Floats) -> list[DetectedObject]:
@@ -276,7 +267,7 @@ class Confirmed(Filter):
         _, distance = nearest(cells, echoes.xyz[:2, points].T)
         among = np.zeros(echoes.size, np.bool_)
         among[points[distance <= _EXPECTED_M]] = True
-        found = find_objects(echoes, among, heights, self._beams, self._params, near=False)
+        found = find_objects(echoes, among, heights, self._sea.beams, self._params, near=False)
         return [replace(one, evidence=min(one.evidence, 0.0)) for one in found]
 
     def _reasons(

@@ -110,9 +110,13 @@ def ring_edges(start_m: float, end_m: float, width_m: float) -> NDArray[np.float
 
 
 class Zones:
-    """Zone numbers of points: 0 near, 1 to K the range rings, then far, excluded, invalid."""
+    """Zone numbers of points: 0 near, 1 to K the range rings, then far, excluded, invalid.
 
-    def __init__(self, params: ZoneParams) -> None:
+    ``own_ship`` is None unless its end is searched: with an estimate of the water of its own, or with the filter's.
+    """
+
+    def __init__(self, params: ZoneParams, *, finds_water: bool = True) -> None:
+        self._finds_water = finds_water
         self.edges = params.edges
         self.count = len(self.edges) - 1
         self._exclusion = Exclusion(params.exclude_boxes, params.exclude_polygons, params.mask)
@@ -120,16 +124,16 @@ class Zones:
         far = Reason.FAR if params.far == "drop" else Reason.KEPT
         reasons = [near, *[Reason.KEPT] * self.count, far, Reason.EXCLUDED, Reason.INVALID]
         self._reason = np.array(reasons, np.uint8)
-        self._own_ship = None
+        self.own_ship = None
         if params.start_m == "auto":
             from seaclutter_cli.structure.own_ship import OwnShip  # not needed otherwise
 
-            self._own_ship = OwnShip(params.own_ship_m, LEAST_M, getattr(params, "mounting", None))
+            self.own_ship = OwnShip(params.own_ship_m, LEAST_M, getattr(params, "mounting", None))
 
     def reset(self) -> None:
         """Forget where own ship ends."""
-        if self._own_ship is not None:
-            self._own_ship.reset()
+        if self.own_ship is not None:
+            self.own_ship.reset()
 
     def divide(self, frame: Frame) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
         """Return the zone of each point and the reason that follows from it, both of shape (N,)."""
@@ -137,9 +141,9 @@ class Zones:
         zone = np.zeros(frame.size, np.uint8)
         for edge in self.edges:
             zone += (frame.range_m >= edge).view(np.uint8)
-        if self._own_ship is not None:
-            self._own_ship.add(frame)
-            zone[self._own_ship.contains(frame)] = 0
+        if self.own_ship is not None:
+            self.own_ship.add(frame, finds_water=self._finds_water)
+            zone[self.own_ship.contains(frame)] = 0
         if self._exclusion:
             zone[self._exclusion.contains(frame)] = self.count + 2
         zone[~frame.valid] = self.count + 3

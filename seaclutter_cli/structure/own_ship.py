@@ -10,7 +10,7 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.structure.mask import Floats, StructureMask, azimuth_deg
 from seaclutter_cli.structure.search import MIN_FRAMES, StructureSearch
-from seaclutter_cli.water import Mounting
+from seaclutter_cli.water import Mounting, WaterSurface
 
 _EVERY = 5
 _WINDOWS = 6
@@ -45,6 +45,7 @@ class OwnShip:
         """Forget own ship."""
         self._outlines: deque[Floats] = deque(maxlen=_WINDOWS)
         self._frames = self.seen = self.beside = 0
+        self._is_due = False
         self.is_at_rest = False
         """Whether the vessel was at rest in the last window."""
         self.level_m: float | None = None
@@ -68,14 +69,24 @@ class OwnShip:
             return None
         return float(outline.max()) - _MARGIN_M if outline.max() > self._least_m else 0.0
 
-    def add(self, frame: Frame) -> None:
-        """Add the next frame."""
+    def add(self, frame: Frame, *, finds_water: bool = True) -> None:
+        """Add the next frame; unless it ``finds_water`` itself, `see` must follow."""
         self._frames += 1
-        if self._frames > MIN_FRAMES and self._frames % self._every:
-            return
-        frame = _thinned(frame)
-        self._search.add(frame)
-        standing = self._search.bodies[frame.range_m[self._search.bodies] < self.reach_m]
+        self._is_due = self._frames <= MIN_FRAMES or self._frames % self._every == 0
+        if self._is_due:
+            thinned = _thinned(frame)
+            self._search.add(thinned, finds_water=finds_water)
+            if finds_water:
+                self._look(thinned, self._search.bodies)
+
+    def see(self, frame: Frame, water: WaterSurface | None, standing: NDArray[np.intp]) -> None:
+        """Receive the water of the frame added last, in the levelled frame, and the points that stand out of it."""
+        if self._is_due:
+            self._search.see(water)
+            self._look(frame, standing if water is not None else standing[:0])
+
+    def _look(self, frame: Frame, standing: NDArray[np.intp]) -> None:
+        standing = standing[frame.range_m[standing] < self.reach_m]
         self._standing.append((_columns(frame.coordinates_of(standing)), frame.range_m[standing]))
         if self._search.frames == MIN_FRAMES:
             self._decide()

@@ -6,9 +6,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.structure.mask import Floats, Sector, StructureMask, azimuth_deg, elevation_deg
-from seaclutter_cli.water import Faces, Mounting, WaterTracker
+from seaclutter_cli.water import Faces, Mounting, WaterSurface, WaterTracker
 
 MIN_FRAMES = 20
 _MOST_FRAMES = 2**32 - 1
@@ -24,6 +25,7 @@ _MIN_FAR_CELLS = 20
 _AT_REST = 0.25
 _DECIMALS = 3
 _BESIDE_BINS = 13
+_DIAGONAL = 1.75
 _GOES_ON, _MOST_ONGOING = 0.15, 0.3
 """Share of the frames in which a wall returns beside a part of it, and share of a part's borders at which it may."""
 _AZIMUTH_STEP_DEG = 1.0
@@ -157,8 +159,8 @@ class StructureSearch:
         self.bodies: NDArray[np.intp] = np.empty(0, np.intp)
         """Points of the last frame that stand out of the water; none without water."""
 
-    def add(self, frame: Frame) -> None:
-        """Add a frame."""
+    def add(self, frame: Frame, *, finds_water: bool = True) -> None:
+        """Add a frame; unless it ``finds_water`` itself, the water is what `see` is told."""
         if self._grid is None:
             if not frame.valid.any():
                 return
@@ -168,15 +170,22 @@ class StructureSearch:
             self._far = np.zeros((directions, self._far_bins), self._dtype)
         self._frames += 1
         self._add_returns(self._grid, frame)
+        if not finds_water:
+            return
         xyz = frame.coordinates if frame.valid.all() else frame.coordinates[:, frame.valid]
         level = self._mounting.levelled(xyz)
         faces = Faces.of(level)
         surface = self._water.step(level, faces, frame.stamp_ns / 1e9)
+        self.see(surface)
         self.bodies = np.empty(0, np.intp)
+        if surface is not None:
+            self.bodies = np.flatnonzero(frame.valid)[faces.stands(surface.plane.height(*level[:2]), surface.sigma_m)]
+
+    def see(self, surface: WaterSurface | None) -> None:
+        """Receive the water of the frame added last, in the levelled frame."""
         if surface is not None:
             plane = surface.plane
             self._planes += (1, plane.slope_x, plane.slope_y, plane.level_m)
-            self.bodies = np.flatnonzero(frame.valid)[faces.stands(plane.height(*level[:2]), surface.sigma_m)]
 
     def _add_returns(self, grid: BeamGrid, frame: Frame) -> None:
         range_m, direction = frame.range_m[frame.valid], grid.directions(frame)
@@ -255,25 +264,32 @@ def _count(counts: NDArray[np.unsignedinteger], direction: NDArray[np.int64], de
 
 def _connected(strong: NDArray[np.bool_], weak: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return the part of each weak cell, (rows, columns, bins), from 1 if connected to strong ones; else 0."""
-    from scipy import ndimage  # slow to import, not needed while the first frames come
-
-    around = np.ones((3, 3, 3))
-    wrapped = np.concatenate((strong[:, -1:], strong, strong[:, :1]), axis=1)
-    neighbors = ndimage.convolve(wrapped.astype(np.uint8), around.astype(np.uint8), mode="constant")[:, 1:-1]
-    across = np.zeros((3, 3, 3), np.uint8)  # in the same direction, noise alone makes neighbours
-    across[1, 1] = 1
-    own = ndimage.convolve(strong.astype(np.uint8), across, mode="constant")
-    seeds = strong & (neighbors > own)
-    labels, number = ndimage.label(weak, around)
-    keep = np.zeros(number + 1, np.bool_)
-    keep[labels[seeds]] = True
-    # Parts that the border between -180° and 180° separates belong together.
+    row, column, depth = cells = np.nonzero(weak)
+    parts = np.zeros(weak.shape, np.int64)
+    first = np.flatnonzero(column == 0)  # again behind the last column, because they touch at 180°
+    again = np.stack((row[first], np.full(len(first), weak.shape[1]), depth[first]))
+    label = euclidean_clusters(np.concatenate((cells, again), axis=1).astype(np.float64), _DIAGONAL, 1)
+    keep = np.zeros(len(label) + 1, np.bool_)
+    keep[label[: len(row)][_seeds(strong)[cells]]] = True
+    one, other = label[first], label[len(row) :]
     for _ in range(2):
-        for first, last in ((labels[:, 0], labels[:, -1]), (labels[:, -1], labels[:, 0])):
-            near = ndimage.maximum_filter(keep[first] & (first > 0), 3)
-            keep[last[near & (last > 0)]] = True
-    keep[0] = False
-    return np.where(keep[labels], labels, 0)
+        keep[one] |= keep[other]
+        keep[other] |= keep[one]
+    own = label[: len(row)]
+    parts[cells] = np.where(keep[own], own + 1, 0)
+    return parts
+
+
+def _seeds(strong: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the strong cells that touch others in other directions: in the same one, noise alone makes neighbours."""
+    deep = strong.copy()
+    deep[..., 1:] |= strong[..., :-1]
+    deep[..., :-1] |= strong[..., 1:]
+    beside = np.roll(deep, 1, axis=1) | np.roll(deep, -1, axis=1)
+    around = beside | deep
+    beside[1:] |= around[:-1]
+    beside[:-1] |= around[1:]
+    return strong & beside
 
 
 def _ends_within(parts: NDArray[np.int64], share: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -281,9 +297,11 @@ def _ends_within(parts: NDArray[np.int64], share: NDArray[np.float32]) -> NDArra
 
     Arrays have the shape (rows, columns, bins): the part of each cell, from 1, 0 for none, and its share of the frames.
     """
-    from scipy import ndimage
-
-    near = ndimage.uniform_filter1d(share, _BESIDE_BINS, axis=2, mode="constant") * (_BESIDE_BINS / 2)
+    total = np.cumsum(
+        np.pad(share.astype(np.float64), ((0, 0), (0, 0), (_BESIDE_BINS // 2 + 1, _BESIDE_BINS // 2))), axis=2
+    )
+    mean = (total[..., _BESIDE_BINS:] - total[..., :-_BESIDE_BINS]) / _BESIDE_BINS
+    near = mean.astype(np.float32) * (_BESIDE_BINS / 2)
     occupied = (parts > 0).any(axis=2)
     borders, ongoing = np.zeros(parts.max() + 1), np.zeros(parts.max() + 1)
     for step in (-1, 1):

@@ -6,14 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.background import Background
-from seaclutter_cli.filters.confirmation.beams import Beams
-from seaclutter_cli.filters.confirmation.echoes import Echoes, measure
+from seaclutter_cli.filters.confirmation.echoes import Echoes, Sea
 from seaclutter_cli.filters.confirmation.objects import Clusters
 from seaclutter_cli.filters.zones import LEAST_M
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.tracking.detections import Detections
-from seaclutter_cli.water import Faces, Mounting, WaterTracker
+from seaclutter_cli.water import Mounting
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -63,28 +61,22 @@ class BodyFinder:
     def __init__(self, mounting: Mounting) -> None:
         roll, pitch = mounting.roll_deg, mounting.pitch_deg
         self._params = ConfirmedParams(use_intensity=False, mounting_roll_deg=roll, mounting_pitch_deg=pitch)
-        self._water, self._background, self._beams = WaterTracker(), Background(), Beams(mounting)
+        self._sea = Sea(self._params)
 
     def find(self, frame: Frame, left_out: Mask, time_s: float) -> Bodies:
         """Return the bodies of a frame at a time, without points that are left out, such as own ship's structure."""
         index = np.flatnonzero(frame.valid & ~left_out & (frame.range_m >= LEAST_M))
         xyz = self._params.mounting.levelled(frame.coordinates.take(index, axis=1))
         echoes = Echoes(index, xyz, frame.range_m[index], None, np.ones(len(index), np.uint8))
-        self._beams.add(xyz)
-        elevation = self._beams.elevation_deg(xyz)
-        faces = Faces.of(xyz, elevation, self._beams.gaps(elevation, elevation)[1])
-        water = self._water.step(xyz, faces, time_s)
-        self._background.fade(time_s)
-        threshold = np.full(len(index), -np.inf)
-        heights = measure(echoes, threshold, water, faces, self._background, self._params)
+        heights = self._sea.measure(echoes, np.full(len(index), -np.inf), time_s)
         among = heights.high | heights.upright
         among |= (heights.unseen >= 1) & (heights.height_m > -heights.rise_m) & ~heights.mirrored
-        clusters = _largest(Clusters.among(echoes, among, self._beams, self._params))
+        clusters = _largest(Clusters.among(echoes, among, self._sea.beams, self._params))
         flat = np.zeros(frame.size, np.bool_)
         flat[index] = np.abs(heights.height_m) <= heights.rise_m
         points = index[clusters.points]
         height = np.full(frame.size, np.nan)
-        if water is not None:
+        if heights.water is not None:
             height[index] = heights.height_m
             height[points] = np.nan
         owner = np.repeat(np.arange(len(clusters)), clusters.count)
@@ -97,7 +89,7 @@ class BodyFinder:
             points,
             clusters.start,
             found,
-            top if water is not None else np.full(len(top), np.nan),
+            top if heights.water is not None else np.full(len(top), np.nan),
             np.minimum(top / clusters.mean(heights.rise_m), _MAX_RISE),
             clusters.mean(heights.unseen),
             clusters.sum(heights.linked),

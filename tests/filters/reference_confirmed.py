@@ -10,10 +10,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from seaclutter_cli.filters import confirmed
 from seaclutter_cli.filters.zones import LEAST_M
 from seaclutter_cli.frame import Frame, Reason
 from seaclutter_cli.structure.own_ship import OwnShip
+from seaclutter_cli.water import WaterSurface
+from seaclutter_cli.water.plane import Plane
 from tests.filters.reference_faces import faces_of
 from tests.filters.reference_objects import (
     Background,
@@ -116,7 +120,7 @@ class ConfirmedObjects:
         """Find the objects of a frame and their tracks."""
         points = points_of(frame)
         if self.own_ship:
-            self.own_ship.add(frame)
+            self.own_ship.add(frame, finds_water=False)
         own = self.own_ship.contains(frame) if self.own_ship else frame.range_m < self.params.start_m
         rings = [self.ring_of(point, is_own) for point, is_own in zip(points, own, strict=True)]
         used = [number for number, point in enumerate(points) if self.is_used(point, rings[number])]
@@ -127,6 +131,10 @@ class ConfirmedObjects:
         faces = faces_of(places, elevations, gaps)
         water = self.water.step(places, faces.of_point, time_s)
         echoes = echoes_of([(number, points[number], rings[number]) for number in used], water, faces, self.params)
+        if self.own_ship:
+            level = water and Plane(water.plane.a, water.plane.b, water.plane.c)
+            upright = np.array([one.number for one in echoes if one.upright], np.intp)
+            self.own_ship.see(frame, level and WaterSurface(level, water.sigma, None, None), upright)
         self.background.mark(echoes, time_s)
         candidates = candidates_of(echoes, self.beams)
         sigma = 0.0 if water is None else water.sigma

@@ -29,18 +29,15 @@ class Background:
 
     def __init__(self) -> None:
         self._seen = np.zeros((_RINGS, _SECTORS))
-        self._time_s, self._kept = -math.inf, 0.0
+        self._time_s = -math.inf
 
-    def fade(self, time_s: float) -> None:
-        """Go on to the time of the next frame."""
-        self._kept = math.exp(-max(time_s - self._time_s, 0) / _MEMORY_S)
-        self._time_s = time_s
-
-    def share(self, xyz: Floats, of_water: Mask) -> Floats:
+    def share(self, xyz: Floats, of_water: Mask, time_s: float) -> Floats:
         """Return the share of the other directions in which the water has echoes at the ranges of N points, shape (N,).
 
-        Of the points of a frame, shape (3, N), some may be echoes of the water, ``of_water``, shape (N,).
+        Of the points of the next frame, shape (3, N), some may be echoes of the water, ``of_water``, shape (N,).
         """
+        kept = math.exp(-max(time_s - self._time_s, 0) / _MEMORY_S)
+        self._time_s = time_s
         x, y, _ = xyz
         cell = np.minimum(_PER_OCTAVE * np.log2(1 + np.hypot(x, y) / _NEAR_M), _RINGS - 1).astype(np.int16)
         cell *= np.int16(_SECTORS)
@@ -49,7 +46,7 @@ class Background:
         around = seen.copy()
         around[1:] |= seen[:-1]
         around[:-1] |= seen[1:]
-        self._seen = self._kept * self._seen + (1 - self._kept) * around
+        self._seen = kept * self._seen + (1 - kept) * around
         beside = np.sum([np.roll(self._seen, shift, axis=1) for shift in range(-_BESIDE, _BESIDE + 1)], axis=0)
         others = (self._seen.sum(axis=1, keepdims=True) - beside) / (_SECTORS - 2 * _BESIDE - 1)
         return np.asarray(others.reshape(-1)[cell])

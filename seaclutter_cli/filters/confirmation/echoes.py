@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.background import Background
+from seaclutter_cli.filters.confirmation.beams import Beams
 from seaclutter_cli.filters.zones import LEAST_M
-from seaclutter_cli.frame import Frame, Reason
-from seaclutter_cli.water import Faces, WaterSurface
+from seaclutter_cli.frame import Attitude, Frame, Reason
+from seaclutter_cli.water import Faces, WaterSurface, WaterTracker
 from seaclutter_cli.water.surface import BEYOND, mirrored_below_m
 
 Floats = NDArray[np.float64]
@@ -86,8 +87,8 @@ class Heights:
         other directions.
     run : ndarray, int32
         Number of echoes beside each other in one beam, at nearly one range.
-    sigma_m : float
-        Standard deviation of the water; 0 without water.
+    water : WaterSurface or None
+        The water; None if it is not seen.
     """
 
     height_m: Floats
@@ -106,61 +107,68 @@ class Heights:
     unseen: Floats
     alone: Floats
     run: NDArray[np.int32]
-    sigma_m: float
+    water: WaterSurface | None
+
+    @property
+    def sigma_m(self) -> float:
+        """Standard deviation of the water; 0 without water."""
+        return 0.0 if self.water is None else self.water.sigma_m
 
 
-def measure(
-    echoes: Echoes,
-    threshold: Floats,
-    water: WaterSurface | None,
-    faces: Faces,
-    background: Background,
-    params: ConfirmedParams,
-) -> Heights:
-    """Return the M echoes of a frame against the water. Without water, every point stands out.
+class Sea:
+    """The water and what it shows around a lidar, and its beams, frame by frame, against which echoes are measured."""
 
-    ``threshold`` are their intensity thresholds, shape (M,); minus infinity beyond the range rings. What is below the
-    water is mirrored or noise, and what fills a volume is spray, rain or fog: neither stands out.
-    """
-    x, y, z = echoes.xyz
-    if water is None:
-        height, deviation, shown = z + _UNSEEN_M, np.zeros(echoes.size), np.zeros(echoes.size)
-        sigma = 0.0
-    else:
-        height, deviation, shown = water.above(x, y, z, water.cells)
-        sigma = water.sigma_m
-    level = z - height
-    beyond = _RISE_PER_M * np.maximum(echoes.range_m - _RISE_FROM_M, 0)
-    rise = np.maximum(params.min_rise_m, params.rise_sigmas * deviation) + beyond
-    reached, brightness = _brightness(echoes, threshold)
-    linked, loose = faces.neighbors(height > rise)
-    solid = ~_in_volume(linked, loose, water)
-    upright = faces.stands(level, sigma) & (height >= -mirrored_below_m(deviation)) & solid
-    high = (height > rise) & solid
-    bodies = high | upright
-    beside_water = np.abs(height) <= rise
-    alone = 1 - background.share(echoes.xyz, beside_water & ~upright) / _COMMON
-    unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
-    mirrored = np.zeros_like(bodies) if water is None else water.mirrored(height, deviation, bodies)
-    return Heights(
-        height,
-        rise,
-        _WAVE_SIGMAS * deviation + beyond,
-        faces.above_m(level),
-        linked,
-        loose,
-        high,
-        reached & beside_water,
-        ~reached,
-        upright,
-        (height > np.maximum(params.growth_height_m, _GROWTH_SIGMAS * deviation)) | upright,
-        mirrored,
-        brightness,
-        unseen,
-        np.maximum(unseen, alone, out=alone),
-        faces.run,
-        sigma,
-    )
+    def __init__(self, params: ConfirmedParams) -> None:
+        self._params = params
+        self.water, self.beams, self._background = WaterTracker(), Beams(params.mounting), Background()
+
+    def measure(self, echoes: Echoes, threshold: Floats, time_s: float, attitude: Attitude | None = None) -> Heights:
+        """Return the M echoes of the next frame against the water. Without water, every point stands out.
+
+        ``threshold`` are their intensity thresholds, shape (M,); minus infinity beyond the range rings. What is below
+        the water is mirrored or noise, and what fills a volume is spray, rain or fog: neither stands out.
+        """
+        x, y, z = echoes.xyz
+        self.beams.add(echoes.xyz)
+        elevation = self.beams.elevation_deg(echoes.xyz)
+        faces = Faces.of(echoes.xyz, elevation, self.beams.gaps(elevation, elevation)[1])
+        water = self.water.step(echoes.xyz, faces, time_s, attitude)
+        if water is None:
+            height, deviation, shown = z + _UNSEEN_M, np.zeros(echoes.size), np.zeros(echoes.size)
+        else:
+            height, deviation, shown = water.above(x, y, z, water.cells)
+        level, sigma = z - height, 0.0 if water is None else water.sigma_m
+        beyond = _RISE_PER_M * np.maximum(echoes.range_m - _RISE_FROM_M, 0)
+        rise = np.maximum(self._params.min_rise_m, self._params.rise_sigmas * deviation) + beyond
+        reached, brightness = _brightness(echoes, threshold)
+        linked, loose = faces.neighbors(height > rise)
+        solid = ~_in_volume(linked, loose, water)
+        upright = faces.stands(level, sigma) & (height >= -mirrored_below_m(deviation)) & solid
+        high = (height > rise) & solid
+        bodies = high | upright
+        beside_water = np.abs(height) <= rise
+        alone = 1 - self._background.share(echoes.xyz, beside_water & ~upright, time_s) / _COMMON
+        unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
+        mirrored = np.zeros_like(bodies) if water is None else water.mirrored(height, deviation, bodies)
+        return Heights(
+            height,
+            rise,
+            _WAVE_SIGMAS * deviation + beyond,
+            faces.above_m(level),
+            linked,
+            loose,
+            high,
+            reached & beside_water,
+            ~reached,
+            upright,
+            (height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)) | upright,
+            mirrored,
+            brightness,
+            unseen,
+            np.maximum(unseen, alone, out=alone),
+            faces.run,
+            water,
+        )
 
 
 def _in_volume(linked: NDArray[np.int32], loose: NDArray[np.int32], water: WaterSurface | None) -> Mask:
