@@ -5,9 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from seaclutter_cli.interfaces import CloudCodec
 from seaclutter_cli.messages.foxglove import JsonPointCloud, ProtobufPointCloud, RosFoxglovePointCloud
-from seaclutter_cli.messages.livox import LivoxCustomMsg
 from seaclutter_cli.messages.pointcloud2 import CompressedPointCloud2, PointCloud2
-from seaclutter_cli.messages.scans import LaserScan, MultiEchoLaserScan
+from seaclutter_cli.messages.scans import LaserScan, LivoxCustomMsg, MultiEchoLaserScan
 from seaclutter_cli.messages.serialisation import RosCodec
 from seaclutter_cli.records import Channel
 

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.frame import WATER_COLUMNS, WATER_REASONS, FilterResult, Reason, Rings, WaterState
-from seaclutter_cli.messages.companion import Content, Time, companion_format
-from seaclutter_cli.messages.definitions import make_typestore
+from seaclutter_cli.messages.definitions import Content, Time, companion_format, make_typestore
 from seaclutter_cli.messages.serialisation import NANO
 from seaclutter_cli.records import Buffer, Schema
 

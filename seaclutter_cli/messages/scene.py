@@ -1,18 +1,17 @@
-"""``foxglove.SceneUpdate`` messages, which show boxes in a 3D panel."""
+"""Boxes of objects: ``foxglove.SceneUpdate`` shows them in a 3D panel, ``vision_msgs/Detection3DArray`` rates them."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
-from seaclutter_cli.messages.companion import Content, Time, companion_format
-from seaclutter_cli.messages.definitions import make_typestore
+import numpy as np
+
+from seaclutter_cli.messages.definitions import Content, Time, companion_format, make_typestore
 from seaclutter_cli.records import Schema
 
-TOPIC = "/seaclutter/scene"
-_TYPE = "foxglove_msgs/msg/SceneUpdate"
-
+SCENE_TOPIC, OBJECTS_TOPIC = "/seaclutter/scene", "/seaclutter/objects"
 _DEFINITIONS = {
     "Color": "float64 r\nfloat64 g\nfloat64 b\nfloat64 a",
     "KeyValuePair": "string key\nstring value",
@@ -39,6 +38,15 @@ _DEFINITIONS = {
     "foxglove_msgs/TextPrimitive[] texts\nfoxglove_msgs/ModelPrimitive[] models",
     "SceneUpdate": "foxglove_msgs/SceneEntityDeletion[] deletions\nfoxglove_msgs/SceneEntity[] entities",
 }
+_VISION_DEFINITIONS = {
+    "ObjectHypothesis": "string class_id\nfloat64 score",
+    "ObjectHypothesisWithPose": "vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose",
+    "BoundingBox3D": "geometry_msgs/Pose center\ngeometry_msgs/Vector3 size",
+    "Detection3D": "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\n"
+    "vision_msgs/BoundingBox3D bbox\nstring id",
+    "Detection3DArray": "std_msgs/Header header\nvision_msgs/Detection3D[] detections",
+}
+"""Of version 4 of vision_msgs; that of ROS 1 has other fields."""
 _MATCHING_ID = 0
 _PRIMITIVES = ("arrows", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
 
@@ -101,24 +109,44 @@ class SceneUpdate:
         }
 
 
+@dataclass(frozen=True)
+class Detections3D:
+    """Objects of one frame, for a log."""
+
+    stamp_ns: int
+    frame_id: str
+    objects: Sequence[SceneTrack]
+
+    @property
+    def content(self) -> Content:
+        """Values of the fields of the message."""
+        head = {"stamp": Time(self.stamp_ns), "frame_id": self.frame_id.encode(errors="replace").decode()}
+        return {"header": head, "detections": [_detection(one, head) for one in self.objects]}
+
+
 def scene_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[Content], bytes]]:
     """Return the message encoding, schema and serialiser for a log, given the encoding of its clouds."""
-    return companion_format(cloud_encoding, _TYPE, _typestore, _json_schema)
+    return companion_format(cloud_encoding, "foxglove_msgs/msg/SceneUpdate", _typestore, _scene_schema)
+
+
+def detections_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[Content], bytes]]:
+    """Return what `scene_format` returns, for the objects of a frame."""
+    return companion_format(cloud_encoding, "vision_msgs/msg/Detection3DArray", _typestore, _detections_schema)
 
 
 @cache
 def _typestore() -> Any:
-    return make_typestore({f"foxglove_msgs/msg/{name}": f"{text}\n" for name, text in _DEFINITIONS.items()})
+    packages = ("foxglove_msgs", _DEFINITIONS), ("vision_msgs", _VISION_DEFINITIONS)
+    return make_typestore({f"{name}/msg/{kind}": f"{text}\n" for name, own in packages for kind, text in own.items()})
 
 
-def pose_of(box: SceneBox) -> dict[str, Any]:
-    """Return the pose of a box as the fields of a message."""
+def _pose(box: SceneBox) -> dict[str, Any]:
     rotation = {"x": 0.0, "y": 0.0, "z": math.sin(box.yaw / 2), "w": math.cos(box.yaw / 2)}
-    return {"position": vector(box.center), "orientation": rotation}
+    return {"position": _xyz(box.center), "orientation": rotation}
 
 
 def _cube(box: SceneBox) -> dict[str, Any]:
-    return {"pose": pose_of(box), "size": vector(box.size), "color": _color(box.color, 0.3)}
+    return {"pose": _pose(box), "size": _xyz(box.size), "color": _color(box.color, 0.3)}
 
 
 def _arrow(track: SceneTrack) -> dict[str, Any]:
@@ -126,7 +154,7 @@ def _arrow(track: SceneTrack) -> dict[str, Any]:
     speed = math.hypot(*track.velocity)
     course = SceneBox(track.box.center, (), math.atan2(track.velocity[1], track.velocity[0]), track.box.color)
     shape = {"shaft_length": 0.8 * speed, "shaft_diameter": 0.2, "head_length": 0.2 * speed, "head_diameter": 0.4}
-    return {"pose": pose_of(course), **shape, "color": _color(track.box.color, 1.0)}
+    return {"pose": _pose(course), **shape, "color": _color(track.box.color, 1.0)}
 
 
 def _metadata(track: SceneTrack) -> list[dict[str, str]]:
@@ -142,17 +170,20 @@ def _metadata(track: SceneTrack) -> list[dict[str, str]]:
 
 def _text(box: SceneBox) -> dict[str, Any]:
     x, y, z = box.center
-    pose = {
-        "position": vector((x, y, z + box.size[2] / 2 + 1)),
-        "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
-    }
+    above = replace(box, center=(x, y, z + box.size[2] / 2 + 1), yaw=0.0)
     style = {"billboard": True, "font_size": 14.0, "scale_invariant": True, "color": _color(box.color, 1.0)}
-    return {"pose": pose, **style, "text": box.text.encode(errors="replace").decode()}
+    return {"pose": _pose(above), **style, "text": box.text.encode(errors="replace").decode()}
 
 
-def vector(values: Sequence[float]) -> dict[str, float]:
-    """Return three numbers as the fields of a message."""
+def _xyz(values: Sequence[float]) -> dict[str, float]:
     return dict(zip("xyz", map(float, values), strict=True))
+
+
+def _detection(one: SceneTrack, head: Mapping[str, Any]) -> dict[str, Any]:
+    pose = _pose(one.box)
+    hypothesis = {"class_id": one.state, "score": float(one.score)}
+    result = {"hypothesis": hypothesis, "pose": {"pose": pose, "covariance": np.zeros(36)}}
+    return {"header": head, "results": [result], "bbox": {"center": pose, "size": _xyz(one.box.size)}, "id": one.name}
 
 
 def _color(color: str, opacity: float) -> dict[str, float]:
@@ -160,7 +191,7 @@ def _color(color: str, opacity: float) -> dict[str, float]:
     return dict(zip("rgba", (*parts, opacity), strict=True))
 
 
-def _json_schema() -> Content:
+def _scene_schema() -> Content:
     """Return the JSON schema of the fields in use; players know the others by the name of the schema."""
     number, text = {"type": "number"}, {"type": "string"}
     vector = {"type": "object", "properties": dict.fromkeys("xyz", number)}
@@ -182,3 +213,10 @@ def _json_schema() -> Content:
 
 def _list_of(items: dict[str, Any]) -> dict[str, Any]:
     return {"type": "array", "items": items}
+
+
+def _detections_schema() -> Content:
+    """Return the JSON schema of the outermost fields."""
+    anything = {"type": "array", "items": {"type": "object"}}
+    properties = {"header": {"type": "object"}, "detections": anything}
+    return {"title": "vision_msgs.Detection3DArray", "type": "object", "properties": properties}

@@ -4,9 +4,8 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 from seaclutter_cli.frame import FilterResult
-from seaclutter_cli.messages.detections import Detections3D
 from seaclutter_cli.messages.navigation import Navigation
-from seaclutter_cli.messages.scene import SceneBox, SceneTrack
+from seaclutter_cli.messages.scene import Detections3D, SceneBox, SceneTrack
 from seaclutter_cli.records import Message, Record
 from seaclutter_cli.sinks.objects import pose_of
 from seaclutter_cli.tracking.follow import CANDIDATE, CONFIRMED, LOST, Follower, FrameObjects

@@ -14,8 +14,6 @@ from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import CloudCodec, Sink, Source
 from seaclutter_cli.messages import find_codec, has_fixed_fields
 from seaclutter_cli.messages.definitions import points_channel
-from seaclutter_cli.messages.detections import TOPIC as OBJECTS_TOPIC
-from seaclutter_cli.messages.detections import detections_format
 from seaclutter_cli.messages.diagnostics import PLAIN, WATER, Diagnostics, diagnostics_format
 from seaclutter_cli.messages.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
 from seaclutter_cli.messages.metadata import (
@@ -27,8 +25,7 @@ from seaclutter_cli.messages.metadata import (
     recorded_topics,
     to_metadata,
 )
-from seaclutter_cli.messages.scene import TOPIC as SCENE_TOPIC
-from seaclutter_cli.messages.scene import scene_format
+from seaclutter_cli.messages.scene import OBJECTS_TOPIC, SCENE_TOPIC, detections_format, scene_format
 from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata, Record
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.log_output import LogOutput, LogWriter
