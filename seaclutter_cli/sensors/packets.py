@@ -1,7 +1,7 @@
 """Packets of a sensor, the interface of their decoders, and what decoders share."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -148,6 +148,16 @@ def point_dtype(*, returns: bool = False) -> np.dtype[Any]:
     """Return the dtype of decoded points: RoboSense's driver layout, plus ``return_number`` for two returns."""
     fields = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("timestamp", "<f8")]
     return np.dtype([*fields, ("return_number", "u1")] if returns else fields)
+
+
+def make_points(
+    xyz: Iterable[NDArray[Any]], intensity: Any, ring: Any, times_s: NDArray[np.float64], number: Any = None
+) -> NDArray[np.void]:
+    """Return points, shape (N,), of `point_dtype`, with return numbers if there are any."""
+    points = np.empty(len(times_s), point_dtype(returns=number is not None))
+    for name, values in zip(points.dtype.names or (), (*xyz, intensity, ring, times_s, number), strict=False):
+        points[name] = values
+    return points
 
 
 class SensorClock:

@@ -19,7 +19,7 @@ from seaclutter_cli.sensors.packets import (
     PacketFrame,
     Packets,
     SensorClock,
-    point_dtype,
+    make_points,
     view_packets,
 )
 
@@ -40,8 +40,7 @@ class HesaiDecoder:
     def __init__(self, model: HesaiModel, scan: Scan, *, returns: bool) -> None:
         self.facts = SensorFacts(model.name, {"intensity": "reflectivity, 0 to 255"})
         self.facts.details |= EXPERIMENTAL if model.is_experimental else {}
-        self._model, self._scan = model, scan
-        self._dtype = point_dtype(returns=returns)
+        self._model, self._scan, self._numbers_returns = model, scan, returns
         self._revolutions: dict[int, list[tuple[NDArray[np.void], int, int]]] = defaultdict(list)
         """Parts of incomplete revolutions: points, number of slots, and the time of the last one."""
         self._clock = SensorClock(self.facts)
@@ -141,15 +140,9 @@ class HesaiDecoder:
         ranges = distances.ravel()[hit] * units_m
         angles, cosines, sines = self._scan.directions(positions.ravel(), firings, channel)
         across = ranges * cosines
-        points = np.empty(len(hit), self._dtype)
-        points["x"], points["y"] = across * np.sin(angles), across * np.cos(angles)
-        points["z"] = ranges * sines
-        points["intensity"] = intensities.ravel()[hit]
-        points["ring"] = channel
-        points["timestamp"] = times_ns.ravel()[slots] / 1e9
-        if "return_number" in (self._dtype.names or ()):
-            points["return_number"] = number + 1
-        return points, slots
+        xyz, times_s = (across * np.sin(angles), across * np.cos(angles), ranges * sines), times_ns.ravel()[slots] / 1e9
+        return_number = number + 1 if self._numbers_returns else None
+        return make_points(xyz, intensities.ravel()[hit], channel, times_s, return_number), slots
 
 
 def _distinct(

@@ -18,7 +18,7 @@ from seaclutter_cli.sensors.packets import (
     PacketFrame,
     Packets,
     SensorClock,
-    point_dtype,
+    make_points,
     view_packets,
 )
 
@@ -147,14 +147,13 @@ class OusterDecoder:
         self.facts = SensorFacts(metadata.model, _details(metadata))
         self._metadata = metadata
         self._profile = profile
-        self._rows, returns = len(metadata.altitude_rad), len(profile.ranges)
+        self._rows = len(metadata.altitude_rad)
         self._layout = packet_layout(metadata.profile, self._rows, metadata.packet_columns)
         self._expected = metadata.expected_packets()
         self.places_end = 0x10000 * len(self._expected)
         unit_m = np.float32(profile.range_unit_mm / 1000)
         directions, origins = metadata.directions()
         self._directions, self._origins = directions * unit_m, origins
-        self._dtype = point_dtype(returns=returns == 2)
         self._clock = SensorClock(self.facts)
         self._frame_id: int | None = None
         self._place = 0
@@ -277,15 +276,10 @@ class OusterDecoder:
         row = beam - column * self._rows
         pixel = beam if len(ids) == self._metadata.columns else ids[column] * self._rows + row
         units = ranges.ravel()[hit].astype(np.float32)
-        points = np.empty(len(hit), self._dtype)
-        for axis, name in enumerate("xyz"):
-            points[name] = units * self._directions[axis].ravel()[pixel] + self._origins[axis].ravel()[pixel]
-        points["intensity"] = values(profile.intensities).ravel()[hit]
-        points["ring"] = row
-        points["timestamp"] = (column_ns / 1e9)[column]
-        if returns == 2:
-            points["return_number"] = (hit & 1) + 1
-        return points
+        beams = zip(self._directions, self._origins, strict=True)
+        xyz = (units * direction.ravel()[pixel] + origin.ravel()[pixel] for direction, origin in beams)
+        number = (hit & 1) + 1 if returns == 2 else None
+        return make_points(xyz, values(profile.intensities).ravel()[hit], row, (column_ns / 1e9)[column], number)
 
 
 def _is_damaged(place: int, after: int, *, before: int, per_revolution: int) -> bool:

@@ -106,9 +106,9 @@ class Geometry:
         rotation = np.arange(max(BLIND, device.step) + 1, dtype=np.float32)[:, None] * share
         self._rotation = rotation.astype(np.int64)
         self._reversed = device.reversed
-        self._directions = _directions()
         forward, up = np.array(model.lens_m, np.float32)
-        self._lens = _lens(float(forward))
+        self._directions = _directions()
+        self._lens = self._directions * forward
         vertical = angles.vertical * 0.01 * np.pi / 180
         self._cos, self._sin, self._up = np.cos(vertical).astype("f4"), np.sin(vertical).astype("f4"), up
         self._unit, self._limits = np.float32(model.unit_m), _limits(model)
@@ -167,12 +167,6 @@ def _directions() -> NDArray[np.complex64]:
     directions = np.empty(len(radians), np.complex64)
     directions.real, directions.imag = np.cos(radians), -np.sin(radians)
     return directions
-
-
-@cache
-def _lens(forward: float) -> NDArray[np.complex64]:
-    """Return the position of the lens by azimuth, as in `_directions`."""
-    return (_directions() * np.float32(forward)).astype(np.complex64)
 
 
 def _packed(dtype: np.dtype[Any]) -> np.dtype[Any]:

@@ -244,23 +244,18 @@ def _read_device(model: RobosenseModel, packet: NDArray[np.uint8]) -> Device:
     mode = int(packet[300])
     dual = mode in model.format.dual_modes and not (old and packet[45:48].tobytes() < _TWO_RETURNS_SINCE)
     used = with_old_firmware(model) if old else model
+    names = {} if model.format.begin == RUBY.begin else _MODES  # those of the RS-Ruby differ between its versions
     details = {
         "serial number": packet[292:298].tobytes().hex(),
         "firmware": f"top board {packet[40:45].tobytes().hex()}, bottom board {packet[45:50].tobytes().hex()}",
         "rotation rate": f"{rpm} rpm",
-        "return mode": "dual" if dual else f"single ({_name(mode, model)})",
+        "return mode": "dual" if dual else f"single ({names.get(mode, f'mode {mode}')})",
         "distance unit": f"{used.unit_m * 1000:g} mm",
     }
     if is_classic:
         details["intensity"] = _INTENSITY.get(int(packet[291]), f"unknown (mode byte {packet[291]:#04x})")
     is_reversed = model.name == "RS-Bpearl" and packet[337] != 0
     return Device(used, dual, rpm // 60 or 10, (start, end), details, bool(is_reversed))
-
-
-def _name(mode: int, model: RobosenseModel) -> str:
-    """Return the name of a mode with one return; those of the RS-Ruby differ between its versions."""
-    known = {} if model.format.begin == RUBY.begin else _MODES
-    return known.get(mode, f"mode {mode}")
 
 
 def _assumed_device(model: RobosenseModel, azimuth: NDArray[np.int64]) -> Device:

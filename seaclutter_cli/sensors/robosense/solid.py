@@ -17,7 +17,7 @@ from seaclutter_cli.sensors.packets import (
     PacketFrame,
     Packets,
     SensorClock,
-    point_dtype,
+    make_points,
     view_packets,
 )
 from seaclutter_cli.sensors.robosense.packets import HELIOS_TIME, header_times
@@ -174,12 +174,9 @@ class SolidDecoder:
         late_ns = blocks["late_us"].astype(np.int64) * 1000
         point_ns = np.broadcast_to((times_ns[:, None] + late_ns)[..., None], range_m.shape)
         hit = (range_m >= np.float32(self._model.least_m)) & (range_m <= _MOST_M)
-        points = np.empty(int(hit.sum()), point_dtype())
-        for axis, values in zip("xyz", self._model.positions(channels[hit], range_m[hit]), strict=True):
-            points[axis] = values
-        points["intensity"] = channels["intensity"][hit]
-        points["ring"] = np.broadcast_to(np.arange(range_m.shape[-1]), range_m.shape)[hit]
-        points["timestamp"] = point_ns[hit] / 1e9
+        xyz = self._model.positions(channels[hit], range_m[hit])
+        ring = np.broadcast_to(np.arange(range_m.shape[-1]), range_m.shape)[hit]
+        points = make_points(xyz, channels["intensity"][hit], ring, point_ns[hit] / 1e9)
         self._parts.append(points)
         self._size += len(points)
         self._end_ns = int(point_ns[-1, -1, -1])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.documents import read_document
 from seaclutter_cli.errors import InputError, MissingExtraError
 from seaclutter_cli.records import SensorFacts
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily, PacketFrame, Packets, point_dtype, view_packets
+from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily, PacketFrame, Packets, make_points, view_packets
 
 FULL_CIRCLE = 36_000
 _HOUR_NS = 3_600 * 10**9
@@ -125,7 +125,9 @@ class Cut:
             return cls() if np.ptp(times_ns) > MAX_REVOLUTION_NS else None
         covered = np.zeros(360, bool)
         covered[flat[: np.searchsorted(rotation, FULL_CIRCLE) + 2] // 100] = True
-        begin, size = _longest_gap(covered)
+        degrees = np.flatnonzero(covered)
+        sizes = np.diff(degrees, append=degrees[0] + 360) - 1
+        begin, size = (int(degrees[sizes.argmax()]) + 1) % 360, int(sizes.max())  # of the longest gap
         if size < BLIND_DEG:
             return cls()
         azimuth = (begin + size // 2) % 360
@@ -143,14 +145,6 @@ class Cut:
     def is_end(self, azimuth: int) -> bool:
         """Return whether the sensor measures nothing between an azimuth relative to the cut and the next cut."""
         return not self.covered[azimuth // 100 + 2 :].any()
-
-
-def _longest_gap(covered: NDArray[np.bool_]) -> tuple[int, int]:
-    """Return start and size of the longest run of degrees without measurements, around the circle."""
-    indices = np.flatnonzero(covered)
-    sizes = np.diff(indices, append=indices[0] + len(covered)) - 1
-    longest = int(sizes.argmax())
-    return (int(indices[longest]) + 1) % len(covered), int(sizes[longest])
 
 
 class VelodyneLosses:
@@ -210,13 +204,6 @@ def _known_models(payloads: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(models[np.isin(models, list(MODELS))])
 
 
-def _library() -> Any:
-    try:
-        return import_module("velodyne_decoder")
-    except ImportError as error:
-        raise MissingExtraError("decoding Velodyne packets", "velodyne") from error
-
-
 class VelodyneDecoder:
     """Decoder for the packets of one sensor, whose model a factory byte identifies.
 
@@ -232,7 +219,10 @@ class VelodyneDecoder:
     def __init__(self, factory: int, options: DecoderOptions) -> None:
         """Select the model and read its calibration."""
         self._factory, self._model = factory, _choose_model(factory, options.model)
-        library = _library()
+        try:
+            library: Any = import_module("velodyne_decoder")
+        except ImportError as error:
+            raise MissingExtraError("decoding Velodyne packets", "velodyne") from error
         self._packet, self._scan = library.VelodynePacket, library.PacketVector
         self._times = library.velodyne_decoder_pylib.TimePair
         model = getattr(library.Model, self._model.library)
@@ -363,13 +353,9 @@ class VelodyneDecoder:
         scan = self._scan([self._packet(stamp, row.tolist()) for stamp, row in zip(stamps, raw_bytes, strict=True)])
         _, raw = self._decoder.decode(scan, True)
         dual = bool((packets["mode"] == DUAL).any())
-        points = np.empty(len(raw), point_dtype(returns=dual))
-        for name in ("x", "y", "z", "intensity", "ring"):
-            points[name] = raw[name]
         times = start_ns + np.rint(raw["time"].astype(np.float64) * 1e9).astype(np.int64)
-        points["timestamp"] = times / 1e9
-        if dual:
-            points["return_number"] = np.where(raw["return_type"] == _LAST, 2, 1)
+        number = np.where(raw["return_type"] == _LAST, 2, 1) if dual else None
+        points = make_points([raw[axis] for axis in "xyz"], raw["intensity"], raw["ring"], times / 1e9, number)
         return points, int(times[-1]) if len(times) else int(times_ns[-1])
 
 
