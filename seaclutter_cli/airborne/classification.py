@@ -33,10 +33,7 @@ class TileFeatures:
 def tile_features(tile: TilePoints, settings: TileSettings) -> TileFeatures:
     """Return a separated tile with the features of its non-sea points; missing intensities count as 0.
 
-    Raises
-    ------
-    InputError
-        If the tile cannot be separated.
+    Raise `InputError` if the tile cannot be separated.
     """
     separation = separate(tile, settings.separation, tile.column)
     other = separation.other

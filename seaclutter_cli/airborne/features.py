@@ -71,8 +71,6 @@ class NonSeaPoints:
 def features_of(points: NonSeaPoints, params: FeatureParams) -> Values:
     r"""Return the features of points, shape (N, F), in the order of ``params.names``.
 
-    Notes
-    -----
     For the texture, see `texture`. The full set adds the height of the point and, over its neighbours within r: mean
     and standard deviation of the height; density relative to the whole tile, whose density depends on the flight;
     linearity and planarity, :math:`(l_1 - l_2) / l_1` and :math:`(l_2 - l_3) / l_1` for the eigenvalues

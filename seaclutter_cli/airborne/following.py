@@ -72,8 +72,6 @@ def follow_waves(
     (S, 256, 256): height of the lowest elevations above the opened surface; ``details``: highest elevations,
     intensities, and numbers of echoes.
 
-    Notes
-    -----
     The surface is a sum, from coarse to fine: the level of the water, plus the mean of what remains around each cell,
     weighted over a sixth of the wave length, plus the mean of what still remains over half that width, and so on down
     to a metre. Each mean counts by the share of its weight that lies on water.
@@ -178,8 +176,6 @@ def height_limits(
     infinity in empty cells; ``land``, shape (S, 256, 256): land cells; ``sea``: surface, deviation of the water from
     it, and brightness; ``details``: highest elevations, and numbers of echoes.
 
-    Notes
-    -----
     Heights and brightness are in standard deviations of the water. Cells that are risen (3) or bright (2) are joined. A
     group is an object if
 

@@ -64,10 +64,7 @@ class Samples:
 def join(samples: Sequence[Samples]) -> Samples:
     """Return the labelled points of several tiles as one set.
 
-    Raises
-    ------
-    InputError
-        If there are no labelled points, or all are of one class.
+    Raise `InputError` if there are no labelled points, or all are of one class.
     """
     labelled = [part.code > 0 for part in samples]
     joined = Samples(
@@ -121,16 +118,11 @@ def split_samples(samples: Samples, params: ForestParams) -> tuple[NDArray[np.bo
 def train(samples: Samples, params: ForestParams) -> Any:
     """Return a random forest trained on samples.
 
-    Notes
-    -----
     Trees grow on bootstrap samples and split by information gain ([Shi2022], Eq. 10 to 12); each node takes the best of
     N_f features chosen at random. Classes have equal weights, regardless of their number of points. The result does
     not depend on the number of threads.
 
-    Raises
-    ------
-    MissingExtraError
-        If scikit-learn is not installed.
+    Raise `MissingExtraError` if scikit-learn is not installed.
     """
     try:
         from sklearn.ensemble import RandomForestClassifier  # an optional dependency

@@ -110,10 +110,7 @@ def shoreline_of(tile: TileMap) -> list[NDArray[np.float64]]:
     Objects and gaps of up to ten cells count as what is nearest. Land with points in fewer than 100 cells, or in fewer
     than a quarter of its cells, is left out, as are lines shorter than 20 m.
 
-    Raises
-    ------
-    MissingExtraError
-        If contourpy is not installed.
+    Raise `MissingExtraError` if contourpy is not installed.
     """
     from scipy import ndimage
 

@@ -43,10 +43,7 @@ class ObjectModel:
     def to_bytes(self) -> bytes:
         """Return the content of a model file: arrays and plain values, packed by skops; the same for the same model.
 
-        Raises
-        ------
-        MissingExtraError
-            If skops is not installed.
+        Raise `MissingExtraError` if skops is not installed.
         """
         content = {
             "format": _FORMAT,
@@ -65,12 +62,8 @@ def load_model(path: Path) -> ObjectModel:
     Nothing in the file is run. A file is refused if it contains any type other than the trees of scikit-learn and
     those that skops trusts, or if the nodes of a tree are inconsistent.
 
-    Raises
-    ------
-    InputError
-        If the file is not such a model, or the model was trained with features that this version does not compute.
-    MissingExtraError
-        If scikit-learn or skops is not installed.
+    Raise `InputError` if the file is not such a model, or the model was trained with features that this version does
+    not compute, and `MissingExtraError` if scikit-learn or skops is not installed.
     """
     try:
         data = read_whole(path)

@@ -114,8 +114,6 @@ def find_objects(
     ``points``: the N non-sea points; ``probability``, shape (N, C): probability of each class; ``classes``: codes of
     the C classes; ``params``: parameters of the search.
 
-    Notes
-    -----
     The class of a point is its most probable one. The class of an object is the most frequent class of its points; in a
     tie, the first.
     """
@@ -214,8 +212,6 @@ def object_around(number: int, xy: Values, height_m: Values, code: int | None, p
 def smallest_rectangle(xy: Values) -> tuple[tuple[float, float], tuple[float, float], float, float]:
     """Return centre, size, direction and hull area of the smallest rectangle around points, shape (N, 2).
 
-    Notes
-    -----
     One of its sides is on a side of the convex hull. Collinear points have a rectangle of width 0.
 
     Examples

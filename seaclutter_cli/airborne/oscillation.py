@@ -22,8 +22,6 @@ def oscillation(elevation: Cells, water: Mask, step: int = 1) -> tuple[float, fl
     ``elevation``, shape (n, m): elevations above the level of the water; ``water``, shape (n, m): cells of the water;
     the others do not count; ``step``: every so many cells are in the arrays.
 
-    Notes
-    -----
     Sums of products of pairs are not divided by the number of pairs, so that of many minima the nearest is the deepest.
     A sparse grid has few pairs: there, each sum is scaled to the pairs that a full grid would have, and a minimum needs
     a depth of 5 standard errors.

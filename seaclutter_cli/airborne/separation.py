@@ -98,10 +98,7 @@ def separate(
     `SeparationParams`, land and echoes from below the surface are handled, too; ``column``, optional: returns an
     attribute of all points by its LAS name, or None.
 
-    Raises
-    ------
-    InputError
-        If no point has finite coordinates, or the points are too scattered for a grid in memory.
+    Raise `InputError` if no point has finite coordinates, or the points are too scattered for a grid in memory.
     """
     points = GriddedPoints.of(parts, params.cell_m)
     if not points.grid.blocks:

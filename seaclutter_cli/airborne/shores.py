@@ -41,8 +41,6 @@ class Shores:
 def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, odds: Values, waves: WindowWaves) -> Shores:
     """Return the land and water of a tile from the log odds of water of its N squares, infinite where it is known.
 
-    Notes
-    -----
     Fewer than six connected squares are no land and no water: the opening takes what is that small for an object.
     Squares on the shore contain both. There, cells no higher than the water, and its waves, are water; from 20 cm
     above it, or four standard deviations of the elevations in squares of water, they are land if they touch land.

@@ -19,8 +19,6 @@ _ROW = 2.0**24
 def strips_of(column: Column) -> NDArray[np.uint8] | None:
     """Return the strip of each point, from 0 on, shape (N,); None if nothing distinguishes strips.
 
-    Notes
-    -----
     Strips have different point source IDs or, where all IDs are the same, are at least half a minute apart in GPS time:
     an aircraft needs longer to turn. Strips with less than a hundredth of the points are one strip together.
 
@@ -65,8 +63,6 @@ def looks_of(
 
     ``parts`` are coordinates in metres, shape (3, n).
 
-    Notes
-    -----
     A scanner on a cone (Palmer) sees a place ahead of the aircraft and again behind it, seconds later. In the time that
     an aircraft takes, such echoes are before or after those that a plane through the times of the strip expects. Others
     differ by less than a tenth of the period of the shortest waves that are followed, a quarter of a second.

@@ -66,8 +66,6 @@ def levels_of(
 def texture(block: PointBlock, levels: Levels) -> NDArray[np.float64]:
     r"""Return the texture features of a block's points, shape (B, 3), in the order of `TEXTURE`.
 
-    Notes
-    -----
     The cloud Y is the cloud X shifted by d along θ. Each neighbour of a point within r (itself included) is paired with
     the nearest point of Y (Eq. 5). The levels (c, d) of the pairs form the matrix N (Eq. 6), divided by their number:
 

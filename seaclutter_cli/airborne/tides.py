@@ -47,8 +47,6 @@ def strip_levels(points: GriddedPoints, strip: NDArray[np.uint8]) -> StripLevels
 
     ``points``: the N points of a tile; ``strip``, shape (N,): strip of each point, less than K.
 
-    Notes
-    -----
     Where strips overlap, ground has one elevation, and water may have two. Flat squares that two strips both see are
     compared. The water has another level if a fifth of them differ by more than ten centimetres, four in five of these
     in the same direction; their median is the difference. Waves are as often higher as lower. Strips that are scattered

@@ -55,10 +55,7 @@ class ElevationGrid:
     def add(self, xyz: NDArray[np.float64]) -> NDArray[np.int64]:
         """Update the cells with points, shape (3, N), in metres and finite; return the cell of each, as `locate` does.
 
-        Raises
-        ------
-        InputError
-            If the points are too scattered for a grid in memory.
+        Raise `InputError` if the points are too scattered for a grid in memory.
         """
         self._points += xyz.shape[1]
         if not xyz.shape[1]:

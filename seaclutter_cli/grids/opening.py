@@ -120,13 +120,8 @@ def open_grid(grid: ElevationGrid, window_m: float, lowest: Cells | None = None)
 def heights_above_opening(xyz: NDArray[np.float64], params: SurfaceParams) -> NDArray[np.float64]:
     """Return the height of points, shape (3, N), in metres and finite, above the opened surface of their grid.
 
-    Raises
-    ------
-    InputError
-        If the points are too scattered for a grid in memory.
+    Raise `InputError` if the points are too scattered for a grid in memory.
 
-    Notes
-    -----
     * Waves and swell: the opened surface follows waves longer than about twice the window. For shorter waves, the
       threshold has to exceed the height of their crests. A window much wider than the objects cuts off the crests of
       swell.

@@ -27,8 +27,6 @@ class OwnShip:
     ``level_m`` is the mean height of the water at the lidar, ``beams_deg`` are the elevations of its beams, None while
     they are not known.
 
-    Notes
-    -----
     1. A `StructureSearch` looks at windows of 20 frames: the first ones, then every ``every``-th.
     2. Windows in which the vessel is at rest show nothing, because a quay is as constant as own ship.
     3. Own ship reaches 0.5 m beyond what the last six other windows show within 5° of a direction. What is nearer

@@ -135,8 +135,6 @@ class StructureSearch:
     The water is level in the frame of the ``mounting``, by default about that of the cloud. No more than
     ``most_frames`` are added; if they are few, the counter takes less memory.
 
-    Notes
-    -----
     1. *Cells*: beam (a ring, or 1° of elevation), 1° of azimuth, 8 cm of range. Two neighbours in range count as one,
        so that noise across a border does not matter.
     2. *Structure*: cells that return in at least 80 % of the frames and touch another such cell; and around them, those
