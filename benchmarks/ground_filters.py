@@ -30,8 +30,9 @@ from coasts import COASTS, SIZE_M, coast_scene
 from mistakes import picture
 from seas import SEAS, with_sea
 
-from seaclutter_cli.airborne.separation import NEVER, OTHER, WATER, separate
+from seaclutter_cli.airborne.separation import separate
 from seaclutter_cli.airborne.settings import TileSettings
+from seaclutter_cli.airborne.surface import NEVER, OTHER, WATER
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.grids.opening import SurfaceParams
 from seaclutter_cli.simulation.airborne.recording import simulate_strips

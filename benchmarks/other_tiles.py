@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.classes import GROUND, OTHER, WATER
+from seaclutter_cli.airborne.surface import GROUND, OTHER, WATER
 
 VEGETATION, BUILDING = 5, 6
 GRAVITY = 9.81

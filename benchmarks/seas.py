@@ -10,9 +10,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.separation import NEVER, OTHER, WATER, separate
+from seaclutter_cli.airborne.separation import separate
 from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.airborne.strips import Column
+from seaclutter_cli.airborne.surface import NEVER, OTHER, WATER
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.simulation.airborne.recording import simulate_strips
 from seaclutter_cli.simulation.airborne.scene import TileScene, load_tile_scene

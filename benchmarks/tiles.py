@@ -18,9 +18,9 @@ from seaclutter_cli.airborne.features import FEATURES, NonSeaPoints, features_of
 from seaclutter_cli.airborne.forest import Samples, class_name, predict, split_samples, train
 from seaclutter_cli.airborne.model import ObjectModel
 from seaclutter_cli.airborne.objects import FoundObject, find_objects
-from seaclutter_cli.airborne.separation import OTHER, WATER, Separation, separate
+from seaclutter_cli.airborne.separation import Separation, separate
 from seaclutter_cli.airborne.settings import TileSettings
-from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.airborne.surface import OTHER, WATER, SeparationParams
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.grids.opening import SurfaceParams
 from seaclutter_cli.plots.figure import render

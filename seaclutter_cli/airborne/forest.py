@@ -128,13 +128,11 @@ def train(samples: Samples, params: ForestParams) -> Any:
         from sklearn.ensemble import RandomForestClassifier  # an optional dependency
     except ImportError as error:
         raise MissingExtraError("classification", "classify") from error
-    chosen = _subsample(samples, params)
+    chosen, most = _subsample(samples, params), params.features_per_node
     forest = RandomForestClassifier(
         params.trees,
         criterion="entropy",
-        max_features=min(params.features_per_node or 10**6, samples.features.shape[1])
-        if params.features_per_node
-        else "sqrt",
+        max_features=min(most, samples.features.shape[1]) if most else "sqrt",
         min_samples_leaf=params.min_leaf_points,
         class_weight="balanced",
         random_state=params.seed,

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.separation import NEVER, WATER, Separation
+from seaclutter_cli.airborne.separation import Separation
+from seaclutter_cli.airborne.surface import NEVER, WATER
 from seaclutter_cli.errors import MissingExtraError
 
 UNKNOWN, IS_WATER, IS_LAND, IS_OBJECT = 0, 1, 2, 3

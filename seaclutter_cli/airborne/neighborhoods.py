@@ -54,14 +54,10 @@ class Neighborhoods:
         return np.asarray(self._tree.query(self._points - np.array(shift_m), workers=threads())[1], np.int64)
 
     def apply(self, radius_m: float, function: Callable[[PointBlock], Values]) -> Values:
-        """Return the values that a function computes for each point.
+        """Return the values that a function computes for each point, shape (N, F).
 
         ``radius_m``: radius of the neighbourhoods in metres, inclusive; ``function``: called with blocks, in several
         threads; returns values for their points, shape (B, F).
-
-        Returns
-        -------
-        ndarray, shape (N, F), float64
         """
         parts = self._parts(radius_m)
         with executor(threads(), "neighborhoods") as pool:

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.features import NonSeaPoints
 from seaclutter_cli.airborne.forest import class_name
 from seaclutter_cli.airborne.map import IS_WATER, TileMap
-from seaclutter_cli.airborne.separation import OTHER, Separation
+from seaclutter_cli.airborne.separation import Separation
+from seaclutter_cli.airborne.surface import OTHER
 from seaclutter_cli.grids.cells import nearest
 from seaclutter_cli.params import Count, Positive, Share, key
 

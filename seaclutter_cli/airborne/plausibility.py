@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.objects import FoundObject
-from seaclutter_cli.airborne.separation import WATER, Separation
+from seaclutter_cli.airborne.separation import Separation
+from seaclutter_cli.airborne.surface import WATER
 from seaclutter_cli.text import count, share
 
 _MAX_SPREAD_M = 4.0

@@ -8,12 +8,11 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.classes import GROUND, NEVER, OTHER, WATER
 from seaclutter_cli.airborne.following import CellDetails, follow_waves, height_limits
 from seaclutter_cli.airborne.shores import Shores, commonest_level, island_cells, shores_of
 from seaclutter_cli.airborne.squares import SquareEchoes, Squares, square_table
 from seaclutter_cli.airborne.strips import Column, looks_of, strips_of
-from seaclutter_cli.airborne.surface import CALM_M, SeparationParams, Surface
+from seaclutter_cli.airborne.surface import CALM_M, NEVER, OTHER, SeparationParams, Surface
 from seaclutter_cli.airborne.tides import strip_levels
 from seaclutter_cli.airborne.water_model import water_model
 from seaclutter_cli.airborne.waves import Waves, WindowWaves, estimate_waves, window_waves
@@ -21,8 +20,6 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.grids.elevation import NOWHERE, GriddedPoints
 from seaclutter_cli.grids.land_cells import LandCells
 from seaclutter_cli.grids.opening import SurfaceParams, open_grid, without_pits
-
-__all__ = ["GROUND", "NEVER", "OTHER", "WATER", "SeaState", "Separation", "separate"]
 
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -32,10 +29,6 @@ _PIT, _ROUGH_M = 2.0, 0.4
 _CREST_DEVIATIONS, _CALM_DEVIATIONS, _CALMEST_M = 3.0, 6.0, 0.35
 _LAND_DEVIATIONS, _ISLAND_DEVIATIONS = 4.0, 6.0
 _LEAST_SQUARES, _SURE_ODDS, _MOST_ODDS = 64, 1.5, 6.0
-
-
-def _no_column(_name: str) -> None:
-    """Return no attribute."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +83,7 @@ class Separation:
 def separate(
     parts: Iterable[NDArray[np.float64]],
     params: SurfaceParams,
-    column: Column = _no_column,
+    column: Column = lambda _: None,
 ) -> Separation:
     """Return the separation of a tile into sea and non-sea points.
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.classes import GROUND, WATER
 from seaclutter_cli.airborne.strips import Column
+from seaclutter_cli.airborne.surface import GROUND, WATER
 from seaclutter_cli.airborne.waves import WindowWaves
 from seaclutter_cli.grids.elevation import BLOCK, NOWHERE, ElevationGrid, GriddedPoints
 

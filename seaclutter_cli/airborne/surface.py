@@ -6,7 +6,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.classes import GROUND, NEVER, OTHER, WATER
 from seaclutter_cli.grids.elevation import NOWHERE, GriddedPoints
 from seaclutter_cli.grids.opening import SurfaceParams
 from seaclutter_cli.params import Positive, key
@@ -14,6 +13,8 @@ from seaclutter_cli.params import Positive, key
 Cells = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+NEVER, OTHER, GROUND, WATER = 0, 1, 2, 9
+"""ASPRS classes: never classified (points without finite coordinates), unclassified, ground, water."""
 CALM_M = 0.5
 """Greatest height above the opened surface that separates objects from calm water."""
 

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.oscillation import oscillation, tilt
 from seaclutter_cli.grids.elevation import BLOCK
 
 Cells = NDArray[np.float64]
@@ -23,6 +23,12 @@ _MOST_M = 1.5
 _ROUGHEST, _LEAST_DEPTH = 0.75, 0.15
 _CRESTS, _HIGHEST = 4.0, 1.25
 _LENGTH_M = 30.0
+_MAX_TILT = 0.5
+"""Deviation of a plane through waves, at most, relative to that of the waves."""
+_REACH_CELLS = 64
+_REACH = np.r_[0 : _REACH_CELLS + 1]
+_LAGS = np.r_[_REACH, -_REACH[:0:-1]]
+_SPARSE, _CERTAIN = 0.5, 5.0
 
 
 @dataclass(frozen=True)
@@ -133,30 +139,76 @@ def estimate_waves(looks: Iterable[Cells], above: Cells, level_m: Cells, water: 
         return None
     _, deviation, depth, length = windows[:4, known]
     weight = cells[known]
-    clear = (depth >= _LEAST_DEPTH) & (deviation >= _quantile(deviation, weight, 0.5) / 2)
+    middle = _quantile(deviation, weight, 0.5)
+    clear = (depth >= _LEAST_DEPTH) & (deviation >= middle / 2)
     long = _quantile(length[clear], weight[clear], 0.5) if clear.any() else _LENGTH_M
-    crests, sizes = zip(*(_crest(part) for part in _quarters(np.where(water, above, np.inf))), strict=True)
-    crest = _quantile(np.array(crests), np.array(sizes), _ROUGHEST)
-    return Waves(float(np.median(level_m[water])), _quantile(deviation, weight, 0.5), long, crest)
+    crest, size = _crests(np.where(water, above, np.inf))
+    return Waves(float(np.median(level_m[water])), middle, long, _quantile(crest, size, _ROUGHEST))
 
 
-def _quarters(cells: Cells) -> Iterable[Values]:
-    """Yield the finite values of each quarter of the blocks."""
-    half = cells.shape[1] // 2
-    for slot, row, column in np.ndindex(len(cells), 2, 2):
-        part = cells[slot, row * half : (row + 1) * half : 2, column * half : (column + 1) * half : 2]
-        yield part[np.isfinite(part)]
-
-
-def _crest(above: Values) -> tuple[float, int]:
-    """Return the height of the crests of water, from heights above the opened surface, and the number of cells."""
-    if not len(above):
-        return 0.0, 0
-    low, middle = np.quantile(above, (0.1587, 0.5))
-    return float(middle + _CRESTS * (middle - low)), len(above)
+def _crests(above: Cells) -> Values:
+    """Return the height of crests above the opened surface in each quarter of the blocks, and its number of cells."""
+    half, found = above.shape[1] // 2, []
+    for slot, row, column in np.ndindex(len(above), 2, 2):
+        part = above[slot, row * half : (row + 1) * half : 2, column * half : (column + 1) * half : 2]
+        part = part[np.isfinite(part)]
+        low, middle = np.quantile(part, (0.1587, 0.5)) if len(part) else (0.0, 0.0)
+        found.append((middle + _CRESTS * (middle - low), len(part)))
+    return np.array(found).T
 
 
 def _quantile(values: Values, weight: Values | NDArray[np.int64], share: float) -> float:
     order = np.argsort(values, kind="stable")
     total = np.cumsum(weight[order])
     return float(values[order][np.searchsorted(total, share * total[-1])])
+
+
+def oscillation(elevation: Cells, water: Mask, step: int = 1) -> tuple[float, float]:
+    """Return the wave length in cells, and the depth of the minimum of the autocovariance relative to the variance.
+
+    ``elevation``, shape (n, m): elevations above the level of the water; ``water``, shape (n, m): cells of the water;
+    the others do not count; ``step``: every so many cells are in the arrays.
+
+    Sums of products of pairs are not divided by the number of pairs, so that of many minima the nearest is the deepest.
+    A sparse grid has few pairs: there, each sum is scaled to the pairs that a full grid would have, and a minimum needs
+    a depth of 5 standard errors.
+    """
+    covariance = _products(np.where(water, elevation, 0))
+    correlation = covariance / max(float(covariance[0, 0]), 1e-12)
+    if _density(water) < _SPARSE:
+        pairs = np.maximum(_products(water), 1)
+        rows, columns = (1 - np.abs(lags) / side for lags, side in zip((_REACH, _LAGS), water.shape, strict=True))
+        correlation *= rows[:, None] * columns * pairs[0, 0] / pairs
+        correlation[-correlation < _CERTAIN / np.sqrt(pairs)] = 0
+    i, j = np.unravel_index(np.argmin(correlation), correlation.shape)
+    if max(_REACH[i], abs(_LAGS[j])) == _REACH_CELLS:
+        # Over more than half of its width, or in part of a block, a slope has a minimum, too.
+        slope = tilt(np.where(water, elevation, np.inf)) if water.any() else np.inf
+        if len(elevation) < 4 * _REACH_CELLS or slope > _MAX_TILT * float(elevation[water].std()):
+            return 0.0, 0.0
+        return oscillation(elevation[::2, ::2], water[::2, ::2], 2 * step)
+    return 2 * step * float(np.hypot(_REACH[i], _LAGS[j])), -float(correlation[i, j])
+
+
+def _density(known: Mask) -> float:
+    """Return the share of the neighbours of known cells that are known; 1 without any."""
+    neighbors = known[1:][known[:-1]]
+    return float(neighbors.mean()) if len(neighbors) else 1.0
+
+
+def _products(values: NDArray[Any]) -> NDArray[np.floating[Any]]:
+    """Return the sums of products of pairs of cells, by lag in half of all directions: shape (65, 129)."""
+    shape = [side + _REACH_CELLS for side in values.shape]
+    spectrum = np.fft.rfft2(values.astype(np.float32), shape)
+    power = spectrum.real**2 + spectrum.imag**2
+    rows = np.fft.ifft(power, axis=0)[_REACH]  # the other half is the same, mirrored
+    return np.fft.irfft(rows, shape[1], axis=1)[:, _LAGS]
+
+
+def tilt(lowest: Cells) -> float:
+    """Return the standard deviation of a plane through the finite cells: large on slopes, small on waves."""
+    known = np.isfinite(lowest)
+    place = np.stack(np.nonzero(known)).astype(np.float64)
+    place -= place.mean(axis=1, keepdims=True)
+    slope = place @ (lowest[known] - lowest[known].mean()) / (place**2).sum(axis=1)
+    return float((slope @ place).std())

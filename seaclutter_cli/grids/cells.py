@@ -29,13 +29,9 @@ def joined_cells(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return the groups of cells that touch each other, by side or corner, also across blocks.
 
+    The result is the part of each cell, shape (S, B, B), 0 outside the mask, and the group of each part, shape (P,).
     ``mask``, shape (S, B, B): the cells, in S blocks; ``blocks``: index of each block, by its block number along x and
     y.
-
-    Returns
-    -------
-    (ndarray, shape (S, B, B), int32), (ndarray, shape (P,), int32)
-        Part of each cell, 0 outside the mask, and the group of each part.
     """
     from scipy import ndimage  # slow to import, not needed without islands
     from scipy.sparse import coo_array
@@ -73,11 +69,8 @@ def smoothed(
     ``grid``: the grid; ``values``, shape (S, 256, 256): A value for each cell; ``used``, shape (S, 256, 256): cells
     that contribute; their values are finite; ``width``: standard deviation of the weights in cells: a Gaussian that
     ends at three of them or, from two cells on, two boxes one after the other, whose time does not depend on the width.
-
-    Returns
-    -------
-    (ndarray, shape (S, 256, 256), float64), (ndarray, shape (S, 256, 256), float64)
-        The mean, 0 where there is next to nothing around; and the share, 0 there and 1 amid cells in use.
+    The mean is 0 where there is next to nothing around, and the share is 0 there and 1 amid cells in use, both of shape
+    (S, 256, 256).
     """
     from scipy import ndimage  # slow to import, not needed on calm water
 

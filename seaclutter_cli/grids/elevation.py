@@ -53,20 +53,24 @@ class ElevationGrid:
         return self._slots
 
     def add(self, xyz: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Update the cells with points, shape (3, N), in metres and finite; return the cell of each, as `locate` does.
+        """Update cells with points, shape (3, N), in metres and finite; return the indices into ``lowest.ravel()``.
 
         Raise `InputError` if the points are too scattered for a grid in memory.
         """
         self._points += xyz.shape[1]
         if not xyz.shape[1]:
             return np.empty(0, np.int64)
-        cell = self._flat(xyz[0], xyz[1], grow=True)
+        # Coordinates out of range share the outermost cell.
+        place = np.floor(np.clip(xyz[:2] / self.cell_m, -_FARTHEST, _FARTHEST)).astype(np.int64)
+        block, which = _distinct(*(place >> _BITS))
+        self._grow(block)
+        self._extent[:, 0] = np.minimum(self._extent[:, 0], place.min(axis=1))
+        self._extent[:, 1] = np.maximum(self._extent[:, 1], place.max(axis=1))
+        slots = np.array([self._slots[key] for key in block], np.int64)
+        column, row = place & (BLOCK - 1)
+        cell = np.asarray((slots[which] << (2 * _BITS)) + (column << _BITS) + row)
         np.minimum.at(self._lowest.reshape(-1), cell, xyz[2])
         return cell
-
-    def locate(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the cell of each position, shape (N,), as an index into ``lowest.ravel()``; its block must exist."""
-        return self._flat(x, y, grow=False)
 
     def padded(self, values: NDArray[np.floating[Any]], halo: int) -> Iterator[tuple[int, Cells, tuple[slice, slice]]]:
         """Yield the index of each block, its values padded by ``halo`` cells on each side, and slices to cells in use.
@@ -89,21 +93,6 @@ class ElevationGrid:
         """Return the slice of a padded block from the first to the last cell with points along an axis."""
         low, high = (self._extent[axis] - (block * BLOCK - halo)).tolist()
         return slice(max(low, 0), min(high + 1, BLOCK + 2 * halo))
-
-    def _flat(self, x: NDArray[np.float64], y: NDArray[np.float64], *, grow: bool) -> NDArray[np.int64]:
-        column, row = self._cell(x), self._cell(y)
-        block, which = _distinct(column >> _BITS, row >> _BITS)
-        if grow:
-            self._grow(block)
-            for extent, cells in zip(self._extent, (column, row), strict=True):
-                extent[:] = min(extent[0], cells.min()), max(extent[1], cells.max())
-        slots = np.array([self._slots[key] for key in block], np.int64)
-        inside = ((column & (BLOCK - 1)) << _BITS) + (row & (BLOCK - 1))
-        return np.asarray((slots[which] << (2 * _BITS)) + inside)
-
-    def _cell(self, coordinate: NDArray[np.float64]) -> NDArray[np.int64]:
-        # Coordinates out of range share the outermost cell.
-        return np.floor(np.clip(coordinate / self.cell_m, -_FARTHEST, _FARTHEST)).astype(np.int64)
 
     def _grow(self, block: list[tuple[int, int]]) -> None:
         for key in block:
@@ -185,11 +174,12 @@ class GriddedPoints:
 
     def chosen(self, own: NDArray[np.bool_]) -> "GriddedPoints":
         """Return the points of a mask, shape (N,), with a grid of their own."""
-        return GriddedPoints.of(_Changed(_chosen, self.parts, own), self.grid.cell_m)
+        return GriddedPoints.of(_Changed(lambda xyz, own: xyz[:, own], self.parts, own), self.grid.cell_m)
 
     def lowered(self, by_m: NDArray[np.float64]) -> "GriddedPoints":
         """Return the points, each lower by as much as ``by_m``, shape (N,), says."""
-        return GriddedPoints.of(_Changed(_lowered, self.parts, by_m), self.grid.cell_m)
+        changed = _Changed(lambda xyz, by_m: np.stack((xyz[0], xyz[1], xyz[2] - by_m)), self.parts, by_m)
+        return GriddedPoints.of(changed, self.grid.cell_m)
 
     def lowest_of(self, own: NDArray[np.bool_]) -> Cells:
         """Return the lowest elevations of the points of a mask, shape (S, 256, 256)."""
@@ -213,14 +203,6 @@ class _Changed:
         for xyz in self.parts:
             yield self.change(xyz, self.values[start : start + xyz.shape[1]])
             start += xyz.shape[1]
-
-
-def _chosen(xyz: NDArray[np.float64], own: NDArray[np.bool_]) -> NDArray[np.float64]:
-    return xyz[:, own]
-
-
-def _lowered(xyz: NDArray[np.float64], by_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.stack((xyz[0], xyz[1], xyz[2] - by_m))
 
 
 def _located(xyz: NDArray[np.float64]) -> NDArray[np.bool_] | slice:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from seaclutter_cli.airborne.separation import OTHER, separate
-from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.airborne.separation import separate
+from seaclutter_cli.airborne.surface import OTHER, SeparationParams
 
 SIZE = 400.0, 300.0
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from seaclutter_cli.airborne.separation import GROUND, OTHER, WATER, separate
-from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.airborne.separation import separate
+from seaclutter_cli.airborne.surface import GROUND, OTHER, WATER, SeparationParams
 
 SIZE = np.array([[200.0], [150.0]])
 DEPTH_M = 4.0

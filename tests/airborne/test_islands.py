@@ -38,7 +38,7 @@ def test_islands_are_the_groups_above_the_water_with_a_cell_that_is_high(seed, a
         own = seeds[256 * column : 256 * (column + 1), 256 * row : 256 * (row + 1)]
         padded[slot, : own.shape[0], : own.shape[1]] = own
     found = island_cells(grid, np.where(np.isfinite(grid.lowest), grid.lowest, -np.inf), 0.0, 0.5, 2.0, padded)
-    cells = found.reshape(-1)[grid.locate(*(side.ravel() + 0.5 for side in np.indices(z.shape).astype(float)))]
+    cells = found.reshape(-1)[grid.add(np.stack([side.ravel() for side in (*np.indices(z.shape) + 0.5, z)]))]
     assert 0 < high.sum() < number
     np.testing.assert_array_equal(cells.reshape(z.shape), high[label])
 

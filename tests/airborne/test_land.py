@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.airborne.separation import GROUND, OTHER, WATER, separate
-from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.airborne.separation import separate
+from seaclutter_cli.airborne.surface import GROUND, OTHER, WATER, SeparationParams
 from tests.airborne.coasts import COASTS, hummocks, relief, sea_only, shares, tile, waves
 from tests.paths import shared
 

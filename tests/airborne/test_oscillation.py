@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.airborne.oscillation import oscillation, tilt
+from seaclutter_cli.airborne.waves import oscillation, tilt
 
 SIDE = 256
 

@@ -8,7 +8,8 @@ import pytest
 
 from seaclutter_cli.airborne.objects import FoundObject, as_csv
 from seaclutter_cli.airborne.plausibility import doubts_about_objects, doubts_about_sea
-from seaclutter_cli.airborne.separation import OTHER, WATER, SeaState, Separation
+from seaclutter_cli.airborne.separation import SeaState, Separation
+from seaclutter_cli.airborne.surface import OTHER, WATER
 from seaclutter_cli.runs.classify.maps import MappedTile, geojson_of
 from seaclutter_cli.runs.observer import SILENT
 from seaclutter_cli.sources.tiles import Crs

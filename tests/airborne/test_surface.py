@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seaclutter_cli.airborne.separation import NEVER, OTHER, WATER, separate
-from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.airborne.separation import separate
+from seaclutter_cli.airborne.surface import NEVER, OTHER, WATER, SeparationParams
 from seaclutter_cli.errors import InputError
 
 PLAIN = SeparationParams(height_m=0.5, island_m=None, land="ignore")

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.airborne.separation import OTHER, separate
-from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.airborne.separation import separate
+from seaclutter_cli.airborne.surface import OTHER, SeparationParams
 from seaclutter_cli.grids.cells import smoothed, touching
 from seaclutter_cli.grids.elevation import ElevationGrid
 
@@ -133,9 +133,8 @@ def test_means_do_not_depend_on_blocks(width):
 
     xyz = field(1.2, 40.0)
     grid = ElevationGrid(1.0)
-    grid.add(xyz)
+    cells = grid.add(xyz)
     used = np.isfinite(grid.lowest)
-    cells = grid.locate(xyz[0], xyz[1])
     image = xyz[2].reshape(SIDES)
     kernel = ndimage.gaussian_filter1d((np.arange(11) == 5).astype(float), width, radius=5, mode="constant")
     if width > 2:  # two boxes of 7 cells: variance 2 (7 ** 2 - 1) / 12 = 8

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.airborne.separation import OTHER, separate
-from seaclutter_cli.airborne.surface import SeparationParams
+from seaclutter_cli.airborne.separation import separate
+from seaclutter_cli.airborne.surface import OTHER, SeparationParams
 
 SIDE, COUNT = 300.0, 300_000
 

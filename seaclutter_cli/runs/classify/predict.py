@@ -17,7 +17,7 @@ from seaclutter_cli.airborne.forest import class_name
 from seaclutter_cli.airborne.model import ObjectModel, load_model
 from seaclutter_cli.airborne.objects import FoundObject, as_csv
 from seaclutter_cli.airborne.plausibility import doubts_about_objects
-from seaclutter_cli.airborne.separation import WATER
+from seaclutter_cli.airborne.surface import WATER
 from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.parts import part_path, release
 from seaclutter_cli.plots.figure import render

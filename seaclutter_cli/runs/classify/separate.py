@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.airborne.separation import NEVER, WATER, SeaState, Separation, separate
+from seaclutter_cli.airborne.separation import SeaState, Separation, separate
 from seaclutter_cli.airborne.settings import TileSettings, parse_settings
+from seaclutter_cli.airborne.surface import NEVER, WATER
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError, SelectionError, UsageError
 from seaclutter_cli.grids.land_cells import LandCells

@@ -174,7 +174,10 @@ class TileRenderer:
             return
         x, y = _beams(pulses.x[near], pulses.y[near], self.scene.lidar)
         slope = np.repeat(pulses.slope[near], _BEAMS)
-        waterline = self._waterline(item, patch, sea, x, y)
+        if patch.motion == "drifts":
+            waterline = sea.height(x, y)
+        else:
+            waterline = np.full_like(x, sea.heave(*item.position_m) if patch.motion == "floats" else 0.0)
         z, reflectivity = _trace(item, patch, (x, y, slope), waterline, highest, rng)
         tilt = np.cos(np.arctan(slope)) ** (0.5 if patch.motion == "fixed" else 1)
         z, reflectivity = z.reshape(-1, _BEAMS), (reflectivity * tilt).reshape(-1, _BEAMS)
@@ -183,14 +186,6 @@ class TileRenderer:
         rays["z"][hit], rays["reflectivity"][hit], rays["number"][hit] = z[hit], reflectivity[hit], item.number
         rays["code"][hit] = _OTHER
         hits[near] = rays
-
-    def _waterline(self, item: TileObject, patch: Patch, sea: TileWater, x: Floats, y: Floats) -> Floats:
-        """Return the height of an object's waterline at given positions, shape (R,)."""
-        if patch.motion == "fixed":
-            return np.zeros_like(x)
-        if patch.motion == "floats":
-            return np.full_like(x, sea.heave(*item.position_m))
-        return sea.height(x, y)
 
 
 def _land_hits(coast: Coast, pulses: Pulses, water: NDArray[np.void], rng: np.random.Generator) -> NDArray[np.void]:

@@ -9,22 +9,13 @@ import numpy as np
 from annotated_types import Ge, Interval, Len
 from numpy.typing import NDArray
 
+from seaclutter_cli import validation
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.params import NotNegative, OneOf, Positive, Share, key
 from seaclutter_cli.simulation.airborne.shapes import KINDS, Size
 from seaclutter_cli.simulation.scene_file import KEYS, write_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.truth import OBJECT_CLASSES
-from seaclutter_cli.validation import (
-    build_list,
-    build_sections,
-    builtin_files,
-    find_file,
-    kind_of,
-    plain,
-    raise_problems,
-    read_yaml,
-)
 
 Map = NDArray[np.float64]
 Side = Annotated[float, Interval(gt=0, le=10_000)]
@@ -299,10 +290,10 @@ class TileScene:
     def as_dict(self) -> dict[str, Any]:
         """Return the scene as the content of a file, with default values."""
         lists = {
-            name: [{key: value for key, value in plain(item).items() if value is not None} for item in items]
+            name: [{key: value for key, value in validation.plain(item).items() if value is not None} for item in items]
             for name, items in (("objects", self.objects), ("land", self.land))
         }
-        return {**plain(self.sections), **lists}
+        return {**validation.plain(self.sections), **lists}
 
 
 def _bounds(size: Size, heading: float) -> tuple[float, float]:
@@ -323,19 +314,19 @@ _SECTIONS = (*_KINDS, "land", "objects", "random")
 
 def builtin_tiles() -> Mapping[str, Path]:
     """Return the built-in tile scenes by name."""
-    return builtin_files("scenes/tiles")
+    return validation.builtin_files("scenes/tiles")
 
 
 def is_tile_scene(name: str) -> bool:
     """Return whether a name is that of a built-in tile scene, or of a file with a section ``tile``."""
     path = Path(name)
-    return "tile" in read_yaml(path, _SECTIONS) if path.exists() else name in builtin_tiles()
+    return "tile" in validation.read_yaml(path, _SECTIONS) if path.exists() else name in builtin_tiles()
 
 
 def load_tile_scene(name: str) -> TileScene:
     """Return the tile scene in a file, or a built-in one by its name; raises `ConfigError` with all problems."""
-    path = find_file(name, "scenes/tiles", "tile scene")
-    return parse_tile_scene(read_yaml(path, _SECTIONS), str(path))
+    path = validation.find_file(name, "scenes/tiles", "tile scene")
+    return parse_tile_scene(validation.read_yaml(path, _SECTIONS), str(path))
 
 
 def save_tile_scene(scene: TileScene, path: Path, group: OutputGroup | None = None) -> None:
@@ -347,18 +338,18 @@ def save_tile_scene(scene: TileScene, path: Path, group: OutputGroup | None = No
 def parse_tile_scene(raw: Mapping[str, Any], where: str) -> TileScene:
     """Return the scene that a mapping describes; error messages start with ``where``."""
     problems = [f"{key}: unknown section; allowed: {', '.join(_SECTIONS)}" for key in raw if key not in _SECTIONS]
-    parts = build_sections(_KINDS, raw, problems)
-    listed = build_list(TileObjectParams, raw.get("objects") or [], "objects", problems)
+    parts = validation.build_sections(_KINDS, raw, problems)
+    listed = validation.build_list(TileObjectParams, raw.get("objects") or [], "objects", problems)
     objects = [*listed, *_random(raw.get("random") or {}, problems)]
-    land = build_list(LandParams, raw.get("land") or [], "land", problems)
-    raise_problems(where, problems, KEYS)
+    land = validation.build_list(LandParams, raw.get("land") or [], "land", problems)
+    validation.raise_problems(where, problems, KEYS)
     return TileScene(**parts, objects=tuple(objects), land=tuple(land))
 
 
 def _random(raw: Any, problems: list[str]) -> list[TileObjectParams]:
     """Return the given number of objects of each class, with random values."""
     if not isinstance(raw, dict):
-        problems.append(f"random: must be a section with keys, got {kind_of(raw)}")
+        problems.append(f"random: must be a section with keys, got {validation.kind_of(raw)}")
         return []
     problems += [f"random.{key}: unknown class; allowed: {', '.join(KINDS)}" for key in raw if key not in KINDS]
     wrong = [key for key, count in raw.items() if type(count) is not int or not 0 <= count <= 50]

@@ -34,13 +34,6 @@ class Patch:
     motion: Motion
 
 
-def _axes(length_m: float, width_m: float) -> tuple[Map, Map]:
-    """Return coordinates of the cell centres, shape (L, 1) and (1, W), 0 in the middle."""
-    sides = (max(1, round(side / STEP_M)) for side in (length_m, width_m))
-    x, y = (np.asarray((np.arange(cells) - (cells - 1) / 2) * STEP_M, np.float64) for cells in sides)
-    return x[:, None], y[None, :]
-
-
 def _noise(rng: np.random.Generator, shape: tuple[int, ...], scale_m: float) -> Map:
     """Return smooth noise of mean 0 and standard deviation 1."""
     raw = ndimage.gaussian_filter(rng.standard_normal(shape), scale_m / STEP_M, mode="reflect")
@@ -82,9 +75,8 @@ def _ship(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: fl
     top = np.where(inside, deck * (1 + 0.25 * np.clip(along, 0, 1) ** 2), -np.inf)
     rail = inside & ~ndimage.binary_erosion(inside, iterations=2)
     top[rail] += min(1.1, 0.12 * height)
-    paint = np.where(
-        _noise(rng, top.shape, 1.5) > rng.uniform(-0.8, 0.8), reflectivity, reflectivity * rng.uniform(0.35, 0.9)
-    )
+    bright = _noise(rng, top.shape, 1.5) > rng.uniform(-0.8, 0.8)
+    paint = np.where(bright, reflectivity, reflectivity * rng.uniform(0.35, 0.9))
     kind = rng.choice(["freighter", "tanker", "fishing"]) if length > 35 else "fishing"
     if kind == "freighter":
         _stack(rng, top, inside & (np.abs(along) < 0.62), deck, (height - deck) * 0.75)
@@ -140,14 +132,12 @@ def _cages(rng: np.random.Generator, x: Map, y: Map, top: Map, cover: Map, size:
     across = rng.uniform(8, 15)
     pitch = across + rng.uniform(2, 5)
     rows = [max(1, int((side + pitch - across) / pitch)) for side in size[:2]]
-    for i in range(rows[0]):
-        for j in range(rows[1]):
-            position = ((i - (rows[0] - 1) / 2) * pitch, (j - (rows[1] - 1) / 2) * pitch)
-            apart = np.hypot(x - position[0], y - position[1]) - across / 2
-            net, rail, tube = apart < -0.4, np.abs(apart) <= 0.3, np.abs(apart + 0.5) <= 0.5
-            top[net], cover[net] = size[2] * (0.75 + 0.25 * np.clip(-apart[net] / across, 0, 1)), 0.12
-            top[tube], cover[tube] = rng.uniform(0.35, 0.7), 0.95
-            top[rail], cover[rail] = size[2] * rng.uniform(0.55, 0.8), 0.6
+    for i, j in np.ndindex(*rows):
+        apart = np.hypot(x - (i - (rows[0] - 1) / 2) * pitch, y - (j - (rows[1] - 1) / 2) * pitch) - across / 2
+        net, rail, tube = apart < -0.4, np.abs(apart) <= 0.3, np.abs(apart + 0.5) <= 0.5
+        top[net], cover[net] = size[2] * (0.75 + 0.25 * np.clip(-apart[net] / across, 0, 1)), 0.12
+        top[tube], cover[tube] = rng.uniform(0.35, 0.7), 0.95
+        top[rail], cover[rail] = size[2] * rng.uniform(0.55, 0.8), 0.6
 
 
 def _rafts(rng: np.random.Generator, x: Map, y: Map, top: Map, size: Size) -> None:
@@ -155,10 +145,9 @@ def _rafts(rng: np.random.Generator, x: Map, y: Map, top: Map, size: Size) -> No
     beams = (np.mod(x, pitch) < beam) | (np.mod(y, pitch) < beam)
     top[beams] = deck
     for _ in range(rng.integers(1, 4)):
-        position = [rng.uniform(-0.4, 0.4) * side for side in size[:2]]
-        top[(np.abs(x - position[0]) < rng.uniform(1.2, 2.5)) & (np.abs(y - position[1]) < rng.uniform(1.2, 2))] = size[
-            2
-        ]
+        hut_x, hut_y = (rng.uniform(-0.4, 0.4) * side for side in size[:2])
+        hut = (np.abs(x - hut_x) < rng.uniform(1.2, 2.5)) & (np.abs(y - hut_y) < rng.uniform(1.2, 2))
+        top[hut] = size[2]
 
 
 def _seaweed(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
@@ -184,9 +173,8 @@ def _island(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: 
     green = (_noise(rng, body.shape, 7.0) > rng.uniform(-1.2, 0.5)) & (body > 0.08)
     top = np.where(green, ground + tall * crowns, ground)
     leaves = np.where(green, rng.uniform(0.5, 0.75), 1.0)
-    tint = np.where(green, rng.uniform(0.35, 0.55), reflectivity) * (1 + 0.15 * _noise(rng, body.shape, 1.0)).clip(
-        0.4, 1.6
-    )
+    tint = np.where(green, rng.uniform(0.35, 0.55), reflectivity)
+    tint *= (1 + 0.15 * _noise(rng, body.shape, 1.0)).clip(0.4, 1.6)
     return _patch(top, tint, "fixed", cover=leaves, depth=np.where(green, 0.5 * tall, 0.0), base=ground)
 
 
@@ -246,7 +234,9 @@ class Kind:
 
     def make(self, rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
         """Return a random object."""
-        return self.draw(rng, *_axes(*size[:2]), size, reflectivity)
+        sides = (max(1, round(side / STEP_M)) for side in size[:2])
+        x, y = (np.asarray((np.arange(cells) - (cells - 1) / 2) * STEP_M, np.float64) for cells in sides)
+        return self.draw(rng, x[:, None], y[None, :], size, reflectivity)
 
 
 KINDS: Mapping[str, Kind] = {

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from seaclutter_cli.errors import ConfigError
@@ -77,7 +78,7 @@ def horizon(scene: Scene, time_s: float = 0.0) -> Horizon:
     for item in scene.objects:
         height = float(item.size_m[2])
         if height >= _MIN_HEIGHT_M:
-            distance = _distances(rays, np.array([x, y, 0.0]), item, time_s)
+            distance = _distances(rays, (x, y), item, time_s)
             closed |= (distance <= REACH_M) & (scene.vessel.lidar_height_m - down * distance < height)
     between = np.roll(closed, 1) & np.roll(closed, -1)
     return Horizon(closed | between)
@@ -100,30 +101,21 @@ def scene_class(scene: Scene) -> str | None:
     return classes.pop() if len(classes) == 1 else None
 
 
-def _distances(rays: Floats, origin: Floats, item: SceneObjectParams, time_s: float) -> Floats:
-    """Return the distance along each horizontal ray to the footprint of an object.
-
-    The shape is (120,), and a miss is infinity.
-    """
+def _distances(rays: Floats, origin: tuple[float, float], item: SceneObjectParams, time_s: float) -> Floats:
+    """Return the distance along each horizontal ray to the footprint of an object, shape (120,); infinity for none."""
     x, y, heading = (float(value[0]) for value in item.track.at(np.array([time_s])))
-    pose = Pose.of(np.array([x, y, 0.0]), yaw=heading)
+    offset, rotation = np.array([[origin[0] - x, origin[1] - y, 0.0]]), Pose.of(np.zeros(3), yaw=heading).rotation
     half = np.array([float(item.size_m[0]) / 2, float(item.size_m[1]) / 2, 1.0])
-    begin, end = intersect_box((origin - pose.position)[None] @ pose.rotation, rays @ pose.rotation, -half, half)
+    begin, end = intersect_box(offset @ rotation, rays @ rotation, -half, half)
     return np.where(end > begin, begin, np.inf)
 
 
 def _run_lengths(mask: Mask) -> NDArray[np.int64]:
     """Return the length of the closed run that each bearing belongs to, around the circle; 0 for open bearings."""
-    if mask.all():
-        return np.full(len(mask), len(mask))
-    if not mask.any():
-        return np.zeros(len(mask), np.int64)
-    first = int(np.argmin(mask))  # start at an open bearing
-    rolled = np.roll(mask, -first)
-    number = np.cumsum(np.diff(rolled, prepend=False) & rolled) * rolled
+    number, _ = ndimage.label(np.tile(mask, 3))  # runs of the second circle are whole
     lengths = np.bincount(number)
     lengths[0] = 0
-    return np.roll(lengths[number], first)
+    return np.asarray(np.minimum(lengths[number[len(mask) : 2 * len(mask)]], len(mask)))
 
 
 _TRIES = 200

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seaclutter_cli.simulation.layouts.plan import Line, Plan, moor, shore
+from seaclutter_cli.simulation.layouts.plan import Line, Plan, moor, rotated, shore
 from seaclutter_cli.simulation.lidar.models import NoiseParams
 from seaclutter_cli.simulation.marine.scene import RecordingParams, Scene, VesselParams
 from seaclutter_cli.simulation.marine.terrain import GroundParams
@@ -40,17 +40,13 @@ def anchorage(plan: Plan) -> Scene:
 def fairway(plan: Plan) -> Scene:
     """Return a fairway between two rows of buoys, with traffic along it."""
     lane, step, side = plan.uniform(-15, 15), plan.log_uniform(15, 60), plan.log_uniform(12, 70)
-    cos, sin = np.cos(np.radians(lane)), np.sin(np.radians(lane))
-
-    def at(along: float, across: float) -> tuple[float, float]:
-        return along * float(cos) - across * float(sin), along * float(sin) + across * float(cos)
-
     middle = plan.uniform(-0.3, 0.3) * side
     for along in np.arange(-150, 150, step) + plan.uniform(0, step):
         for sign in (-0.5, 0.5):
-            plan.add_buoy(at(float(along) + plan.uniform(-3, 3), sign * side + middle + plan.uniform(-2, 2)))
+            x, y = float(along) + plan.uniform(-3, 3), sign * side + middle + plan.uniform(-2, 2)
+            plan.add_buoy(rotated(x, y, lane))
     for _ in range(plan.integer(0, 6)):
-        position = at(plan.uniform(-120, 120), plan.uniform(-0.4, 0.4) * side + middle)
+        position = rotated(plan.uniform(-120, 120), plan.uniform(-0.4, 0.4) * side + middle, lane)
         plan.add_boat(_ALL, position, lane + 180 * plan.integer(0, 1), speed_ms=plan.uniform(0.5, 6))
     return plan.scene("A fairway between rows of buoys.", speed_ms=plan.uniform(1, 8))
 
@@ -97,11 +93,10 @@ def pile_field(plan: Plan) -> Scene:
     """Return a grid of piles, as in a wind farm, a fish farm or a mooring field."""
     step, rotation = plan.log_uniform(14, 45), plan.uniform(0, 90)
     wide, high = plan.log_uniform(0.3, 3.0), plan.log_uniform(1.0, 9.0)
-    cos, sin = np.cos(np.radians(rotation)), np.sin(np.radians(rotation))
     shift = np.array([plan.uniform(0, step), plan.uniform(0, step)])
     for cell in np.ndindex(9, 9):
         x, y = (np.array(cell) - 4.0) * step + shift + plan.rng.normal(0, 0.05 * step, 2)
-        position = float(cos * x - sin * y), float(sin * x + cos * y)
+        position = rotated(x, y, rotation)
         if plan.bernoulli(0.8) and plan.reserve(position, wide):
             plan.add("pile", position, (wide, wide, high), reflectivity=plan.log_uniform(0.08, 0.6), wave_response=0.0)
     plan.scatter(_SMALL, plan.integer(0, 5), 10, 90)
@@ -313,15 +308,14 @@ WILLOW = Trees(
 def plantation(trees: Trees, plan: Plan) -> Scene:
     """Return rows of trees of one kind."""
     row, step, missing = plan.uniform(*trees.row_m), plan.uniform(*trees.step_m), plan.uniform(0, 0.08)
-    rotation = np.radians(plan.uniform(-4, 4) if trees is APPLE else plan.uniform(-30, 30))
+    rotation = plan.uniform(-4, 4) if trees is APPLE else plan.uniform(-30, 30)
     shift = plan.uniform(-0.15, 0.15) * row
     ends = plan.uniform(12, _REACH_M + 4) if plan.bernoulli(0.3) else _REACH_M + 4
     rows = np.arange(-7.5, 8) * row
     for across in rows[np.abs(rows) <= trees.reach_m]:
         for along in np.arange(-2.0, ends, step) + plan.uniform(0, step):
             x, y = float(along) + plan.uniform(-0.1, 0.1), float(across) + shift + plan.uniform(-0.08, 0.08)
-            cos, sin = float(np.cos(rotation)), float(np.sin(rotation))
-            position = x * cos - y * sin, x * sin + y * cos
+            position = rotated(x, y, rotation)
             if not plan.bernoulli(missing) and np.hypot(*position) > 1.2:
                 _tree(plan, trees, position, step)
     return _scene(plan, trees.description)

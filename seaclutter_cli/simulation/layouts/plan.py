@@ -28,6 +28,12 @@ _BOATS = {
 }
 
 
+def rotated(x: float, y: float, angle_deg: float) -> Position:
+    """Return a position turned counter-clockwise around the origin."""
+    cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    return float(cos * x - sin * y), float(sin * x + cos * y)
+
+
 class Plan:
     """Builder of a random scene; own ship starts at the origin, and boats and buoys keep clear of it."""
 
@@ -200,8 +206,7 @@ class Line:
         else:
             x = (self.bend_m - offset) * np.sin(rotation)
             y = self.bend_m - (self.bend_m - offset) * np.cos(rotation)
-        cos, sin = np.cos(np.radians(self.axis_deg)), np.sin(np.radians(self.axis_deg))
-        return float(cos * x - sin * y), float(sin * x + cos * y)
+        return rotated(x, y, self.axis_deg)
 
     def segment(self, start_m: float, end_m: float, depth_m: float) -> tuple[Position, float, float]:
         """Return centre, length and heading of an object between two distances along the axis; land is to its left."""

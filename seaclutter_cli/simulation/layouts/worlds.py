@@ -6,17 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.simulation.layouts.generators import (
-    anchorage,
-    fairway,
-    harbour_basin,
-    lock,
-    moored_rows,
-    narrow_channel,
-    open_sea,
-    pile_field,
-    river,
-)
+from seaclutter_cli.simulation.layouts import generators
 from seaclutter_cli.simulation.layouts.plan import Plan, Position
 from seaclutter_cli.simulation.lidar.models import LIDARS, NoiseParams
 from seaclutter_cli.simulation.marine.physics import PhysicsParams
@@ -144,8 +134,11 @@ TARGETS = (
 )
 """Targets that worlds of all families may have."""
 
-_OPEN = open_sea, anchorage, fairway, pile_field
-_CONFINED = harbour_basin, moored_rows, narrow_channel, lock, river
+_OPEN = generators.open_sea, generators.anchorage, generators.fairway, generators.pile_field
+_CONFINED = (
+    *(generators.harbour_basin, generators.moored_rows, generators.narrow_channel),
+    *(generators.lock, generators.river),
+)
 _SHELTERED: Mapping[str, Range] = {
     "sea_state": between(0.0, 0.8),
     "speed_ms": between(0.0, 2.5),

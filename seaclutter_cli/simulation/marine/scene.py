@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from annotated_types import Ge, Interval, Len
 
+from seaclutter_cli import validation
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.params import NotNegative, OneOf, Positive, Share, key
 from seaclutter_cli.simulation.lidar.models import LIDARS, Lidar, NoiseParams
@@ -18,16 +19,6 @@ from seaclutter_cli.simulation.marine.shapes import SHAPES
 from seaclutter_cli.simulation.marine.terrain import TERRAINS, TerrainParams, terrain_name
 from seaclutter_cli.simulation.scene_file import KEYS, write_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
-from seaclutter_cli.validation import (
-    build,
-    build_list,
-    build_sections,
-    builtin_files,
-    find_file,
-    plain,
-    raise_problems,
-    read_yaml,
-)
 
 _OPTIONAL = {"noise": NoiseParams, "physics": PhysicsParams}
 _SECTIONS = ("recording", *TERRAINS, "vessel", *_OPTIONAL, "objects")
@@ -119,7 +110,9 @@ class Scene:
         """Return the scene with other frames, seed or lidar; None keeps a value. Raises `ConfigError`."""
         given = {name: value for name, value in changes.items() if value is not None}
         problems: list[str] = []
-        recording = build(RecordingParams, {**plain(self.recording), **given}, "", "recording", problems)
+        recording = validation.build(
+            RecordingParams, {**validation.plain(self.recording), **given}, "", "recording", problems
+        )
         if problems:
             raise ConfigError(problems[0].removeprefix("."))
         return replace(self, recording=recording)
@@ -136,18 +129,18 @@ class Scene:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the scene as the content of a file, with default values."""
-        return {**plain(self.sections), "objects": [plain(item) for item in self.objects]}
+        return {**validation.plain(self.sections), "objects": [validation.plain(item) for item in self.objects]}
 
 
 def builtin_scenes() -> Mapping[str, Path]:
     """Return the built-in scenes by name."""
-    return builtin_files("scenes")
+    return validation.builtin_files("scenes")
 
 
 def load_scene(name: str) -> Scene:
     """Return the scene in a file, or a built-in one by its name; raises `ConfigError` with all problems."""
-    path = find_file(name, "scenes", "scene file")
-    return parse_scene(read_yaml(path, _SECTIONS), str(path))
+    path = validation.find_file(name, "scenes", "scene file")
+    return parse_scene(validation.read_yaml(path, _SECTIONS), str(path))
 
 
 def save_scene(scene: Scene, path: Path, group: OutputGroup | None = None) -> None:
@@ -167,10 +160,10 @@ def parse_scene(raw: Mapping[str, Any], where: str) -> Scene:
     kinds |= {name: kind for name, kind in _OPTIONAL.items() if name in raw}
     if "physics" in raw and TERRAINS[chosen[0]] is not SeaParams:
         problems.append("physics: only a sea can have this section")
-    parts = build_sections(kinds, raw, problems)
-    objects = build_list(SceneObjectParams, raw.get("objects") or [], "objects", problems)
+    parts = validation.build_sections(kinds, raw, problems)
+    objects = validation.build_list(SceneObjectParams, raw.get("objects") or [], "objects", problems)
     uses = Counter(item.track_id for item in objects)
     problems += [f"objects: track_id {number} is used more than once" for number in sorted(uses) if uses[number] > 1]
-    raise_problems(where, problems, KEYS)
+    validation.raise_problems(where, problems, KEYS)
     parts["terrain"] = parts.pop(chosen[0])
     return Scene(**parts, objects=tuple(objects))

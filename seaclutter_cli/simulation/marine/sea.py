@@ -269,30 +269,20 @@ class Wake:
         behind = behind[near]
         return passed[near], behind, aside[near], np.maximum(0.0, behind - self.length_m) / leg.speed_ms
 
-    def spray(self, time_s: float) -> tuple[Floats, Floats, float] | None:
-        """Return the box in which droplets fly; None if the vessel is too slow to throw up spray.
-
-        These are its lower and upper corner in the vessel's frame, x, y and heading of the vessel, and droplets hit per
-        metre.
-        """
-        x, y, heading = self.track.at(np.array([time_s]))
-        speed = next((leg.speed_ms for leg in reversed(self.track.legs) if leg.start_s <= time_s), 0.0)
-        if speed < _SPRAY_SPEED_MS:
-            return None
-        back = -self.length_m / 2 - 0.4 * speed
-        corners = np.array([[back, -self.width_m, 0.0], [self.length_m / 2, self.width_m, 0.08 * speed + 0.2]])
-        return corners, np.array([x[0], y[0], heading[0]]), _DROPLETS_S_M2 * speed
-
     def add_spray_echoes(
         self, shots: Shots, echoes: Echoes, time_s: float, reflectivity: float, rng: np.random.Generator
     ) -> None:
-        """Add the echoes of droplets; the probability of a hit grows with the path of the shot through spray."""
-        spray = self.spray(time_s)
-        if spray is None:
-            return
-        corners, (x, y, heading), density = spray
-        pose = Pose.of(np.array([x, y, 0.0]), yaw=heading)
-        add_droplet_echoes(shots, echoes, pose, corners, (density, reflectivity), rng)
+        """Add the echoes of droplets, unless the vessel is too slow to throw up spray.
+
+        The probability of a hit grows with the path of the shot through spray.
+        """
+        speed = next((leg.speed_ms for leg in reversed(self.track.legs) if leg.start_s <= time_s), 0.0)
+        if speed >= _SPRAY_SPEED_MS:
+            x, y, heading = (float(value[0]) for value in self.track.at(np.array([time_s])))
+            back = -self.length_m / 2 - 0.4 * speed
+            corners = np.array([[back, -self.width_m, 0.0], [self.length_m / 2, self.width_m, 0.08 * speed + 0.2]])
+            pose = Pose.of(np.array([x, y, 0.0]), yaw=heading)
+            add_droplet_echoes(shots, echoes, pose, corners, (_DROPLETS_S_M2 * speed, reflectivity), rng)
 
     def churned(self, x: Floats, y: Floats, time_s: float, reach_m: float) -> Floats:
         """Return the share of its first strength that the turbulent wake has at given positions, shape (N,).

@@ -9,21 +9,10 @@ from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots, extinction
+from seaclutter_cli.simulation.marine import physics as optics
 from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody
 from seaclutter_cli.simulation.marine.motion import Pose
-from seaclutter_cli.simulation.marine.physics import (
-    DIVERGENCE_RAD,
-    PULSE_M,
-    PhysicsParams,
-    Weather,
-    facet_reflectance,
-    foam_share,
-    fresnel,
-    mirror_share,
-    refractive_index,
-    water_reflectance,
-    whitecap_share,
-)
+from seaclutter_cli.simulation.marine.physics import DIVERGENCE_RAD, PULSE_M, PhysicsParams, Weather
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.simulation.marine.sea import GRAVITY, SeaParams, add_droplet_echoes, patches
 from seaclutter_cli.simulation.marine.terrain import MarineWater, SeaTerrain
@@ -64,7 +53,7 @@ class WideSea(SeaTerrain):
     def __init__(self, scene: Scene, physics: PhysicsParams, params: SeaParams, hulls: Sequence[Any]) -> None:
         super().__init__(params, hulls, scene.vessel.length_m, scene.recording.seed)
         self.physics, self.lidar, self.own = physics, scene.lidar, scene.vessel
-        self.foam = params.foam_reflectivity * foam_share(self.lidar.wavelength_nm)
+        self.foam = params.foam_reflectivity * optics.foam_share(self.lidar.wavelength_nm)
         # A surface of reflectivity 0.1 is detected at this range, so the least reflectivity is from there on.
         self.near_m = self.lidar.detection_m * float(np.sqrt(physics.least_reflectivity / 0.1))
         rain = physics.rain_mm_h, physics.drop_reflectivity
@@ -117,9 +106,9 @@ class WideWater(MarineWater):
         self._hits = hits
         rays = shots.directions[hits.shots]
         x, y = (shots.origins[hits.shots] + hits.distance_m[:, None] * rays)[:, :2].T
-        reflectance = water_reflectance(hits.cosines, self._wavelength_nm, physics.backscatter)
+        reflectance = optics.water_reflectance(hits.cosines, self._wavelength_nm, physics.backscatter)
         reflectance *= self._texture(x, y)
-        reflectance += facet_reflectance(hits.cosines, self._wavelength_nm, physics.ripple_variance)
+        reflectance += optics.facet_reflectance(hits.cosines, self._wavelength_nm, physics.ripple_variance)
         cover = self.whitecaps(x, y)
         for wake in self._wakes:
             cover = np.maximum(cover, wake.foam(x, y, self.time_s))
@@ -149,7 +138,7 @@ class WideWater(MarineWater):
         phase = self.time_s / (_CYCLE * physics.whitecap_s) + patches(along * scale, across * scale, self._seed + 4)
         drawn = patches(along * scale + 1000.0 * np.floor(phase), across * scale, self._seed + 5)
         mean = (1 - np.exp(-_CYCLE)) / _CYCLE
-        breaking = drawn < whitecap_share(physics.wind_ms) * physics.shelter / mean
+        breaking = drawn < optics.whitecap_share(physics.wind_ms) * physics.shelter / mean
         return np.asarray(breaking * np.exp(-_CYCLE * (phase % 1)))
 
     def _drifted(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
@@ -174,7 +163,9 @@ class WideWater(MarineWater):
         for wake in self._wakes if physics.wake_m else ():
             strength = np.maximum(strength, wake.churned(x, y, self.time_s, physics.wake_m))
         met = np.flatnonzero((physics.wake_cover * strength > patches(x, y, self._seed + 6)) & (distance > 1))
-        reflectance = physics.wake_reflectivity * foam_share(self._wavelength_nm) * rng.standard_exponential(len(met))
+        reflectance = (
+            physics.wake_reflectivity * optics.foam_share(self._wavelength_nm) * rng.standard_exponential(len(met))
+        )
         echoes.add(hits.shots[met], distance[met], reflectance, CLUTTER)
 
     def _own(self, time_s: float) -> tuple[float, float, float]:
@@ -218,7 +209,9 @@ class WideWater(MarineWater):
         bodies[0].add_echoes(mirrored, seen, bodies[1], before=shots)
         met = np.isfinite(seen.range_m[shot])
         shot, way, cosines = shot[met], way[met], cosines[met]
-        share = fresnel(cosines, refractive_index(self._wavelength_nm)) ** 2 * mirror_share(cosines, variance)
+        share = optics.fresnel(cosines, optics.refractive_index(self._wavelength_nm)) ** 2 * optics.mirror_share(
+            cosines, variance
+        )
         whole = way + seen.range_m[shot], seen.reflectance[shot] * share
         echoes.add_stronger(shot, whole, CLUTTER, self._wide.weather.loss)
 

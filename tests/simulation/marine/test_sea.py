@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.marine.motion import Track, rotations
 from seaclutter_cli.simulation.marine.physics import whitecap_share
 from seaclutter_cli.simulation.marine.sea import GRAVITY, KELVIN, Sea, SeaParams, Wake, jonswap, patches
@@ -128,8 +129,18 @@ def test_a_faster_ship_leaves_more_foam():
     covers = [wake(speed).foam(position[0] + speed * 4 - 8, position[1], 4.0)[0] for speed in (1.0, 3.0, 6.0)]
     assert covers == sorted(covers)
     assert covers[0] < 0.05 * covers[2]
-    assert wake(2.0).spray(4.0) is None
-    assert wake(9.0).spray(4.0) is not None
+
+
+@pytest.mark.parametrize(("speed", "sprays"), [(2.0, False), (9.0, True)])
+def test_only_a_fast_ship_throws_up_spray(speed, sprays):
+    azimuths = np.linspace(-np.pi, np.pi, 3600, endpoint=False)
+    rays = np.stack((np.cos(azimuths), np.sin(azimuths), np.zeros(3600)), axis=1)
+    ship = wake(speed)
+    x, y, _ = ship.track.at(np.array([4.0]))
+    shots = Shots(np.tile((x[0], y[0], 0.3), (3600, 1)), rays, azimuths)
+    echoes = Echoes.empty(3600)
+    ship.add_spray_echoes(shots, echoes, 4.0, 0.2, np.random.default_rng(1))
+    assert np.isfinite(echoes.range_m).any() == sprays
 
 
 def test_waves_of_the_wake_have_the_wavelength_of_kelvins_theory():
