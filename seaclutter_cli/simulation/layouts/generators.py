@@ -257,6 +257,10 @@ def _piles(plan: Plan, line: Line, extent_m: tuple[float, float]) -> None:
             plan.add_fixed("pile", position, (wide, wide, plan.uniform(1, 4)), reflectivity=plan.log_uniform(0.1, 0.5))
 
 
+OPEN_BASES = open_sea, anchorage, fairway, pile_field
+CONFINED_BASES = harbour_basin, moored_rows, narrow_channel, lock, river
+"""Generators of the objects with which worlds of wide physics begin."""
+
 _REACH_M = 30.0
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.simulation.layouts import generators
+from seaclutter_cli.simulation.layouts.generators import CONFINED_BASES, OPEN_BASES
 from seaclutter_cli.simulation.layouts.plan import Plan, Position
 from seaclutter_cli.simulation.lidar.models import LIDARS, NoiseParams
 from seaclutter_cli.simulation.marine.physics import PhysicsParams
@@ -134,11 +134,6 @@ TARGETS = (
 )
 """Targets that worlds of all families may have."""
 
-_OPEN = generators.open_sea, generators.anchorage, generators.fairway, generators.pile_field
-_CONFINED = (
-    *(generators.harbour_basin, generators.moored_rows, generators.narrow_channel),
-    *(generators.lock, generators.river),
-)
 _SHELTERED: Mapping[str, Range] = {
     "sea_state": between(0.0, 0.8),
     "speed_ms": between(0.0, 2.5),
@@ -175,7 +170,7 @@ FAMILIES: Mapping[str, Family] = {
     ),
     "mirrors": Family(
         {**_SHELTERED, "sea_state": between(0, 0.4), "shelter": log(0.001, 0.05), "wind_ms": between(0, 3)},
-        layouts=_CONFINED,
+        layouts=CONFINED_BASES,
     ),
     "rain": Family({"rain_mm_h": log(2, 60), "drop_reflectivity": log(0.05, 0.3), "visibility_km": log(1, 8)}),
     "fog": Family({"visibility_km": log(0.04, 0.5)}),
@@ -203,7 +198,7 @@ FAMILIES: Mapping[str, Family] = {
             Thing("rhib", one_of(0, 1), between(45, 70)),
         ],
     ),
-    "harbour": Family(_SHELTERED, layouts=_CONFINED),
+    "harbour": Family(_SHELTERED, layouts=CONFINED_BASES),
     "passing quay": Family(
         {**_SHELTERED, "speed_ms": between(2, 7)},
         [
@@ -258,11 +253,11 @@ def draw_world(seed: int, family: str | None = None) -> Scene:
         # Families that change the same parameters exclude each other, so that all that are named are true.
         if all(FAMILIES[name].ranges.keys().isdisjoint(FAMILIES[one].ranges) and name != one for one in chosen):
             chosen.append(name)
-    layouts = next((FAMILIES[name].layouts for name in chosen if FAMILIES[name].layouts), _OPEN)
+    layouts = next((FAMILIES[name].layouts for name in chosen if FAMILIES[name].layouts), OPEN_BASES)
     base = layouts[int(rng.integers(len(layouts)))](Plan(rng))
     drawn = _drawn(chosen, rng)
     plan = Plan(rng)
-    if "harbour" not in chosen and layouts is _OPEN and rng.random() < 0.5:
+    if "harbour" not in chosen and layouts is OPEN_BASES and rng.random() < 0.5:
         base = replace(base, objects=base.objects[: int(rng.integers(1, 5))])
     plan.extend(base.objects)
     for thing in (*TARGETS, *(thing for name in chosen for thing in FAMILIES[name].things)):
