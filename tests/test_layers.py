@@ -12,6 +12,7 @@ PACKAGE = ROOT / "seaclutter_cli"
 MOST_MODULES = 120
 
 BASE = {
+    "arrays",
     "text",
     "errors",
     "buckets",
@@ -40,6 +41,7 @@ CORE = (
     }
 )
 ALLOWED = {
+    "arrays": set(),
     "text": set(),
     "errors": set(),
     "documents": {"errors", "paths"},

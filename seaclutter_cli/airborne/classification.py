@@ -4,13 +4,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.features import NonSeaPoints, features_of
 from seaclutter_cli.airborne.forest import predict
 from seaclutter_cli.airborne.objects import FoundObject, find_objects
 from seaclutter_cli.airborne.separation import Separation, separate
 from seaclutter_cli.airborne.settings import TileSettings
+from seaclutter_cli.arrays import Floats, Ints
 from seaclutter_cli.interfaces import TilePoints
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ class TileFeatures:
 
     separation: Separation
     points: NonSeaPoints
-    features: NDArray[np.float64]
+    features: Floats
 
 
 def tile_features(tile: TilePoints, settings: TileSettings) -> TileFeatures:
@@ -56,10 +56,10 @@ class ClassifiedPoints:
     """
 
     tile: TileFeatures
-    code: NDArray[np.int64]
-    probability: NDArray[np.float64]
-    number: NDArray[np.int64]
-    left_out: NDArray[np.int64]
+    code: Ints
+    probability: Floats
+    number: Ints
+    left_out: Ints
     objects: list[FoundObject]
 
 

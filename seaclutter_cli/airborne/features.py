@@ -5,13 +5,11 @@ from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Interval
-from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.neighborhoods import Neighborhoods, PointBlock
 from seaclutter_cli.airborne.texture import TEXTURE, Levels, levels_of, texture
+from seaclutter_cli.arrays import Floats
 from seaclutter_cli.params import Positive, key
-
-Values = NDArray[np.float64]
 
 FEATURES = {
     "texture": TEXTURE,
@@ -61,14 +59,14 @@ class NonSeaPoints:
     whole tile, sea included, over the cells with points; ``least_m``: height that makes a point one of them.
     """
 
-    xy: Values
-    height_m: Values
-    intensity: Values
+    xy: Floats
+    height_m: Floats
+    intensity: Floats
     points_per_m2: float
     least_m: float = 0.5
 
 
-def features_of(points: NonSeaPoints, params: FeatureParams) -> Values:
+def features_of(points: NonSeaPoints, params: FeatureParams) -> Floats:
     r"""Return the features of points, shape (N, F), in the order of ``params.names``.
 
     For the texture, see `texture`. The full set adds the height of the point and, over its neighbours within r: mean
@@ -89,7 +87,7 @@ def features_of(points: NonSeaPoints, params: FeatureParams) -> Values:
     return np.hstack((own, _context(points, params)))
 
 
-def _full(block: PointBlock, levels: Levels, points: NonSeaPoints, radius_m: float) -> Values:
+def _full(block: PointBlock, levels: Levels, points: NonSeaPoints, radius_m: float) -> Floats:
     count = block.count
     height, intensity = points.height_m[block.neighbor], points.intensity[block.neighbor]
     mean = block.total(height) / count
@@ -108,7 +106,7 @@ def _full(block: PointBlock, levels: Levels, points: NonSeaPoints, radius_m: flo
     return np.column_stack((texture(block, levels), *columns))
 
 
-def _context(points: NonSeaPoints, params: FeatureParams) -> Values:
+def _context(points: NonSeaPoints, params: FeatureParams) -> Floats:
     """Return mean and deviation of the height, and relative density, of the wider surroundings, shape (N, 3)."""
     side = np.floor((points.xy - points.xy.min(axis=1, keepdims=True)) / (params.radius_m / 2)).astype(np.int64)
     _, which, count = np.unique(side[0] * (side[1].max() + 1) + side[1], return_inverse=True, return_counts=True)
@@ -117,7 +115,7 @@ def _context(points: NonSeaPoints, params: FeatureParams) -> Values:
     square = np.asarray(np.bincount(which, (points.height_m - height[which]) ** 2), np.float64)
     expected = np.pi * params.context_m**2 * points.points_per_m2
 
-    def summed(block: PointBlock) -> Values:
+    def summed(block: PointBlock) -> Floats:
         weight = count[block.neighbor].astype(np.float64)
         total = block.total(weight)
         mean = block.total(weight * height[block.neighbor]) / total
@@ -128,7 +126,7 @@ def _context(points: NonSeaPoints, params: FeatureParams) -> Values:
     return Neighborhoods(np.stack((x, y))).apply(params.context_m, summed)[which]
 
 
-def _shape(block: PointBlock, points: NonSeaPoints) -> tuple[Values, Values]:
+def _shape(block: PointBlock, points: NonSeaPoints) -> tuple[Floats, Floats]:
     """Return linearity and planarity, shape (B,) each; 0 where all neighbours coincide."""
     center = block.points[block.own]
     offset = [axis[block.neighbor] - axis[center] for axis in (points.xy[0], points.xy[1], points.height_m)]

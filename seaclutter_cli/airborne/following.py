@@ -7,11 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.waves import Waves
+from seaclutter_cli.arrays import Ints, Mask
 from seaclutter_cli.grids.cells import joined_cells, smoothed, touching
-from seaclutter_cli.grids.elevation import ElevationGrid
-
-Cells = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from seaclutter_cli.grids.elevation import Cells, ElevationGrid
 
 FINEST_M = 1.0
 """Width of the finest mean, as standard deviation; waves of eight times that length are followed."""
@@ -43,7 +41,7 @@ class CellDetails:
 
     highest: Cells
     brightness: Cells | None
-    echoes: NDArray[np.int64]
+    echoes: Ints
 
 
 @dataclass(frozen=True)

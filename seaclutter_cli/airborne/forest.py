@@ -8,14 +8,14 @@ import numpy as np
 from annotated_types import Ge, Interval
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.errors import InputError, MissingExtraError
 from seaclutter_cli.groups import group_sizes, group_starts
 from seaclutter_cli.params import Count, key
 from seaclutter_cli.threads import executor, threads
 from seaclutter_cli.truth import OBJECT_CLASSES
 
-Values = NDArray[np.float64]
-Codes = NDArray[np.int64]
+Codes = Ints
 
 _BLOCK = 20_000
 _MIN_TILES = 4
@@ -49,7 +49,7 @@ class Samples:
     belong to no object; ``tile``, ``number``, shape (N,): index of the tile, and number of the object in it.
     """
 
-    features: Values
+    features: Floats
     code: Codes
     tile: Codes
     number: Codes
@@ -92,7 +92,7 @@ def class_name(code: int) -> str:
     return OBJECT_CLASSES[code - 1] if 1 <= code <= len(OBJECT_CLASSES) else f"class {code}"
 
 
-def split_samples(samples: Samples, params: ForestParams) -> tuple[NDArray[np.bool_], str]:
+def split_samples(samples: Samples, params: ForestParams) -> tuple[Mask, str]:
     """Return which points are held out for the test, shape (N,), and the unit of the split: ``tile`` or ``object``.
 
     With four tiles or more, whole tiles are held out; with fewer, whole objects of each class that has at least two.
@@ -153,7 +153,7 @@ def _subsample(samples: Samples, params: ForestParams) -> NDArray[np.intp]:
     return np.sort(order[rank < params.max_points_per_object])
 
 
-def predict(forest: Any, features: Values) -> Values:
+def predict(forest: Any, features: Floats) -> Floats:
     """Return class probabilities, shape (N, C); the result does not depend on the number of threads."""
     parts = [features[start : start + _BLOCK].astype(np.float32) for start in range(0, len(features), _BLOCK)]
     with executor(threads(), "forest") as pool:

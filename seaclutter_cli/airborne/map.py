@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.surface import NEVER, WATER
+from seaclutter_cli.arrays import Floats
 from seaclutter_cli.errors import MissingExtraError
 
 UNKNOWN, IS_WATER, IS_LAND, IS_OBJECT = 0, 1, 2, 3
@@ -59,7 +60,7 @@ class TileMap:
         )
 
 
-def map_of(parts: Iterable[NDArray[np.float64]], found: Separation, cell_m: float) -> TileMap:
+def map_of(parts: Iterable[Floats], found: Separation, cell_m: float) -> TileMap:
     """Return the map of a separated tile.
 
     ``parts``, shape (3, n): coordinates of the points in metres; iterated over twice; ``found``: their separation;
@@ -93,7 +94,7 @@ def map_of(parts: Iterable[NDArray[np.float64]], found: Separation, cell_m: floa
     return TileMap(cell_m, (int(first[0]), int(first[1])), kind.reshape(shape), level.astype(np.float32).reshape(shape))
 
 
-def _extent(parts: Iterable[NDArray[np.float64]], found: Separation) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _extent(parts: Iterable[Floats], found: Separation) -> tuple[Floats, Floats]:
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
     start = 0
     for xyz in parts:
@@ -105,7 +106,7 @@ def _extent(parts: Iterable[NDArray[np.float64]], found: Separation) -> tuple[ND
     return low, high
 
 
-def shoreline_of(tile: TileMap) -> list[NDArray[np.float64]]:
+def shoreline_of(tile: TileMap) -> list[Floats]:
     """Return the lines between water and land, shape (N, 2) each, in metres; land is on their left.
 
     Objects and gaps of up to ten cells count as what is nearest. Land with points in fewer than 100 cells, or in fewer
@@ -134,10 +135,10 @@ def shoreline_of(tile: TileMap) -> list[NDArray[np.float64]]:
     return [line for line in places if _length(line) >= _SHORTEST_M]
 
 
-def _length(line: NDArray[np.float64]) -> float:
+def _length(line: Floats) -> float:
     return float(np.hypot(*np.diff(line, axis=0).T).sum())
 
 
-def total_length_m(lines: Sequence[NDArray[np.float64]]) -> float:
+def total_length_m(lines: Sequence[Floats]) -> float:
     """Return the length of lines in metres."""
     return sum(map(_length, lines))

@@ -8,17 +8,15 @@ from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.features import NonSeaPoints
 from seaclutter_cli.airborne.forest import class_name
 from seaclutter_cli.airborne.map import IS_WATER, TileMap
 from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.surface import OTHER
+from seaclutter_cli.arrays import Floats, Ints
 from seaclutter_cli.grids.cells import nearest
 from seaclutter_cli.params import Count, Positive, Share, key
-
-Values = NDArray[np.float64]
 
 COLUMNS = (
     *("tile", "object", "class", "probability", "points", "x", "y", "length", "width", "yaw"),
@@ -84,11 +82,11 @@ class FoundObject:
         return self if unit_m == 1 else replace(self, center=(self.center[0] / unit_m, self.center[1] / unit_m))
 
     @property
-    def corners(self) -> Values:
+    def corners(self) -> Floats:
         """Corners of the box in metres, shape (4, 2), counter-clockwise."""
         return self.corners_in(1.0)
 
-    def corners_in(self, unit_m: float) -> Values:
+    def corners_in(self, unit_m: float) -> Floats:
         """Return the corners around a centre that is given in a unit of length, which is given in metres.
 
         Sides are at least ten centimetres long, so that collinear points have a valid outline.
@@ -106,8 +104,8 @@ def geodata_fields(*, classified: bool) -> dict[str, type]:
 
 
 def find_objects(
-    points: NonSeaPoints, probability: Values, classes: Sequence[int], params: ObjectFindingParams
-) -> tuple[list[FoundObject], NDArray[np.int64], NDArray[np.int64]]:
+    points: NonSeaPoints, probability: Floats, classes: Sequence[int], params: ObjectFindingParams
+) -> tuple[list[FoundObject], Ints, Ints]:
     """Return the objects of a tile, and for each point the numbers of its object and of its left-out cluster.
 
     The numbers have shape (N,); 0 stands for no object, or for no cluster that was left out.
@@ -142,7 +140,7 @@ def find_objects(
     return found, numbers, left_out
 
 
-def likely_object(height_m: Values, least_m: float) -> float:
+def likely_object(height_m: Floats, least_m: float) -> float:
     """Return how likely points with these heights above the water around them, shape (N,), are an object, from 0 to 1.
 
     ``least_m`` is the height that makes a point one. Nine in ten of the points of a group of crests are lower than 1.75
@@ -153,7 +151,7 @@ def likely_object(height_m: Values, least_m: float) -> float:
 
 
 def unclassified_objects(
-    parts: Iterable[Values], found: Separation, tile: TileMap, params: ObjectFindingParams
+    parts: Iterable[Floats], found: Separation, tile: TileMap, params: ObjectFindingParams
 ) -> list[FoundObject]:
     """Return the objects of a separated tile: clusters of its non-sea points off the land.
 
@@ -178,7 +176,7 @@ def unclassified_objects(
     return objects
 
 
-def _off_land(parts: Iterable[Values], found: Separation) -> Values:
+def _off_land(parts: Iterable[Floats], found: Separation) -> Floats:
     """Return the non-sea points that are not on land, shape (3, N)."""
     chosen = [np.empty((3, 0))]
     start = 0
@@ -189,7 +187,7 @@ def _off_land(parts: Iterable[Values], found: Separation) -> Values:
     return np.concatenate(chosen, axis=1)
 
 
-def _levels_around(tile: TileMap, xyz: Values) -> tuple[float, Values]:
+def _levels_around(tile: TileMap, xyz: Floats) -> tuple[float, Floats]:
     """Return the mean elevation of the sea around the points of an object, and that of the cell nearest to each."""
     low, high = xyz[:2].min(axis=1) - _AROUND_M, xyz[:2].max(axis=1) + _AROUND_M
     first, last = (np.maximum(end // tile.cell_m - tile.first, 0).astype(np.int64) for end in (low, high))
@@ -203,14 +201,14 @@ def _levels_around(tile: TileMap, xyz: Values) -> tuple[float, Values]:
     return float(level.mean()), level[nearest(place * tile.cell_m, xyz[:2])]
 
 
-def object_around(number: int, xy: Values, height_m: Values, code: int | None, probability: float) -> FoundObject:
+def object_around(number: int, xy: Floats, height_m: Floats, code: int | None, probability: float) -> FoundObject:
     """Return the object of points with positions, shape (2, N), and heights, shape (N,), in metres."""
     center, size, yaw, area = smallest_rectangle(xy.T)
     top_m = float(np.quantile(height_m, 0.99))
     return FoundObject(number, code, probability, xy.shape[1], center, size, yaw, top_m, area)
 
 
-def smallest_rectangle(xy: Values) -> tuple[tuple[float, float], tuple[float, float], float, float]:
+def smallest_rectangle(xy: Floats) -> tuple[tuple[float, float], tuple[float, float], float, float]:
     """Return centre, size, direction and hull area of the smallest rectangle around points, shape (N, 2).
 
     One of its sides is on a side of the convex hull. Collinear points have a rectangle of width 0.

@@ -3,11 +3,11 @@
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.objects import FoundObject
 from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.surface import WATER
+from seaclutter_cli.arrays import Floats
 from seaclutter_cli.text import count, share
 
 _MAX_SPREAD_M = 4.0
@@ -17,7 +17,7 @@ _MANY, _EXACT, _SAMPLE = 100, 0.5, 10_000
 _LARGEST_M = {"ship": (460.0, 130.0, 80.0)}  # length, width, height of the largest ships ever built, and a margin
 
 
-def doubts_about_sea(parts: Iterable[NDArray[np.float64]], found: Separation) -> list[str]:
+def doubts_about_sea(parts: Iterable[Floats], found: Separation) -> list[str]:
     """Return reasons to doubt that a tile, of points in metres, is of the sea."""
     is_sea = found.classification == WATER
     points = int(np.count_nonzero(is_sea))

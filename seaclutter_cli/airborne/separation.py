@@ -16,13 +16,11 @@ from seaclutter_cli.airborne.surface import CALM_M, NEVER, OTHER, SeparationPara
 from seaclutter_cli.airborne.tides import strip_levels
 from seaclutter_cli.airborne.water_model import water_model
 from seaclutter_cli.airborne.waves import Waves, WindowWaves, estimate_waves, window_waves
+from seaclutter_cli.arrays import Floats, Mask
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.grids.elevation import NOWHERE, GriddedPoints
+from seaclutter_cli.grids.elevation import NOWHERE, Cells, GriddedPoints
 from seaclutter_cli.grids.land_cells import LandCells
 from seaclutter_cli.grids.opening import SurfaceParams, open_grid, without_pits
-
-Cells = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _SAMPLE = 20_000
 _PIT, _ROUGH_M = 2.0, 0.4
@@ -80,11 +78,7 @@ class Separation:
         return float(np.count_nonzero(self.classification != NEVER) / max(self.cells, 1))
 
 
-def separate(
-    parts: Iterable[NDArray[np.float64]],
-    params: SurfaceParams,
-    column: Column = lambda _: None,
-) -> Separation:
+def separate(parts: Iterable[Floats], params: SurfaceParams, column: Column = lambda _: None) -> Separation:
     """Return the separation of a tile into sea and non-sea points.
 
     ``parts``, shape (3, n): coordinates in metres; iterated over repeatedly; ``params``: window and heights. With
@@ -127,7 +121,7 @@ class LeveledTile:
     params: SeparationParams
     column: Column
     look: NDArray[np.uint8] | None
-    change_m: NDArray[np.float64] | None
+    change_m: Floats | None
     lowest: Cells
     opened: Cells
 
@@ -183,7 +177,7 @@ class LeveledTile:
     def _windows(self) -> WindowWaves:
         return window_waves(self._looks(), self.params.cell_m, self.squares.index)
 
-    def _shores(self) -> tuple[NDArray[np.float64], Shores]:
+    def _shores(self) -> tuple[Floats, Shores]:
         """Return the log odds of water of the squares, and the land and water of the tile."""
         odds = np.zeros(len(self.squares.index))
         if len(odds) >= _LEAST_SQUARES:
@@ -275,7 +269,7 @@ def _surfaces(points: GriddedPoints, params: SeparationParams) -> tuple[Cells, C
     return lowest, open_grid(points.grid, params.window_m, lowest)
 
 
-def _is_doubtful(odds: NDArray[np.float64], water: Mask) -> bool:
+def _is_doubtful(odds: Floats, water: Mask) -> bool:
     """Return whether the model is on average hardly sure of what it takes for water, or there is too little for it."""
     return not len(water) or bool(water.any() and np.clip(odds[water], -_MOST_ODDS, _MOST_ODDS).mean() < _SURE_ODDS)
 

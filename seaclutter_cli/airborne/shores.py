@@ -7,12 +7,9 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.squares import SIDE, Squares, by_cell, positions, squares_in
 from seaclutter_cli.airborne.waves import WindowWaves
+from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.grids.cells import joined_cells, nearest, smoothed
-from seaclutter_cli.grids.elevation import ElevationGrid
-
-Cells = NDArray[np.float64]
-Values = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from seaclutter_cli.grids.elevation import Cells, ElevationGrid
 
 _LEAST_SQUARES = 6  # the opening takes what is smaller for an object
 _STEP_M, _STEP_DEVIATIONS = 0.25, 2.5
@@ -38,7 +35,7 @@ class Shores:
     water: Mask
 
 
-def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, odds: Values, waves: WindowWaves) -> Shores:
+def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, odds: Floats, waves: WindowWaves) -> Shores:
     """Return the land and water of a tile from the log odds of water of its N squares, infinite where it is known.
 
     Fewer than six connected squares are no land and no water: the opening takes what is that small for an object.
@@ -68,7 +65,7 @@ def shores_of(grid: ElevationGrid, lowest: Cells, squares: Squares, odds: Values
     return Shores(land, levels, bank, water)
 
 
-def _without_small(squares: Squares, odds: Values) -> Mask:
+def _without_small(squares: Squares, odds: Floats) -> Mask:
     """Return which squares are water, where at least six that are alike touch each other."""
     water = odds > 0
     for _ in range(2):  # what is small may be amid what is small, too
@@ -81,7 +78,7 @@ def _without_small(squares: Squares, odds: Values) -> Mask:
     return water
 
 
-def _bodies(squares: Squares, water: Mask, odds: Values, deviation: Values) -> Values:
+def _bodies(squares: Squares, water: Mask, odds: Floats, deviation: Floats) -> Floats:
     """Return the level of the body of water of each square, shape (N,): infinite for rivers that slope.
 
     Steps that waves do not explain divide bodies. The level is NaN on land, in bodies of fewer than six squares, and
@@ -108,7 +105,7 @@ def _bodies(squares: Squares, water: Mask, odds: Values, deviation: Values) -> V
     return found
 
 
-def _drains(squares: Squares, own: NDArray[np.int64], body: NDArray[np.int32], step_m: float) -> bool:
+def _drains(squares: Squares, own: Ints, body: NDArray[np.int32], step_m: float) -> bool:
     """Return whether water would run off along most of the edge of a body in the tile: neither is higher there."""
     level, top = (np.append(values, np.inf) for values in (squares.level_m, squares.top_m))
     beyond, start = squares.neighbor[:, own], np.broadcast_to(own, (4, len(own)))
@@ -120,7 +117,7 @@ def _drains(squares: Squares, own: NDArray[np.int64], body: NDArray[np.int32], s
     return bool(edge.any() and np.count_nonzero(lower & edge) > _OPEN_SHARE * np.count_nonzero(edge))
 
 
-def _slopes(squares: Squares, own: NDArray[np.int64]) -> bool:
+def _slopes(squares: Squares, own: Ints) -> bool:
     """Return whether a plane through most squares of a body is steep, and explains their levels better than waves."""
     low, middle, high = np.quantile(squares.level_m[own], (0.1587, 0.5, 0.8413))
     near = own[np.abs(squares.level_m[own] - middle) <= high - low + _STEP_M]

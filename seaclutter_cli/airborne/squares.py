@@ -10,11 +10,8 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.strips import Column
 from seaclutter_cli.airborne.surface import GROUND, WATER
 from seaclutter_cli.airborne.waves import WindowWaves
-from seaclutter_cli.grids.elevation import BLOCK, NOWHERE, ElevationGrid, GriddedPoints
-
-Values = NDArray[np.float64]
-Cells = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from seaclutter_cli.arrays import Floats, Ints, Mask
+from seaclutter_cli.grids.elevation import BLOCK, NOWHERE, Cells, ElevationGrid, GriddedPoints
 
 SIDE = 8
 """Width of a square in cells."""
@@ -41,15 +38,15 @@ class Squares:
     none.
     """
 
-    index: NDArray[np.int64]
-    xy: NDArray[np.int64]
-    level_m: Values
-    spread_m: Values
-    top_m: Values
-    texture_m: Values
-    open_share: Values
-    filled: Values
-    neighbor: NDArray[np.int64]
+    index: Ints
+    xy: Ints
+    level_m: Floats
+    spread_m: Floats
+    top_m: Floats
+    texture_m: Floats
+    open_share: Floats
+    filled: Floats
+    neighbor: Ints
 
     @classmethod
     def of(cls, grid: ElevationGrid, lowest: Cells, on_surface: Mask) -> "Squares":
@@ -69,7 +66,7 @@ class Squares:
         texture, filled = _texture(np.where(used, low, np.nan)), cells / SIDE**2
         return cls(index, xy, level, (upper - lower) / 2, top, texture, share, filled, _neighbors(xy))
 
-    def around(self, values: Values, times: int) -> Values:
+    def around(self, values: Floats, times: int) -> Floats:
         """Return the mean of the known values around each square, shape (N,): of three by three, so many times."""
         known = np.isfinite(values)
         total, weight = np.where(known, values, 0), known.astype(np.float64)
@@ -112,14 +109,14 @@ def square_of(cell: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.asarray(cell // (BLOCK * SIDE) * _PER_BLOCK + (cell & (BLOCK - 1)) // SIDE)
 
 
-def positions(grid: ElevationGrid, index: NDArray[np.int64]) -> NDArray[np.int64]:
+def positions(grid: ElevationGrid, index: Ints) -> Ints:
     """Return column and row of squares, shape (2, N), from their indices."""
     block = np.array(list(grid.blocks), np.int64).reshape(-1, 2)
     slot, inside = np.divmod(index, _PER_BLOCK**2)
     return np.asarray(block[slot].T * _PER_BLOCK + np.stack(np.divmod(inside, _PER_BLOCK)))
 
 
-def _neighbors(xy: NDArray[np.int64]) -> NDArray[np.int64]:
+def _neighbors(xy: Ints) -> Ints:
     key = (xy[0] << 32) + xy[1]
     order = np.argsort(key)
     found = np.full((4, len(key)), -1, np.int64)
@@ -131,7 +128,7 @@ def _neighbors(xy: NDArray[np.int64]) -> NDArray[np.int64]:
     return found
 
 
-def _texture(low: Cells) -> Values:
+def _texture(low: Cells) -> Floats:
     """Return the root mean square of half the difference of cells side by side, of squares, shape (N, 64)."""
     cells = low.reshape(-1, SIDE, SIDE)
     steps = [np.diff(cells, axis=axis).reshape(len(low), SIDE * (SIDE - 1)) for axis in (1, 2)]
@@ -152,12 +149,12 @@ class SquareEchoes:
     and 0 if none is trusted.
     """
 
-    number: Values
-    several: Values
-    tall: Values
-    brightness: Values
-    variation: Values
-    trusted: Values
+    number: Floats
+    several: Floats
+    tall: Floats
+    brightness: Floats
+    variation: Floats
+    trusted: Floats
 
     @classmethod
     def of(
@@ -201,7 +198,7 @@ class SquareEchoes:
         return cls(every, several, tall / np.maximum(every, 1), np.log(mean), spread / mean, given)
 
 
-def _trusted(surface: Values, own: Values) -> Values:
+def _trusted(surface: Floats, own: Floats) -> Floats:
     """Return the log odds of a kind of squares by echoes of its class; to have none is evidence if others do."""
     most = own > surface / 2
     missed = most.any() & (surface >= _LEAST_ECHOES) & (own == 0)
@@ -209,7 +206,7 @@ def _trusted(surface: Values, own: Values) -> Values:
 
 
 def square_table(
-    squares: Squares, echoes: SquareEchoes, waves: WindowWaves, change_m: Values | None
+    squares: Squares, echoes: SquareEchoes, waves: WindowWaves, change_m: Floats | None
 ) -> tuple[tuple[str, ...], NDArray[np.float32]]:
     """Return the names of F features, and their values, shape (N, F); NaN if unknown.
 
@@ -227,12 +224,12 @@ def square_table(
     return tuple(named), np.stack(list(named.values()), axis=1).astype(np.float32)
 
 
-def _middle(values: Values, share: float = 0.5) -> float:
+def _middle(values: Floats, share: float = 0.5) -> float:
     known = values[np.isfinite(values)]
     return float(np.quantile(known, share)) if len(known) else np.nan
 
 
-def _own(squares: Squares, echoes: SquareEchoes) -> dict[str, Values]:
+def _own(squares: Squares, echoes: SquareEchoes) -> dict[str, Floats]:
     """Return what squares look like, each alone and over those around it."""
     own = {
         "spread": squares.spread_m,
@@ -250,7 +247,7 @@ def _own(squares: Squares, echoes: SquareEchoes) -> dict[str, Values]:
     return {**own, **near, **far}
 
 
-def _relief(squares: Squares, change_m: Values) -> dict[str, Values]:
+def _relief(squares: Squares, change_m: Floats) -> dict[str, Floats]:
     """Return slope, and deviations of levels and of their change between strips, near and far."""
     level = np.append(squares.level_m, np.nan)
     east, north, west, south = level[squares.neighbor]
@@ -269,13 +266,13 @@ def _relief(squares: Squares, change_m: Values) -> dict[str, Values]:
     return found
 
 
-def _of_tile(squares: Squares, echoes: SquareEchoes) -> dict[str, Values]:
+def _of_tile(squares: Squares, echoes: SquareEchoes) -> dict[str, Floats]:
     """Return the level of squares among all, and what all squares of the tile have in common."""
     flat = squares.spread_m <= _FLAT_M
     ordered = np.sort(squares.level_m)
     common = np.sort(squares.level_m[flat]) if flat.any() else ordered
 
-    def share(levels: Values, low: Values, high: Values) -> Values:
+    def share(levels: Floats, low: Floats, high: Floats) -> Floats:
         return np.asarray(np.searchsorted(levels, high, "right") - np.searchsorted(levels, low)) / max(len(levels), 1)
 
     alike = share(common, squares.level_m - _SAME_M, squares.level_m + _SAME_M)
@@ -300,7 +297,7 @@ def _of_tile(squares: Squares, echoes: SquareEchoes) -> dict[str, Values]:
     }
 
 
-def _of_region(squares: Squares, echoes: SquareEchoes, waves: WindowWaves) -> dict[str, Values]:
+def _of_region(squares: Squares, echoes: SquareEchoes, waves: WindowWaves) -> dict[str, Floats]:
     """Return features of the level region of each square: connected squares, flat but for waves."""
     deviation = np.nan_to_num(np.where(waves.depth > 0, waves.deviation_m, 0.0))
     flat = np.append(squares.spread_m <= np.maximum(_FLAT_M, 3 * deviation), False)
@@ -310,7 +307,7 @@ def _of_region(squares: Squares, echoes: SquareEchoes, waves: WindowWaves) -> di
     region = squares.joined(links)
     size = np.bincount(region)
 
-    def mean(values: Values) -> Values:
+    def mean(values: Floats) -> Floats:
         known = np.isfinite(values)
         number = np.bincount(region, known)
         total = np.bincount(region, np.where(known, values, 0))

@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats
+
 Column = Callable[[str], NDArray[Any] | None]
 """Returns an attribute of all points by its LAS name, shape (N,); None if the tile does not have it."""
 
@@ -46,7 +48,7 @@ def _are_same(values: NDArray[Any]) -> bool:
     return not (values != values[:1]).any()
 
 
-def _passes(times_s: NDArray[np.float64]) -> NDArray[np.intp]:
+def _passes(times_s: Floats) -> NDArray[np.intp]:
     """Return the pass of each point: times without a gap of half a minute; points without a time are in the first."""
     known = np.isfinite(times_s)
     strip = np.zeros(len(times_s), np.intp)
@@ -56,9 +58,7 @@ def _passes(times_s: NDArray[np.float64]) -> NDArray[np.intp]:
     return strip
 
 
-def looks_of(
-    strip: NDArray[np.uint8] | None, parts: Iterable[NDArray[np.float64]], column: Column
-) -> NDArray[np.uint8] | None:
+def looks_of(strip: NDArray[np.uint8] | None, parts: Iterable[Floats], column: Column) -> NDArray[np.uint8] | None:
     """Return the strip of each point, shape (N,); those that see places twice are divided into their looks.
 
     ``parts`` are coordinates in metres, shape (3, n).
@@ -87,7 +87,7 @@ def looks_of(
     return 2 * own + late if late.any() else strip
 
 
-def _every(parts: Iterable[NDArray[np.float64]], step: int) -> Iterator[NDArray[np.float64]]:
+def _every(parts: Iterable[Floats], step: int) -> Iterator[Floats]:
     """Yield every so many points of all parts together."""
     start = 0
     for xyz in parts:
@@ -95,7 +95,7 @@ def _every(parts: Iterable[NDArray[np.float64]], step: int) -> Iterator[NDArray[
         start += xyz.shape[1]
 
 
-def _between_looks(place: NDArray[np.float64], times_s: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def _between_looks(place: Floats, times_s: Floats) -> Floats | None:
     """Return the plane through the times midway between both looks of a strip; None if nearly all is seen once.
 
     ``place``, shape (2, N), and ``times_s``, shape (N,), are those of its echoes. Squares of 8 m whose times deviate by
@@ -119,13 +119,13 @@ def _between_looks(place: NDArray[np.float64], times_s: NDArray[np.float64]) -> 
     return plane + _fitted(center, ((first + last) / 2)[twice])
 
 
-def _fitted(place: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _fitted(place: Floats, values: Floats) -> Floats:
     """Return level and slopes, shape (3,), of the plane through values at places, shape (2, N)."""
     middle = place.mean(axis=1, keepdims=True)
     slope = np.linalg.lstsq((place - middle).T, values - values.mean(), rcond=None)[0]
     return np.array([values.mean() - slope @ middle[:, 0], *slope])
 
 
-def _at(plane: NDArray[np.float64], place: NDArray[np.float64]) -> NDArray[np.float64]:
+def _at(plane: Floats, place: Floats) -> Floats:
     """Return the values of a plane at places, shape (2, N)."""
     return np.asarray(plane[0] + plane[1:] @ place)

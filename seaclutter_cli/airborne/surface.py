@@ -6,12 +6,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.grids.elevation import NOWHERE, GriddedPoints
+from seaclutter_cli.arrays import Floats, Mask
+from seaclutter_cli.grids.elevation import NOWHERE, Cells, GriddedPoints
 from seaclutter_cli.grids.opening import SurfaceParams
 from seaclutter_cli.params import Positive, key
-
-Cells = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 NEVER, OTHER, GROUND, WATER = 0, 1, 2, 9
 """ASPRS classes: never classified (points without finite coordinates), unclassified, ground, water."""
@@ -76,7 +74,7 @@ class Surface:
     land: Mask
     ground_top: Cells | None = None
 
-    def heights(self, z: NDArray[np.float64], cell: NDArray[np.int32]) -> tuple[Cells, Cells]:
+    def heights(self, z: Floats, cell: NDArray[np.int32]) -> tuple[Cells, Cells]:
         """Return the heights of points above the surface, and the height over which each is a non-sea point."""
         limit = np.broadcast_to(self.limit, self.elevation.shape).reshape(-1)[cell]
         return z - self.elevation.reshape(-1)[cell], np.where(self.land.reshape(-1)[cell], -np.inf, limit)

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.neighborhoods import Neighborhoods, PointBlock
+from seaclutter_cli.arrays import Floats, Ints
 
 DIRECTIONS_DEG = (0, 45, 90, 135)
 TEXTURE = ("homogeneity", "dissimilarity", "second_moment")
@@ -23,18 +23,18 @@ class Levels:
     the nearest point in the cloud shifted that way; ``count``: number of levels, K.
     """
 
-    own: NDArray[np.int64]
-    partner: NDArray[np.int64]
+    own: Ints
+    partner: Ints
     count: int
 
     @cached_property
-    def weights(self) -> NDArray[np.float64]:
+    def weights(self) -> Floats:
         """Contribution of each pair of levels to homogeneity and dissimilarity, shape (2, K * K)."""
         distance = np.abs(np.subtract.outer(np.arange(self.count), np.arange(self.count))).reshape(-1)
         return np.stack((1 / (1 + distance**2), distance)).astype(np.float64)
 
 
-def grey_levels(height_m: NDArray[np.float64], count: int, max_height_m: float) -> NDArray[np.int64]:
+def grey_levels(height_m: Floats, count: int, max_height_m: float) -> Ints:
     """Return heights quantised to K grey levels of equal size, 0 to K - 1, shape (N,).
 
     ``height_m``, shape (N,): heights above the sea surface in metres; ``count``: number of levels, K; ``max_height_m``:
@@ -48,9 +48,7 @@ def grey_levels(height_m: NDArray[np.float64], count: int, max_height_m: float) 
     return np.clip(np.floor(height_m * (count / max_height_m)), 0, count - 1).astype(np.int64)
 
 
-def levels_of(
-    near: Neighborhoods, height_m: NDArray[np.float64], count: int, max_height_m: float, shift_m: float
-) -> Levels:
+def levels_of(near: Neighborhoods, height_m: Floats, count: int, max_height_m: float, shift_m: float) -> Levels:
     """Return the grey levels of points and of their partners.
 
     ``near``: neighbourhoods of the points; ``height_m``, shape (N,): heights of the points in metres; ``count``,
@@ -63,7 +61,7 @@ def levels_of(
     return Levels(own, partner, count)
 
 
-def texture(block: PointBlock, levels: Levels) -> NDArray[np.float64]:
+def texture(block: PointBlock, levels: Levels) -> Floats:
     r"""Return the texture features of a block's points, shape (B, 3), in the order of `TEXTURE`.
 
     The cloud Y is the cloud X shifted by d along θ. Each neighbour of a point within r (itself included) is paired with
@@ -91,7 +89,7 @@ def texture(block: PointBlock, levels: Levels) -> NDArray[np.float64]:
     return out / len(levels.partner)
 
 
-def _second_moment(block: PointBlock, pair: NDArray[np.int64], size: int) -> NDArray[np.int64]:
+def _second_moment(block: PointBlock, pair: Ints, size: int) -> Ints:
     """Return the sum of the squared counts of each matrix, computed for a few matrices at a time."""
     step = max(1, _BINS // size)
     starts = range(0, len(block.points), step)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.squares import square_of, squares_in
+from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.grids.elevation import NOWHERE, GriddedPoints
 
 _LEAST_ECHOES, _FLAT_M = 6, 0.3
@@ -22,11 +23,11 @@ class StripLevels:
     same.
     """
 
-    mean_m: NDArray[np.float64]
-    seen: NDArray[np.bool_]
-    tide_m: NDArray[np.float64]
+    mean_m: Floats
+    seen: Mask
+    tide_m: Floats
 
-    def changes_m(self) -> NDArray[np.float64]:
+    def changes_m(self) -> Floats:
         """Return by how much each square differs between its first and last strip, shape (S,); NaN if one saw it.
 
         What all squares of a pair of strips have in common, such as the tide, is no change.
@@ -72,7 +73,7 @@ def strip_levels(points: GriddedPoints, strip: NDArray[np.uint8]) -> StripLevels
     return StripLevels(mean, seen, np.nan_to_num(tide))
 
 
-def _step(difference_m: NDArray[np.float64]) -> float:
+def _step(difference_m: Floats) -> float:
     """Return by how much the water of a strip is higher than that of another, from the differences of squares."""
     apart = difference_m[np.abs(difference_m) > _STEP_M]
     if len(apart) < max(_LEAST_SQUARES, _LEAST_SHARE * len(difference_m)):
@@ -81,7 +82,7 @@ def _step(difference_m: NDArray[np.float64]) -> float:
     return step if np.mean(np.sign(apart) == np.sign(step)) >= _AGREEING else 0.0
 
 
-def _points_of(points: GriddedPoints, strip: NDArray[np.uint8], strips: int, squares: int) -> NDArray[np.int64]:
+def _points_of(points: GriddedPoints, strip: NDArray[np.uint8], strips: int, squares: int) -> Ints:
     """Return the number of points of each strip in each square, shape (K, S)."""
     count = np.zeros(strips * squares, np.int64)
     start = 0
@@ -93,9 +94,7 @@ def _points_of(points: GriddedPoints, strip: NDArray[np.uint8], strips: int, squ
     return count.reshape(strips, squares)
 
 
-def _levels_of(
-    points: GriddedPoints, strip: NDArray[np.uint8], count: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def _levels_of(points: GriddedPoints, strip: NDArray[np.uint8], count: Ints) -> tuple[Floats, Mask]:
     """Return the mean elevation of each strip in each square, and where to compare it, both of shape (K, S).
 
     Strips are compared where two have enough of the points that ``count`` has, and are flat.

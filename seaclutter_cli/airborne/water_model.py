@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.squares import Squares
-
-Values = NDArray[np.float64]
+from seaclutter_cli.arrays import Floats
 
 UNIT = 1 / 4096
 """Unit of the values of leaves, which are whole numbers: their sum is the same on every machine."""
@@ -33,7 +32,7 @@ class Trees:
     missing: NDArray[Any]
     value: NDArray[np.int32]
 
-    def log_odds(self, table: NDArray[np.float32]) -> Values:
+    def log_odds(self, table: NDArray[np.float32]) -> Floats:
         """Return the log odds of water, shape (N,), from features, shape (N, F)."""
         total, row = np.zeros(len(table), np.int64), np.arange(len(table))
         for feature, child, threshold, missing, value in zip(
@@ -59,7 +58,7 @@ class WaterModel:
     first: Trees
     second: Trees
 
-    def log_odds(self, squares: Squares, names: tuple[str, ...], table: NDArray[np.float32], given: Values) -> Values:
+    def log_odds(self, squares: Squares, names: tuple[str, ...], table: NDArray[np.float32], given: Floats) -> Floats:
         """Return the log odds of water of N squares; ``given``, shape (N,): log odds by trusted classes."""
         if names != self.features:
             raise ValueError("the model was trained with other features")
@@ -67,7 +66,7 @@ class WaterModel:
         return self.second.log_odds(np.concatenate((table, around(squares, likely)), axis=1)) + given
 
 
-def around(squares: Squares, likely: Values) -> NDArray[np.float32]:
+def around(squares: Squares, likely: Floats) -> NDArray[np.float32]:
     """Return how likely each square, those around it near and far, at its level, and in the tile are water: (N, 5)."""
     order = np.argsort(squares.level_m, kind="stable")
     level, total = squares.level_m[order], np.concatenate(([0.0], np.cumsum(likely[order])))

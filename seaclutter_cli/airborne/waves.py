@@ -7,11 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.grids.elevation import BLOCK
-
-Cells = NDArray[np.float64]
-Values = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from seaclutter_cli.arrays import Floats, Ints, Mask
+from seaclutter_cli.grids.elevation import BLOCK, Cells
 
 SQUARES = BLOCK // 8
 """Number of squares along each side of a block."""
@@ -42,15 +39,15 @@ class WindowWaves:
     distance by deviation: of waves 1 and 0.67.
     """
 
-    level_m: Values
-    deviation_m: Values
-    depth: Values
-    length_m: Values
-    tilt: Values
-    skew: Values
-    tail: Values
+    level_m: Floats
+    deviation_m: Floats
+    depth: Floats
+    length_m: Floats
+    tilt: Floats
+    skew: Floats
+    tail: Floats
 
-    def features(self, level_m: Values) -> dict[str, Values]:
+    def features(self, level_m: Floats) -> dict[str, Floats]:
         """Return the features of squares with these levels."""
         return {
             "waves: deviation": self.deviation_m,
@@ -63,7 +60,7 @@ class WindowWaves:
         }
 
 
-def window_waves(looks: Iterable[Cells], cell_m: float, index: NDArray[np.int64]) -> WindowWaves:
+def window_waves(looks: Iterable[Cells], cell_m: float, index: Ints) -> WindowWaves:
     """Return the waves around squares with these indices among those of all blocks, of looks as in `windows_of`."""
     found, _ = windows_of(looks, cell_m)
     slot, inside = np.divmod(index, SQUARES**2)
@@ -71,7 +68,7 @@ def window_waves(looks: Iterable[Cells], cell_m: float, index: NDArray[np.int64]
     return WindowWaves(*found[:, 4 * slot + 2 * row + column])
 
 
-def windows_of(looks: Iterable[Cells], cell_m: float) -> tuple[Values, NDArray[np.int64]]:
+def windows_of(looks: Iterable[Cells], cell_m: float) -> tuple[Floats, Ints]:
     """Return what `WindowWaves` has of the quarters of S blocks, shape (7, 4 S), and their number of cells, (4 S,).
 
     ``looks`` are the lowest elevations of each look, shape (S, 256, 256); the one with most cells in a window counts.
@@ -146,7 +143,7 @@ def estimate_waves(looks: Iterable[Cells], above: Cells, level_m: Cells, water: 
     return Waves(float(np.median(level_m[water])), middle, long, _quantile(crest, size, _ROUGHEST))
 
 
-def _crests(above: Cells) -> Values:
+def _crests(above: Cells) -> Floats:
     """Return the height of crests above the opened surface in each quarter of the blocks, and its number of cells."""
     half, found = above.shape[1] // 2, []
     for slot, row, column in np.ndindex(len(above), 2, 2):
@@ -157,7 +154,7 @@ def _crests(above: Cells) -> Values:
     return np.array(found).T
 
 
-def _quantile(values: Values, weight: Values | NDArray[np.int64], share: float) -> float:
+def _quantile(values: Floats, weight: Floats | Ints, share: float) -> float:
     order = np.argsort(values, kind="stable")
     total = np.cumsum(weight[order])
     return float(values[order][np.searchsorted(total, share * total[-1])])

@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.grids.elevation import BLOCK, ElevationGrid
-
-Cells = NDArray[np.float64]
+from seaclutter_cli.arrays import Floats, Mask
+from seaclutter_cli.grids.elevation import BLOCK, Cells, ElevationGrid
 
 _WIDTHS, _BOXES = 3, 2.0
 _FEW_PAIRS = 1 << 20
@@ -24,9 +23,7 @@ _EDGES = {
 """Edge or corner of a block, and of the block that is these steps away along x and y, where they touch."""
 
 
-def joined_cells(
-    mask: NDArray[np.bool_], blocks: Mapping[tuple[int, int], int]
-) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def joined_cells(mask: Mask, blocks: Mapping[tuple[int, int], int]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return the groups of cells that touch each other, by side or corner, also across blocks.
 
     The result is the part of each cell, shape (S, B, B), 0 outside the mask, and the group of each part, shape (P,).
@@ -61,9 +58,7 @@ def _touching(edge: NDArray[np.int32], opposite: NDArray[np.int32]) -> list[NDAr
     return [pairs[:, (pairs > 0).all(axis=0)] for pairs in found]
 
 
-def smoothed(
-    grid: ElevationGrid, values: Cells, used: NDArray[np.bool_], width: float
-) -> tuple[Cells, NDArray[np.float64]]:
+def smoothed(grid: ElevationGrid, values: Cells, used: Mask, width: float) -> tuple[Cells, Floats]:
     """Return the weighted mean of the values around each cell, and the share of the weight that is used.
 
     ``grid``: the grid; ``values``, shape (S, 256, 256): A value for each cell; ``used``, shape (S, 256, 256): cells
@@ -96,7 +91,7 @@ def smoothed(
     return mean, share
 
 
-def touching(grid: ElevationGrid, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def touching(grid: ElevationGrid, mask: Mask) -> Mask:
     """Return a mask with the cells that touch it, by side or corner, shape (S, 256, 256)."""
     from scipy import ndimage
 

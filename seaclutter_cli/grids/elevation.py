@@ -7,10 +7,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.text import count
 
-Cells = NDArray[np.float64]
+Cells = Floats
 
 _BITS = 8
 BLOCK = 1 << _BITS
@@ -52,7 +53,7 @@ class ElevationGrid:
         """Index of each block in `lowest`, by its block number along x and y."""
         return self._slots
 
-    def add(self, xyz: NDArray[np.float64]) -> NDArray[np.int64]:
+    def add(self, xyz: Floats) -> Ints:
         """Update cells with points, shape (3, N), in metres and finite; return the indices into ``lowest.ravel()``.
 
         Raise `InputError` if the points are too scattered for a grid in memory.
@@ -118,7 +119,7 @@ def _overlap(step: int, halo: int) -> tuple[slice, slice]:
     return slice(low, high), slice(low - start, high - start)
 
 
-def _distinct(column: NDArray[np.int64], row: NDArray[np.int64]) -> tuple[list[tuple[int, int]], NDArray[np.int64]]:
+def _distinct(column: Ints, row: Ints) -> tuple[list[tuple[int, int]], Ints]:
     """Return the distinct pairs, sorted, and the index of each pair among them."""
     if not len(column):
         return [], np.empty(0, np.int64)
@@ -144,12 +145,12 @@ class GriddedPoints:
     without usable coordinates.
     """
 
-    parts: Iterable[NDArray[np.float64]]
+    parts: Iterable[Floats]
     grid: ElevationGrid
     cells: Sequence[NDArray[np.int32]]
 
     @classmethod
-    def of(cls, parts: Iterable[NDArray[np.float64]], cell_m: float) -> Self:
+    def of(cls, parts: Iterable[Floats], cell_m: float) -> Self:
         """Return points with their grid; raise `InputError` if they are too scattered for a grid in memory."""
         grid = ElevationGrid(cell_m)
         cells = []
@@ -165,23 +166,23 @@ class GriddedPoints:
         """Number of points."""
         return sum(map(len, self.cells))
 
-    def __iter__(self) -> Iterator[tuple[slice, NDArray[np.float64], NDArray[np.int32]]]:
+    def __iter__(self) -> Iterator[tuple[slice, Floats, NDArray[np.int32]]]:
         """Yield which points are in each part, their elevations and their cells."""
         start = 0
         for xyz, cell in zip(self.parts, self.cells, strict=True):
             yield slice(start, start + len(cell)), xyz[2], cell
             start += len(cell)
 
-    def chosen(self, own: NDArray[np.bool_]) -> "GriddedPoints":
+    def chosen(self, own: Mask) -> "GriddedPoints":
         """Return the points of a mask, shape (N,), with a grid of their own."""
         return GriddedPoints.of(_Changed(lambda xyz, own: xyz[:, own], self.parts, own), self.grid.cell_m)
 
-    def lowered(self, by_m: NDArray[np.float64]) -> "GriddedPoints":
+    def lowered(self, by_m: Floats) -> "GriddedPoints":
         """Return the points, each lower by as much as ``by_m``, shape (N,), says."""
         changed = _Changed(lambda xyz, by_m: np.stack((xyz[0], xyz[1], xyz[2] - by_m)), self.parts, by_m)
         return GriddedPoints.of(changed, self.grid.cell_m)
 
-    def lowest_of(self, own: NDArray[np.bool_]) -> Cells:
+    def lowest_of(self, own: Mask) -> Cells:
         """Return the lowest elevations of the points of a mask, shape (S, 256, 256)."""
         lowest = np.full(self.grid.lowest.shape, np.inf)
         for part, z, cell in self:
@@ -194,18 +195,18 @@ class GriddedPoints:
 class _Changed:
     """What a function makes of each part, with the values of its points."""
 
-    change: Callable[[NDArray[np.float64], NDArray[Any]], NDArray[np.float64]]
-    parts: Iterable[NDArray[np.float64]]
+    change: Callable[[Floats, NDArray[Any]], Floats]
+    parts: Iterable[Floats]
     values: NDArray[Any]
 
-    def __iter__(self) -> Iterator[NDArray[np.float64]]:
+    def __iter__(self) -> Iterator[Floats]:
         start = 0
         for xyz in self.parts:
             yield self.change(xyz, self.values[start : start + xyz.shape[1]])
             start += xyz.shape[1]
 
 
-def _located(xyz: NDArray[np.float64]) -> NDArray[np.bool_] | slice:
+def _located(xyz: Floats) -> Mask | slice:
     """Return which points have usable coordinates, in most files all: squares of far greater ones overflow."""
     if xyz.min(initial=0) > -_FARTHEST_M and xyz.max(initial=0) < _FARTHEST_M:  # false if any is NaN
         return slice(None)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Mask
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.grids.elevation import BLOCK
 
@@ -24,9 +24,9 @@ class LandCells:
     """
 
     cell_m: float = 1.0
-    blocks: Mapping[tuple[int, int], NDArray[np.bool_]] = field(default_factory=dict)
+    blocks: Mapping[tuple[int, int], Mask] = field(default_factory=dict)
 
-    def contain(self, xy: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def contain(self, xy: Floats) -> Mask:
         """Return whether positions in metres, shape (2, N), are on land."""
         column, row = np.floor(xy / self.cell_m).astype(np.int64)
         found = np.zeros(xy.shape[1], np.bool_)

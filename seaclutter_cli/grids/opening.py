@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from seaclutter_cli.grids.elevation import BLOCK, ElevationGrid
+from seaclutter_cli.arrays import Floats, Mask
+from seaclutter_cli.grids.elevation import BLOCK, Cells, ElevationGrid
 from seaclutter_cli.params import Positive, key
-
-Cells = NDArray[np.float64]
 
 MAX_WINDOW_CELLS = 1000
 _AROUND, _LEAST_CELLS, _LOWER, _SHALLOW, _PASSES = 2, 5, 0.2, 0.25, 2
@@ -72,7 +70,7 @@ def filled(lowest: Cells, reach: int) -> Cells:
     return out
 
 
-def _nearest_in_row(values: Cells, gaps: NDArray[np.bool_], reach: int) -> Cells:
+def _nearest_in_row(values: Cells, gaps: Mask, reach: int) -> Cells:
     """Return the lower of the last value before and the first after each gap in its row, shape (gaps,).
 
     Values more than ``reach`` cells away, or none, are plus infinity.
@@ -117,7 +115,7 @@ def open_grid(grid: ElevationGrid, window_m: float, lowest: Cells | None = None)
     return out
 
 
-def heights_above_opening(xyz: NDArray[np.float64], params: SurfaceParams) -> NDArray[np.float64]:
+def heights_above_opening(xyz: Floats, params: SurfaceParams) -> Floats:
     """Return the height of points, shape (3, N), in metres and finite, above the opened surface of their grid.
 
     Raise `InputError` if the points are too scattered for a grid in memory.

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Ints
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.frame import WATER_COLUMNS, WATER_REASONS, FilterResult, Reason, Rings, WaterState
@@ -89,7 +90,7 @@ class Diagnostics:
         return {"stamp": Time(self.stamp_ns), **texts, **self.numbers, **self.arrays, **self.measures}
 
     @property
-    def counts(self) -> NDArray[np.int64]:
+    def counts(self) -> Ints:
         """Points for each `Reason`, shape (9,), as in `FilterResult.counts`."""
         return np.array([self.numbers.get(name, 0) for name in ("points_out", *_REASONS)], np.int64)
 

@@ -8,16 +8,14 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats
 from seaclutter_cli.cloud import rotation
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.frame import Attitude
 from seaclutter_cli.messages.definitions import full_name
 from seaclutter_cli.messages.serialisation import Reader
 from seaclutter_cli.records import Channel, Message
-
-Floats = NDArray[np.float64]
 
 _MAX_TRANSFORMS = 1000
 _KEPT, _MAX_EDGES, _MAX_DEPTH = 256, 256, 32

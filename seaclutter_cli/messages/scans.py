@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.cloud import Cloud, PointField, from_array, point_dtype
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.limits import above, limits
@@ -34,27 +35,27 @@ class _Scan:
     limits: tuple[float, ...]
     ranges: NDArray[np.float32]
     intensities: NDArray[np.float32]
-    echoes: NDArray[np.int64]
+    echoes: Ints
     intensity_lists: int | None = None
 
     @property
-    def starts(self) -> NDArray[np.int64]:
+    def starts(self) -> Ints:
         """Index of the first value of each beam, shape (B,)."""
         return np.asarray(np.cumsum(self.echoes) - self.echoes)
 
     @property
-    def beam(self) -> NDArray[np.int64]:
+    def beam(self) -> Ints:
         """Index of the beam of each value, shape (N,)."""
         return np.repeat(np.arange(len(self.echoes)), self.echoes)
 
     @property
-    def angle_rad(self) -> NDArray[np.float64]:
+    def angle_rad(self) -> Floats:
         """Angle of each value, shape (N,)."""
         first, _, increment = self.limits[:3]
         return np.asarray(first + self.beam * float(increment))
 
     @property
-    def is_return(self) -> NDArray[np.bool_]:
+    def is_return(self) -> Mask:
         """Whether each value is a return within the range limits, shape (N,)."""
         least, most = self.limits[5:]
         with np.errstate(invalid="ignore"):
@@ -84,7 +85,7 @@ def _cloud(scan: _Scan) -> Cloud:
     return replace(from_array(points, stamp_ns=scan.header.stamp_ns, frame_id=scan.header.frame_id), extra=scan)
 
 
-def _begin(write: Writer, cloud: Cloud) -> tuple[_Scan, NDArray[np.bool_]]:
+def _begin(write: Writer, cloud: Cloud) -> tuple[_Scan, Mask]:
     """Write the header and the limits of a scan; return it, and which values remain or are no returns, shape (N,)."""
     scan, points = cloud.extra, cloud.points
     if not isinstance(scan, _Scan):
@@ -132,7 +133,7 @@ class MultiEchoLaserScan(RosCodec):
                 beam = slice(start, start + number)
                 write.floats(values[beam][kept[beam]] if len(values) else values)
 
-    def _lists(self, read: Reader) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    def _lists(self, read: Reader) -> tuple[NDArray[np.float32], Ints]:
         """Return the values of all lists of a message, one after another, and the length of each list."""
         lists = [read.floats() for _ in range(read.length(_MAX_BEAMS, "beam"))]
         echoes = np.array([len(values) for values in lists], np.int64)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Ints, Mask
 from seaclutter_cli.sensors.packets import PacketDecoder, Packets
 
 _MOST_PACKETS, _MOST_BYTES = 2048, 4 * 2**20
@@ -14,7 +15,7 @@ _LEAST_HELD = 64
 _LEAST_SPACING = 0.75
 """Share of the usual distance between places that packets have which were only delivered in another order."""
 
-_Places = NDArray[np.int64]
+_Places = Ints
 
 
 class PacketOrder:
@@ -106,7 +107,7 @@ def _most(packets: Packets) -> int:
     return max(min(_MOST_PACKETS, _MOST_BYTES // max(size, 1)), _LEAST_HELD)
 
 
-def _repeats(places: _Places, packets: Packets) -> NDArray[np.bool_]:
+def _repeats(places: _Places, packets: Packets) -> Mask:
     """Return which packets, shape (P,), equal an earlier one that was received not long before."""
     _, group, sizes = np.unique(places, return_inverse=True, return_counts=True)
     again, seen = np.zeros(len(places), np.bool_), dict[bytes, int]()

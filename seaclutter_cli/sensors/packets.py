@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.documents import read_document
 from seaclutter_cli.records import SensorFacts
 
@@ -31,7 +32,7 @@ class Packets:
     payloads of L bytes.
     """
 
-    times_ns: NDArray[np.int64]
+    times_ns: Ints
     payloads: NDArray[np.uint8]
 
     def __len__(self) -> int:
@@ -91,7 +92,7 @@ class PacketDecoder(Protocol):
     places_end: int
     """End of the range of places, after which they begin again."""
 
-    def places(self, packets: Packets) -> NDArray[np.int64]:
+    def places(self, packets: Packets) -> Ints:
         """Return the place of each packet among those of the sensor, shape (P,): a number or a time; -1 without one."""
         ...
 
@@ -116,7 +117,7 @@ class PacketFamily(ABC):
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
         """Return whether a UDP payload, shape (L,), is a data or calibration packet of this family."""
 
-    def is_calibration(self, payloads: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    def is_calibration(self, payloads: NDArray[np.uint8]) -> Mask:
         """Return which UDP payloads, shape (P, L), contain a calibration."""
         return np.zeros(len(payloads), np.bool_)
 
@@ -136,7 +137,7 @@ def view_packets(payloads: NDArray[np.uint8], layout: np.dtype[Any]) -> NDArray[
     return np.ascontiguousarray(payloads).view(layout)[:, 0]
 
 
-def unix_seconds(*civil: NDArray[np.int64]) -> NDArray[np.int64]:
+def unix_seconds(*civil: Ints) -> Ints:
     """Return seconds of Unix time, given arrays of years, months, days, hours, minutes and seconds."""
     year, month, day, hour, minute, second = civil
     months = ((year - 1970) * 12 + month - 1).astype("datetime64[M]")
@@ -151,7 +152,7 @@ def point_dtype(*, returns: bool = False) -> np.dtype[Any]:
 
 
 def make_points(
-    xyz: Iterable[NDArray[Any]], intensity: Any, ring: Any, times_s: NDArray[np.float64], number: Any = None
+    xyz: Iterable[NDArray[Any]], intensity: Any, ring: Any, times_s: Floats, number: Any = None
 ) -> NDArray[np.void]:
     """Return points, shape (N,), of `point_dtype`, with return numbers if there are any."""
     points = np.empty(len(times_s), point_dtype(returns=number is not None))
@@ -172,7 +173,7 @@ class SensorClock:
         self._facts = facts
         self._shift_ns: int | None = None
 
-    def shifts(self, sensor_ns: NDArray[np.int64], recorded_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    def shifts(self, sensor_ns: Ints, recorded_ns: Ints) -> Ints:
         """Return the corrections to add to the sensor's times of packets, given the recorder's, all in nanoseconds."""
         behind = recorded_ns - sensor_ns
         right = ((behind > -DAY_NS) & (behind < DAY_NS)) | (recorded_ns <= 0)
@@ -207,7 +208,7 @@ class LossCounter:
         self._last: int | None = None
         self._position = self._top = self._received = 0
 
-    def add(self, numbers: NDArray[np.int64], period: float = 1.0) -> None:
+    def add(self, numbers: Ints, period: float = 1.0) -> None:
         """Add the numbers of the next packets, shape (P,), which grow by ``period`` from packet to packet."""
         first = int(numbers[0]) if self._last is None else self._last
         half = self._wrap // 2

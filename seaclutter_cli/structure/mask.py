@@ -12,13 +12,11 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Mask
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.paths import open_regular
 from seaclutter_cli.text import count
-
-Floats = NDArray[np.float64]
 
 _MAX_BYTES = 16 * 2**20
 _MAX_CELLS = 2**22
@@ -73,7 +71,7 @@ class StructureMask:
             self._nearest[cells] = np.minimum(self._nearest[cells], near)
             self._farthest[cells] = np.maximum(self._farthest[cells], far)
 
-    def contains(self, xyz: Floats, range_m: Floats) -> NDArray[np.bool_]:
+    def contains(self, xyz: Floats, range_m: Floats) -> Mask:
         """Return whether points, shape (3, N), at ranges, shape (N,), belong to own structure."""
         inside = np.zeros(len(range_m), np.bool_)
         if not self.sectors:

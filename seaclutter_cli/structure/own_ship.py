@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.structure.mask import Floats, StructureMask, azimuth_deg
+from seaclutter_cli.structure.mask import StructureMask, azimuth_deg
 from seaclutter_cli.structure.search import MIN_FRAMES, StructureSearch
 from seaclutter_cli.water import Mounting, WaterSurface
 
@@ -52,7 +53,7 @@ class OwnShip:
 
     def _begin(self) -> None:
         self._search = StructureSearch(self.reach_m, self._mounting, MIN_FRAMES)
-        self._standing: list[tuple[NDArray[np.int64], Floats]] = []
+        self._standing: list[tuple[Ints, Floats]] = []
 
     @property
     def outline_m(self) -> Floats | None:
@@ -102,7 +103,7 @@ class OwnShip:
             self.beside += sum(int(points >= _MIN_POINTS) for points in beyond)
         self._begin()
 
-    def contains(self, frame: Frame) -> NDArray[np.bool_]:
+    def contains(self, frame: Frame) -> Mask:
         """Return whether each point is own ship, shape (N,): all within the reach while own ship is not known."""
         inside, outline = frame.range_m < self.reach_m, self.outline_m
         if outline is not None:
@@ -117,7 +118,7 @@ def _thinned(frame: Frame) -> Frame:
     return frame if step < 2 else replace(frame, cloud=from_array(frame.cloud.points[::step]))
 
 
-def _columns(xyz: Floats) -> NDArray[np.int64]:
+def _columns(xyz: Floats) -> Ints:
     return np.asarray((azimuth_deg(xyz) + 180).astype(np.int64))
 
 

@@ -6,9 +6,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.structure.mask import Floats, Sector, StructureMask, azimuth_deg, elevation_deg
+from seaclutter_cli.structure.mask import Sector, StructureMask, azimuth_deg, elevation_deg
 from seaclutter_cli.water import Faces, Mounting, WaterSurface, WaterTracker
 
 MIN_FRAMES = 20
@@ -82,7 +83,7 @@ class BeamGrid:
         parts = (flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation) + 0 * azimuth)
         return np.stack([part.reshape(-1) for part in parts])
 
-    def directions(self, frame: Frame) -> NDArray[np.int64]:
+    def directions(self, frame: Frame) -> Ints:
         """Return the direction of each valid point of a frame; points outside the rows have that of the nearest."""
         xyz = frame.coordinates[:, frame.valid]
         elevation = elevation_deg(xyz, frame.range_m[frame.valid])
@@ -250,7 +251,7 @@ class StructureSearch:
         return constant / frames
 
 
-def _count(counts: NDArray[np.unsignedinteger], direction: NDArray[np.int64], depth: Floats) -> None:
+def _count(counts: NDArray[np.unsignedinteger], direction: Ints, depth: Floats) -> None:
     """Count each cell that has a return in a frame, together with the cell before it, once."""
     cells = counts.shape[1]
     with np.errstate(invalid="ignore"):
@@ -260,7 +261,7 @@ def _count(counts: NDArray[np.unsignedinteger], direction: NDArray[np.int64], de
     counts.reshape(-1)[np.unique(np.concatenate((flat, before)))] += 1
 
 
-def _connected(strong: NDArray[np.bool_], weak: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _connected(strong: Mask, weak: Mask) -> Ints:
     """Return the part of each weak cell, (rows, columns, bins), from 1 if connected to strong ones; else 0."""
     row, column, depth = cells = np.nonzero(weak)
     parts = np.zeros(weak.shape, np.int64)
@@ -278,7 +279,7 @@ def _connected(strong: NDArray[np.bool_], weak: NDArray[np.bool_]) -> NDArray[np
     return parts
 
 
-def _seeds(strong: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _seeds(strong: Mask) -> Mask:
     """Return the strong cells that touch others in other directions: in the same one, noise alone makes neighbours."""
     deep = strong.copy()
     deep[..., 1:] |= strong[..., :-1]
@@ -290,7 +291,7 @@ def _seeds(strong: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return strong & beside
 
 
-def _ends_within(parts: NDArray[np.int64], share: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _ends_within(parts: Ints, share: NDArray[np.float32]) -> Mask:
     """Return for each part whether it ends at the directions beside it, instead of going on at changing ranges.
 
     Arrays have the shape (rows, columns, bins): the part of each cell, from 1, 0 for none, and its share of the frames.
@@ -312,7 +313,7 @@ def _ends_within(parts: NDArray[np.int64], share: NDArray[np.float32]) -> NDArra
     return ongoing <= _MOST_ONGOING * borders
 
 
-def _sectors(grid: BeamGrid, cells: NDArray[np.bool_]) -> list[Sector]:
+def _sectors(grid: BeamGrid, cells: Mask) -> list[Sector]:
     """Return a sector for each run of ranges of each direction."""
     found = []
     for row, column in zip(*np.nonzero(cells.any(axis=2)), strict=True):

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Ints, Mask
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
@@ -46,7 +47,7 @@ class HesaiDecoder:
         self._clock = SensorClock(self.facts)
         self._numbered, self._timed = LossCounter(wrap=1 << 32), LossCounter()
 
-    def places(self, packets: Packets) -> NDArray[np.int64]:
+    def places(self, packets: Packets) -> Ints:
         """Return the numbers of data packets, shape (P,), or their times in microseconds; -1 for other packets."""
         layout = self._model.layouts.get(packets.payloads.shape[1])
         if layout is None:
@@ -88,7 +89,7 @@ class HesaiDecoder:
         points, _, ends_ns = zip(*self._revolutions.pop(number), strict=True)
         return PacketFrame(np.concatenate(points), max(0, *ends_ns), partial=self._scan.is_partial(number))
 
-    def _decode(self, data: NDArray[np.void], times_ns: NDArray[np.int64]) -> None:
+    def _decode(self, data: NDArray[np.void], times_ns: Ints) -> None:
         """Assign the points of packets with one return mode, shape (P,), to their revolutions."""
         returns = self._returns(data)
         clock_ns = utc_ns(data)
@@ -116,7 +117,7 @@ class HesaiDecoder:
             self.facts.details.setdefault("rotation rate", f"{data['rpm'][0]} rpm")
         return 2 if mode in DUAL_MODES else 1
 
-    def _count_lost(self, data: NDArray[np.void], clock_ns: NDArray[np.int64], returns: int) -> None:
+    def _count_lost(self, data: NDArray[np.void], clock_ns: Ints, returns: int) -> None:
         """Count lost packets by sequence numbers, or by time differences of sensors that never pause."""
         if "sequence" in (data.dtype.names or ()):
             self._numbered.add(data["sequence"].astype(np.int64))
@@ -125,7 +126,7 @@ class HesaiDecoder:
         self.facts.lost_packets = self._numbered.lost + self._timed.lost
 
     def _points(
-        self, data: NDArray[np.void], positions: NDArray[np.int64], times_ns: NDArray[np.int64]
+        self, data: NDArray[np.void], positions: Ints, times_ns: Ints
     ) -> tuple[NDArray[np.void], NDArray[np.intp]]:
         """Return the points of P packets with F firings, and the index of each among all P * F * C slots."""
         channels = self._model.channels
@@ -145,9 +146,7 @@ class HesaiDecoder:
         return make_points(xyz, intensities.ravel()[hit], channel, times_s, return_number), slots
 
 
-def _distinct(
-    distances: NDArray[np.uint16], intensities: NDArray[np.generic], least_distance: int
-) -> NDArray[np.bool_]:
+def _distinct(distances: NDArray[np.uint16], intensities: NDArray[np.generic], least_distance: int) -> Mask:
     """Return a mask of the returns, shape (..., R), that exist and differ from the first of their firing."""
     distinct = np.asarray(distances >= least_distance)
     same = (distances[..., 1:] == distances[..., :1]) & (intensities[..., 1:] == intensities[..., :1])

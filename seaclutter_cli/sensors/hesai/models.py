@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.sensors.packets import unix_seconds
 
 Layouts = Mapping[int, np.dtype[Any]]
@@ -130,14 +131,14 @@ class HesaiModel:
     status: tuple[int, int] = (0, 255)
     last_block_ns: int = 0
     first_block_ns: int | None = None
-    states: Callable[[NDArray[np.void]], NDArray[np.int64]] | None = None
-    pace: Callable[[NDArray[np.void]], NDArray[np.int64]] | None = None
+    states: Callable[[NDArray[np.void]], Ints] | None = None
+    pace: Callable[[NDArray[np.void]], Ints] | None = None
     least_distance: int = 1
     has_mirrors: bool = False
     is_experimental: bool = False
 
     @property
-    def angles_deg(self) -> NDArray[np.float64]:
+    def angles_deg(self) -> Floats:
         """Nominal elevations of channels, and offsets from the azimuth of their block, shape (2, C), in degrees."""
         return _read_table(self.name)[:, 1:3].T
 
@@ -146,7 +147,7 @@ class HesaiModel:
         """Number of channels."""
         return len(_read_table(self.name))
 
-    def matches(self, packets: NDArray[np.void]) -> NDArray[np.bool_]:
+    def matches(self, packets: NDArray[np.void]) -> Mask:
         """Return which packets, shape (P,), come from this sensor."""
         if "start" not in (packets.dtype.names or ()):
             return np.asarray((packets["blocks"]["start"] == (0xFF, 0xEE)).all(axis=(1, 2)))
@@ -157,13 +158,13 @@ class HesaiModel:
             found &= (packets["status_version"] >= self.status[0]) & (packets["status_version"] <= self.status[1])
         return np.asarray(found)
 
-    def unit_m(self, packets: NDArray[np.void]) -> NDArray[np.float64]:
+    def unit_m(self, packets: NDArray[np.void]) -> Floats:
         """Return the distance unit of each packet, shape (P,), in metres."""
         if "unit_mm" in (packets.dtype.names or ()):
             return np.asarray(packets["unit_mm"] / 1000.0)
         return np.full(len(packets), 0.004)
 
-    def firings_ns(self, packets: NDArray[np.void], returns: int) -> NDArray[np.int64]:
+    def firings_ns(self, packets: NDArray[np.void], returns: int) -> Ints:
         """Return the times of the F firings in each packet relative to the packet's time, shape (P, F)."""
         firings = packets["blocks"].shape[1] // returns
         times = self._steps_ns(packets)[:, None] * np.arange(firings)
@@ -175,39 +176,39 @@ class HesaiModel:
         """Return the time between packets of one return mode in nanoseconds."""
         return float(self._steps_ns(packets)[0] * packets["blocks"].shape[1] / returns)
 
-    def _steps_ns(self, packets: NDArray[np.void]) -> NDArray[np.int64]:
+    def _steps_ns(self, packets: NDArray[np.void]) -> Ints:
         """Return the time between two firings in each packet, shape (P,), in nanoseconds."""
         paces = np.ones(len(packets), np.int64) if self.pace is None else self.pace(packets)
         return np.asarray(self.block_ns * paces)
 
-    def channels_ns(self, packets: NDArray[np.void], returns: int) -> NDArray[np.int64]:
+    def channels_ns(self, packets: NDArray[np.void], returns: int) -> Ints:
         """Return the firing times of channels relative to their firings, shape (C,) or (P, F, C)."""
         by_state = _read_table(self.name)[:, 3:].T.astype(np.int64)
         return np.asarray(by_state[0 if self.states is None else self.states(packets)[:, ::returns]])
 
 
 @cache
-def _read_table(name: str) -> NDArray[np.float64]:
+def _read_table(name: str) -> Floats:
     """Return channels, angles and firing times of a model, shape (C, 3 + S)."""
     lines = (files(__package__) / "tables" / f"{name}.csv").read_text("ascii").splitlines()
     return np.array([line.split(",") for line in lines[1:]], np.float64)
 
 
-def _states_of_qt128(packets: NDArray[np.void]) -> NDArray[np.int64]:
+def _states_of_qt128(packets: NDArray[np.void]) -> Ints:
     """Return which of two halves of the channels fires in each block: it alternates."""
     dual = np.isin(packets["mode"], DUAL_MODES)
     firing = np.where(dual[:, None], 0, np.arange(packets["blocks"].shape[1]))
     return np.asarray((packets["mode_flag"].astype(np.int64)[:, None] + firing + 1) % 2)
 
 
-def _states_of_128(packets: NDArray[np.void]) -> NDArray[np.int64]:
+def _states_of_128(packets: NDArray[np.void]) -> Ints:
     """Return the state in which each block fires: one of four with high resolution, one of two others without."""
     shifts = 14 - 2 * np.arange(packets["blocks"].shape[1])
     angle = packets["azimuth_state"].astype(np.int64)[:, None] >> shifts & 3
     return np.asarray(np.where(packets["operation"][:, None] == 0, angle, 4 + angle % 2))
 
 
-def _pace_of_128(packets: NDArray[np.void]) -> NDArray[np.int64]:
+def _pace_of_128(packets: NDArray[np.void]) -> Ints:
     """Return the time between blocks: once with high resolution, twice without."""
     return np.where(packets["operation"] == 0, 1, 2)
 
@@ -237,7 +238,7 @@ MODELS = (
 """Supported sensors. Times and angles are from their manuals or from the files that Hesai's SDK contains."""
 
 
-def utc_ns(packets: NDArray[np.void]) -> NDArray[np.int64]:
+def utc_ns(packets: NDArray[np.void]) -> Ints:
     """Return the time of each packet, shape (P,), in nanoseconds of Unix time.
 
     The six bytes are year, month, day, hour, minute and second; years below 70 count from 2000, others from 1900. A

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.hesai.models import HesaiModel
 from seaclutter_cli.sensors.packets import DecoderOptions
@@ -32,7 +33,7 @@ _STEP = 360 * _DEGREE // _NODES
 _MIRRORS = range(2, 17)
 _NOT_ANGLES = "{}: not a Hesai angle correction file (Laser id,Elevation,Azimuth): {}"
 
-Directions = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+Directions = tuple[Floats, Floats, Floats]
 """Azimuth in radians, cosine and sine of the elevation of N points."""
 
 
@@ -45,20 +46,18 @@ class RotorScan:
     revolution when it crosses azimuth 0 itself.
     """
 
-    def __init__(self, elevation_deg: NDArray[np.float64], azimuth_deg: NDArray[np.float64]) -> None:
+    def __init__(self, elevation_deg: Floats, azimuth_deg: Floats) -> None:
         self._azimuth_deg, self._offsets = azimuth_deg, azimuth_deg * 100
         self._cos, self._sin = np.cos(np.radians(elevation_deg)), np.sin(np.radians(elevation_deg))
         self._sign = 0
         self._knows_direction = False
         self._azimuth = self._time_ns = self._first = self._angle = self._top = 0
 
-    def positions(self, blocks: NDArray[np.void]) -> NDArray[np.int64]:
+    def positions(self, blocks: NDArray[np.void]) -> Ints:
         """Return the position of the motor in blocks, any shape, in the unit of the scan."""
         return np.asarray(blocks["azimuth"].astype(np.int64))
 
-    def count(
-        self, positions: NDArray[np.int64], times_ns: NDArray[np.int64], rpm: NDArray[np.int64]
-    ) -> NDArray[np.int64]:
+    def count(self, positions: Ints, times_ns: Ints, rpm: Ints) -> Ints:
         """Return the number of the frame of each firing and channel, shape (P, F, C), at least `done`.
 
         Positions of the motor and times of firings have the shape (P, F); the motor speed of each packet, shape (P,),
@@ -78,9 +77,7 @@ class RotorScan:
         completed = np.floor((tops + (self._sign * self._offsets).min()) / FULL_CIRCLE).astype(np.int64)
         return np.asarray(np.maximum(revolutions, completed[:, None]).reshape(*positions.shape, -1))
 
-    def directions(
-        self, positions: NDArray[np.int64], firings: NDArray[np.int64], channels: NDArray[np.int64]
-    ) -> Directions:
+    def directions(self, positions: Ints, firings: Ints, channels: Ints) -> Directions:
         """Return the directions of points, given the position in each of F firings, and firing and channel of each."""
         azimuths = np.radians(positions / 100)[firings] + np.radians(self._azimuth_deg)[channels]
         return azimuths, self._cos[channels], self._sin[channels]
@@ -101,7 +98,7 @@ class RotorScan:
         self._angle += FULL_CIRCLE
         self._top = max(self._top, self._angle)
 
-    def _begin(self, azimuths: NDArray[np.int64], time_ns: int) -> None:
+    def _begin(self, azimuths: Ints, time_ns: int) -> None:
         """Set the direction and the start azimuth from the first packets, shape (P, F)."""
         first = azimuths[0]
         if self._sign or len(first) == 1:  # packets with one firing show no direction by themselves
@@ -125,21 +122,21 @@ class MirrorScan:
     shape (2, C, 180), are for every two degrees of the motor's position, in hundredths of a degree.
     """
 
-    def __init__(self, starts: NDArray[np.int64], angles: NDArray[np.int64], offsets: NDArray[np.int64]) -> None:
+    def __init__(self, starts: Ints, angles: Ints, offsets: Ints) -> None:
         self._starts, self._angles, self._offsets = starts, angles, offsets
         self._position = self._first = self._time_ns = -1
         self._number = self.done = 0
 
-    def positions(self, blocks: NDArray[np.void]) -> NDArray[np.int64]:
+    def positions(self, blocks: NDArray[np.void]) -> Ints:
         """Return the positions of the motor in blocks."""
         return np.asarray(blocks["azimuth"].astype(np.int64) * _FINE + blocks["fine"])
 
     def count(
         self,
-        positions: NDArray[np.int64],
-        times_ns: NDArray[np.int64],
-        rpm: NDArray[np.int64],  # noqa: ARG002 - the mirrors have one speed
-    ) -> NDArray[np.int64]:
+        positions: Ints,
+        times_ns: Ints,
+        rpm: Ints,  # noqa: ARG002 - the mirrors have one speed
+    ) -> Ints:
         """Return the field of each firing and channel, as `RotorScan.count`."""
         if self._first < 0:
             self._first = self._position = int(positions[0, 0])
@@ -157,9 +154,7 @@ class MirrorScan:
         shape = (*positions.shape, self._angles.shape[1])
         return np.broadcast_to(tops.reshape(positions.shape)[..., None], shape)
 
-    def directions(
-        self, positions: NDArray[np.int64], firings: NDArray[np.int64], channels: NDArray[np.int64]
-    ) -> Directions:
+    def directions(self, positions: Ints, firings: Ints, channels: Ints) -> Directions:
         """Return the directions of points, as `RotorScan.directions`."""
         at = positions[firings]
         node, rest = np.divmod(at, _STEP)
@@ -181,16 +176,16 @@ class MirrorScan:
         """Start a new frame in the same field."""
         self._number = self.done = self.done + 1
 
-    def _fields(self, positions: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _fields(self, positions: Ints) -> Ints:
         """Return the fields of positions, as numbers from 0 to M - 1; any shape."""
         return np.asarray((np.searchsorted(self._starts, positions, side="right") - 1) % len(self._starts))
 
-    def _turned(self, positions: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _turned(self, positions: Ints) -> Ints:
         """Return how far beams are turned at positions, without the angles of channels; twice as far as the motor."""
         return np.asarray(2 * ((positions - self._starts[self._fields(positions)]) % (360 * _DEGREE)))
 
 
-def _rounded(values: NDArray[np.float64]) -> NDArray[np.int64]:
+def _rounded(values: Floats) -> Ints:
     """Return the nearest whole numbers, of two the one further from 0."""
     return np.copysign(np.floor(np.abs(values) + 0.5), values).astype(np.int64)
 
@@ -212,7 +207,7 @@ def make_scan(model: HesaiModel, options: DecoderOptions) -> tuple[Scan, str]:
     return RotorScan(*parse_angles(data, name, model.channels)), Path(name).name
 
 
-def parse_angles(data: bytes, name: str, channels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def parse_angles(data: bytes, name: str, channels: int) -> tuple[Floats, Floats]:
     """Return elevation and azimuth offset of each channel, shape (channels,), in degrees, from a correction file.
 
     It has lines of ``Laser id,Elevation,Azimuth`` in degrees, with channels numbered from 1; errors contain its name.

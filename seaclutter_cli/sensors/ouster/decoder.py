@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Ints, Mask
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.ouster.metadata import OusterMetadata, parse_metadata
@@ -79,25 +80,25 @@ def packet_layout(profile: str, rows: int, columns: int) -> np.dtype[Any]:
     return np.dtype([*top, ("columns", column, columns), ("footer", "u1", 32)])
 
 
-def frame_ids(packets: NDArray[np.void]) -> NDArray[np.int64]:
+def frame_ids(packets: NDArray[np.void]) -> Ints:
     """Return the frame id of each packet, shape (P,), a 16-bit counter that wraps around."""
     numbers = packets["frame"] if "frame" in (packets.dtype.names or ()) else packets["columns"]["frame"][:, 0]
     return np.asarray(numbers, np.int64)
 
 
-def valid_columns(packets: NDArray[np.void]) -> NDArray[np.bool_]:
+def valid_columns(packets: NDArray[np.void]) -> Mask:
     """Return which columns of packets, shape (P, C), contain measurements."""
     status = packets["columns"]["status"]
     return np.asarray(status == 0xFFFFFFFF if status.dtype.itemsize == 4 else status & 1 == 1)
 
 
-def first_columns(packets: NDArray[np.void]) -> NDArray[np.int64]:
+def first_columns(packets: NDArray[np.void]) -> Ints:
     """Return the id of the first column of each packet, shape (P,), according to its first valid column."""
     at = valid_columns(packets).argmax(axis=1)
     return np.asarray(packets["columns"]["id"][np.arange(len(packets)), at].astype(np.int64) - at)
 
 
-def valid_packets(packets: NDArray[np.void], columns: int) -> NDArray[np.bool_]:
+def valid_packets(packets: NDArray[np.void], columns: int) -> Mask:
     """Return which packets, shape (P,), are valid: consecutive ids among all columns, measured within one second."""
     ids = packets["columns"]["id"].astype(np.int64)
     count = ids.shape[1]
@@ -161,7 +162,7 @@ class OusterDecoder:
         self._pending: list[Packets] = []
         self._is_first = True
 
-    def places(self, packets: Packets) -> NDArray[np.int64]:
+    def places(self, packets: Packets) -> Ints:
         """Return the number of each data packet since the revolution with the frame id 0, shape (P,); -1 for others."""
         data = view_packets(packets.payloads, self._layout)
         if not len(data):
@@ -260,7 +261,7 @@ class OusterDecoder:
         return bool((before | after).any())
 
     def _points(
-        self, data: NDArray[np.void], ids: NDArray[np.int64], indices: NDArray[np.intp], column_ns: NDArray[np.int64]
+        self, data: NDArray[np.void], ids: Ints, indices: NDArray[np.intp], column_ns: Ints
     ) -> NDArray[np.void]:
         """Return the points of columns, given their ids and flat indices, shape (C,), column by column."""
         profile, returns = self._profile, len(self._profile.ranges)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Mask
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import InputError
 
@@ -34,12 +35,12 @@ class OusterMetadata:
     columns: int
     packet_columns: int
     window: tuple[int, int]
-    altitude_rad: NDArray[np.float64]
-    azimuth_rad: NDArray[np.float64]
+    altitude_rad: Floats
+    azimuth_rad: Floats
     beam_offset_m: tuple[float, float]
-    to_sensor: NDArray[np.float64]
+    to_sensor: Floats
 
-    def expected_packets(self) -> NDArray[np.bool_]:
+    def expected_packets(self) -> Mask:
         """Return which packets of a revolution, shape (W / packet_columns,), have columns in the window."""
         first, last = self.window
         column = np.arange(self.columns)
@@ -106,7 +107,7 @@ def _metadata(flat: Mapping[str, Any]) -> OusterMetadata:
     )
 
 
-def _angles(degrees: Any) -> NDArray[np.float64]:
+def _angles(degrees: Any) -> Floats:
     angles = np.radians(np.asarray(degrees, np.float64))
     if angles.ndim != 1 or not 0 < angles.size <= 1024 or not np.isfinite(angles).all():
         raise ValueError("beam angles must be a list of 1 to 1024 finite numbers")
@@ -120,7 +121,7 @@ def _beam_offset(flat: Mapping[str, Any]) -> tuple[float, float]:
     return float(transform[0, 3]), float(transform[2, 3])
 
 
-def _transform(values: Any, default: list[float]) -> NDArray[np.float64]:
+def _transform(values: Any, default: list[float]) -> Floats:
     """Return a 4 by 4 transform with its translation converted from millimetres to metres."""
     matrix = np.array([*default, 0, 0, 0, 1] if values is None else values, np.float64).reshape(4, 4)
     if not np.isfinite(matrix).all():

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Ints, Mask
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.packets import (
@@ -60,14 +61,14 @@ def block_dtype(model: RobosenseModel) -> np.dtype[Any]:
     return np.dtype([*numbers, ("second", np.bool_), ("channels", data_layout(model)["blocks"].base["channels"])])
 
 
-def valid_blocks(blocks: NDArray[Any], layout: PacketFormat) -> NDArray[np.bool_]:
+def valid_blocks(blocks: NDArray[Any], layout: PacketFormat) -> Mask:
     """Return which blocks, shape (P, B), are valid: azimuth below 360° and no invalid id up to the block."""
     mask, value = layout.block_id
     ids = blocks["id"] if mask == _WHOLE else blocks["id"] & mask
     return np.logical_and.accumulate(ids == value, axis=1) & (blocks["azimuth"] < 36000)
 
 
-def second_returns(azimuth: NDArray[np.int64], device: Device, before: int) -> NDArray[np.bool_]:
+def second_returns(azimuth: Ints, device: Device, before: int) -> Mask:
     """Return which blocks contain second returns, shape (P, B), given their azimuths and that of the block before."""
     blocks = azimuth.shape[1]
     if device.paired and blocks % 2:
@@ -76,9 +77,7 @@ def second_returns(azimuth: NDArray[np.int64], device: Device, before: int) -> N
     return np.broadcast_to((np.arange(blocks) % 2 == 1) & device.paired, azimuth.shape)
 
 
-def steps(
-    azimuth: NDArray[np.int64], second: NDArray[np.bool_], device: Device
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def steps(azimuth: Ints, second: Mask, device: Device) -> tuple[Ints, Ints]:
     """Return the rotation during each block, and its start time relative to the first block of its packet.
 
     Azimuths and rotations, shape (P, B), are in hundredths of a degree, times in nanoseconds. The blocks with
@@ -178,7 +177,7 @@ def _packed(dtype: np.dtype[Any]) -> np.dtype[Any]:
     return np.dtype({"names": ["xy", *names], "formats": formats, "offsets": offsets, "itemsize": dtype.itemsize})
 
 
-def _select(points: NDArray[np.void], keep: NDArray[np.bool_]) -> NDArray[np.void]:
+def _select(points: NDArray[np.void], keep: Mask) -> NDArray[np.void]:
     kept = np.flatnonzero(keep)
     if len(kept) == len(points):
         return points
@@ -199,7 +198,7 @@ class RoboSense(PacketFamily):
             return len(payload) == INFO_BYTES
         return begin in (CLASSIC_ID, HELIOS_ID) and len(payload) in DATA_BYTES
 
-    def is_calibration(self, payloads: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    def is_calibration(self, payloads: NDArray[np.uint8]) -> Mask:
         """Return which UDP payloads, shape (P, L), are device information packets, which contain the laser angles."""
         return _are(payloads, INFO_ID[:4], {INFO_BYTES})
 
@@ -220,12 +219,12 @@ class RoboSense(PacketFamily):
         return RoboSenseDecoder(device, angles, warnings, packets[is_data])
 
 
-def _are(payloads: NDArray[np.uint8], begin: bytes, lengths: Collection[int]) -> NDArray[np.bool_]:
+def _are(payloads: NDArray[np.uint8], begin: bytes, lengths: Collection[int]) -> Mask:
     """Return which payloads, shape (P, L), begin with some bytes and have one of some lengths."""
     wanted = np.frombuffer(begin, np.uint8)
     if payloads.shape[1] not in lengths:
         return np.zeros(len(payloads), np.bool_)
-    begins: NDArray[np.bool_] = (payloads[:, : len(wanted)] == wanted).all(axis=1)
+    begins: Mask = (payloads[:, : len(wanted)] == wanted).all(axis=1)
     return begins
 
 
@@ -258,7 +257,7 @@ class RoboSenseDecoder:
         if wrong:
             warnings.append("the sensor clock is off by more than a day: times are shifted to the recording time")
 
-    def places(self, packets: Packets) -> NDArray[np.int64]:
+    def places(self, packets: Packets) -> Ints:
         """Return the times of data packets, shape (P,), and -1 for device information and others."""
         is_data = self._are_data(packets)
         if not is_data.any():
@@ -266,7 +265,7 @@ class RoboSenseDecoder:
         times_ns = header_times(data_packets(self._device.model, packets.payloads), is_utc=self._is_utc)
         return np.where(is_data, times_ns, -1)
 
-    def _are_data(self, packets: Packets) -> NDArray[np.bool_]:
+    def _are_data(self, packets: Packets) -> Mask:
         return _are(packets.payloads, self._device.model.format.id, {self._device.model.packet_bytes})
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
@@ -285,7 +284,7 @@ class RoboSenseDecoder:
         if self._parts:
             yield self._frame(is_last=True)
 
-    def _frames_of(self, packets: NDArray[Any], record_ns: NDArray[np.int64]) -> Iterator[PacketFrame]:
+    def _frames_of(self, packets: NDArray[Any], record_ns: Ints) -> Iterator[PacketFrame]:
         valid = valid_blocks(packets["blocks"], self._device.model.format)
         self.facts.bad_packets += int((~valid.any(axis=1)).sum())
         if not valid.any():
@@ -301,9 +300,7 @@ class RoboSenseDecoder:
                 yield self._frame()
         self._parts.append(blocks[begin:].copy())
 
-    def _blocks(
-        self, packets: NDArray[Any], record_ns: NDArray[np.int64], valid: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.void], NDArray[np.int64]]:
+    def _blocks(self, packets: NDArray[Any], record_ns: Ints, valid: Mask) -> tuple[NDArray[np.void], Ints]:
         """Return the valid blocks of packets, and the revolution of each, shape (B,); 0 for the current one."""
         raw = packets["blocks"]
         azimuth = raw["azimuth"].astype(np.int64)
@@ -326,7 +323,7 @@ class RoboSenseDecoder:
         blocks["azimuth"] = used
         return blocks, revolution
 
-    def _count_lost(self, times_ns: NDArray[np.int64], azimuth: NDArray[np.int64]) -> None:
+    def _count_lost(self, times_ns: Ints, azimuth: Ints) -> None:
         """Count lost packets by the times of packets, shape (P,), without those in the blind sector."""
         device, flat = self._device, azimuth.ravel()
         is_gap = np.diff(flat, prepend=flat[0] if self._azimuth < 0 else self._azimuth) % 36000 > BLIND

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Ints
 from seaclutter_cli.documents import read_document
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.catalog import ADVICE
@@ -36,11 +37,7 @@ _INTENSITY = {0xC1: "calibrated by the sensor (mode 3)", 0xB1: "raw (mode 2)"}
 _INTENSITY |= dict.fromkeys((0x00, 0xFF, 0xA1), "raw (mode 1)")
 _SHARED = ("RS-LiDAR-32", "RS-LiDAR-16", "RS-Bpearl")
 _HELIOS = ("RS-Helios", "RS-Helios-16P")
-_RUBIES = (
-    ("RS-Ruby", "RS-Ruby-Plus"),
-    ("RS-Ruby-80", "RS-Ruby-Plus-80"),
-    ("RS-Ruby-48", "RS-Ruby-Plus-48"),
-)
+_RUBIES = (("RS-Ruby", "RS-Ruby-Plus"), ("RS-Ruby-80", "RS-Ruby-Plus-80"), ("RS-Ruby-48", "RS-Ruby-Plus-48"))
 _BPEARL_4_TYPE, _80V_MODEL = (3, 4), 3
 _AIRY_48, _AIRY_192, _AIRY_MOUNTING_AT = 1, 3, 289
 
@@ -258,7 +255,7 @@ def _read_device(model: RobosenseModel, packet: NDArray[np.uint8]) -> Device:
     return Device(used, dual, rpm // 60 or 10, (start, end), details, bool(is_reversed))
 
 
-def _assumed_device(model: RobosenseModel, azimuth: NDArray[np.int64]) -> Device:
+def _assumed_device(model: RobosenseModel, azimuth: Ints) -> Device:
     """Return a sensor inferred from block azimuths, shape (P, B), without device information."""
     steps = np.diff(azimuth, axis=1) % 36000
     if model.lasers == model.channels:
@@ -276,5 +273,5 @@ def _assumed_device(model: RobosenseModel, azimuth: NDArray[np.int64]) -> Device
     return Device(model, dual, rotation_hz or 10, (0, 36000), details)
 
 
-def _rotation_hz(steps: NDArray[np.int64], step_ns: int) -> int:
+def _rotation_hz(steps: Ints, step_ns: int) -> int:
     return round(float(np.median(steps)) / 36000 / (step_ns / 10**9)) if steps.size else 0

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 from math import hypot
 
 import numpy as np
-from numpy.typing import NDArray
+
+from seaclutter_cli.arrays import Ints
 
 CHANNELS = 32
 BLOCKS = 12
@@ -78,7 +79,7 @@ class RobosenseModel:
         """Return the number of firings in a block."""
         return self.channels // self.lasers if not dual else 1
 
-    def channel_ns(self, *, dual: bool) -> NDArray[np.int64]:
+    def channel_ns(self, *, dual: bool) -> Ints:
         """Return the firing time of each channel relative to its block, shape (C,), in nanoseconds."""
         times = np.array(self.firing_ns, np.int64)
         firing = np.tile(times[: self.lasers], self.channels // self.lasers)

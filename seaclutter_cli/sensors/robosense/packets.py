@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Ints
 from seaclutter_cli.sensors.packets import unix_seconds, view_packets
 from seaclutter_cli.sensors.robosense.models import CLASSIC_ID, INFO_BYTES, RobosenseModel
 
@@ -26,7 +27,7 @@ CLASSIC_TIME = np.dtype([("date", "u1", (6,)), ("milliseconds", ">u2"), ("micros
 HELIOS_TIME = np.dtype([("high", ">u2"), ("low", ">u4"), ("microseconds", ">u4")])
 
 
-def header_times(packets: NDArray[Any], *, is_utc: bool) -> NDArray[np.int64]:
+def header_times(packets: NDArray[Any], *, is_utc: bool) -> Ints:
     """Return the header times of data packets, shape (P,), in nanoseconds of UTC; 0 for invalid times."""
     time = packets["time"]
     if is_utc:
@@ -81,8 +82,8 @@ def temperature_degc(first: int, second: int, *, big_endian: bool) -> float:
 class Angles:
     """Elevation and azimuth offset of each channel of a block, shape (C,), in hundredths of a degree."""
 
-    vertical: NDArray[np.int64]
-    horizontal: NDArray[np.int64]
+    vertical: Ints
+    horizontal: Ints
 
     @property
     def rings(self) -> NDArray[np.uint16]:
@@ -92,7 +93,7 @@ class Angles:
         return np.searchsorted(np.sort(lasers), self.vertical).astype(np.uint16)
 
 
-def make_angles(vertical: NDArray[np.int64], horizontal: NDArray[np.int64]) -> Angles | None:
+def make_angles(vertical: Ints, horizontal: Ints) -> Angles | None:
     """Return the angles of all channels of a block (those of 16 lasers repeat); None if an angle is out of range."""
     both = np.stack([vertical, horizontal])
     if ((both < _MIN_ANGLE) | (both >= ANGLE_LIMIT)).any():
@@ -113,7 +114,7 @@ class Columns:
     azimuth: NDArray[Any]
     distance_m: NDArray[Any]
     intensity: NDArray[Any]
-    times_ns: NDArray[np.int64]
+    times_ns: Ints
 
 
 def write_data(model: RobosenseModel, columns: Columns) -> NDArray[np.uint8]:
@@ -136,7 +137,7 @@ def write_data(model: RobosenseModel, columns: Columns) -> NDArray[np.uint8]:
     return packets.view(np.uint8).reshape(-1, model.packet_bytes)
 
 
-def _write_classic_time(packets: NDArray[Any], times_ns: NDArray[np.int64]) -> None:
+def _write_classic_time(packets: NDArray[Any], times_ns: Ints) -> None:
     microseconds = (times_ns // 1000).astype("datetime64[us]")
     day, month = microseconds.astype("datetime64[D]"), microseconds.astype("datetime64[M]")
     time, date = packets["time"], packets["time"]["date"]
@@ -167,6 +168,6 @@ def write_info(model: RobosenseModel, angles: Angles) -> NDArray[np.uint8]:
     return packet
 
 
-def _signed(values: NDArray[np.int64]) -> NDArray[np.uint8]:
+def _signed(values: Ints) -> NDArray[np.uint8]:
     size = np.abs(values)
     return np.stack([values < 0, size >> 8, size & 255], 1).astype(np.uint8).reshape(-1)

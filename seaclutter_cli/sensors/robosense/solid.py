@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.packets import (
@@ -56,7 +57,7 @@ def _m1_positions(channels: NDArray[Any], range_m: NDArray[np.float32]) -> NDArr
     return np.stack([x, y, range_m * np.sin(pitch).astype("f4")])
 
 
-def _radians(angles: NDArray[Any]) -> NDArray[np.float64]:
+def _radians(angles: NDArray[Any]) -> Floats:
     hundredths = angles.astype(np.int64) - _ANGLE_OFFSET
     hundredths[(hundredths < _MIN_ANGLE) | (hundredths >= _MAX_ANGLE)] = 0  # as in the driver
     return np.asarray(hundredths * 0.01 * np.pi / 180)
@@ -114,7 +115,7 @@ class SolidDecoder:
         self._number: int | None = None
         self._begins_late = False
 
-    def places(self, packets: Packets) -> NDArray[np.int64]:
+    def places(self, packets: Packets) -> Ints:
         """Return the times of data packets, shape (P,), and -1 for device information."""
         data = view_packets(packets.payloads, self._model.packet)
         return header_times(data, is_utc=True) if len(data) else np.full(len(packets), -1)
@@ -164,7 +165,7 @@ class SolidDecoder:
             self._number = number
         return starts
 
-    def _keep(self, data: NDArray[np.void], times_ns: NDArray[np.int64]) -> None:
+    def _keep(self, data: NDArray[np.void], times_ns: Ints) -> None:
         """Add the points of packets, shape (P,), to the current frame."""
         if not len(data):
             return

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Ints, Mask
 from seaclutter_cli.documents import read_document
 from seaclutter_cli.errors import InputError, MissingExtraError
 from seaclutter_cli.records import SensorFacts
@@ -63,7 +64,7 @@ MODELS: Mapping[int, VelodyneModel] = {
 VLP32B = VelodyneModel("VLP-32B", "VLP32B", 32, 663.552)
 
 
-def valid_packets(packets: NDArray[Any]) -> NDArray[np.bool_]:
+def valid_packets(packets: NDArray[Any]) -> Mask:
     """Return which packets, shape (P,), are valid. Models with one bank send only blocks of bank 0."""
     used = used_blocks(packets)
     blocks = packets["blocks"]
@@ -73,7 +74,7 @@ def valid_packets(packets: NDArray[Any]) -> NDArray[np.bool_]:
     return np.asarray(fit & np.isin(packets["mode"], list(MODES)))
 
 
-def used_blocks(packets: NDArray[Any]) -> NDArray[np.bool_]:
+def used_blocks(packets: NDArray[Any]) -> Mask:
     """Return which blocks contain data, shape (P, 12); the last four of a dual-return Alpha Prime do not."""
     short = (packets["model"] == 0xA1) & (packets["mode"] == DUAL)
     return np.asarray(~short[:, None] | (np.arange(12) < 8))
@@ -86,7 +87,7 @@ class VelodyneClock:
         self._details = facts.details
         self._offset_ns: int | None = None
 
-    def unix_ns(self, host_ns: NDArray[np.int64], time_us: NDArray[np.uint32]) -> NDArray[np.int64]:
+    def unix_ns(self, host_ns: Ints, time_us: NDArray[np.uint32]) -> Ints:
         """Return the times of packets, shape (P,), in nanoseconds of Unix time, the nearest to the recording times."""
         times_ns = time_us.astype(np.int64) * 1000
         near = _near(host_ns, times_ns + (self._offset_ns or 0))
@@ -99,7 +100,7 @@ class VelodyneClock:
         return near
 
 
-def _near(host_ns: NDArray[np.int64], times_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+def _near(host_ns: Ints, times_ns: Ints) -> Ints:
     """Return the times nearest to the recording times that differ from given ones by whole hours."""
     return host_ns + (times_ns - host_ns + _HOUR_NS // 2) % _HOUR_NS - _HOUR_NS // 2
 
@@ -112,14 +113,14 @@ class Cut:
     """
 
     azimuth: int = 0
-    covered: NDArray[np.bool_] = field(default_factory=lambda: np.ones(360, np.bool_))
+    covered: Mask = field(default_factory=lambda: np.ones(360, np.bool_))
     blind: tuple[int, int] | None = None
 
     @classmethod
-    def find(cls, azimuths: NDArray[np.int64], times_ns: NDArray[np.int64]) -> "Cut | None":
+    def find(cls, azimuths: Ints, times_ns: Ints) -> "Cut | None":
         """Return the cut for packets with azimuths of shape (P, 12); None until they span a full revolution."""
         flat = azimuths.ravel()
-        steps: NDArray[np.int64] = np.mod(np.diff(flat), FULL_CIRCLE)
+        steps: Ints = np.mod(np.diff(flat), FULL_CIRCLE)
         rotation = np.cumsum(np.where(steps < 3 * FULL_CIRCLE // 4, steps, 0))
         if not len(rotation) or rotation[-1] < FULL_CIRCLE:
             return cls() if np.ptp(times_ns) > MAX_REVOLUTION_NS else None
@@ -133,7 +134,7 @@ class Cut:
         azimuth = (begin + size // 2) % 360
         return cls(azimuth * 100, np.roll(covered, -azimuth), (begin * 100, (begin + size) % 360 * 100))
 
-    def revolution_starts(self, azimuths: NDArray[np.int64]) -> NDArray[np.int64]:
+    def revolution_starts(self, azimuths: Ints) -> Ints:
         """Return the flat indices of blocks, shape (P, 12), that start a revolution."""
         flat = ((azimuths - self.azimuth) % FULL_CIRCLE).ravel()
         return np.flatnonzero(np.diff(flat) < -int(self.covered.sum()) * 100 // 2) + 1
@@ -155,28 +156,28 @@ class VelodyneLosses:
         self._packets = np.empty(0, PACKET)
         self._host_ns = np.empty(0, np.int64)
 
-    def add(self, packets: NDArray[Any], host_ns: NDArray[np.int64], cut: Cut | None) -> None:
+    def add(self, packets: NDArray[Any], host_ns: Ints, cut: Cut | None) -> None:
         """Add the next packets; count the gaps between packets once the cut is known, and keep the last packet."""
         self._packets = np.concatenate((self._packets, packets))
         self._host_ns = np.concatenate((self._host_ns, host_ns))
         if cut is None or len(self._packets) < 2:
             return
-        gaps: NDArray[np.int64] = np.mod(np.diff(self._packets["time_us"].astype(np.int64)) * 1000, _HOUR_NS)
+        gaps: Ints = np.mod(np.diff(self._packets["time_us"].astype(np.int64)) * 1000, _HOUR_NS)
         rates = np.where(self._packets["mode"][:-1] == DUAL, self._model.dual_rate, 1)
         missing = np.rint(gaps / (self._model.period_us * 1000) * rates).astype(np.int64) - 1
         real = np.abs(np.diff(self._host_ns) - gaps) < CLOCK_NS // 4
         self._facts.lost_packets += int(missing[(missing > 0) & real & ~self._blind_gaps(cut)].sum())
         self._packets, self._host_ns = self._packets[-1:], self._host_ns[-1:]
 
-    def _blind_gaps(self, cut: Cut) -> NDArray[np.bool_]:
+    def _blind_gaps(self, cut: Cut) -> Mask:
         """Return which gaps are due to the blind sector."""
         first = self._packets["blocks"]["azimuth"][:, 0].astype(np.int64)
         if cut.blind is None:
             return np.zeros(len(first) - 1, bool)
         begin, end = cut.blind
         self._facts.details["field of view"] = f"{end // 100}° to {begin // 100}°"
-        jump: NDArray[np.int64] = np.mod(np.diff(first), FULL_CIRCLE)
-        reach: NDArray[np.int64] = np.mod(begin - first[:-1] + TOLERANCE, FULL_CIRCLE)
+        jump: Ints = np.mod(np.diff(first), FULL_CIRCLE)
+        reach: Ints = np.mod(begin - first[:-1] + TOLERANCE, FULL_CIRCLE)
         return np.asarray((reach <= jump + TOLERANCE) & (jump < (end - begin) % FULL_CIRCLE + 5 * TOLERANCE))
 
 
@@ -239,7 +240,7 @@ class VelodyneDecoder:
         self._times_ns = np.empty(0, np.int64)
         self._starts_at_cut = False
 
-    def places(self, packets: Packets) -> NDArray[np.int64]:
+    def places(self, packets: Packets) -> Ints:
         """Return the times of data packets in the hour, shape (P,), in microseconds; -1 for position packets."""
         views = view_packets(packets.payloads, PACKET)
         return views["time_us"].astype(np.int64) if len(views) else np.full(len(packets), -1)
@@ -255,7 +256,7 @@ class VelodyneDecoder:
             part = indices[start : start + _BATCH]
             yield from self._process(views[part], packets.times_ns[part])
 
-    def _process(self, packets: NDArray[Any], host_ns: NDArray[np.int64]) -> Iterator[PacketFrame]:
+    def _process(self, packets: NDArray[Any], host_ns: Ints) -> Iterator[PacketFrame]:
         times_ns = self._clock.unix_ns(host_ns, packets["time_us"])
         self.facts.details["return mode"] = MODES[int(packets["mode"][-1])]
         self._packets = np.concatenate((self._packets, packets))
@@ -275,7 +276,7 @@ class VelodyneDecoder:
         if len(self._packets):
             yield self._frame(len(self._packets), 0, self._cut, ended=False)
 
-    def _azimuths(self) -> NDArray[np.int64]:
+    def _azimuths(self) -> Ints:
         """Return the azimuth of each block, shape (P, 12), in 0.01°; unused blocks repeat the last used one."""
         used = used_blocks(self._packets)
         azimuths = self._packets["blocks"]["azimuth"].astype(np.int64)

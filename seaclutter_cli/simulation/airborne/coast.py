@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, ndimage
 
+from seaclutter_cli.arrays import Floats, Mask
 from seaclutter_cli.simulation.airborne.scene import LANDS, LandParams, Map, WaterParams
 from seaclutter_cli.simulation.marine.sea import directional_variance
-
-Floats = NDArray[np.float64]
 
 GROUND, VEGETATION, BUILDING = LAND_CODES = 2, 5, 6
 """ASPRS classes of land."""
@@ -38,11 +37,11 @@ class TileWater:
     shallow, and in basins.
     """
 
-    heights: NDArray[np.float64]
-    swell: NDArray[np.float64]
+    heights: Floats
+    swell: Floats
     coast: "Coast | None" = None
 
-    def height(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def height(self, x: Floats, y: Floats) -> Floats:
         """Return elevations at given positions by linear interpolation, shape (N,)."""
         return self._on_coast(x, y, ndimage.map_coordinates(self.heights, (x, y), order=1, mode="grid-wrap"))
 
@@ -58,7 +57,7 @@ class TileWater:
         cell = self.coast.cells(x, y)
         return np.asarray(self.coast.level[cell] + self.coast.damping[cell] * waves)
 
-    def slope(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def slope(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
         """Return slopes along x and y at given positions, as differences over a metre to both sides."""
         along = self.height(x + 1, y) - self.height(x - 1, y)
         return along / 2, (self.height(x, y + 1) - self.height(x, y - 1)) / 2
@@ -78,7 +77,7 @@ def water(params: WaterParams, size_m: float, rng: np.random.Generator, coast: "
 
 def _field(
     cells: int, height_m: float, period_s: float, direction_deg: float, kind: str, rng: np.random.Generator
-) -> NDArray[np.float64]:
+) -> Floats:
     wave = 2 * np.pi * fft.fftfreq(cells)
     noise = rng.standard_normal((2, cells, cells))
     if not height_m:
@@ -148,7 +147,7 @@ class Coast:
         at = [np.arange(count) / coarse for count in self._shape]
         return np.asarray(ndimage.map_coordinates(smooth, np.meshgrid(*at, indexing="ij"), order=1))
 
-    def _roofs(self, rng: np.random.Generator, share: float, dry: NDArray[np.bool_]) -> Map:
+    def _roofs(self, rng: np.random.Generator, share: float, dry: Mask) -> Map:
         """Return the height of buildings above the ground; at most one in the middle of each plot."""
         plots = [np.floor(at / _PLOT_M).astype(np.intp) for at in (self._x, self._y)]
         count = plots[0][-1] + 1, plots[1][-1] + 1
@@ -159,7 +158,7 @@ class Coast:
         house = (along[:, None] < length[plot] / 2) & (across[None, :] < width[plot] / 2)
         return np.where(house & built[plot] & dry, height[plot], 0)
 
-    def _trees(self, rng: np.random.Generator, share: float, dry: NDArray[np.bool_]) -> Map:
+    def _trees(self, rng: np.random.Generator, share: float, dry: Mask) -> Map:
         """Return the height of trees above the ground, in groups."""
         where, crowns = self._noise(rng, 7.0), np.clip(0.8 + 0.25 * self._noise(rng, 1.2), 0.3, 1.2)
         height = rng.uniform(*_TREE_M)
@@ -209,7 +208,7 @@ def make_coast(lands: Sequence[LandParams], size_m: tuple[float, ...], wave_m: f
     return coast
 
 
-def leaves(canopy: Floats, ground: Floats, rays: int, rng: np.random.Generator) -> tuple[Floats, NDArray[np.bool_]]:
+def leaves(canopy: Floats, ground: Floats, rays: int, rng: np.random.Generator) -> tuple[Floats, Mask]:
     """Return the elevation at which each ray of pulses into trees ends, shape (P, rays), and whether in leaves."""
     stopped = rng.random((len(canopy), rays)) < _LEAVES
     depth = 0.6 * rng.beta(1.0, 3.0, stopped.shape)

@@ -11,14 +11,13 @@ from uuid import UUID
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats
 from seaclutter_cli.simulation.airborne.coast import VEGETATION, Coast, TileWater, leaves, make_coast, water
 from seaclutter_cli.simulation.airborne.scene import AirborneParams, TileObject, TileScene, WaterParams
 from seaclutter_cli.simulation.airborne.shapes import KINDS, STEP_M, Patch
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import import_laspy, las_writer
 from seaclutter_cli.threads import in_order, threads
-
-Floats = NDArray[np.float64]
 
 _BEAMS = 7
 _BLOCK = 2**15

@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Interval, Len
-from numpy.typing import NDArray
 
 from seaclutter_cli import validation
+from seaclutter_cli.arrays import Floats
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.params import NotNegative, OneOf, Positive, Share, key
 from seaclutter_cli.simulation.airborne.shapes import KINDS, Size
@@ -17,7 +17,7 @@ from seaclutter_cli.simulation.scene_file import KEYS, write_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.truth import OBJECT_CLASSES
 
-Map = NDArray[np.float64]
+Map = Floats
 Side = Annotated[float, Interval(gt=0, le=10_000)]
 
 DRY_M = -100.0

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
-Map = NDArray[np.float64]
+from seaclutter_cli.arrays import Floats, Mask
+
+Map = Floats
 Size = tuple[float, float, float]
 Motion = Literal["fixed", "floats", "drifts"]
 
@@ -91,7 +92,7 @@ def _ship(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: fl
     return _patch(top, paint, "floats")
 
 
-def _stack(rng: np.random.Generator, top: Map, where: NDArray[np.bool_], deck: float, height: float) -> None:
+def _stack(rng: np.random.Generator, top: Map, where: Mask, deck: float, height: float) -> None:
     """Stack containers of 6 by 2.5 m to random heights."""
     rows, columns = (np.arange(cells) // step for cells, step in zip(top.shape, (26, 10), strict=True))
     piles = rng.integers(0, max(2, int(height / 2.6)) + 1, (rows[-1] + 1, columns[-1] + 1))

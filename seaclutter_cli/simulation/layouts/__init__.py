@@ -6,10 +6,10 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.layouts import generators
 from seaclutter_cli.simulation.layouts.generators import APPLE, POPLAR, WILLOW, plantation
@@ -22,9 +22,6 @@ from seaclutter_cli.simulation.marine.sea import SeaParams
 from seaclutter_cli.simulation.marine.shapes import intersect_box
 from seaclutter_cli.simulation.marine.terrain import GroundParams
 from seaclutter_cli.text import suggestion
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 REACH_M = 60.0
 """Range in metres up to which a facade closes a bearing."""
@@ -110,7 +107,7 @@ def _distances(rays: Floats, origin: tuple[float, float], item: SceneObjectParam
     return np.where(end > begin, begin, np.inf)
 
 
-def _run_lengths(mask: Mask) -> NDArray[np.int64]:
+def _run_lengths(mask: Mask) -> Ints:
     """Return the length of the closed run that each bearing belongs to, around the circle; 0 for open bearings."""
     number, _ = ndimage.label(np.tile(mask, 3))  # runs of the second circle are whole
     lengths = np.bincount(number)
@@ -158,7 +155,6 @@ LAYOUTS: Mapping[str, Layout] = {
     "willow_grove": Layout("sparse", partial(plantation, WILLOW)),
 }
 """Layouts by name; to add one, add a line here."""
-
 
 RANDOM = "random"
 """Name of a scene of a layout at sea, or of wide physics, that the seed chooses."""

@@ -10,10 +10,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints
 from seaclutter_cli.simulation.lidar.models import Lidar, NoiseParams
 from seaclutter_cli.truth import CLUTTER
-
-Floats = NDArray[np.float64]
 
 _SURFACE_M = 0.1
 
@@ -52,11 +51,11 @@ class Shots:
         return float(np.linalg.norm(self.origins - self.origins[0], axis=1).max())
 
     @cached_property
-    def _by_azimuth(self) -> tuple[Floats, NDArray[np.int64]]:
+    def _by_azimuth(self) -> tuple[Floats, Ints]:
         order = np.argsort(self.azimuths, kind="stable")
         return self.azimuths[order], order
 
-    def between(self, first: float, last: float) -> NDArray[np.int64]:
+    def between(self, first: float, last: float) -> Ints:
         """Return the shots from one azimuth counter-clockwise to another, both in radians, in firing order."""
         if last - first >= 2 * np.pi:
             return np.arange(len(self))
@@ -84,7 +83,7 @@ class Echoes:
         """Return the echoes of shots that have hit nothing."""
         return cls(np.full(count, np.inf), np.zeros(count), np.zeros(count, np.uint16))
 
-    def add(self, shots: NDArray[np.int64], range_m: Floats, reflectance: Floats, label: int) -> None:
+    def add(self, shots: Ints, range_m: Floats, reflectance: Floats, label: int) -> None:
         """Update the shots whose new hits are nearer than their previous ones."""
         nearer = range_m < self.range_m[shots]
         chosen = shots[nearer]
@@ -93,7 +92,7 @@ class Echoes:
         self.label[chosen] = label
 
     def add_stronger(
-        self, shots: NDArray[np.int64], hits: tuple[Floats, Floats], label: int, loss: Callable[[Floats], Floats]
+        self, shots: Ints, hits: tuple[Floats, Floats], label: int, loss: Callable[[Floats], Floats]
     ) -> None:
         """Update the shots whose new hits are received more strongly than their previous ones, however near these.
 
@@ -127,7 +126,7 @@ class Receiver:
 
     def receive(
         self, echoes: Echoes, times_s: Floats, rng: np.random.Generator
-    ) -> tuple[NDArray[np.void], NDArray[np.int64], Floats]:
+    ) -> tuple[NDArray[np.void], Ints, Floats]:
         """Return the points of a frame, `POINT`, the shot of each, and its distance, shape (M,) each.
 
         The echoes are those of the surface that each shot hits, and are changed by the noise; ``times_s``, shape
@@ -141,7 +140,7 @@ class Receiver:
         label = np.append(echoes.label[detected[0]], np.full(len(spurious[0]), CLUTTER, np.uint16))[order]
         return self._points(shot, range_m, power, label, times_s), shot, range_m
 
-    def _detect(self, echoes: Echoes, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats, Floats]:
+    def _detect(self, echoes: Echoes, rng: np.random.Generator) -> tuple[Ints, Floats, Floats]:
         """Return the shots with a detected echo, the measured distances and the received power."""
         lidar = self.lidar
         reflecting = np.flatnonzero(echoes.reflectance > 0)
@@ -157,7 +156,7 @@ class Receiver:
         return reflecting[kept], measured, power[kept]
 
     def _points(
-        self, chosen: NDArray[np.int64], measured: Floats, power: Floats, label: NDArray[np.uint16], times_s: Floats
+        self, chosen: Ints, measured: Floats, power: Floats, label: NDArray[np.uint16], times_s: Floats
     ) -> NDArray[np.void]:
         lidar = self.lidar
         points = np.empty(len(chosen), POINT)
@@ -203,8 +202,8 @@ def add_mixed_pixels(echoes: Echoes, columns: int, noise: NoiseParams, rng: np.r
 
 
 def false_returns(
-    echoes: Echoes, detected: NDArray[np.int64], min_range_m: float, noise: NoiseParams, rng: np.random.Generator
-) -> tuple[NDArray[np.int64], Floats, Floats]:
+    echoes: Echoes, detected: Ints, min_range_m: float, noise: NoiseParams, rng: np.random.Generator
+) -> tuple[Ints, Floats, Floats]:
     """Return those of the shots without a detected echo that report a point anyway, with distances and intensities.
 
     Distances beyond the minimum range are distributed exponentially; intensities are the lowest, 1 to 3.

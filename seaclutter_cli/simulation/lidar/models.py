@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats
 from seaclutter_cli.params import Positive, Share, key
 
 
@@ -79,7 +80,7 @@ class Lidar:
         """Whether the lidar rotates and fires its columns one after the other."""
         return self.field_deg == 360
 
-    def firing_times_s(self, azimuths: NDArray[np.float64]) -> NDArray[np.float64]:
+    def firing_times_s(self, azimuths: Floats) -> Floats:
         """Return the times in seconds, from the start of a frame, at which the lidar points at given azimuths.
 
         Azimuths are in the frame of the lidar, in radians, shape (N,).
@@ -89,7 +90,7 @@ class Lidar:
         return azimuths / self.step_rad % self.columns / (self.columns * self.rate_hz)
 
     @cached_property
-    def times_s(self) -> NDArray[np.float64]:
+    def times_s(self) -> Floats:
         """Time of each shot from the start of the frame, shape (C, K), in seconds."""
         if not self.rotates:
             return np.zeros((self.columns, len(self.elevations_deg)))
@@ -97,7 +98,7 @@ class Lidar:
         return column[:, None] + np.array(self.firing_us) * 1e-6
 
     @cached_property
-    def _rotation(self) -> NDArray[np.float64]:
+    def _rotation(self) -> Floats:
         """Rotation of the lidar at each shot, counter-clockwise, shape (C, K), in radians."""
         if not self.rotates:
             column = self.step_rad * (np.arange(self.columns) - (self.columns - 1) / 2)
@@ -105,14 +106,14 @@ class Lidar:
         return (-1 if self.clockwise else 1) * self.times_s * self.rate_hz * 2 * np.pi
 
     @cached_property
-    def lenses(self) -> NDArray[np.float64]:
+    def lenses(self) -> Floats:
         """Position of the lens at each shot in the lidar's frame, shape (C, K, 3), in metres."""
         return self.lens_m * np.stack(
             (np.cos(self._rotation), np.sin(self._rotation), np.zeros_like(self._rotation)), axis=-1
         )
 
     @cached_property
-    def directions(self) -> NDArray[np.float64]:
+    def directions(self) -> Floats:
         """Unit vector of each shot in the lidar's frame (x forward, y left, z up), shape (C, K, 3)."""
         azimuth = self._rotation - np.radians(self.azimuth_offsets_deg)
         elevation = np.broadcast_to(np.radians(self.elevations_deg), azimuth.shape)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.lidar.models import Lidar
 from seaclutter_cli.simulation.marine.motion import Pose, Ride, Tracks, rotations
@@ -13,8 +13,6 @@ from seaclutter_cli.simulation.marine.scene import SceneObjectParams
 from seaclutter_cli.simulation.marine.shapes import SHAPES, Mesh, intersect_box, intersect_triangles
 from seaclutter_cli.simulation.marine.terrain import Moment
 from seaclutter_cli.truth import IGNORED
-
-Floats = NDArray[np.float64]
 
 _MARGIN_M = 0.05
 _CORNERS = np.array(list(np.ndindex(2, 2, 2)))
@@ -86,7 +84,7 @@ class Bodies:
 
 
 def add_body_echoes(
-    shots: Shots, echoes: Echoes, near: NDArray[np.int64], mesh: Mesh, pose: Pose, surface: tuple[float, int]
+    shots: Shots, echoes: Echoes, near: Ints, mesh: Mesh, pose: Pose, surface: tuple[float, int]
 ) -> None:
     """Add the echoes of a body from the shots in its direction, ``near``, shape (M,).
 

@@ -5,14 +5,12 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Interval
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats
 from seaclutter_cli.params import NotNegative, Positive, Share, key
 from seaclutter_cli.simulation.lidar.echoes import Echoes
 from seaclutter_cli.simulation.lidar.models import Lidar
 from seaclutter_cli.truth import CLUTTER
-
-Floats = NDArray[np.float64]
 
 DIVERGENCE_RAD = 0.003
 """Full width of a beam."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli import __version__
+from seaclutter_cli.arrays import Floats, Ints
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.records import Metadata
@@ -31,8 +32,6 @@ from seaclutter_cli.sinks.point_files import cloud_log
 from seaclutter_cli.threads import in_order, threads
 from seaclutter_cli.truth import IGNORED, Boxes
 
-Floats = NDArray[np.float64]
-
 _DARK_REFLECTIVITY = 0.3
 
 
@@ -48,7 +47,7 @@ class SimulatedFrame:
 
     index: int
     points: NDArray[np.void]
-    shots: NDArray[np.int64]
+    shots: Ints
     distances_m: Floats
     boxes: Boxes
 

@@ -8,13 +8,12 @@ from annotated_types import Interval
 from numpy.typing import NDArray
 from scipy import fft
 
+from seaclutter_cli.arrays import Floats, Ints
 from seaclutter_cli.params import Positive, Share, key
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.marine.motion import Leg, Pose, Track
 from seaclutter_cli.simulation.marine.shapes import intersect_box
 from seaclutter_cli.truth import CLUTTER
-
-Floats = NDArray[np.float64]
 
 GRAVITY = 9.81
 _CELLS = 256
@@ -57,7 +56,7 @@ class SeaParams:
         return float(np.sqrt(self.significant_height_m * GRAVITY / 0.21))
 
 
-def jonswap(omega: NDArray[np.float64], height_m: float, peak: float, enhancement: float) -> NDArray[np.float64]:
+def jonswap(omega: Floats, height_m: float, peak: float, enhancement: float) -> Floats:
     r"""Return the JONSWAP spectrum of the surface elevation (Hasselmann et al. 1973, Dt. Hydrogr. Z. A8(12)).
 
     .. math:: S(\omega) = \frac{A}{\omega^5} \exp\!\left(-\tfrac54 \left(\tfrac{\omega_p}{\omega}\right)^4\right)
@@ -74,19 +73,19 @@ def jonswap(omega: NDArray[np.float64], height_m: float, peak: float, enhancemen
 
 
 def directional_variance(
-    wave: tuple[NDArray[np.float64], NDArray[np.float64]],
+    wave: tuple[Floats, Floats],
     spectrum: tuple[float, float, float],
     direction_deg: float,
     spreading: int,
     norm: float = 1.0,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Return the density of the variance of each wave vector, with components that broadcast to (M, M); 0 at 0.
 
     ``spectrum`` is height, peak and enhancement of `jonswap`. The directional spread is divided by ``norm``.
     """
     kx, ky = np.broadcast_arrays(*wave)
     k = np.hypot(kx, ky)
-    out: NDArray[np.float64] = np.zeros_like(k)
+    out: Floats = np.zeros_like(k)
     some = k > 0
     omega = np.sqrt(GRAVITY * k[some])
     spread = np.cos((np.arctan2(ky, kx)[some] - np.radians(direction_deg)) / 2) ** (2 * spreading) / norm
@@ -102,17 +101,17 @@ class WaveSurface:
     heights: NDArray[np.float32]
     cell_m: float
 
-    def _cells(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.int64]:
+    def _cells(self, x: Floats, y: Floats) -> Ints:
         size = len(self.heights)
         column = np.floor(x / self.cell_m + 0.5).astype(np.int64) % size
         row = np.floor(y / self.cell_m + 0.5).astype(np.int64) % size
         return np.asarray(column * size + row)
 
-    def height(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float32]:
+    def height(self, x: Floats, y: Floats) -> NDArray[np.float32]:
         """Return the elevation of the nearest cells in metres."""
         return np.asarray(self.heights.reshape(-1)[self._cells(x, y)])
 
-    def slope(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def slope(self, x: Floats, y: Floats) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the slopes along x and y of the nearest cells, by central differences."""
         size, flat = len(self.heights), self.heights.reshape(-1)
         cells = self._cells(x, y)
@@ -166,12 +165,12 @@ class Sea:
 class Swell:
     """The strongest long waves of a sea, W of them: wave vectors, frequencies and amplitudes, shape (W, 1) each."""
 
-    kx: NDArray[np.float64]
-    ky: NDArray[np.float64]
-    omega: NDArray[np.float64]
+    kx: Floats
+    ky: Floats
+    omega: Floats
     amplitude: NDArray[np.complex128]
 
-    def at(self, x: NDArray[np.float64], y: NDArray[np.float64], times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, x: Floats, y: Floats, times_s: Floats) -> Floats:
         """Return height in metres and slopes along x and y at given positions and times, (T,) each, as shape (3, T)."""
         modes = self.amplitude * np.exp(1j * (self.kx * x + self.ky * y - self.omega * times_s))
         return np.stack([(factor * modes).sum(axis=0).real for factor in (1, 1j * self.kx, 1j * self.ky)])
@@ -242,9 +241,7 @@ class Wake:
         """Return the lateral distance of the wake's arms."""
         return np.asarray(self.width_m / 2 + behind * np.tan(KELVIN))
 
-    def _behind(
-        self, leg: Leg, x: Floats, y: Floats, time_s: float
-    ) -> tuple[NDArray[np.int64], Floats, Floats, Floats]:
+    def _behind(self, leg: Leg, x: Floats, y: Floats, time_s: float) -> tuple[Ints, Floats, Floats, Floats]:
         """Return the positions that the wake of a leg reaches, their offsets from the bow, and their age.
 
         The offsets are the distances astern and to the side.

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from seaclutter_cli.arrays import Floats, Ints
+
 _BLOCK = 1 << 17
 
 
@@ -35,9 +35,7 @@ def unit_transforms(triangles: Floats) -> tuple[Floats, Floats]:
     return to_unit.transpose(1, 2, 0), np.einsum("tij,tj->it", to_unit, corner)
 
 
-def intersect_triangles(
-    origins: Floats, directions: Floats, transforms: tuple[Floats, Floats]
-) -> tuple[Floats, NDArray[np.int64]]:
+def intersect_triangles(origins: Floats, directions: Floats, transforms: tuple[Floats, Floats]) -> tuple[Floats, Ints]:
     """Return the distance along each ray to the nearest triangle, and its index; infinity and -1 for a miss.
 
     Triangles are given by their `unit_transforms`; both sides of one count. Directions, shape (N, 3), have unit length.
@@ -69,7 +67,7 @@ def _pairs(origins: Floats, directions: Floats, axes: Floats, shift: Floats) -> 
     return np.where(hit, distance, np.inf)
 
 
-Triangles = NDArray[np.float64]
+Triangles = Floats
 Point = tuple[float, float]
 
 _LEAVES = 130
@@ -84,26 +82,26 @@ class Mesh:
     """
 
     triangles: Triangles
-    shades: NDArray[np.float64]
+    shades: Floats
 
     @cached_property
-    def transforms(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def transforms(self) -> tuple[Floats, Floats]:
         """Transforms for the intersection with rays."""
         return unit_transforms(self.triangles)
 
     @cached_property
-    def normals(self) -> NDArray[np.float64]:
+    def normals(self) -> Floats:
         """Normals, with a length of twice the area of the triangle, shape (T, 3)."""
         first, second = self.triangles[:, 1] - self.triangles[:, 0], self.triangles[:, 2] - self.triangles[:, 0]
         return np.cross(first, second)
 
     @cached_property
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> Floats:
         """Unique corners, shape (V, 3), in metres."""
         return np.unique(self.triangles.reshape(-1, 3), axis=0)
 
     @cached_property
-    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def bounds(self) -> tuple[Floats, Floats]:
         """Lowest and highest coordinates, shape (3,) each."""
         return self.corners.min(axis=0), self.corners.max(axis=0)
 

@@ -5,16 +5,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints
 from seaclutter_cli.params import NotNegative, Positive, Share, key
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.marine.motion import Pose
 from seaclutter_cli.simulation.marine.physics import DIVERGENCE_RAD, PULSE_M, whitecap_share
 from seaclutter_cli.simulation.marine.sea import Sea, SeaParams, Wake, patches
 from seaclutter_cli.truth import CLUTTER, IGNORED
-
-Floats = NDArray[np.float64]
 
 _RADII_M = np.geomspace(1.5, 130.0, 220)
 _ROWS = 1800
@@ -75,7 +73,7 @@ class MarineWater:
         for wake in self._wakes:
             wake.add_spray_echoes(shots, echoes, self.time_s, self._params.foam_reflectivity, rng)
 
-    def _intersect(self, shots: Shots) -> tuple[NDArray[np.int64], Floats]:
+    def _intersect(self, shots: Shots) -> tuple[Ints, Floats]:
         """Return the shots that hit the water, and their distances in metres."""
         origin = shots.origins.mean(axis=0)
         angles = 2 * np.pi / _ROWS * np.arange(_ROWS)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
+from seaclutter_cli.arrays import Floats, Ints
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots, extinction
 from seaclutter_cli.simulation.marine import physics as optics
 from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody
@@ -17,8 +17,6 @@ from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.simulation.marine.sea import GRAVITY, SeaParams, add_droplet_echoes, patches
 from seaclutter_cli.simulation.marine.terrain import MarineWater, SeaTerrain
 from seaclutter_cli.truth import CLUTTER
-
-Floats = NDArray[np.float64]
 
 _DRIFT = 0.03
 _DEPTHS = np.concatenate((np.geomspace(1e-6, 0.05, 300), np.linspace(0.06, 16.0, 800)))
@@ -38,7 +36,7 @@ _WIDTHS = 3.0
 class Hits:
     """Shots that meet the water, W of them: their indices, distances, normals, and cosines of incidence on the wave."""
 
-    shots: NDArray[np.int64]
+    shots: Ints
     distance_m: Floats
     normals: Floats
     cosines: Floats
