@@ -26,6 +26,23 @@ def frame(size=600):
     return sea(size=size)
 
 
+def room():
+    """Return points on the walls of a room of six metres, rows of x, y, z."""
+    random = np.random.default_rng(1)
+    bearing = random.uniform(-3.1, 3.1, 480)
+    distance = 3 / np.maximum(abs(np.cos(bearing)), abs(np.sin(bearing)))
+    slope = np.tan(np.radians(random.integers(-25, 15, 480)))
+    return distance[:, None] * np.column_stack((np.cos(bearing), np.sin(bearing), slope))
+
+
+def depths():
+    """Return a depth image in metres, a tenth of which has no depth."""
+    random = np.random.default_rng(0)
+    row, column = np.mgrid[:150, :32]
+    depth = 1 + 0.3 * np.sin(column / 7) + 0.2 * row / 150 + random.normal(0, 0.01, row.shape)
+    return np.where(random.random(row.shape) < 0.1, 0, depth)
+
+
 def table(kind="<f4", *, ring=False, time=False, columns=4, size=600):
     """Return a file without a header: columns of numbers of one type."""
     points = frame(size).astype(kind)[:, :columns]
@@ -103,6 +120,24 @@ HEADERLESS = [
         name="rows of all x, all y, ...",
         source="The kit of Oxford RobotCar reads frames as four rows of N numbers, not as N rows of four.",
         build=file("0.bin", frame().T.tobytes()),
+        refused=UNKNOWN,
+    ),
+    Case(
+        name="half floats of a room",
+        source="Exporters for the web store half floats, pairs of which are plausible float32 within four metres.",
+        build=file("0.bin", room().astype("<f2").tobytes()),
+        refused=UNKNOWN,
+    ),
+    Case(
+        name="points of PCL in a room",
+        source="Memory of pcl::PointXYZI is padded to 32 bytes; within four metres its pairs are plausible float64.",
+        build=file("0.bin", np.insert(room(), [3] * 5, [1, 0, 0, 0, 0], axis=1).astype("<f4").tobytes()),
+        refused=UNKNOWN,
+    ),
+    Case(
+        name="depth image",
+        source="Depth cameras dump images as float32 without a header; pairs of depths are plausible float64.",
+        build=file("0.bin", depths().astype("<f4").tobytes()),
         refused=UNKNOWN,
     ),
     Case(

@@ -54,6 +54,7 @@ _FEW_POINTS, _FEW_VALUES = 8, 400
 MANY_POINTS = 64
 _BLOCK_BYTES, _BLOCKS = 12 * 31_920, 4
 """Blocks of a file that are looked at: whole groups of 2, 3 and 4 points of every known layout."""
+_LEAST_HALF, _GREATEST_HALF, _MOST_HALVES = 0.03, 100, 0.8
 _FILES = 8
 _WIDEST = 16
 _PERIODS = (2, 3, 4)
@@ -100,7 +101,7 @@ def title(layout: np.dtype[np.void]) -> str:
 def recognise(files: Sequence[Path]) -> tuple[np.dtype[np.void], bool]:
     """Return the only layout that the bytes of files can have, judged by the largest, and whether it is proven.
 
-    Few points, or equal numbers, prove nothing; they are KITTI's if they can be. Files without bytes have no points in
+    Few returns, or equal numbers, prove nothing; they are KITTI's if they can be. Files without bytes have no points in
     any layout. `CloudError` if the bytes fit no layout, or several.
     """
     largest = sorted((file for file in files if file.is_file()), key=lambda file: file.stat().st_size)[-_FILES:]
@@ -115,11 +116,13 @@ def recognise(files: Sequence[Path]) -> tuple[np.dtype[np.void], bool]:
         if number == max(votes) >= len(excerpts) / 2
         and (layout not in _FLOATS or structure[layout[0].str].allows(_width(layout)))
     ]
-    few = sum(excerpt.size for excerpt in excerpts) < MANY_POINTS * KITTI.itemsize or not structure["<f4"].varies
-    if few and KITTI in found:
-        return KITTI, False
-    if len(found) == 1:
-        return found[0], not few and (found[0] not in _FLOATS or structure[found[0][0].str].proves(_width(found[0])))
+    few = [layout for layout in found if not structure["<f4"].varies or _are_few(excerpts, layout)]
+    choice = KITTI if KITTI in few else found[0] if len(found) == 1 else None
+    if choice is not None:
+        is_proven = choice not in _FLOATS or structure[choice[0].str].proves(_width(choice))
+        if is_proven or choice in few:
+            return choice, is_proven and choice not in few
+        found = []
     problem = f"{largest[-1].name} has no header, and its {count(excerpts[-1].size, 'byte')} "
     if not found:
         raise CloudError(
@@ -174,7 +177,8 @@ def doubt(points: Points, most: float = _OFTEN) -> str | None:
     for name, found in wrong.items():
         if np.count_nonzero(found) > most * len(points):
             return f"{name} are out of range" if name == "coordinates" else f"{name} is out of range"
-    tiny = [name for name in points.dtype.names or () if points.dtype[name].kind == "f" and _is_tiny(points[name])]
+    floats = [name for name in points.dtype.names or () if points.dtype[name].kind == "f"]
+    tiny = [name for name in floats if _is_tiny(points[name]) or _is_pair(points[name][returns])]
     return f"values of {tiny[0]} are no measured numbers" if tiny else _odd_axis(xyz[:, returns], points)
 
 
@@ -188,6 +192,15 @@ def _within(name: str, values: NDArray[np.float64]) -> NDArray[np.bool_]:
 def _is_tiny(values: NDArray[np.floating]) -> bool:
     nonzero = np.abs(values[(values != 0) & np.isfinite(values)])
     return int(np.count_nonzero(nonzero < _TINY)) > max(_OFTEN * len(nonzero), _FEW_POINTS / 2)
+
+
+def _is_pair(values: NDArray[np.floating]) -> bool:
+    """Return whether numbers are two of half their size: the lower half of their bytes is a usual number, too."""
+    half = values.dtype.itemsize // 2
+    if half == 1 or len(values) < _FEW_POINTS:
+        return False
+    low = np.abs(np.ascontiguousarray(values, f"<f{2 * half}").view(f"<f{half}")[::2])
+    return bool(np.mean((low > _LEAST_HALF) & (low < _GREATEST_HALF)) > _MOST_HALVES)
 
 
 def _odd_axis(xyz: NDArray[np.float64], points: Points) -> str | None:
@@ -236,6 +249,12 @@ class _Excerpt:
             yield start // size + np.arange(len(values)), values
 
 
+def _are_few(excerpts: Sequence[_Excerpt], layout: np.dtype[np.void]) -> bool:
+    """Return whether fewer points than a proof needs have a return."""
+    points = [excerpt.points(layout) for excerpt in excerpts]
+    return sum(np.count_nonzero((some["x"] != 0) | (some["y"] != 0)) for some in points) < MANY_POINTS
+
+
 def _width(layout: np.dtype[np.void]) -> int:
     return len(layout.names or ())
 
@@ -280,7 +299,7 @@ class _Structure:
             middle = np.nanmedian(size[size > 0]) if (size > 0).any() else 0.0
             kinds = [found < 0, (size > 0) & (size == np.rint(size)), size > middle, size > middle / 8, size == 0]
         self._number = len(found)
-        self.varies = any(values.min() < values.max() for _, values in parts if len(values))
+        self.varies = any((values != values[0]).any() for _, values in parts if len(values))
         self._differences = {width: _difference(index % width, kinds, width) for width in range(2, _WIDEST + 1)}
 
     def allows(self, width: int) -> bool:
