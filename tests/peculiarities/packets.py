@@ -1,5 +1,7 @@
 """Peculiarities of packets of sensors, in captures and packet topics."""
 
+from functools import partial
+
 import numpy as np
 
 from seaclutter_cli.sensors.packets import DecoderOptions, Packets
@@ -19,8 +21,8 @@ def decoded():
     return [np.column_stack([points[name] for name in ("x", "y", "z", "intensity")]) for points in found]
 
 
-def doubled(folder):
-    copies = [(time_ns + 2_000, packet) for time_ns, packet in frames(ROWS, "VLAN")]
+def doubled(folder, **options):
+    copies = [(time_ns + 2_000, packet) for time_ns, packet in frames(ROWS, "VLAN", **options)]
     return written(folder, sorted([*frames(ROWS), *copies], key=lambda one: one[0]))
 
 
@@ -44,6 +46,13 @@ CASES = [
         name="packets twice",
         source="https://wiki.wireshark.org/CaptureSetup/Ethernet: packets of bonded interfaces twice",
         build=doubled,
+        frames=decoded(),
+        says={"filter": "64 packets received again, left out", "info": "received again"},
+    ),
+    Case(
+        name="packets twice, from two addresses",
+        source="A mirrored port behind a router that translates addresses shows each packet before and after it.",
+        build=partial(doubled, source="10.0.0.7"),
         frames=decoded(),
         says={"filter": "64 packets received again, left out", "info": "received again"},
     ),

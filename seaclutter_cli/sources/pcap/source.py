@@ -132,7 +132,7 @@ class SensorSearch:
         for flow in sorted(self.flows.values(), key=lambda flow: (flow.port, flow.source_port)):
             if flow.family is not None and flow.kind not in damaged:
                 groups[flow.address, flow.family].append(flow)
-        found = [sensor for group in groups.values() for sensor in _split(group)]
+        found = _without_copies([sensor for group in groups.values() for sensor in _split(group)])
         addresses = [sensor.flow.address for sensor in found]
         for sensor in found:
             sensor.shares = addresses.count(sensor.flow.address) > 1
@@ -157,6 +157,22 @@ def _split(flows: Sequence[Flow]) -> list[CapturedSensor]:
         kinds = {one.kind for one in (*own, *(separate if index == 0 else ()))}
         sensors.append(CapturedSensor(flow, kinds, Samples(flow.samples.data, calibrations)))
     return sensors
+
+
+def _without_copies(sensors: Sequence[CapturedSensor]) -> list[CapturedSensor]:
+    """Return sensors without those that send the packets of another, as with translated addresses on a mirrored port.
+
+    Their packets become packets of the other, received again.
+    """
+    kept: list[tuple[CapturedSensor, set[bytes]]] = []
+    for sensor in sensors:
+        payloads = {payload for _, payload in sensor.samples.data}
+        same = (one for one, other in kept if 2 * len(payloads & other) > min(len(payloads), len(other)) > 1)
+        if original := next(same, None):
+            original.kinds |= sensor.kinds
+        else:
+            kept.append((sensor, payloads))
+    return [sensor for sensor, _ in kept]
 
 
 class CaptureSource(Source):
