@@ -22,7 +22,7 @@ from seaclutter_cli.records import Buffer, Schema
 Types = Mapping[str, tuple[Any, Any]]
 """Constants and fields of message types by their full name, as rosbags describes them."""
 
-_HEADER = "std_msgs/msg/Header"
+_HEADER, _TIME = "std_msgs/msg/Header", "builtin_interfaces/msg/Time"
 _SIZES = {
     **dict.fromkeys(("bool", "byte", "char", "int8", "uint8"), 1),
     **dict.fromkeys(("int16", "uint16"), 2),
@@ -76,6 +76,17 @@ class _Block:
     def write(self, write: Writer, value: Buffer) -> None:
         write.align(self.size)
         write.raw(value)
+
+
+@dataclass(frozen=True, slots=True)
+class _Seconds(_Block):
+    """Seconds of a time: ROS 1 has those up to 2106 and none before 1970, ROS 2 those from 1901 to 2038."""
+
+    def write(self, write: Writer, value: Buffer) -> None:
+        if value[3] & 0x80:
+            year = "before 1970" if write.ros == 1 else "after 2038"
+            raise TranslationError(f"a time {year} does not fit into messages of ROS {write.ros}")
+        _Block.write(self, write, value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,6 +288,8 @@ class Layouts:
             if field_name == _PLACEHOLDER or (name == _HEADER and field_name == "seq"):
                 continue
             fields.append((field_name.lower(), self._node(kind, depth)))
+        if name == _TIME and fields:
+            fields[0] = (fields[0][0], _Seconds("int32", 4))
         if name == _HEADER:
             fields.insert(0, ("seq", _Absent(4, ros=1)))
         if not fields:

@@ -73,15 +73,17 @@ class Translations:
         self._translators[channel.id] = channel.topic, found
         return found.channel
 
-    def message(self, channel: int, data: Buffer) -> Buffer | None:
-        """Return a message of a channel in this encoding; None if it cannot be translated."""
+    def message(self, channel: int, data: Buffer, *, is_frame: bool) -> Buffer | None:
+        """Return a message of a channel in this encoding; None if it cannot be translated, or an error for a frame."""
         found = self._translators[channel]
         if found is None:
             return None
         topic, translator = found
         try:
             return translator.translate(data)
-        except TranslationError:
+        except TranslationError as error:
+            if is_frame:
+                raise TranslationError(f"{topic}: {error}; write MCAP instead") from error
             self.broken[topic] += 1
             return None
 

@@ -114,7 +114,7 @@ class LogSink(ExitStack, Sink):
         if isinstance(record, Message):
             if self._takes(record.channel):
                 self._make_room(record, len(record.data))
-                self._copy(record)
+                self._copy(record, is_frame=False)
         elif isinstance(record, Attachment):
             self._writer.attach(record)
         else:
@@ -261,12 +261,13 @@ class LogSink(ExitStack, Sink):
             raise OutputError(f"{self.lost[-1]} cannot be written in this format")
         return translated is not None
 
-    def _copy(self, message: Message) -> None:
+    def _copy(self, message: Message, *, is_frame: bool = True) -> None:
         number = self._channels.get(message.channel)
-        self._put(self._declare(message.channel) if number is None else number, message, message.data)
+        number = self._declare(message.channel) if number is None else number
+        self._put(number, message, message.data, is_frame=is_frame)
 
-    def _put(self, number: int, message: Message, data: Buffer) -> None:
-        found = self._translations.message(number, data) if self._translations else data
+    def _put(self, number: int, message: Message, data: Buffer, *, is_frame: bool = True) -> None:
+        found = self._translations.message(number, data, is_frame=is_frame) if self._translations else data
         if found is not None:
             self._writer.write(number, message.log_time_ns, message.publish_time_ns, message.sequence, found)
 

@@ -103,7 +103,7 @@ def test_evaluate(tmp_path, case):
 def test_refused(tmp_path, case, command):
     """What cannot be read is refused with a reason, and nothing is written."""
     (tmp_path / "in").mkdir()
-    out = tmp_path / "out.mcap"
+    out = target(case, tmp_path, case.to[0])
     words = {"info": (), "filter": ("-o", out, "-m", "none"), "convert": ("-o", out)}[command]
     result = run(case, command, case.build(tmp_path / "in"), *words, code=None)
     assert result.exit_code == 1 or (result.exit_code, command) == (3, "info"), "of other parts"
