@@ -252,7 +252,7 @@ class _Excerpt:
 def _are_few(excerpts: Sequence[_Excerpt], layout: np.dtype[np.void]) -> bool:
     """Return whether fewer points than a proof needs have a return."""
     points = [excerpt.points(layout) for excerpt in excerpts]
-    return sum(np.count_nonzero((some["x"] != 0) | (some["y"] != 0)) for some in points) < MANY_POINTS
+    return sum(int(np.count_nonzero((some["x"] != 0) | (some["y"] != 0))) for some in points) < MANY_POINTS
 
 
 def _width(layout: np.dtype[np.void]) -> int:
