@@ -66,7 +66,7 @@ ALLOWED = {
     "messages": BASE,
     "sensors": BASE,
     "sources": BASE | {"messages", "sensors"},
-    "tracking": BASE | {"clustering"},
+    "tracking": BASE | {"clustering", "water"},
     "sinks": BASE | {"messages", "tracking"},
     "labels": BASE,
     "clustering": BASE,

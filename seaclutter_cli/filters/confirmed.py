@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.beams import Sight
 from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, Sea
 from seaclutter_cli.filters.confirmation.objects import SHORT_RUN, DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
@@ -18,6 +17,7 @@ from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distances, wi
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
 from seaclutter_cli.interfaces import Filter
+from seaclutter_cli.water.beams import Sight
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -11,6 +11,8 @@ from seaclutter_cli.frame import FilterResult, WaterState
 from seaclutter_cli.tracking.boxes import Shape, fit, smoothed
 from seaclutter_cli.tracking.detections import Detections, Pose
 from seaclutter_cli.tracking.tracker import Track, Tracker
+from seaclutter_cli.water import Mounting
+from seaclutter_cli.water.beams import Beams
 
 Floats = NDArray[np.float64]
 
@@ -18,7 +20,7 @@ CONFIRMED, CANDIDATE, LOST = "confirmed", "candidate", "lost"
 _CONTEXT_S = 10.0
 _MAX_GAP_S = 5.0
 _MAX_WAITING = 50_000
-_SURE = 0.5
+_SURE, _CLEAR_M = 0.5, 0.5
 _MOST_COMPARED, _MOSTLY = 20, 0.8
 _PART_SHARE, _STRUCTURE_M = 0.5, 50.0
 
@@ -27,8 +29,9 @@ _PART_SHARE, _STRUCTURE_M = 0.5, 50.0
 class FrameObjects:
     """The N objects of a frame, in the coordinates of its cloud.
 
-    ``tracks`` are their numbers from 1. A state is ``confirmed``; ``candidate`` if an object was seen for a short time
-    or only in points that were removed; or ``lost`` if it was not seen in this frame, but before and after. ``centers``
+    ``tracks`` are their numbers from 1. A state is ``confirmed``; ``candidate`` if an object was seen for a short time,
+    only in points that were removed, or not down to the water although a beam passes below it, because targets float;
+    or ``lost`` if it was not seen in this frame, but before and after. ``centers``
     and ``sizes``, shape (N, 3), ``yaws`` and ``velocities``, shape (N, 2), describe boxes; velocities are over ground
     if ``over_ground``. ``tops_m`` are heights above the water, NaN where it is unknown. ``spans_ns``, shape (N, 2), are
     the first and the last time of the track, as far as it is known ten seconds later. A box is ``measured`` if two of
@@ -64,6 +67,7 @@ class _Waiting:
     over_ground: bool
     water: WaterState | None
     found: Detections
+    clear_m: Floats
     rows: Sequence[int]
     tracks: Sequence[Track]
 
@@ -80,7 +84,7 @@ class Follower:
     ) -> None:
         self._clustering = tolerance_m, min_points
         self._context_s, self._ahead_s = context_s, 0.0 if live else context_s
-        self._tracker = Tracker()
+        self._tracker, self._beams = Tracker(), Beams(Mounting())
         self._frames: deque[_Waiting] = deque()
         self._done = 0
         self._shapes: dict[Track, Shape] = {}
@@ -99,15 +103,27 @@ class Follower:
         if self._frames and over_ground != self._frames[-1].over_ground:
             yield from self.finish()
         pose = pose or Pose()
-        found = Detections.of(result, *self._clustering).moved(pose)
+        found = Detections.of(result, *self._clustering)
+        clear_m = self._clear_m(result, found)
+        found = found.moved(pose)
         tracks = self._tracker.step(found, time_s)
         rows = [row for row, track in enumerate(tracks) if track is not None]
         known = [track for track in tracks if track is not None]
         names = frame.index, frame.stamp_ns, frame.cloud.frame_id
-        self._frames.append(_Waiting(*names, time_s, pose, over_ground, result.water, found, rows, known))
+        self._frames.append(_Waiting(*names, time_s, pose, over_ground, result.water, found, clear_m, rows, known))
         self._records += len(rows)
         if time_s - self._frames[self._done].time_s >= 2 * self._ahead_s or self._records > _MAX_WAITING:
             yield from self._complete(time_s - self._ahead_s)
+
+    def _clear_m(self, result: FilterResult, found: Detections) -> Floats:
+        """Return how far above the water beams pass below detections, shape (K,); 0 where the water is not known."""
+        if result.water is None or not len(found):
+            return np.zeros(len(found))
+        self._beams.add(result.frame.coordinates.compress(result.frame.valid, axis=1))
+        distance, low = np.hypot(*found.centers.T), found.spans[:, 0]
+        elevation = np.degrees(np.arctan2(low, distance))
+        below, _ = self._beams.gaps(elevation, elevation)
+        return _above_water(result.water, found.centers, low - np.tan(np.radians(below)) * distance)
 
     def finish(self) -> Iterator[FrameObjects]:
         """Yield the objects of all frames that wait, and begin anew."""
@@ -143,7 +159,7 @@ def _smoothed(frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Tra
     shape = len(frames), len(tracks)
     places, deviations = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
     yaws, spans, points = np.full(shape, np.nan), np.full((*shape, 2), np.nan), np.zeros(shape, np.int64)
-    kept = np.zeros(shape, np.bool_)
+    kept, clear = np.zeros(shape, np.bool_), np.zeros(len(tracks), np.bool_)
     sizes = np.empty((len(tracks), 3))
     sensor = np.array([one.pose[:2] for one in frames])
     for n, track in enumerate(tracks):
@@ -155,6 +171,7 @@ def _smoothed(frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Tra
         spans[seen, n] = [frames[f].found.spans[row] for f, row in records[track]]
         points[seen, n] = [frames[f].found.points[row] for f, row in records[track]]
         kept[seen, n] = [frames[f].found.kept[row] for f, row in records[track]]
+        clear[n] = np.median([frames[f].clear_m[row] for f, row in records[track]]) > _CLEAR_M
         for values in (yaws, spans[..., 0], spans[..., 1]):
             values[:, n] = np.interp(times_s, times_s[seen], values[seen, n])
         sizes[n, 2] = np.quantile(spans[seen, n, 1] - spans[seen, n, 0], 0.9)
@@ -168,7 +185,7 @@ def _smoothed(frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Tra
         one = frames[f]
         there = np.flatnonzero(np.isfinite(at[f, :, 0]))
         seen = np.isfinite(places[f, there, 0])
-        sure = (scores[there] >= _SURE) & kept[f, there]
+        sure = (scores[there] >= _SURE) & kept[f, there] & ~clear[there]
         xy = one.pose.undone(at[f, there])
         yield FrameObjects(
             one.index,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.frame import FilterResult, Frame, Reason
+from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
 from seaclutter_cli.tracking.detections import Pose
 from seaclutter_cli.tracking.follow import CANDIDATE, CONFIRMED, LOST, Follower
 
@@ -110,3 +110,23 @@ def test_a_gap_ends_all_tracks():
     results = [frame_of(k + (100 if k >= 20 else 0), hull(place(0), 0.3)) for k in range(40)]
     found = followed(results)
     assert [one.tracks for one in found] == [[1]] * 20 + [[2]] * 20
+
+
+@pytest.mark.parametrize(
+    ("bottom_m", "beams", "state"), [(1.0, 64, CANDIDATE), (0.0, 64, CONFIRMED), (1.0, 8, CONFIRMED)]
+)
+def test_what_does_not_reach_down_to_the_water_is_a_candidate(bottom_m, beams, state):
+    """With eight beams, the next one passes below what is a metre above the water at 30 m."""
+    elevation = np.radians(np.linspace(-20, 5, beams))[:, None]
+    azimuth = np.radians(np.arange(100, 200, 2))
+    sea = np.stack([20 * np.cos(elevation) * np.cos(azimuth), 20 * np.cos(elevation) * np.sin(azimuth)])
+    sea = np.vstack((sea.reshape(2, -1), np.broadcast_to(20 * np.sin(elevation), (beams, 50)).reshape(-1))).T
+    water = WaterState(-2.0, 0.0, 0.0, 0.1)
+    results = []
+    for k in range(30):
+        body = hull(place(k), 0.3) * (1, 1, 0.5) + (0, 0, bottom_m - 1.5)
+        one = frame_of(
+            k, np.vstack((sea, body)), np.repeat(np.array([Reason.OUTLIER, 0], np.uint8), (len(sea), len(body)))
+        )
+        results.append(FilterResult(one.frame, one.reason, water=water))
+    assert {name for one in followed(results) for name in one.states} == {state}

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.background import Background
-from seaclutter_cli.filters.confirmation.beams import Beams
 from seaclutter_cli.filters.zones import LEAST_M
 from seaclutter_cli.frame import Attitude, Frame, Reason
 from seaclutter_cli.water import Faces, WaterSurface, WaterTracker
+from seaclutter_cli.water.beams import Beams
 from seaclutter_cli.water.surface import BEYOND, mirrored_below_m
 
 Floats = NDArray[np.float64]

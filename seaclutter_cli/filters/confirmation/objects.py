@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.beams import Beams
 from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights
 from seaclutter_cli.groups import group_sizes, group_starts
+from seaclutter_cli.water.beams import Beams
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.beams import Sight
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
 from seaclutter_cli.filters.neighbors import nearest
+from seaclutter_cli.water.beams import Sight
 
 Floats = NDArray[np.float64]
 

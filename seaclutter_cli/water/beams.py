@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.water import Mounting, WaterSurface
+from seaclutter_cli.water.mounting import Mounting
+from seaclutter_cli.water.surface import WaterSurface
 
 Floats = NDArray[np.float64]
 
