@@ -2,11 +2,15 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from seaclutter_cli.buckets import on_paths
+from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import UsageError
+from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.labels.boxes import Proposal
 from seaclutter_cli.labels.json_boxes import JsonForm
@@ -89,12 +93,23 @@ def _write_clouds(work: "ProposeWork", folder: AtomicFolder, form: JsonForm) -> 
     try:
         for frame in frames(source, work.reading.selection):
             with folder.open(f"{form.clouds}/{frame.index:06d}.pcd") as stream:
-                FRAME_WRITERS["pcd"](stream, frame.cloud)
+                FRAME_WRITERS["pcd"](stream, _viewed(frame))
             if form.complete:
                 with folder.open(f"timestamp/{frame.index:06d}.txt") as stream:
                     stream.write(f"{frame.stamp_ns // _NANO}.{frame.stamp_ns % _NANO:09d}\n".encode())
     finally:
         source.close()
+
+
+def _viewed(frame: Frame) -> Cloud:
+    """Return the cloud with coordinates and intensities as float32, and no other fields: viewers read these only."""
+    columns = dict(zip("xyz", frame.coordinates, strict=True))
+    if frame.intensity_name is not None:
+        columns["intensity"] = frame.intensity
+    points = np.empty(frame.size, [(name, np.float32) for name in columns])
+    for name, values in columns.items():
+        points[name] = values
+    return replace(from_array(points), stamp_ns=frame.stamp_ns, frame_id=frame.cloud.frame_id)
 
 
 @dataclass(kw_only=True)

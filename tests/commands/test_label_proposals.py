@@ -2,7 +2,9 @@
 
 import csv
 import json
+import re
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -121,3 +123,61 @@ def test_comparison_counts_each_change(tmp_path):
     assert dict(found.changes) == {"unchanged": 1, "moved": 1, "class": 1, "deleted": 1, "added": 1}
     assert (found.only_before, found.good, found.frames) == (1, 2, 1)
     assert "0.89" in found.as_text()  # mean of 1 and 3.5 / 4.5
+
+
+def as_sustechpoints_reads(path):
+    """Return the columns of a binary PCD file after the rules of SUSTechPOINTS: its regular expressions and types."""
+    data = path.read_bytes()
+    head = re.search(rb"[\r\n]DATA\s(\S*)\s", data)
+    assert head[1] == b"binary"
+    text = re.sub("#.*", "", data[: head.end()].decode())
+    # Anywhere in the header, whatever the case: a field named return_type would be taken for the types.
+    fields, sizes, kinds, counts = (
+        re.search(f"{key} (.*)", text, re.IGNORECASE)[1].split(" ") for key in ["FIELDS", "SIZE", "TYPE", "COUNT"]
+    )
+    assert set(counts) == {"1"}
+    offsets = np.cumsum([0, *map(int, sizes)])
+    layout = dict(zip(fields, zip(kinds, sizes, strict=True), strict=True))
+    assert {layout[name] for name in "xyz"} <= {("F", "4"), ("F", "8")}
+    assert layout["intensity"] in {("F", "4"), ("U", "1")}
+    types = [f"<{kind.lower()}{size}" for kind, size in zip(kinds, sizes, strict=True)]
+    whole = np.dtype({"names": fields, "formats": types, "offsets": offsets[:-1], "itemsize": offsets[-1]})
+    return np.frombuffer(data[head.end() :], whole, count=int(re.search("POINTS (.*)", text, re.IGNORECASE)[1]))
+
+
+def test_sustechpoints_opens_the_folder_as_it_lies(tmp_path):
+    """Its server lists ``lidar``, and reads and writes ``label/FRAME.json``; its page makes boxes of what it reads."""
+    path = tmp_path / "log"
+    path.mkdir()
+    with seaclutter.open_log(SEA) as log:
+        for k, frame in zip(range(6), log.frames(), strict=False):
+            columns = dict(zip("xyz", frame.coordinates, strict=True), intensity=frame.intensity.astype(np.uint16))
+            np.savez(path / f"{k:03d}.npz", return_type=np.zeros(frame.size, np.uint8), **columns)
+    run(
+        "labels", "propose", path, "-o", tmp_path / "scene", "--to", "sustechpoints", "-s", "filter.use_intensity=false"
+    )
+    names = sorted(one.stem for one in (tmp_path / "scene" / "lidar").iterdir())
+    assert names == [f"{k:06d}" for k in range(6)]
+    assert {one.suffix for one in (tmp_path / "scene" / "lidar").iterdir()} == {".pcd"}
+    assert np.allclose(
+        as_sustechpoints_reads(tmp_path / "scene" / "lidar" / "000005.pcd")["x"], columns["x"], atol=1e-4
+    )
+    for name in names:
+        file = tmp_path / "scene" / "label" / f"{name}.json"
+        boxes = json.loads(file.read_text())
+        assert boxes
+        for box in boxes:
+            assert all(
+                isinstance(box["psr"][key][axis], float) for key in ("position", "scale", "rotation") for axis in "xyz"
+            )
+            assert isinstance(box["obj_id"], str)
+            assert isinstance(box["obj_type"], str)
+        # A page that is saved writes these keys, and the annotator of boxes that nobody has touched.
+        kept = [{key: box[key] for key in ("psr", "obj_type", "obj_id", "annotator")} for box in boxes]
+        del kept[0]["annotator"]
+        file.write_text(json.dumps(kept, indent=2, sort_keys=True))
+    labels = open_labels(tmp_path / "scene")
+    with seaclutter.open_log(tmp_path / "scene" / "lidar") as log:
+        for frame in log.frames():
+            truth = labels.truth(frame)
+            assert truth.proposed == len(truth.targets) + len(truth.ignored) - 1
