@@ -218,8 +218,9 @@ class Calibration:
 
     def _ring(self, number: int, edges: NDArray[np.float64], source: range) -> RingCalibration:
         """Return the calibration of a range ring from the points of those in ``source``."""
-        histogram = self._pooled(source)
-        rate = self.filter_rate
+        histogram, rate = IntensityHistogram(), self.filter_rate
+        for one in filter(self._rings.__contains__, source):
+            histogram += deepcopy(self._rings[one])
         if self.max_left is not None:
             left = max(self.max_left * self.frames, _FEW_ABOVE)
             rate = max(rate, 1 - left / histogram.points)
@@ -232,14 +233,6 @@ class Calibration:
         few = points < few_points(self.filter_rate)
         span = float(edges[number]), float(edges[number + 1])
         return RingCalibration(*span, points, threshold, below, few, (source[0] + 1, source[-1] + 1), saturated)
-
-    def _pooled(self, source: range) -> IntensityHistogram:
-        """Return the intensities of several range rings in one histogram."""
-        pooled = IntensityHistogram()
-        for number in source:
-            if number in self._rings:
-                pooled += deepcopy(self._rings[number])
-        return pooled
 
     def _threshold(self, histogram: IntensityHistogram, filter_rate: float) -> float:
         whole = all(ring.all_whole for ring in self._rings.values())

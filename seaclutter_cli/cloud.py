@@ -1,6 +1,6 @@
 """Point clouds as views of message bytes, with operations that need no decoding."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -199,7 +199,7 @@ class Cloud:
 
     def _require_floats(self, else_: str) -> None:
         for axis in "xyz":
-            if axis not in _names(self.dtype) or self.dtype[axis].kind != "f":
+            if axis not in (self.dtype.names or ()) or self.dtype[axis].kind != "f":
                 raise FieldError(f"field {axis!r} is not a floating-point number, so {else_}")
 
     def with_field(self, name: str, values: NDArray[Any]) -> "Cloud":
@@ -237,10 +237,7 @@ def from_array(points: NDArray[Any], *, stamp_ns: int = 0, frame_id: str = "lida
     Types that point fields lack are converted: 64-bit integers to float64, booleans to uint8, float16 to float32.
     """
     dtype = points.dtype
-    layout: list[tuple[str, str, tuple[int, ...]]] = []
-    for name in _names(dtype):
-        base, shape = dtype[name].base, dtype[name].shape
-        layout.append((name, _field_type(base), shape))
+    layout = [(name, _field_type(dtype[name].base), dtype[name].shape) for name in dtype.names or ()]
     packed = np.dtype([(name, "<" + code, shape) for name, code, shape in layout])
     fields = tuple(
         PointField(name, packed.fields[name][1], code, int(np.prod(shape, dtype=int)))  # type: ignore[index]
@@ -250,7 +247,3 @@ def from_array(points: NDArray[Any], *, stamp_ns: int = 0, frame_id: str = "lida
     width = len(points) // height if height else 0
     step = packed.itemsize
     return Cloud(stamp_ns, frame_id, height, width, fields, step, width * step, False, False, data.view(np.uint8).data)
-
-
-def _names(dtype: np.dtype[Any]) -> Iterable[str]:
-    return dtype.names or ()

@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from seaclutter_cli.errors import InputError
+from seaclutter_cli.errors import opening
 from seaclutter_cli.paths import open_regular
 
 MAX_YAML_CHARACTERS = 4 * 2**20
@@ -32,11 +32,8 @@ class DocumentError(ValueError):
 
 def read_document(path: Path) -> bytes:
     """Return the content of a file, cut above the limit of JSON; `InputError` if it is not readable."""
-    try:
-        with open_regular(path) as file:
-            return file.read(MAX_JSON_BYTES + 1)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
+    with opening(path), open_regular(path) as file:
+        return file.read(MAX_JSON_BYTES + 1)
 
 
 def load_yaml(text: str) -> Any:

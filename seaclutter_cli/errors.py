@@ -18,6 +18,9 @@
 A message says what is wrong, where, and what to do.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class RenamedKeyWarning(FutureWarning):
     """A configuration or scene uses the former name of a key; a later major release will reject it."""
@@ -153,6 +156,24 @@ class MissingExtraError(SeaclutterError):
     def __str__(self) -> str:
         """Return the message."""
         return "{} requires an optional dependency: pip install 'seaclutter[{}]'".format(*self.args)
+
+
+@contextmanager
+def requiring(feature: str, extra: str) -> Iterator[None]:
+    """Raise `MissingExtraError` if an import in the context fails."""
+    try:
+        yield
+    except ImportError as error:
+        raise MissingExtraError(feature, extra) from error
+
+
+@contextmanager
+def opening(path: object, kind: type[SeaclutterError] = InputError) -> Iterator[None]:
+    """Raise an error of a kind that names a file if the system cannot read it in the context."""
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{path}: {error.strerror}") from error
 
 
 class UsageError(SeaclutterError):

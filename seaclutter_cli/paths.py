@@ -101,12 +101,8 @@ def _ignores_case(folder: Path) -> bool:
         return False
 
 
-def files_in(folder: Path) -> Iterator[Identity]:
+def files_in(folder: str | Path, depth: int = _DEPTH) -> Iterator[Identity]:
     """Yield the identities of the files in a folder and its subfolders; nothing for a file."""
-    return _files_in(os.fspath(folder), _DEPTH)
-
-
-def _files_in(folder: str, depth: int) -> Iterator[Identity]:
     try:
         entries = list(os.scandir(folder))
     except OSError:
@@ -117,6 +113,6 @@ def _files_in(folder: str, depth: int) -> Iterator[Identity]:
                 found = entry.stat()
                 yield found.st_dev, found.st_ino
             elif depth > 1:
-                yield from _files_in(entry.path, depth - 1)
+                yield from files_in(entry.path, depth - 1)
         except OSError:  # a broken link
             continue

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import MissingExtraError, UsageError
+from seaclutter_cli.errors import UsageError, requiring
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.messages.scene import SceneBox
@@ -27,10 +27,8 @@ _FLUSH_S = 30.0
 
 def require_rerun() -> Any:
     """Return the ``rerun`` module; raise `MissingExtraError` if it is not installed."""
-    try:
+    with requiring("the viewer", "view"):
         import rerun
-    except ImportError as error:
-        raise MissingExtraError("the viewer", "view") from error
     return rerun
 
 

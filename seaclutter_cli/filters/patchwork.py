@@ -10,7 +10,7 @@ import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import MissingExtraError
+from seaclutter_cli.errors import requiring
 from seaclutter_cli.filters.base import WholeFrameFilter, valid_points
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.params import NotNegative, Positive, Share, key
@@ -69,10 +69,8 @@ class Patchwork(WholeFrameFilter[PatchworkParams]):
 
     def reset(self) -> None:
         """Forget earlier frames; raise `MissingExtraError` if pypatchworkpp is not installed."""
-        try:
+        with requiring("the method patchwork", "peers"):
             import pypatchworkpp as library
-        except ImportError as error:
-            raise MissingExtraError("the method patchwork", "peers") from error
         given, own = library.Parameters(), self.params
         given.enable_RNR, given.uprightness_thr, given.sensor_height = False, own.uprightness, own.sensor_height_m
         given.num_min_pts = own.min_points

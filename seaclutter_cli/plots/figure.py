@@ -4,7 +4,7 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from seaclutter_cli.errors import MissingExtraError, UsageError
+from seaclutter_cli.errors import UsageError, requiring
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -42,10 +42,8 @@ def check_target(path: Path) -> None:
     """
     if path.suffix.lower() not in _METADATA:
         raise UsageError(f"{path}: figure files must end in {' or '.join(_METADATA)}")
-    try:
+    with requiring("plotting", "plot"):
         import matplotlib.figure  # noqa: F401 - availability check
-    except ImportError as error:
-        raise MissingExtraError("plotting", "plot") from error
 
 
 def render(draw: "Callable[[Figure], None]", suffix: str, *, aspect: float = 0.68) -> bytes:

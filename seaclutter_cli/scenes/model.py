@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.documents import load_json
-from seaclutter_cli.errors import MissingExtraError, ModelError
+from seaclutter_cli.errors import ModelError, requiring
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.paths import open_regular
 from seaclutter_cli.text import printable
@@ -83,10 +83,8 @@ class SceneModel:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        try:
+        with requiring("the scene classifier", "scene"):
             import onnxruntime as runtime
-        except ImportError as error:
-            raise MissingExtraError("the scene classifier", "scene") from error
         data = _read(name)
         options = runtime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1

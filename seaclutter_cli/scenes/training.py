@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import InputError, MissingExtraError
+from seaclutter_cli.errors import InputError, requiring
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.scenes import TrainingParams
 from seaclutter_cli.scenes.model import IMAGE_SIZE, mark_cells
@@ -227,11 +227,9 @@ def train(examples: Examples, params: TrainingParams, on_epoch: Callable[[Epoch]
 
 def check_torch() -> Any:
     """Return PyTorch; raise `MissingExtraError` if it, or the package onnx, is not installed."""
-    try:
+    with requiring("training", "train"):
         import onnx  # noqa: F401 - must be installed
         import torch
-    except ImportError as error:
-        raise MissingExtraError("training", "train") from error
     return torch
 
 

@@ -6,6 +6,7 @@ of ROS 1 refuse. The output bytes do not depend on the number of threads.
 
 import struct
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import BinaryIO
 
 import lz4.frame
@@ -25,13 +26,10 @@ _NANO = 10**9
 _STRING_MD5 = "992ce8a1687cec8c8bd883ec73ca41d1"
 
 
-def _lz4(data: bytearray) -> bytes:
-    """Return an LZ4 frame with the options that ROS 1 requires: independent blocks, a checksum, no size."""
-    return bytes(lz4.frame.compress(data, block_linked=False, content_checksum=True, store_size=False))
-
-
+_LZ4 = {"block_linked": False, "content_checksum": True, "store_size": False}
+"""Options that ROS 1 requires."""
 _COMPRESSIONS: Mapping[str, tuple[str, Callable[[bytearray], bytes | bytearray]]] = {
-    "lz4": ("lz4", _lz4),
+    "lz4": ("lz4", partial(lz4.frame.compress, **_LZ4)),
     "": ("none", lambda data: data),
 }
 """Name in a bag, and function, of each compression."""

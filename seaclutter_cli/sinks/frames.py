@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from decimal import Decimal
 from pathlib import Path
 from typing import BinaryIO
 
@@ -28,7 +29,6 @@ from seaclutter_cli.sinks.options import TIMES, McapOptions
 from seaclutter_cli.sinks.point_files import NAMES, NO_COORDINATES, TOO_FAR
 from seaclutter_cli.text import count
 
-_NANO = 10**9
 TOPIC = "/points"
 """Topic of the frames when they are read again."""
 
@@ -137,12 +137,6 @@ class FrameSink(ExitStack, Sink):
         if self._options.record is not None:
             self._metadata.append(self._options.record())
         with self._output.open(TIMES) as file:
-            file.writelines(f"{_seconds(stamp)}\n".encode() for stamp in self._stamps_ns)
+            file.writelines(f"{Decimal(stamp).scaleb(-9):.9f}\n".encode() for stamp in self._stamps_ns)
         with self._output.open(SIDECAR) as file:
             file.write(to_text(self._metadata).encode())
-
-
-def _seconds(time_ns: int) -> str:
-    """Return a time in seconds with all its digits."""
-    seconds, rest = divmod(abs(time_ns), _NANO)
-    return f"{'-' if time_ns < 0 else ''}{seconds}.{rest:09d}"

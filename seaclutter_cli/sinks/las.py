@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import MissingExtraError, OutputError
+from seaclutter_cli.errors import MissingExtraError, OutputError, requiring
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 
 Column = NDArray[Any]
@@ -39,10 +39,8 @@ class TextRecord:
 
 def import_laspy(*, packed: bool = False) -> Any:
     """Return laspy; raise `MissingExtraError` if it, or its backend for ``packed`` files, is not installed."""
-    try:
+    with requiring("LAS/LAZ", "las"):
         import laspy  # optional dependency
-    except ImportError as error:
-        raise MissingExtraError("LAS/LAZ", "las") from error
     if packed and not laspy.LazBackend.LazrsParallel.is_available():
         raise MissingExtraError("LAZ", "las")
     return laspy

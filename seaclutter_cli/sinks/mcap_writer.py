@@ -38,7 +38,7 @@ def _zstd(data: bytearray) -> bytes:
 
 COMPRESSIONS: dict[str, Callable[[bytearray], Buffer | bytearray]] = {
     "zstd": _zstd,
-    "lz4": lambda data: bytes(lz4.frame.compress(data)),
+    "lz4": lz4.frame.compress,
     "": lambda data: data,
 }
 

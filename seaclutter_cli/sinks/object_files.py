@@ -7,7 +7,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from seaclutter_cli.errors import InputError, MissingExtraError, UsageError
+from seaclutter_cli.errors import InputError, UsageError, requiring
 from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.sinks.objects import COLUMNS
 from seaclutter_cli.tracking.follow import CONFIRMED
@@ -52,10 +52,8 @@ def _write_csv(stream: BinaryIO, lines: Iterable[bytes]) -> None:
 
 
 def _pyarrow() -> Any:
-    try:
+    with requiring("Parquet", "parquet"):
         import pyarrow.parquet  # takes 0.3 s, rarely needed
-    except ImportError as error:
-        raise MissingExtraError("Parquet", "parquet") from error
     return pyarrow
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import CloudError, InputError, MissingExtraError, UsageError
+from seaclutter_cli.errors import CloudError, InputError, UsageError, requiring
 from seaclutter_cli.frame import INTENSITY_NAMES
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.las import CHUNK_POINTS, open_las, parts_of, with_records
@@ -67,10 +67,8 @@ class Crs:
         """Return the conversion to longitude and latitude, which needs pyproj; None if the system is not known."""
         if not self.definition:
             return None
-        try:
+        with requiring("GeoJSON in WGS 84", "geo"):
             import pyproj  # an extra
-        except ImportError as error:
-            raise MissingExtraError("GeoJSON in WGS 84", "geo") from error
         try:
             source = pyproj.CRS.from_user_input(self.definition)
             transformer = pyproj.Transformer.from_crs(source, "EPSG:4326", always_xy=True)

@@ -18,7 +18,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar
 from urllib.parse import urlsplit
 
-from seaclutter_cli.errors import InputError, MissingExtraError, OutputError, SeaclutterError, UsageError
+from seaclutter_cli.errors import InputError, OutputError, SeaclutterError, UsageError, requiring
 from seaclutter_cli.storage.uploads import send
 from seaclutter_cli.urls import Url
 
@@ -127,10 +127,8 @@ def explained(url: Url, kind: type[SeaclutterError] = InputError) -> Iterator[No
 
     The original errors are dropped, also from tracebacks: their texts may contain signed URLs.
     """
-    try:
+    with requiring(f"{url.scheme}://", "cloud"):
         from obstore.exceptions import BaseError
-    except ImportError as error:
-        raise MissingExtraError(f"{url.scheme}://", "cloud") from error
     try:
         yield
     except (BaseError, OSError, ValueError) as error:  # writers raise an OSError

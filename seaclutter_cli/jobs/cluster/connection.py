@@ -14,7 +14,7 @@ from ssl import SSLError
 from threading import current_thread, main_thread
 from typing import TYPE_CHECKING, Any
 
-from seaclutter_cli.errors import ClusterError, MissingExtraError, UsageError
+from seaclutter_cli.errors import ClusterError, MissingExtraError, UsageError, requiring
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -170,10 +170,8 @@ def _require_acceptance(script: str) -> None:
 
 def _client_class() -> Any:
     """Return the class of Dask's client; raise `MissingExtraError` if the extra ``cluster`` is not installed."""
-    try:
+    with requiring("--cluster", "cluster"):
         from distributed import Client
-    except ImportError as error:
-        raise MissingExtraError("--cluster", "cluster") from error
     return Client
 
 

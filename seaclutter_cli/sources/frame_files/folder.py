@@ -9,7 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from seaclutter_cli.documents import read_document
-from seaclutter_cli.errors import CloudError, InputError, UsageError
+from seaclutter_cli.errors import CloudError, InputError, UsageError, opening
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.messages.metadata import SIDECAR, from_text
@@ -49,10 +49,9 @@ class FolderSource(TimedSource):
             raise UsageError(f"the rate must be positive and finite, got {rate_hz} frames per second")
         doubts: list[str] = []
         try:
-            files = _find_frames(path)
-            self._read = reader_of(files, columns, doubts.append)
-        except OSError as error:
-            raise InputError(f"{path}: {error.strerror}") from error
+            with opening(path):
+                files = _find_frames(path)
+                self._read = reader_of(files, columns, doubts.append)
         except CloudError as error:
             raise InputError(f"{path}: {error}") from error
         self.metadata = _read_metadata(files[0].parent) if path.is_dir() else ()

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import Cloud, from_array
-from seaclutter_cli.errors import CloudError, MissingExtraError
+from seaclutter_cli.errors import CloudError, MissingExtraError, requiring
 from seaclutter_cli.limits import above, limits
 from seaclutter_cli.paths import open_regular
 from seaclutter_cli.sources.frame_files.laz import LazBackend
@@ -147,10 +147,8 @@ def _ascii(text: bytes) -> str:
 
 
 def _laspy() -> Any:
-    try:
+    with requiring("LAS/LAZ", "las"):
         import laspy  # an extra
-    except ImportError as error:
-        raise MissingExtraError("LAS/LAZ", "las") from error
     return laspy
 
 

@@ -16,8 +16,7 @@ from seaclutter_cli.sources.frame_files.reading import check_size, parse_rows
 
 _SHORT = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"}
 _SIZED = {"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4"}
-_FLOATS = {"float": "f4", "float32": "f4", "double": "f8", "float64": "f8"}
-_TYPES = _SHORT | _SIZED | _FLOATS
+_TYPES = _SHORT | _SIZED | {"float": "f4", "float32": "f4", "double": "f8", "float64": "f8"}
 _ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
 _HEADER = re.compile(rb"\Aply\s*?\n(.*?)^end_header[ \t]*\r?(?:\n|\Z)", re.DOTALL | re.MULTILINE)
 _MAX_HEADER = 2**20

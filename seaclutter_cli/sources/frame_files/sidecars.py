@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from seaclutter_cli.errors import InputError
+from seaclutter_cli.errors import InputError, opening
 from seaclutter_cli.messages.metadata import SIDECAR
 from seaclutter_cli.messages.serialisation import Header, Writer
 from seaclutter_cli.paths import open_regular, read_whole
@@ -150,10 +150,8 @@ def _lines_for(files: Sequence[Path], times: Path) -> list[int]:
 
 
 def _text(path: Path) -> str:
-    try:
+    with opening(path):
         return read_whole(path).decode(errors="replace").strip()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
 
 
 class Pose(NamedTuple):

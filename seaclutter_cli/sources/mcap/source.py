@@ -51,13 +51,12 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
             if self._path.suffix.lower() != ".mcap":
                 raise InputError(f"{self._path}: not an MCAP file")
             self._report(0, "the file does not begin with the MCAP magic bytes", 0)
-        found = McapContents(self._file, self._declared, self._report)
+        self._found = found = McapContents(self._file, self._declared, self._report)
         self.profile = found.profile
-        self._chunks, self._extras, self._tail = found.chunks, found.extras, found.tail
-        self._counts, self._first = found.counts, found.first
+        self._chunks, self._tail, self._counts, self._first = found.chunks, found.tail, found.counts, found.first
         self.metadata = [record for record in found.extras if isinstance(record, Metadata)]
         self.facts = _simulated_facts(self.metadata)
-        if not (self._chunks or self._extras or self._tail or self._declared.all()):
+        if not (found.chunks or found.extras or found.tail or self._declared.all()):
             raise InputError(f"{self._path}: no readable record in this MCAP file")
         used = (chunk.header.compression for chunk in self._chunks if chunk.header)
         self.compression = next((name for name in used if name in COMPRESSIONS), None)
@@ -82,20 +81,12 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
         """Messages per channel number, from the statistics or, without them, from the message indexes."""
         return dict(self._statistics.channel_message_counts if self._statistics else self._counts)
 
-    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
-        """Yield metadata and attachments, then the messages of chunks with times in ``[start_ns, end_ns)``."""
-        for extra in self._extras:
+    def _extras(self) -> Iterator[Record]:
+        for extra in self._found.extras:
             if isinstance(extra, Attachment) and len(extra.data) <= _SMALL:  # so that it outlives the source
                 yield replace(extra, data=bytes(extra.data))
             else:
                 yield extra
-        found = 0
-        messages, is_all = self._in_time_order(start_ns, end_ns)
-        for message in messages:
-            yield message
-            found += 1
-        if is_all:
-            self._check_statistics(found)
 
     def _indexed(self, chunk: McapChunk) -> Counter[int] | None:
         counts = index_counts(self._file, chunk.offset + chunk.size)
@@ -158,8 +149,7 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
             problem = f"the index at the end lists {count(absent, 'chunk')} that the file does not contain"
             self._report(offset, problem, 0)
 
-    def _check_statistics(self, found: int) -> None:
-        """Compare the number of read and lost messages with the statistics."""
+    def _check_number(self, found: int) -> None:
         if self._statistics is None:
             return
         offset = next(span.offset for span in self._tail if span.op == Opcode.STATISTICS)
@@ -171,8 +161,8 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
         elif found > expected:
             surplus = count(found - expected, "message")
             self._report(offset, f"the file contains {surplus} more than its statistics state", 0)
-        elif extras > len(self._extras) and not self.damage:
-            problem = f"the file lacks {extras - len(self._extras)} of {extras} attachments and metadata records"
+        elif extras > len(self._found.extras) and not self.damage:
+            problem = f"the file lacks {extras - len(self._found.extras)} of {extras} attachments and metadata records"
             self._report(offset, problem, 0)
 
     def _inspect_chunks(self) -> None:

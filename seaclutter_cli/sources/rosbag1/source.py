@@ -1,7 +1,7 @@
 """ROS 1 bags (format 2.0): intact, unindexed, truncated or damaged."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import chain
@@ -10,7 +10,7 @@ from struct import Struct
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
 from seaclutter_cli.messages.metadata import from_message, is_carrier
-from seaclutter_cli.records import Buffer, Channel, Message, Record, Schema
+from seaclutter_cli.records import Buffer, Channel, Message, Schema
 from seaclutter_cli.sources.rosbag1.records import MAGIC, NANO, BagRecord, Op, parse_fields, read_record, walk
 from seaclutter_cli.sources.shared.chunked import MAX_AHEAD_BYTES, Chunk, ChunkedSource
 from seaclutter_cli.sources.shared.log_file import Bytes
@@ -164,7 +164,6 @@ class BagSource(ChunkedSource[Chunk, Content]):
 
     def _read_metadata(self) -> None:
         """Take the records that this program writes to a bag as a message, whose channels are then hidden."""
-        self._hidden: set[int] = set()
         carriers = {number for number, channel in self._channels.items() if is_carrier(channel)}
         found = [from_message(message.data) for message in self.latest(carriers, _ANY_TIME[1])] if carriers else []
         if found and all(found):
@@ -181,19 +180,11 @@ class BagSource(ChunkedSource[Chunk, Content]):
         """Messages per channel id."""
         return {channel: self._counts[channel] for channel in self._channels if channel not in self._hidden}
 
-    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
-        """Yield metadata, then the messages of chunks with times in ``[start_ns, end_ns)``."""
-        yield from self.metadata
-        read = 0
-        messages, is_all = self._in_time_order(start_ns, end_ns)
-        for message in messages:
-            read += 1
-            if message.channel.id not in self._hidden:
-                yield message
+    def _check_number(self, found: int) -> None:
         known = sum(damage.lost_messages or 0 for damage in self.damage)
-        if is_all and self._listed is not None and self._listed > read + known:
-            problem = f"the index lists {count(self._listed, 'message')}, but {read:,} can be read"
-            self._report(None, problem, 0, self._listed - read - known)
+        if self._listed is not None and self._listed > found + known:
+            problem = f"the index lists {count(self._listed, 'message')}, but {found:,} can be read"
+            self._report(None, problem, 0, self._listed - found - known)
 
     def _indexed(self, chunk: Chunk) -> Counter[int] | None:
         index = read_index(self._file, chunk.offset + chunk.size)

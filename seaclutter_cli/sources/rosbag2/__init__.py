@@ -7,7 +7,7 @@ from pathlib import Path, PureWindowsPath
 from typing import Any
 
 from seaclutter_cli.documents import MAX_YAML_CHARACTERS, DocumentError, load_yaml
-from seaclutter_cli.errors import InputError
+from seaclutter_cli.errors import InputError, opening
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.paths import open_regular
 from seaclutter_cli.records import Damage
@@ -75,10 +75,8 @@ def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
 
 def _storage_files(folder: Path) -> list[Path]:
     """Return the storage files of a folder in natural order; of packed and unpacked versions, only the latter."""
-    try:
+    with opening(folder):
         files = [file for file in folder.iterdir() if _STORAGE.fullmatch(file.name) and file.is_file()]
-    except OSError as error:
-        raise InputError(f"{folder}: {error.strerror}") from error
     unpacked = {file for file in files if file.suffix.lower() != ".zstd"}
     chosen = (file for file in files if file in unpacked or file.with_suffix("") not in unpacked)
     return sorted(chosen, key=lambda file: (*numbered(file), file.name))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.limits import above_in_file, limits
-from seaclutter_cli.records import Message
+from seaclutter_cli.records import Message, Record
 from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
 from seaclutter_cli.threads import executor, threads
 
@@ -147,6 +147,8 @@ class ChunkedSource(Source, Generic[C, P]):
         self._path = path
         self._file = LogFile(path)
         self._chunks: list[C] = []
+        self._hidden: set[int] = set()
+        """Ids of channels with messages that are no messages of the recording."""
         try:
             self._open()
         except BaseException:
@@ -156,6 +158,10 @@ class ChunkedSource(Source, Generic[C, P]):
     @abstractmethod
     def _open(self) -> None:
         """Find the chunks of the file, which is open."""
+
+    @abstractmethod
+    def _check_number(self, found: int) -> None:
+        """Compare the number of messages in the file, readable or reported as lost, with the one that it states."""
 
     @abstractmethod
     def _indexed(self, chunk: C) -> Counter[int] | None:
@@ -184,6 +190,10 @@ class ChunkedSource(Source, Generic[C, P]):
         self._report(chunk.offset, problem, sum(large), len(large))
         return [message for message in messages if len(message.data) <= most]
 
+    def _extras(self) -> Iterable[Record]:
+        """Return the metadata records and attachments."""
+        return self.metadata
+
     def _read(self, chunk: C) -> list[Message]:
         return self._load(chunk, partial(self._unpack, chunk))
 
@@ -191,14 +201,21 @@ class ChunkedSource(Source, Generic[C, P]):
         """Return the chunks whose messages are all earlier than a time and can be counted without reading them."""
         return [chunk for chunk in chunks if chunk.end_ns < start_ns and self._indexed(chunk) is not None]
 
-    def _in_time_order(self, start_ns: int | None, end_ns: int | None) -> tuple[Iterator[Message], bool]:
-        """Return the messages of the chunks to read for a time range, and whether these are all chunks."""
+    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
+        """Yield metadata and attachments, then the messages of chunks with times in ``[start_ns, end_ns)``."""
+        yield from self._extras()
         chosen = [chunk for chunk in self._chunks if end_ns is None or chunk.start_ns < end_ns]
         left_out = {chunk.offset for chunk in self._before(chosen, start_ns)} if start_ns is not None else set()
         chosen = [chunk for chunk in chosen if chunk.offset not in left_out]
         # A small file cannot need as much as a large one.
         most = min(MAX_WAITING_BYTES, _WAITING_LEAST + _WAITING_RATIO * len(self._file))
-        return in_time_order(chosen, self._unpack, self._load, most), len(chosen) == len(self._chunks)
+        found = 0
+        for message in in_time_order(chosen, self._unpack, self._load, most):
+            found += 1
+            if message.channel.id not in self._hidden:
+                yield message
+        if len(chosen) == len(self._chunks):
+            self._check_number(found)
 
     def skipped(self, start_ns: int) -> Mapping[int, int]:
         """Return the number of messages per channel id that `records` leaves out before ``start_ns``."""

@@ -11,7 +11,7 @@ from struct import Struct
 from threading import Lock
 from typing import Any, Protocol, TypeVar
 
-from seaclutter_cli.errors import InputError
+from seaclutter_cli.errors import InputError, opening
 from seaclutter_cli.paths import open_regular
 
 _WINDOW = 16 * 2**10
@@ -51,10 +51,8 @@ class LogFile:
     def __init__(self, path: Path, window: int = _WINDOW) -> None:
         self._path, self._least = path, window
         self._lock = Lock()
-        try:
+        with opening(path):
             self._file = open_regular(path)
-        except OSError as error:
-            raise InputError(f"{path}: {error.strerror}") from error
         self._size = os.fstat(self._file.fileno()).st_size
         self._window = (0, memoryview(b""))
         if not self._size:
