@@ -15,7 +15,7 @@ import numpy as np
 from seaclutter_cli import __version__
 from seaclutter_cli.airborne.settings import TileSettings, parse_settings
 from seaclutter_cli.documents import load_json
-from seaclutter_cli.errors import ConfigError, InputError, MissingExtraError, RenamedKeyWarning
+from seaclutter_cli.errors import ConfigError, InputError, RenamedKeyWarning, requiring
 from seaclutter_cli.paths import read_whole
 
 _FORMAT = 1
@@ -132,11 +132,9 @@ def _check_tree(tree: Any, features: int, classes: int) -> None:
 
 
 def _skops() -> Any:
-    try:
+    with requiring("classification", "classify"):
         import sklearn.ensemble  # noqa: F401 - an optional dependency, like skops
         import skops.io
-    except ImportError as error:
-        raise MissingExtraError("classification", "classify") from error
     return skops.io
 
 

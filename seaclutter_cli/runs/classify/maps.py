@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.map import IS_LAND, IS_OBJECT, map_of, shoreline_of, total_length_m
 from seaclutter_cli.airborne.objects import FoundObject, ObjectFindingParams, geodata_fields, unclassified_objects
 from seaclutter_cli.airborne.separation import SeaState, Separation
-from seaclutter_cli.errors import MissingExtraError
+from seaclutter_cli.errors import MissingExtraError, requiring
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.plots.tiles import MapPart, aspect_of, draw_map
 from seaclutter_cli.runs.observer import Observer
@@ -42,11 +42,9 @@ def geopackage(layers: Mapping[str, Layer]) -> bytes:
 
     `MissingExtraError` if fudgeo is not installed.
     """
-    try:
+    with requiring("GeoPackage", "geo"):
         from fudgeo.geometry import LineString, Polygon
         from fudgeo.geopkg import Field, MemoryGeoPackage
-    except ImportError as error:
-        raise MissingExtraError("GeoPackage", "geo") from error
     package = MemoryGeoPackage.create(flavor="EPSG")
     try:
         system = package.spatial_references[_WGS84]
@@ -75,10 +73,8 @@ def check_maps(plot_file: Path | None, *, shoreline: bool, package: bool) -> Non
     if plot_file:
         check_target(plot_file)
     if shoreline:
-        try:
+        with requiring("the shoreline", "geo"):
             import contourpy  # noqa: F401 - availability check
-        except ImportError as error:
-            raise MissingExtraError("the shoreline", "geo") from error
     if package:
         geopackage({})
 

@@ -4,7 +4,6 @@ laspy and lazrs trust the sizes in a file: one wrong bit can cost hours or gigab
 here first. Of a COPC file, a part of the area can be read alone; laspy's reader would decompress it in this process.
 """
 
-import io
 import logging
 import os
 import struct
@@ -102,33 +101,23 @@ def open_las(path: Path) -> Iterator[Any]:
             yield reader
 
 
-class _Patched(io.RawIOBase):
+class _Patched:
     """File some of whose bytes, by their offset, are others."""
 
     def __init__(self, file: BinaryIO, others: Mapping[int, bytes]) -> None:
         self._file, self._others = file, others
 
-    def readable(self) -> bool:
-        return True
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
 
-    def seekable(self) -> bool:
-        return True
-
-    def tell(self) -> int:
-        return self._file.tell()
-
-    def seek(self, offset: int, whence: int = os.SEEK_SET, /) -> int:
-        return self._file.seek(offset, whence)
-
-    def readinto(self, buffer: Any, /) -> int:
+    def read(self, size: int) -> bytes:
         at = self._file.tell()
-        data = bytearray(self._file.read(len(buffer)))
+        data = bytearray(self._file.read(size))
         for start, other in self._others.items():
             low, high = max(start, at), min(start + len(other), at + len(data))
             if low < high:
                 data[low - at : high - at] = other[low - start : high - start]
-        buffer[: len(data)] = data
-        return len(data)
+        return bytes(data)
 
 
 def _ids_to_replace(file: BinaryIO, at: int, number: int) -> dict[int, bytes]:

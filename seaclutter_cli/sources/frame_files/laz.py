@@ -70,10 +70,7 @@ class _Reader:
             block = self._worker.block()
             self._left -= len(block)
             self._read = self._read + block if self._read else block  # in most cases, what is asked for is one block
-        if len(self._read) > size:
-            read, self._read = self._read[:size], self._read[size:]
-        else:
-            read, self._read = self._read, bytearray()
+        read, self._read = self._read[:size], self._read[size:]
         return read
 
     def release(self) -> None:
