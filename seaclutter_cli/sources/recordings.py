@@ -20,7 +20,6 @@ from seaclutter_cli.sources.pcap import metadata_of
 from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
 from seaclutter_cli.sources.shared.split import (
     SplitSource,
-    difference,
     joined,
     joined_name,
     numbered,
@@ -67,9 +66,9 @@ class Recording:
 
 def require_one(files: Sequence[Path]) -> None:
     """Raise `InputError` if files that are joined by their names are not one recording."""
-    reason = difference(files, open_file) if len(files) > 1 else None
-    if reason:
-        raise InputError(f"{reason}; --no-join reads them one by one")
+    lines: list[str] = []
+    if len(files) > 1 and len(joined(files, open_file, lines.append)) > 1:
+        raise InputError(f"{lines[-1]}; --no-join reads them one by one")
 
 
 def has_metadata_beside(name: str) -> bool:

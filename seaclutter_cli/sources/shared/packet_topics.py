@@ -177,19 +177,6 @@ def _candidates(
     return [candidate for candidate in found if candidate.channel.id not in companions]
 
 
-def _probe(records: Callable[[], Iterable[Record]], candidates: Iterable[_Candidate]) -> None:
-    """Read a log until it is known which of some topics can be decoded."""
-    left = list(candidates)
-    for message in (record for record in (records() if left else ()) if isinstance(record, Message)):
-        for candidate in left:
-            candidate.add(message)
-        left = [candidate for candidate in left if not candidate.is_done]
-        if not left:
-            break
-    for candidate in left:
-        candidate.finish()
-
-
 @dataclass
 class _Stream(CloudStream):
     """State of reading a packet topic: its clouds, and the messages that wait to be decoded."""
@@ -231,7 +218,16 @@ class PacketTopics(SourceWrapper):
 
     def _find_decodable(self, candidates: Sequence[_Candidate]) -> None:
         """Determine from the first packets of each topic whether it can be decoded."""
-        _probe(self._inner.records, candidates)
+        left = candidates
+        for record in self._inner.records() if left else ():
+            if isinstance(record, Message):
+                for candidate in left:
+                    candidate.add(record)
+            left = [candidate for candidate in left if not candidate.is_done]
+            if not left:
+                break
+        for candidate in left:
+            candidate.finish()
         for candidate in candidates:
             if candidate.make:
                 taken = {channel.id for channel in self.channels}

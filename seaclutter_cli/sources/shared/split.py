@@ -283,12 +283,6 @@ def _lines(groups: Sequence[Sequence[Path]], reasons: Sequence[str]) -> Iterator
         yield f"{files} are {len(groups)} recordings: {reasons[0]}{more}; --join makes them one"
 
 
-def difference(files: Sequence[Path], open_file: Callable[[Path], Source]) -> str | None:
-    """Return why files are not one recording; None if they are."""
-    lines: list[str] = []
-    return lines[-1] if len(joined(files, open_file, lines.append)) > 1 else None
-
-
 def _content(file: Path, open_file: Callable[[Path], Source]) -> _Content | None:
     try:
         with closing(open_file(file)) as source:
