@@ -1,6 +1,5 @@
 """The surface of rough water, which follows the waves, and what rises out of it."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,7 +88,10 @@ def follow_waves(
     usable &= ~excluded
     water &= usable
     flat = np.full(lowest.shape, waves.level_m), np.full(lowest.shape, waves.deviation_m**2)
-    widths = [width / grid.cell_m for width in _widths(waves.length_m)]
+    widths = [float(np.clip(waves.length_m / _LENGTHS, *_WIDEST_M))]
+    while widths[-1] > FINEST_M:
+        widths.append(max(widths[-1] / 2, FINEST_M))
+    widths = [width / grid.cell_m for width in widths]
     coarser = flat
     for width in widths:
         for _ in range(_PASSES):
@@ -105,13 +107,6 @@ def follow_waves(
     surface[land] = waves.level_m
     crests = surface - waves.level_m > _CREST * waves.deviation_m
     return FollowedSurface(surface, np.sqrt(variance), brightness, contrast, crests)
-
-
-def _widths(length_m: float) -> Sequence[float]:
-    widths = [float(np.clip(length_m / _LENGTHS, *_WIDEST_M))]
-    while widths[-1] > FINEST_M:
-        widths.append(max(widths[-1] / 2, FINEST_M))
-    return widths
 
 
 def _finer(

@@ -216,11 +216,7 @@ class LeveledTile:
             land = land | island_cells(grid, elevation, level, shores.bank_m, island_m or np.inf, land)
         known = land & np.isfinite(level)
         elevation[known] = level[known]
-        return Surface(elevation, self.params.threshold_m, land, self._ground_top)
-
-    @property
-    def _ground_top(self) -> Cells | None:
-        return self._top if self.params.land == "class2" else None
+        return Surface(elevation, self.params.threshold_m, land, self._top if self.params.land == "class2" else None)
 
     def _separated(self, surface: Surface, state: SeaState, *, is_doubtful: bool) -> Separation:
         land = _land_cells(self.params.cell_m, [(self.points, surface.land)])

@@ -172,7 +172,8 @@ def oscillation(elevation: Cells, water: Mask, step: int = 1) -> tuple[float, fl
     """
     covariance = _products(np.where(water, elevation, 0))
     correlation = covariance / max(float(covariance[0, 0]), 1e-12)
-    if _density(water) < _SPARSE:
+    beside = water[1:][water[:-1]]  # whether the neighbours of cells are known
+    if len(beside) and beside.mean() < _SPARSE:
         pairs = np.maximum(_products(water), 1)
         rows, columns = (1 - np.abs(lags) / side for lags, side in zip((_REACH, _LAGS), water.shape, strict=True))
         correlation *= rows[:, None] * columns * pairs[0, 0] / pairs
@@ -185,12 +186,6 @@ def oscillation(elevation: Cells, water: Mask, step: int = 1) -> tuple[float, fl
             return 0.0, 0.0
         return oscillation(elevation[::2, ::2], water[::2, ::2], 2 * step)
     return 2 * step * float(np.hypot(_REACH[i], _LAGS[j])), -float(correlation[i, j])
-
-
-def _density(known: Mask) -> float:
-    """Return the share of the neighbours of known cells that are known; 1 without any."""
-    neighbors = known[1:][known[:-1]]
-    return float(neighbors.mean()) if len(neighbors) else 1.0
 
 
 def _products(values: NDArray[Any]) -> NDArray[np.floating[Any]]:

@@ -121,8 +121,6 @@ def _overlap(step: int, halo: int) -> tuple[slice, slice]:
 
 def _distinct(column: Ints, row: Ints) -> tuple[list[tuple[int, int]], Ints]:
     """Return the distinct pairs, sorted, and the index of each pair among them."""
-    if not len(column):
-        return [], np.empty(0, np.int64)
     low = int(column.min()), int(row.min())
     span = int(row.max()) - low[1] + 1
     key = (column - low[0]) * span + (row - low[1])

@@ -82,15 +82,6 @@ def _walk(data: memoryview) -> Iterator[tuple[int, int, int | memoryview, memory
         yield number, wire, value, data[start:at]
 
 
-def _double(value: int | memoryview) -> float:
-    bits = value if isinstance(value, int) else 0
-    return float(struct.unpack("<d", bits.to_bytes(8, "little"))[0])
-
-
-def _signed(value: int) -> int:
-    return value - 2**64 if value >> 63 else value
-
-
 def _packed(number: int, wire: int, value: int | Buffer) -> bytes:
     key = bytes((number << 3 | wire,))
     if isinstance(value, int):
@@ -127,8 +118,9 @@ class ProtobufPointCloud:
             else:
                 others.append(bytes(whole))
                 if number == _TIMESTAMP and isinstance(value, memoryview):
-                    parts = {key: _signed(part) for key, _, part, _ in _walk(value) if isinstance(part, int)}
-                    stamp_ns = parts.get(1, 0) * NANO + parts.get(2, 0)
+                    parts = {key: part for key, _, part, _ in _walk(value) if isinstance(part, int)}
+                    seconds, nanoseconds = (parts.get(key, 0) - (parts.get(key, 0) >> 63 << 64) for key in (1, 2))
+                    stamp_ns = seconds * NANO + nanoseconds
                 elif number == _FRAME_ID and isinstance(value, memoryview):
                     frame_id = bytes(value).decode("utf-8", "replace")
                 elif number == _POSE and isinstance(value, memoryview):
@@ -140,8 +132,8 @@ class ProtobufPointCloud:
         parts = {number: value for number, _, value, _ in _walk(data) if isinstance(value, memoryview)}
         pose: list[float] = []
         for number, (_, axes) in enumerate((_POSITION, _ORIENTATION), 1):
-            values = {at: value for at, wire, value, _ in _walk(parts.get(number, _NOTHING)) if wire == _FIXED64}
-            pose += (_double(values.get(at, 0)) for at in range(1, len(axes) + 1))
+            values = {at: raw[-8:] for at, wire, _, raw in _walk(parts.get(number, _NOTHING)) if wire == _FIXED64}
+            pose += (struct.unpack("<d", values.get(at, bytes(8)))[0] for at in range(1, len(axes) + 1))
         return tuple(pose)
 
     def _field(self, data: memoryview) -> PointField:

@@ -7,7 +7,7 @@ used: they are Python code made from definitions, and nothing in a log should be
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, lru_cache, partial
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -200,7 +200,7 @@ def change_between(source: Struct, target: Struct) -> tuple[Change, list[str]]:
         nested |= {name: found[1]} if found else {}
     lost = [name for name in source.names if name not in nested]
     lost += [f"{name}.{inner}" for name in source.names for inner in nested.get(name, ())]
-    return partial(_changed, parts), lost
+    return lambda values: [then if at is None else change(values[at]) for at, then, change in parts], lost
 
 
 def _change(source: _Node, target: _Node) -> tuple[Change, list[str]] | None:
@@ -213,10 +213,6 @@ def _change(source: _Node, target: _Node) -> tuple[Change, list[str]] | None:
         found = None if isinstance(source.item, _Block) else _change(source.item, target.item)
         return (lambda values: [found[0](value) for value in values], found[1]) if found else None
     return None
-
-
-def _changed(parts: Sequence[tuple[int | None, Any, Change]], values: Sequence[Any]) -> list[Any]:
-    return [default if place is None else change(values[place]) for place, default, change in parts]
 
 
 @cache

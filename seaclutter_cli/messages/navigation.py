@@ -3,7 +3,7 @@
 import math
 from bisect import bisect
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -223,11 +223,8 @@ class Navigation:
         head, child = read.header(), read.text()
         sample = _sample(read, head.stamp_ns or message.log_time_ns)
         self._add(_plain(head.frame_id), _plain(child), sample)
-        if not any(name == _plain(child) for name in self._parents()):
+        if all(edge.parent != _plain(child) for edge in self._edges.values()):
             self._add(_plain(head.frame_id), _BODY, sample)  # no transform from the lidar: its axes are taken for these
-
-    def _parents(self) -> Iterator[str]:
-        return (edge.parent for edge in self._edges.values())
 
     def _pose(self, read: Reader, message: Message) -> None:
         head = read.header()

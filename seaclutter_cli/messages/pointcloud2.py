@@ -154,11 +154,6 @@ def _unpack_zlib(packed: Buffer, size: int) -> bytes:
     return data
 
 
-def _pack_zlib(data: Buffer) -> bytes:
-    stream = zlib.compressobj(_ZLIB_LEVEL, wbits=_GZIP)
-    return stream.compress(data) + stream.flush()
-
-
 def _unpack_draco(
     packed: Buffer, points: int, fields: Sequence[PointField], point_step: int, *, big_endian: bool
 ) -> tuple[tuple[PointField, ...], memoryview]:
@@ -255,5 +250,5 @@ def _skip_metadata(stream: BytesIO, depth: int = 0) -> None:
 _UNPACK: Mapping[str, Callable[[Buffer, int], bytes]] = {ZSTD: _unpack_zstd, ZLIB: _unpack_zlib}
 _PACK: Mapping[str, Callable[[Buffer], bytes]] = {
     ZSTD: lambda data: zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress(data),
-    ZLIB: _pack_zlib,
+    ZLIB: lambda data: zlib.compress(data, _ZLIB_LEVEL, _GZIP),
 }

@@ -104,7 +104,7 @@ class SceneUpdate:
             "metadata": _metadata(track) if track else [],
             **{kind: [] for kind in _PRIMITIVES},
             "arrows": [_arrow(track)] if track and any(track.velocity) else [],
-            "cubes": [_cube(box) for box in boxes],
+            "cubes": [{"pose": _pose(box), "size": _xyz(box.size), "color": _color(box.color, 0.3)} for box in boxes],
             "texts": [_text(box) for box in boxes if box.text],
         }
 
@@ -143,10 +143,6 @@ def _typestore() -> Any:
 def _pose(box: SceneBox) -> dict[str, Any]:
     rotation = {"x": 0.0, "y": 0.0, "z": math.sin(box.yaw / 2), "w": math.cos(box.yaw / 2)}
     return {"position": _xyz(box.center), "orientation": rotation}
-
-
-def _cube(box: SceneBox) -> dict[str, Any]:
-    return {"pose": _pose(box), "size": _xyz(box.size), "color": _color(box.color, 0.3)}
 
 
 def _arrow(track: SceneTrack) -> dict[str, Any]:

@@ -40,7 +40,9 @@ def write_scene(
         defaults = {key.name: key.default if key.default is MISSING else plain(key.default) for key in fields(kind)}
         lines += [f"# {line}" for line in _keys(defaults, kind)]
         lines.append(f"{name}:" if items else f"{name}: []")
-        lines += [f"  - {yaml_value(_changed(item))}" for item in items]
+        for values in map(vars, items):
+            changed = {key: plain(value) for key, value in values.items() if plain(value) != defaults[key]}
+            lines.append(f"  - {yaml_value(changed)}")
     with AtomicFile(path, group) as file:
         file.stream.write(("\n".join(lines) + "\n").encode())
 
@@ -61,8 +63,3 @@ def _commented(line: str, comment: str) -> tuple[str, ...]:
     if len(line) <= _COLUMN:
         return (f"{line:<{_COLUMN}} # {comment}",)
     return f"{line[: len(line) - len(line.lstrip())]}# {comment}", line
-
-
-def _changed(params: Any) -> dict[str, Any]:
-    """Return the values that are not the default."""
-    return {one.name: plain(value) for one in fields(params) if (value := getattr(params, one.name)) != one.default}

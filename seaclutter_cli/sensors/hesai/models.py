@@ -208,18 +208,14 @@ def _states_of_128(packets: NDArray[np.void]) -> Ints:
     return np.asarray(np.where(packets["operation"][:, None] == 0, angle, 4 + angle % 2))
 
 
-def _pace_of_128(packets: NDArray[np.void]) -> Ints:
-    """Return the time between blocks: once with high resolution, twice without."""
-    return np.where(packets["operation"] == 0, 1, 2)
-
-
 def _xt(name: str, blocks: int, lasers: int) -> HesaiModel:
     layouts = _layouts(_HEADER, _blocks(blocks, lasers, 4), [("status", "u1", 10)], _LATE_TAIL, _SEQUENCE)
     return HesaiModel(name, layouts, lasers, blocks, 50_000, version=(6,), last_block_ns=5_632)
 
 
-_P128: dict[str, Any] = {"version": (1, 4), "states": _states_of_128, "pace": _pace_of_128, "is_experimental": True}
+_P128: dict[str, Any] = {"version": (1, 4), "states": _states_of_128, "is_experimental": True}
 """What a Pandar128 and an OT128 share, which the versions in their status tell apart."""
+_P128["pace"] = lambda packets: np.where(packets["operation"] == 0, 1, 2)  # once with high resolution, twice without
 
 MODELS = (
     _xt("PandarXT-32", 8, 32),

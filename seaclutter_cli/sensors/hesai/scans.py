@@ -159,10 +159,11 @@ class MirrorScan:
         at = positions[firings]
         node, rest = np.divmod(at, _STEP)
         share = rest / _STEP
-        azimuth, elevation = (
-            _rounded((1 - share) * table[channels, node] + share * table[channels, (node + 1) % _NODES])
+        between = (
+            (1 - share) * table[channels, node] + share * table[channels, (node + 1) % _NODES]
             for table in self._offsets
         )
+        azimuth, elevation = (np.copysign(np.floor(np.abs(one) + 0.5), one).astype(np.int64) for one in between)
         azimuths = np.radians((self._turned(at) - self._angles[0, channels] + azimuth * _FINE) / _DEGREE)
         elevations = np.radians((self._angles[1, channels] + elevation * _FINE) / _DEGREE)
         return azimuths, np.cos(elevations), np.sin(elevations)
@@ -183,11 +184,6 @@ class MirrorScan:
     def _turned(self, positions: Ints) -> Ints:
         """Return how far beams are turned at positions, without the angles of channels; twice as far as the motor."""
         return np.asarray(2 * ((positions - self._starts[self._fields(positions)]) % (360 * _DEGREE)))
-
-
-def _rounded(values: Floats) -> Ints:
-    """Return the nearest whole numbers, of two the one further from 0."""
-    return np.copysign(np.floor(np.abs(values) + 0.5), values).astype(np.int64)
 
 
 Scan = RotorScan | MirrorScan

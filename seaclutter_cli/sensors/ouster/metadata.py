@@ -91,8 +91,9 @@ def _metadata(flat: Mapping[str, Any]) -> OusterMetadata:
     azimuth = _angles(flat["beam_azimuth_angles"])
     if len(altitude) != len(azimuth) or len(altitude) != layout.get("pixels_per_column", len(altitude)):
         raise ValueError(f"expected one altitude and one azimuth angle per row, got {len(altitude)} and {len(azimuth)}")
+    family = re.match(r"OS-?([0-9A-Z]+)", str(flat.get("prod_line", "")))  # OS-1-128 and OS-1-128-U1 are an OS1-128
     return OusterMetadata(
-        model=_model(str(flat.get("prod_line", "")), len(altitude)),
+        model=f"OS{family[1]}-{len(altitude)}" if family else f"OS-{len(altitude)}",
         serial=str(flat.get("prod_sn", "")),
         firmware=str(flat.get("build_rev", "")),
         clock=str(flat.get("timestamp_mode", "")),
@@ -128,9 +129,3 @@ def _transform(values: Any, default: list[float]) -> Floats:
         raise ValueError("a transform contains non-finite numbers")
     matrix[:3, 3] /= 1000
     return matrix
-
-
-def _model(product: str, rows: int) -> str:
-    """Return the name of a sensor: OS1-128 for OS-1-128 or OS-1-128-U1."""
-    family = re.match(r"OS-?([0-9A-Z]+)", product)
-    return f"OS{family[1]}-{rows}" if family else f"OS-{rows}"

@@ -164,10 +164,7 @@ def write_info(model: RobosenseModel, angles: Angles) -> NDArray[np.uint8]:
         return packet
     for begin, values in ((VERTICAL_AT, angles.vertical), (model.format.horizontal_at, angles.horizontal)):
         units = np.rint(values[: model.lasers] / model.angle_unit).astype(np.int64)
-        packet[begin : begin + 3 * model.lasers] = _signed(units)
+        size = np.abs(units)
+        signed = np.stack([units < 0, size >> 8, size & 255], 1).astype(np.uint8)
+        packet[begin : begin + 3 * model.lasers] = signed.reshape(-1)
     return packet
-
-
-def _signed(values: Ints) -> NDArray[np.uint8]:
-    size = np.abs(values)
-    return np.stack([values < 0, size >> 8, size & 255], 1).astype(np.uint8).reshape(-1)

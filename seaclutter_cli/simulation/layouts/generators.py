@@ -191,22 +191,18 @@ def narrow_channel(plan: Plan) -> Scene:
         moor(plan, line, ends, _MOORED[:3], plan.uniform(0, 0.3))
     middle = Line((share - 0.5) * width, 0.0, 1, bend)
     if plan.bernoulli(0.35):
-        _bridge(plan, middle, plan.uniform(15, 60) * (1 if plan.bernoulli(0.5) else -1), width)
+        along = plan.uniform(15, 60) * (1 if plan.bernoulli(0.5) else -1)
+        for offset in (-0.25, 0.25):
+            position, wide = middle.at(along, offset * width), plan.log_uniform(0.8, 2.5)
+            if plan.reserve(position, 3.0):
+                size = (plan.uniform(2, 6), wide, plan.uniform(6, 10))
+                plan.add_fixed("building", position, size, reflectivity=plan.log_uniform(0.1, 0.5))
     for _ in range(plan.integer(0, 2)):
         position = middle.at(plan.uniform(-80, 80), plan.uniform(-0.25, 0.25) * width)
         plan.add_boat(_SMALL, position, 180 * plan.integer(0, 1), speed_ms=plan.uniform(0, 3), longest_m=10)
     heading = plan.uniform(-12, 12) + 180 * plan.integer(0, 1) if plan.bernoulli(0.85) else plan.uniform(-180, 180)
     speed = plan.uniform(0, 4) if abs(np.cos(np.radians(heading))) > 0.9 else 0.0
     return plan.scene("A narrow channel.", heading_deg=heading, speed_ms=speed)
-
-
-def _bridge(plan: Plan, middle: Line, along_m: float, width_m: float) -> None:
-    """Add the piers of a bridge."""
-    for offset in (-0.25, 0.25):
-        position, wide = middle.at(along_m, offset * width_m), plan.log_uniform(0.8, 2.5)
-        if plan.reserve(position, 3.0):
-            size = (plan.uniform(2, 6), wide, plan.uniform(6, 10))
-            plan.add_fixed("building", position, size, reflectivity=plan.log_uniform(0.1, 0.5))
 
 
 def lock(plan: Plan) -> Scene:
@@ -238,7 +234,11 @@ def river(plan: Plan) -> Scene:
         line = Line(part * width, 0.0, side, bend, _uneven(plan, plan.uniform(0.3, 2.5)))
         shore(plan, line, ends, "bank", plan.log_uniform(0.6, 5.0), houses=plan.uniform(0, 0.3))
         moor(plan, line, ends, _MOORED[:2], plan.uniform(0, 0.4))
-        _piles(plan, line, ends)
+        for _ in range(plan.integer(0, 8)):
+            position, wide = line.at(plan.uniform(*ends), -plan.uniform(1, 5)), plan.log_uniform(0.25, 0.8)
+            if plan.reserve(position, wide):
+                size = (wide, wide, plan.uniform(1, 4))
+                plan.add_fixed("pile", position, size, reflectivity=plan.log_uniform(0.1, 0.5))
     heading = plan.uniform(-20, 20) + 180 * plan.integer(0, 1)
     return plan.scene("A river between banks.", heading_deg=heading, speed_ms=plan.uniform(0, 4))
 
@@ -247,14 +247,6 @@ def _uneven(plan: Plan, height_m: float) -> Callable[[float], float]:
     """Return a random offset of a natural shore as a function of the distance along the axis."""
     waves, phases = plan.rng.uniform(20, 90, 3), plan.rng.uniform(0, 2 * np.pi, 3)
     return lambda along: height_m * float(np.sin(2 * np.pi * along / waves + phases).sum())
-
-
-def _piles(plan: Plan, line: Line, extent_m: tuple[float, float]) -> None:
-    """Add piles in front of a bank."""
-    for _ in range(plan.integer(0, 8)):
-        position, wide = line.at(plan.uniform(*extent_m), -plan.uniform(1, 5)), plan.log_uniform(0.25, 0.8)
-        if plan.reserve(position, wide):
-            plan.add_fixed("pile", position, (wide, wide, plan.uniform(1, 4)), reflectivity=plan.log_uniform(0.1, 0.5))
 
 
 OPEN_BASES = open_sea, anchorage, fairway, pile_field

@@ -220,15 +220,9 @@ def record(
         label_file.stream.write(csv_line(_COLUMNS))
         for frame in simulate_frames(scene):
             write(frame)
-            label_file.stream.writelines(_rows(frame))
+            boxes = frame.boxes
+            rows = zip(boxes.tracks, boxes.classes, boxes.centers, boxes.sizes, boxes.yaws, strict=True)
+            for track, kind, center, size, yaw in rows:
+                numbers = (f"{value:.3f}" for value in (*center, *size))
+                label_file.stream.write(csv_line((frame.index, track, kind, *numbers, f"{yaw:.4f}")))
             on_frame(frame)
-
-
-def _rows(frame: SimulatedFrame) -> Iterator[bytes]:
-    """Yield the CSV lines of a frame's labels."""
-    boxes = frame.boxes
-    for track, kind, center, size, yaw in zip(
-        boxes.tracks, boxes.classes, boxes.centers, boxes.sizes, boxes.yaws, strict=True
-    ):
-        numbers = (f"{value:.3f}" for value in (*center, *size))
-        yield csv_line((frame.index, track, kind, *numbers, f"{yaw:.4f}"))
