@@ -11,6 +11,7 @@ from seaclutter_cli.airborne.strips import Column
 from seaclutter_cli.airborne.surface import GROUND, WATER
 from seaclutter_cli.airborne.waves import WindowWaves
 from seaclutter_cli.arrays import Floats, Ints, Mask
+from seaclutter_cli.grids.cells import joined
 from seaclutter_cli.grids.elevation import BLOCK, NOWHERE, Cells, ElevationGrid, GriddedPoints
 
 SIDE = 8
@@ -51,7 +52,8 @@ class Squares:
     @classmethod
     def of(cls, grid: ElevationGrid, lowest: Cells, on_surface: Mask) -> "Squares":
         """Return the squares of a grid from the lowest elevations of cells, and whether these are on the surface."""
-        known, low = (_by_square(values) for values in (on_surface, lowest))
+        split = (values.reshape(-1, _PER_BLOCK, SIDE, _PER_BLOCK, SIDE) for values in (on_surface, lowest))
+        known, low = (part.transpose(0, 1, 3, 2, 4).reshape(-1, SIDE * SIDE) for part in split)
         cells = np.isfinite(low).sum(axis=1)
         index = np.flatnonzero(cells >= _LEAST_CELLS)
         known, low, cells = known[index], low[index], cells[index]
@@ -78,18 +80,8 @@ class Squares:
 
     def joined(self, links: Mask) -> NDArray[np.int32]:
         """Return the group of each square, shape (N,): those that links, shape (2, N), join to their neighbours."""
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
-
-        size = len(self.index)
-        one, other = np.tile(np.arange(size), 2)[links.reshape(-1)], self.neighbor[:2].reshape(-1)[links.reshape(-1)]
-        graph = coo_array((np.ones(len(one), np.bool_), (one, other)), shape=(size, size))
-        return np.asarray(connected_components(graph, directed=False)[1])
-
-
-def _by_square(values: NDArray[Any]) -> NDArray[Any]:
-    split = values.reshape(-1, _PER_BLOCK, SIDE, _PER_BLOCK, SIDE)
-    return split.transpose(0, 1, 3, 2, 4).reshape(-1, SIDE * SIDE)
+        pairs = np.stack((np.tile(np.arange(len(self.index)), 2), self.neighbor[:2].reshape(-1)))
+        return joined(pairs[:, links.reshape(-1)], len(self.index))
 
 
 def by_cell(values: NDArray[Any]) -> NDArray[Any]:

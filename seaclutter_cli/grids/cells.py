@@ -31,8 +31,6 @@ def joined_cells(mask: Mask, blocks: Mapping[tuple[int, int], int]) -> tuple[NDA
     y.
     """
     from scipy import ndimage  # slow to import, not needed without islands
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
 
     part = np.zeros(mask.shape, np.int32)
     parts = 1
@@ -46,9 +44,16 @@ def joined_cells(mask: Mask, blocks: Mapping[tuple[int, int], int]) -> tuple[NDA
             other = blocks.get((column + step[0], row + step[1]))
             if other is not None:
                 pairs += _touching(part[slot][edge], part[other][opposite])
-    one, other_one = np.concatenate(pairs, axis=1)
-    graph = coo_array((np.ones(len(one), np.bool_), (one, other_one)), shape=(parts, parts))
-    return part, np.asarray(connected_components(graph, directed=False)[1], np.int32)
+    return part, joined(np.concatenate(pairs, axis=1), parts)
+
+
+def joined(pairs: NDArray[Any], size: int) -> NDArray[np.int32]:
+    """Return the group of each of so many things, which pairs of them, shape (2, n), join."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(pairs.shape[1], np.bool_), (pairs[0], pairs[1])), shape=(size, size))
+    return np.asarray(connected_components(graph, directed=False)[1], np.int32)
 
 
 def _touching(edge: NDArray[np.int32], opposite: NDArray[np.int32]) -> list[NDArray[np.int32]]:

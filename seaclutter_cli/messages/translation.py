@@ -7,19 +7,9 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from seaclutter_cli.errors import CloudError, FieldError
-from seaclutter_cli.messages import CODECS, declares_latched, find_codec
+from seaclutter_cli.messages import CODECS, declares_latched, find_codec, layouts
 from seaclutter_cli.messages.definitions import full_name
-from seaclutter_cli.messages.layouts import (
-    ItemReader,
-    Layouts,
-    Struct,
-    TranslationError,
-    as_is,
-    change_between,
-    definition_of,
-    known_types,
-    types_of,
-)
+from seaclutter_cli.messages.layouts import Struct, TranslationError
 from seaclutter_cli.messages.serialisation import Ros, Writer
 from seaclutter_cli.records import Buffer, Channel, Schema
 
@@ -103,20 +93,20 @@ def translator(channel: Channel, encoding: str) -> Translator:
     in other encodings become PointCloud2. `TranslationError` if the messages cannot be translated.
     """
     if channel.message_encoding == encoding and channel.schema is not None:
-        return Translator(_with_checksum(channel, encoding), as_is)
+        return Translator(_with_checksum(channel, encoding), layouts.as_is)
     if channel.schema is None:
         raise TranslationError("its messages have no definition")
     if channel.message_encoding not in (CDR, ROS1):
         return _cloud_translator(channel, encoding)
     ros, name = _version(encoding), full_name(channel.schema.name)
-    known, before = known_types(ros), known_types(1 if ros == 2 else 2)
+    known, before = layouts.known_types(ros), layouts.known_types(1 if ros == 2 else 2)
     # Clouds are read as they are known, whatever the log says about them.
-    types = before if find_codec(channel) and name in before else types_of(channel.schema)
-    schema, checksum = definition_of(known if name in known else types, name, ros)
+    types = before if find_codec(channel) and name in before else layouts.types_of(channel.schema)
+    schema, checksum = layouts.definition_of(known if name in known else types, name, ros)
     out = _channel(channel, encoding, schema, checksum)
-    source = Layouts(types).struct(name)
-    target = Layouts(known).struct(name) if name in known else source
-    change, lost = (as_is, []) if source == target else change_between(source, target)
+    source = layouts.Layouts(types).struct(name)
+    target = layouts.Layouts(known).struct(name) if name in known else source
+    change, lost = (layouts.as_is, []) if source == target else layouts.change_between(source, target)
     return Translator(out, partial(_convert, ros, source, target, change), tuple(lost))
 
 
@@ -140,7 +130,9 @@ def _with_checksum(channel: Channel, encoding: str) -> Channel:
     if channel.schema is None or dict(channel.metadata).get(name):
         return channel
     try:
-        _, checksum = definition_of(types_of(channel.schema), full_name(channel.schema.name), _version(encoding))
+        _, checksum = layouts.definition_of(
+            layouts.types_of(channel.schema), full_name(channel.schema.name), _version(encoding)
+        )
     except TranslationError:
         return channel
     return replace(channel, metadata=tuple(sorted({**dict(channel.metadata), name: checksum}.items())))
@@ -149,7 +141,7 @@ def _with_checksum(channel: Channel, encoding: str) -> Channel:
 def _convert(ros: Ros, source: Struct, target: Struct, change: Callable[[Any], Any], data: Buffer) -> bytes:
     """Return a message of the other version of ROS, in one layout, as a message of this version in another one."""
     try:
-        read = ItemReader(data, 1 if ros == 2 else 2)
+        read = layouts.ItemReader(data, 1 if ros == 2 else 2)
         values = source.read(read)
     except CloudError as error:
         raise TranslationError(str(error)) from error
@@ -164,7 +156,7 @@ def _cloud_translator(channel: Channel, encoding: str) -> Translator:
     codec, ros = find_codec(channel), _version(encoding)
     if codec is None:
         raise TranslationError(f"its messages are encoded as {channel.message_encoding}")
-    schema, checksum = definition_of(known_types(ros), _CLOUD, ros)
+    schema, checksum = layouts.definition_of(layouts.known_types(ros), _CLOUD, ros)
     target, lost = CODECS[schema.name, encoding], list[str]()
 
     def encode(data: Buffer) -> bytes:

@@ -22,16 +22,9 @@ from seaclutter_cli.sensors.packets import (
     SensorClock,
     point_dtype,
 )
+from seaclutter_cli.sensors.robosense import models
 from seaclutter_cli.sensors.robosense.device import Device, find_device, find_model
-from seaclutter_cli.sensors.robosense.models import (
-    CHECKED,
-    CLASSIC_ID,
-    DATA_BYTES,
-    HELIOS_ID,
-    INFO_BYTES,
-    PacketFormat,
-    RobosenseModel,
-)
+from seaclutter_cli.sensors.robosense.models import PacketFormat, RobosenseModel
 from seaclutter_cli.sensors.robosense.packets import (
     INFO_ID,
     Angles,
@@ -48,6 +41,7 @@ BLIND = 100
 _MIN_AZIMUTH, _MAX_AZIMUTH = -9000, 45000
 _SWAPPED = 0x8000
 _TOLERANCE = 100
+_DATA_IDS = models.CLASSIC_ID, models.HELIOS_ID
 
 
 @cache
@@ -193,14 +187,12 @@ class RoboSense(PacketFamily):
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
         """Return whether a UDP payload, shape (L,), is a data packet or a device information packet."""
-        begin = payload[:4].tobytes()
-        if begin == INFO_ID[:4]:
-            return len(payload) == INFO_BYTES
-        return begin in (CLASSIC_ID, HELIOS_ID) and len(payload) in DATA_BYTES
+        payloads = payload[None]
+        return bool((self.is_calibration(payloads) | _are(payloads, _DATA_IDS, models.DATA_BYTES))[0])
 
     def is_calibration(self, payloads: NDArray[np.uint8]) -> Mask:
         """Return which UDP payloads, shape (P, L), are device information packets, which contain the laser angles."""
-        return _are(payloads, INFO_ID[:4], {INFO_BYTES})
+        return _are(payloads, [INFO_ID[:4]], {models.INFO_BYTES})
 
     def decoder(self, packets: Packets, options: DecoderOptions) -> "RoboSenseDecoder":
         """Return a decoder for the sensor that sent these packets: data, and device information from anywhere.
@@ -209,7 +201,7 @@ class RoboSense(PacketFamily):
         in the packets, and the model if packets do not identify it. `InputError` if model or angles are unknown.
         """
         info = packets.payloads[self.is_calibration(packets.payloads)] if options.info is None else options.info
-        is_data = _are(packets.payloads, CLASSIC_ID, DATA_BYTES) | _are(packets.payloads, HELIOS_ID, DATA_BYTES)
+        is_data = _are(packets.payloads, _DATA_IDS, models.DATA_BYTES)
         data = packets.payloads[is_data]
         if not len(data):
             raise InputError("RoboSense: no data packets, only device information")
@@ -219,13 +211,11 @@ class RoboSense(PacketFamily):
         return RoboSenseDecoder(device, angles, warnings, packets[is_data])
 
 
-def _are(payloads: NDArray[np.uint8], begin: bytes, lengths: Collection[int]) -> Mask:
-    """Return which payloads, shape (P, L), begin with some bytes and have one of some lengths."""
-    wanted = np.frombuffer(begin, np.uint8)
+def _are(payloads: NDArray[np.uint8], begins: Collection[bytes], lengths: Collection[int]) -> Mask:
+    """Return which payloads, shape (P, L), begin with some four bytes and have one of some lengths."""
     if payloads.shape[1] not in lengths:
         return np.zeros(len(payloads), np.bool_)
-    begins: Mask = (payloads[:, : len(wanted)] == wanted).all(axis=1)
-    return begins
+    return np.any([(payloads[:, :4] == np.frombuffer(begin, np.uint8)).all(axis=1) for begin in begins], axis=0)
 
 
 class RoboSenseDecoder:
@@ -253,7 +243,7 @@ class RoboSenseDecoder:
         temperature = temperature_degc(*raw, big_endian=big_endian)
         self.facts.details["temperature"] = f"{temperature:.1f} °C at the start"
         self.facts.details["clock"] = "sensor time, shifted to the recording time" if wrong else "sensor time (UTC)"
-        self.facts.details |= EXPERIMENTAL if device.model.name not in CHECKED else {}
+        self.facts.details |= EXPERIMENTAL if device.model.name not in models.CHECKED else {}
         if wrong:
             warnings.append("the sensor clock is off by more than a day: times are shifted to the recording time")
 
@@ -266,14 +256,14 @@ class RoboSenseDecoder:
         return np.where(is_data, times_ns, -1)
 
     def _are_data(self, packets: Packets) -> Mask:
-        return _are(packets.payloads, self._device.model.format.id, {self._device.model.packet_bytes})
+        return _are(packets.payloads, [self._device.model.format.id], {self._device.model.packet_bytes})
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
         """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
         model = self._device.model
         is_data = self._are_data(packets)
         if not is_data.all():
-            is_info = _are(packets.payloads, INFO_ID[:4], {INFO_BYTES})
+            is_info = _are(packets.payloads, [INFO_ID[:4]], {models.INFO_BYTES})
             self.facts.bad_packets += int((~is_data & ~is_info).sum())
             packets = packets[is_data]
         if len(packets):

@@ -13,18 +13,8 @@ from seaclutter_cli.documents import read_document
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.catalog import ADVICE
 from seaclutter_cli.sensors.packets import DecoderOptions
-from seaclutter_cli.sensors.robosense.models import (
-    AIRY,
-    AIRY_BY_MOUNTING,
-    BPEARL_4,
-    CLASSIC_ID,
-    INFO_BYTES,
-    MODELS,
-    RUBY,
-    RUBY_PLUS_80V,
-    RobosenseModel,
-    with_old_firmware,
-)
+from seaclutter_cli.sensors.robosense import models
+from seaclutter_cli.sensors.robosense.models import RobosenseModel
 from seaclutter_cli.sensors.robosense.packets import ANGLE_LIMIT, VERTICAL_AT, Angles, data_packets, make_angles
 
 _ANGLES_HINT = "pass the angles with --calibration FILE (one line 'elevation,azimuth offset' in degrees per laser)"
@@ -57,27 +47,27 @@ def find_model(
         hint = "" if len(info) or options.calibration else f", and {_ANGLES_HINT}"
         raise InputError(f"RoboSense: {names} share a packet format: select one with --sensor{hint}")
     if wanted is None or wanted not in allowed:
-        if wanted in MODELS or guessed is None:
+        if wanted in models.MODELS or guessed is None:
             raise InputError(f"RoboSense: the packets are from {' or '.join(allowed)}, not from {wanted}")
-        return _version(MODELS[guessed], data, info)
+        return _version(models.MODELS[guessed], data, info)
     if guessed not in (None, wanted):
         warnings.append(f"the device information is from {guessed}, but the packets are decoded as {wanted}")
-    return _version(MODELS[wanted], data, info)
+    return _version(models.MODELS[wanted], data, info)
 
 
 def _possible(data: NDArray[np.uint8]) -> Sequence[str]:
     """Return the models that share the format of a data packet."""
-    if data[:4].tobytes() == CLASSIC_ID:
+    if data[:4].tobytes() == models.CLASSIC_ID:
         return _SHARED
-    if len(data) != INFO_BYTES:
+    if len(data) != models.INFO_BYTES:
         return _RUBIES[-1]
     # Eight blocks of 48 channels, of which each begins with FF EE.
-    if (data[AIRY.begin : AIRY.begin + 1184].reshape(8, 148)[:, :2] == (0xFF, 0xEE)).all():
+    if (data[models.AIRY.begin : models.AIRY.begin + 1184].reshape(8, 148)[:, :2] == (0xFF, 0xEE)).all():
         return ("RS-Airy-48" if data[32] == _AIRY_48 else "RS-Airy",)
     for names in _RUBIES:
-        model = MODELS[names[0]]
-        ids = data[RUBY.begin :: 4 + 3 * model.channels][: model.blocks]
-        if (ids == RUBY.block_id[1] >> 8).all():
+        model = models.MODELS[names[0]]
+        ids = data[models.RUBY.begin :: 4 + 3 * model.channels][: model.blocks]
+        if (ids == models.RUBY.block_id[1] >> 8).all():
             return names
     return _HELIOS
 
@@ -98,10 +88,10 @@ def _version(model: RobosenseModel, data: NDArray[np.uint8], info: NDArray[np.ui
     if model.name == "RS-Airy":
         if data[32] == _AIRY_192:
             raise InputError(f"packets of a RoboSense RS-Airy with 192 lasers are not supported; {ADVICE}")
-        return AIRY_BY_MOUNTING.get(int(info[0, _AIRY_MOUNTING_AT]), model) if len(info) else model
-    if model.name == BPEARL_4.name and tuple(data[31:33].tolist()) == _BPEARL_4_TYPE:
-        return BPEARL_4
-    return RUBY_PLUS_80V if model.name == RUBY_PLUS_80V.name and data[31] == _80V_MODEL else model
+        return models.AIRY_BY_MOUNTING.get(int(info[0, _AIRY_MOUNTING_AT]), model) if len(info) else model
+    if model.name == models.BPEARL_4.name and tuple(data[31:33].tolist()) == _BPEARL_4_TYPE:
+        return models.BPEARL_4
+    return models.RUBY_PLUS_80V if model.name == models.RUBY_PLUS_80V.name and data[31] == _80V_MODEL else model
 
 
 def _guess_classic(packet: NDArray[np.uint8]) -> str | None:
@@ -240,8 +230,9 @@ def _read_device(model: RobosenseModel, packet: NDArray[np.uint8]) -> Device:
     rpm, start, end = (int(packet[offset]) << 8 | int(packet[offset + 1]) for offset in (8, 32, 34))
     mode = int(packet[300])
     dual = mode in model.format.dual_modes and not (old and packet[45:48].tobytes() < _TWO_RETURNS_SINCE)
-    used = with_old_firmware(model) if old else model
-    names = {} if model.format.begin == RUBY.begin else _MODES  # those of the RS-Ruby differ between its versions
+    used = models.with_old_firmware(model) if old else model
+    # The names of the RS-Ruby's modes differ between its versions.
+    names = {} if model.format.begin == models.RUBY.begin else _MODES
     details = {
         "serial number": packet[292:298].tobytes().hex(),
         "firmware": f"top board {packet[40:45].tobytes().hex()}, bottom board {packet[45:50].tobytes().hex()}",
