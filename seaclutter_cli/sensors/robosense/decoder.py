@@ -215,7 +215,8 @@ def _are(payloads: NDArray[np.uint8], begins: Collection[bytes], lengths: Collec
     """Return which payloads, shape (P, L), begin with some four bytes and have one of some lengths."""
     if payloads.shape[1] not in lengths:
         return np.zeros(len(payloads), np.bool_)
-    return np.any([(payloads[:, :4] == np.frombuffer(begin, np.uint8)).all(axis=1) for begin in begins], axis=0)
+    found = [(payloads[:, :4] == np.frombuffer(begin, np.uint8)).all(axis=1) for begin in begins]
+    return np.asarray(np.any(found, axis=0))
 
 
 class RoboSenseDecoder:
