@@ -115,11 +115,11 @@ class HesaiModel:
 
     Its name is that of the file with its nominal angles and firing times. Headers have its numbers of lasers and
     blocks, the first numbers of a version, and a status version within bounds. ``block_ns`` is the time between two
-    firings of all channels, or ``pace`` times as much, by packet; the packet's time is ``last_block_ns`` before its
-    last firing or, if there is one, ``first_block_ns`` before its first. Channels that do not always fire at the
-    same times have ``states``, by block, shape (P, B). Distances below the least one are codes. If mirrors rotate
-    instead of the lasers, directions are those of the unit, which has no nominal ones. Experimental decoders are
-    not checked with real packets.
+    firings of all channels, or twice that in packets without high resolution if it has paces; the packet's time is
+    ``last_block_ns`` before its last firing or, if there is one, ``first_block_ns`` before its first. Channels that do
+    not always fire at the same times have ``states``, by block, shape (P, B). Distances below the least one are codes.
+    If mirrors rotate instead of the lasers, directions are those of the unit, which has no nominal ones. Experimental
+    decoders are not checked with real packets.
     """
 
     name: str
@@ -132,7 +132,7 @@ class HesaiModel:
     last_block_ns: int = 0
     first_block_ns: int | None = None
     states: Callable[[NDArray[np.void]], Ints] | None = None
-    pace: Callable[[NDArray[np.void]], Ints] | None = None
+    has_paces: bool = False
     least_distance: int = 1
     has_mirrors: bool = False
     is_experimental: bool = False
@@ -178,8 +178,8 @@ class HesaiModel:
 
     def _steps_ns(self, packets: NDArray[np.void]) -> Ints:
         """Return the time between two firings in each packet, shape (P,), in nanoseconds."""
-        paces = np.ones(len(packets), np.int64) if self.pace is None else self.pace(packets)
-        return np.asarray(self.block_ns * paces)
+        is_slow = packets["operation"] != 0 if self.has_paces else np.zeros(len(packets), np.bool_)
+        return np.asarray(self.block_ns * (1 + is_slow.astype(np.int64)))
 
     def channels_ns(self, packets: NDArray[np.void], returns: int) -> Ints:
         """Return the firing times of channels relative to their firings, shape (C,) or (P, F, C)."""
@@ -213,9 +213,8 @@ def _xt(name: str, blocks: int, lasers: int) -> HesaiModel:
     return HesaiModel(name, layouts, lasers, blocks, 50_000, version=(6,), last_block_ns=5_632)
 
 
-_P128: dict[str, Any] = {"version": (1, 4), "states": _states_of_128, "is_experimental": True}
+_P128: dict[str, Any] = {"version": (1, 4), "states": _states_of_128, "has_paces": True, "is_experimental": True}
 """What a Pandar128 and an OT128 share, which the versions in their status tell apart."""
-_P128["pace"] = lambda packets: np.where(packets["operation"] == 0, 1, 2)  # once with high resolution, twice without
 
 MODELS = (
     _xt("PandarXT-32", 8, 32),
