@@ -4,7 +4,6 @@ import csv
 import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
@@ -116,17 +115,10 @@ def find_objects(
     The class of a point is its most probable one. The class of an object is the most frequent class of its points; in a
     tie, the first.
     """
-    from seaclutter_cli.clustering import euclidean_clusters  # slow to import, not needed for settings
-
-    flat = np.vstack((points.xy, np.zeros(points.xy.shape[1])))
-    number = euclidean_clusters(flat, params.tolerance_m, params.min_points) + 1
     best_class = probability.argmax(axis=1) if len(probability) else np.empty(0, np.int64)
-    order = np.argsort(number, kind="stable")
-    ends = np.searchsorted(number[order], np.arange(1, number.max(initial=0) + 2))
     found: list[FoundObject] = []
-    numbers, left_out = np.zeros_like(number), np.zeros_like(number)
-    for cluster, (start, end) in enumerate(pairwise(ends), 1):
-        own = order[start:end]
+    numbers, left_out = np.zeros((2, points.xy.shape[1]), np.int64)
+    for cluster, own in enumerate(_clusters(points.xy, params), 1):
         best = int(np.argmax(np.bincount(best_class[own], minlength=len(classes))))
         heights = points.height_m[own]
         mean_probability = float(probability[own, best].mean()) * likely_object(heights, points.least_m)
@@ -138,6 +130,16 @@ def find_objects(
         else:
             left_out[own] = cluster - len(found)
     return found, numbers, left_out
+
+
+def _clusters(xy: Floats, params: ObjectFindingParams) -> list[Ints]:
+    """Return the indices of the points, shape (2, N), of each cluster."""
+    from seaclutter_cli.clustering import euclidean_clusters  # slow to import, not needed for settings
+
+    flat = np.vstack((xy, np.zeros(xy.shape[1])))
+    number = euclidean_clusters(flat, params.tolerance_m, params.min_points)
+    order = np.argsort(number, kind="stable")
+    return np.split(order, np.searchsorted(number[order], np.arange(number.max(initial=-1) + 1)))[1:]
 
 
 def likely_object(height_m: Floats, least_m: float) -> float:
@@ -159,17 +161,11 @@ def unclassified_objects(
     as the output of an earlier run has none. They are above the mean elevation of the sea up to ten metres around the
     object, or in the tile where there is none; for the probability, above that of the nearest cell.
     """
-    from seaclutter_cli.clustering import euclidean_clusters  # slow to import, only for geodata
-
-    xyz = _off_land(parts, found)
-    if not xyz.shape[1] or not (tile.kind == IS_WATER).any():
-        return []
-    number = euclidean_clusters(xyz * [[1], [1], [0]], params.tolerance_m, params.min_points)
-    order = np.argsort(number, kind="stable")
-    ends = np.searchsorted(number[order], np.arange(number.max() + 2)).tolist()
-    objects = []
-    for one, (start, end) in enumerate(pairwise(ends), 1):
-        own = xyz[:, order[start:end]]
+    xyz, objects = _off_land(parts, found), list[FoundObject]()
+    if not (tile.kind == IS_WATER).any():
+        return objects
+    for one, rows in enumerate(_clusters(xyz[:2], params), 1):
+        own = xyz[:, rows]
         mean, level = _levels_around(tile, own)
         likely = likely_object(own[2] - level, found.sea.object_height_m)
         objects.append(object_around(one, own[:2], own[2] - mean, None, likely))

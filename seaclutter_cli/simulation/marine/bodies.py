@@ -42,8 +42,6 @@ class Bodies:
 
     def locate(self, moment: Moment, ride: Ride, lidar: Lidar, start_s: float) -> list[PlacedBody]:
         """Return the pose of each body in the frame that starts at a time."""
-        if not self.objects:
-            return []
         times_s = np.full(len(self.objects), start_s)
         for _ in range(2):
             positions, rotation = ride.at(times_s)

@@ -192,8 +192,6 @@ class WideWater(MarineWater):
         variance, hits = self._physics.ripple_variance, self._hits
         wet = echoes.range_m[hits.shots] >= hits.distance_m
         shot, way, cosines = hits.shots[wet], hits.distance_m[wet], hits.cosines[wet]
-        if not len(shot):
-            return
         normals = hits.normals[wet]
         normals[:, :2] += np.sqrt(variance / 2) * rng.standard_normal((len(shot), 2))
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
