@@ -25,7 +25,6 @@ from seaclutter_cli.messages.metadata import (
     recorded_topics,
     to_metadata,
 )
-from seaclutter_cli.messages.scene import OBJECTS_TOPIC, SCENE_TOPIC, detections_format, scene_format
 from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata, Record
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.log_output import LogOutput, LogWriter
@@ -209,13 +208,15 @@ class LogSink(ExitStack, Sink):
             number, name = self._shared_channel(Channel(_NEW, name, encoding, schema), taken)
             self._topics[name] = replace(known, content=DIAGNOSTICS)
             outputs.append((number, lambda result: serialise(Diagnostics.of(result, layout).content)))
+        if options.scene or options.objects:
+            from seaclutter_cli.messages import scene as boxes  # most runs write none
         if scene := options.scene:
-            encoding, schema, draw = scene_format(text)
-            number, _ = self._shared_channel(Channel(_NEW, SCENE_TOPIC, encoding, schema), taken)
+            encoding, schema, draw = boxes.scene_format(text)
+            number, _ = self._shared_channel(Channel(_NEW, boxes.SCENE_TOPIC, encoding, schema), taken)
             outputs.append((number, lambda result: draw(scene(result).content)))
         if live := options.objects:
-            encoding, schema, write = detections_format(text)
-            number, _ = self._shared_channel(Channel(_NEW, OBJECTS_TOPIC, encoding, schema), taken)
+            encoding, schema, write = boxes.detections_format(text)
+            number, _ = self._shared_channel(Channel(_NEW, boxes.OBJECTS_TOPIC, encoding, schema), taken)
             outputs.append((number, lambda result: write(live.detections(result).content)))
         return outputs
 
