@@ -20,9 +20,10 @@ from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.filters import FILTERS, OPTIONAL
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import AUTO_M, ZoneParams, ring_edges
+from seaclutter_cli.given import Method
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.params import key
-from seaclutter_cli.text import count, suggestion
+from seaclutter_cli.text import count, printable, shortened, suggestion
 from seaclutter_cli.validation import (
     build,
     descriptions,
@@ -63,7 +64,7 @@ class Config:
     Parameters
     ----------
     method : str
-        Name of the method, a key of `FILTERS`.
+        Name of the method, a key of `FILTERS` or a `Method`.
     filter : object
         Parameters of the method, an instance of its ``Params``.
     evaluation : EvaluationParams
@@ -122,14 +123,15 @@ class Config:
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Return the configuration as the sections of a file."""
-        sections = {"filter": {"method": self.method, **plain(self.filter)}, "evaluation": plain(self.evaluation)}
+        sections = {"filter": {"method": str(self.method), **plain(self.filter)}, "evaluation": plain(self.evaluation)}
         return sections if self.sensor == SensorParams() else {**sections, "sensor": plain(self.sensor)}
 
     def to_yaml(self, *, comments: bool = False) -> str:
         """Return the configuration as YAML, optionally with a comment for every key."""
         lines: list[str] = []
         for section, values in self.as_dict().items():
-            described = {"method": f"one of {', '.join(FILTERS)}", **descriptions(type(getattr(self, section)))}
+            described = {"method": f"one of {', '.join(FILTERS)}" if comments else ""}
+            described |= descriptions(type(getattr(self, section)))
             lines.append(f"{section}:")
             for name, value in values.items():
                 nested = isinstance(value, dict)
@@ -197,7 +199,8 @@ def _read(source: ConfigSource | None) -> tuple[str, Mapping[str, Any]]:
         fetch(source, at_most=_MAX_BYTES)
         return shown(str(source)), read_yaml(find_file(str(source), "", "file"), _SECTIONS)
     if isinstance(source, Config):
-        return "configuration", source.as_dict()
+        sections = source.as_dict()
+        return "configuration", {**sections, "filter": {**sections["filter"], "method": source.method}}
     if not isinstance(source, Mapping):
         raise ConfigError(f"configuration: must be a file, a mapping or a Config, got {source!r}")
     return "configuration", source
@@ -209,8 +212,17 @@ def parse_sections(text: str, where: str) -> Any:
 
 
 def parse_config(text: str, where: str) -> Config:
-    """Return the configuration in a text written by `Config.to_yaml`; ``where`` names it in messages."""
-    return _validate(parse_sections(text, where), where)
+    """Return the configuration in a text written by `Config.to_yaml`; ``where`` names it in messages.
+
+    A method that is not installed here has no parameters and does nothing.
+    """
+    raw = parse_sections(text, where)
+    section = raw.get("filter")
+    name = section.get("method") if isinstance(section, dict) else None
+    if not isinstance(name, str) or name in FILTERS:
+        return _validate(raw, where)
+    unknown = Method(shortened(printable(name), 60), FILTERS["none"], (str, (name,)), "")
+    return _validate({**raw, "filter": {"method": unknown}}, where)
 
 
 def _with_open_thresholds(raw: Mapping[str, Any]) -> dict[str, Any]:
@@ -224,7 +236,8 @@ def _with_open_thresholds(raw: Mapping[str, Any]) -> dict[str, Any]:
 
 def _edges_of(section: Mapping[str, Any]) -> NDArray[np.float64] | None:
     """Return the edges of the range rings that a section gives; None if it is not valid, or without range rings."""
-    kind = FILTERS.get(str(section.get("method", DEFAULT_METHOD)))
+    method = section.get("method", DEFAULT_METHOD)
+    kind = FILTERS.get(method) if isinstance(method, str) else None
     if kind is None or not issubclass(kind.Params, RingIntensityParams):
         return None
     limits = {key: section.get(key, getattr(kind.Params, key)) for key in ("start_m", "end_m", "ring_width_m")}
@@ -297,9 +310,12 @@ def _without_keys_of_others(method: str, section: Mapping[str, Any], problems: l
 
 
 def _check_method(method: str, where: str) -> None:
+    if isinstance(method, Method) and str(method) in FILTERS:
+        raise ConfigError(f"{where}: a method is called {method} already; choose another name")
     if method not in FILTERS:
         raise ConfigError(f"{where}: unknown method {method!r}; {_methods(method)}")
 
 
 def _methods(method: object) -> str:
-    return f"{suggestion(str(method), FILTERS)}allowed: {', '.join(FILTERS)}"
+    file = "a file of your own is named by -m FILE.py:CLASS only; " if ".py:" in str(method) else ""
+    return f"{file}{suggestion(str(method), FILTERS)}allowed: {', '.join(FILTERS)}"

@@ -30,6 +30,10 @@ class AdaptedThresholdsWarning(UserWarning):
     """Range rings were changed without their thresholds, which are then those of the nearest range rings before."""
 
 
+class PluginWarning(UserWarning):
+    """Something that an installed package adds is not used."""
+
+
 class SeaclutterError(Exception):
     """An error in the data or during the run; its text is shown to the user unchanged.
 

@@ -7,6 +7,7 @@ provide the ground truth of a recording.
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Protocol
@@ -23,9 +24,14 @@ from seaclutter_cli.truth import Truth
 class Source(ABC):
     """A recording: one file, or several files that form one stream.
 
-    By default it is in ROS 2 format, nothing of it is compressed, latched or skipped, and no file stays open.
+    By default it is in ROS 2 format, nothing of it is compressed, latched or skipped, and no file stays open. That of a
+    plug-in opens a file by its path; the file's first bytes, or else its name, tell that it is in the format.
     """
 
+    suffixes: ClassVar[tuple[str, ...]] = ()
+    """Ends of the names of files in the format of a plug-in, in lower case."""
+    magics: ClassVar[tuple[bytes, ...]] = ()
+    """First bytes of such files, up to 16."""
     name: str
     """Name of the recording in tables and file names."""
     format: str
@@ -108,7 +114,11 @@ class Source(ABC):
 
 
 class CloudCodec(Protocol):
-    """Decoder and encoder for point clouds in one message encoding."""
+    """Decoder and encoder for point clouds in one message encoding.
+
+    That of a plug-in has the attribute ``messages``: pairs of the name of a schema and the encoding, such as
+    ``("acme_msgs/msg/Scan", "cdr")``.
+    """
 
     def decode(self, data: Buffer) -> Cloud:
         """Return a cloud whose points are a view of the message; `CloudError` if it is not a valid point cloud."""
@@ -117,13 +127,31 @@ class CloudCodec(Protocol):
         """Return a cloud as the bytes of a message."""
 
 
+@dataclass(frozen=True)
+class NoParams:
+    """Parameters of a method without configuration keys."""
+
+
 class Filter(ABC):
     """A method that separates sea clutter from targets; by default without state, first pass or look-ahead.
 
     A filter may keep state from frame to frame, so each topic of each recording needs one of its own, or a `reset`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import seaclutter
+    >>> class Low(seaclutter.Filter):
+    ...     def step(self, frame):
+    ...         reason = np.where(frame.valid, seaclutter.Reason.KEPT, seaclutter.Reason.INVALID).astype(np.uint8)
+    ...         reason[frame.valid & (frame.xyz[:, 2] < -2)] = seaclutter.Reason.OUTLIER
+    ...         return seaclutter.FilterResult(frame, reason)
+    >>> done = seaclutter.filter_log("samples/sea.mcap", folder / "low.mcap", method=Low)
+    >>> done.outcomes[0].frames
+    45
     """
 
-    Params: ClassVar[type[Any]]
+    Params: ClassVar[type[Any]] = NoParams
     """Dataclass of the method's configuration keys; the constructor takes an instance."""
     has_scenes: ClassVar[bool] = False
     """Whether the method has presets for classes of scene, which its results name."""
@@ -139,6 +167,9 @@ class Filter(ABC):
     """Whether the filter must `observe` all frames before the first `step`."""
     look_ahead_s: float = 0.0
     """Time after a frame whose frames its result depends on, in seconds; 0 if it depends on no later frame."""
+
+    def __init__(self, params: Any = None) -> None:
+        self.params = self.Params() if params is None else params
 
     def observe(self, frame: Frame) -> None:  # noqa: B027 - most filters need no first pass
         """Receive a frame of the first pass; called only if `needs_first_pass` is true."""

@@ -121,6 +121,10 @@ class Choice(Kind):
 
     names: Sequence[str] | Mapping[str, str]
 
+    def all_names(self) -> Sequence[str]:
+        """Return also names that are not known at the start."""
+        return tuple(self.names)
+
     def parse(self, text: str) -> Any:
         """Return the value of a name."""
         return self.names[text] if isinstance(self.names, Mapping) else text
@@ -128,7 +132,7 @@ class Choice(Kind):
     def check(self, value: Any, name: str) -> Any:
         """Return one of the values."""
         allowed = tuple(self.names.values() if isinstance(self.names, Mapping) else self.names)
-        if value not in allowed:
+        if value not in allowed and value not in self.all_names():
             raise UsageError(f"{name}: must be one of {', '.join(map(repr, allowed))}, got {value!r}")
         return value
 
@@ -378,6 +382,7 @@ def _in_words(one: Option) -> str:
 
 _WORDS = {
     "PathLike": "path",
+    "MethodLike": "str, class, object or function",
     "Moment": "float or datetime",
     r"Sequence\[(.+?\]?)\]": r"sequence of \1",
     r"Mapping\[.*?\]": "mapping",

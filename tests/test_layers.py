@@ -30,6 +30,8 @@ BASE = {
     "interfaces",
     "params",
     "groups",
+    "registry",
+    "given",
 }
 CORE = (
     BASE
@@ -55,12 +57,14 @@ ALLOWED = {
     "limits": {"errors"},
     "threads": {"errors"},
     "interrupts": set(),
-    "jobs": {"errors", "interrupts", "threads"},
+    "jobs": {"errors", "interrupts", "registry", "threads"},
     "cloud": {"text", "errors", "records"},
     "frame": {"text", "errors", "records", "cloud"},
     "truth": {"errors"},
     "groups": set(),
-    "interfaces": BASE,
+    "registry": {"errors"},
+    "given": {"errors", "frame", "interfaces", "paths"},
+    "interfaces": BASE - {"given"},
     "params": set(),
     "validation": {"text", "errors", "documents", "params", "paths"},
     "messages": BASE,

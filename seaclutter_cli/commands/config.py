@@ -20,7 +20,7 @@ from seaclutter_cli.text import printable
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-_KINDS = ("sensors", "methods", "formats", "configs", "scenes", "layouts", "tiles", "lidars")
+_KINDS = ("sensors", "methods", "formats", "configs", "scenes", "layouts", "tiles", "lidars", "plugins")
 
 
 class _ListOptions(Options):
@@ -88,8 +88,8 @@ _CONFIG = [
         _ListOptions,
         """List built-in items, by default of every KIND.
 
-        KIND is sensors, methods, formats, configs, scenes, layouts, tiles (scenes from the air), or lidars (to
-        simulate).
+        KIND is sensors, methods, formats, configs, scenes, layouts, tiles (scenes from the air), lidars (to
+        simulate), or plugins (of installed packages).
         """,
         messages=("as_json",),
         short_help="List built-in sensors, methods, formats, configurations, scenes and lidars.",

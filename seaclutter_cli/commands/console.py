@@ -15,7 +15,13 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from seaclutter_cli.commands.printer import show, show_error, show_exactly, show_line
-from seaclutter_cli.errors import AdaptedThresholdsWarning, OutputError, RenamedKeyWarning, SeaclutterError
+from seaclutter_cli.errors import (
+    AdaptedThresholdsWarning,
+    OutputError,
+    PluginWarning,
+    RenamedKeyWarning,
+    SeaclutterError,
+)
 from seaclutter_cli.options import OptionalPath, Options, Place, option
 from seaclutter_cli.parts import SCRATCH
 from seaclutter_cli.text import printable, shortened
@@ -210,7 +216,7 @@ def show_each_warning_once() -> Callable[..., None]:
     shown: set[str] = set()
 
     def show_warning(message: Warning | str, category: type[Warning], filename: str, line: int, *_: Any) -> None:
-        own = issubclass(category, RenamedKeyWarning | AdaptedThresholdsWarning)
+        own = issubclass(category, RenamedKeyWarning | AdaptedThresholdsWarning | PluginWarning)
         origin = "" if own else f" ({category.__name__}, {filename}:{line})"
         text = f"Warning: {message}{origin}"
         if text not in shown:

@@ -11,6 +11,7 @@ import click
 
 from seaclutter_cli import __version__
 from seaclutter_cli.commands.printer import show
+from seaclutter_cli.registry import packages
 from seaclutter_cli.text import suggestion
 
 _NAME = re.compile(r"[\w.-]+")
@@ -50,6 +51,8 @@ def _show_versions(context: click.Context, _: click.Parameter, value: bool) -> N
         show(f"Python {platform.python_version()} on {platform.platform(terse=True)}")
         installed, missing = _parts()
         show(_listed("with", [f"{name} {version}" for name, version in installed.items()]))
+        if added := packages():
+            show(_listed("plug-ins", added))
         if missing:
             show(_listed("without", [f"{name} (extra {extra})" for name, extra in missing.items()]))
         context.exit()

@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from seaclutter_cli.commands.console import DEBUG, NOTES, Console
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.options import Choice, Flag, Group, Kind, Number, Option, Options, Whole, declared, option
-from seaclutter_cli.runs.options import WORKING_CONFIG, ConfigFile
+from seaclutter_cli.runs.options import WORKING_CONFIG, ConfigFile, MethodName
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -65,6 +66,16 @@ class _Value(click.ParamType[Any]):
             self.fail(str(error), param, ctx)
 
 
+class _Method(_Value):
+    """A method; only the command line may name a file, which is run."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        is_given = ctx and param and ctx.get_parameter_source(str(param.name)) is not ParameterSource.ENVIRONMENT
+        if ".py:" in value and not is_given:
+            self.fail(f"{value}: a file of your own is named on the command line only", param, ctx)
+        return super().convert(value, param, ctx)
+
+
 class _ConfigFile(_Value):
     """A configuration: a file, the name of a built-in one, or ``-`` for standard input."""
 
@@ -97,7 +108,12 @@ class _Choice(click.Choice[str]):
         self._kind = kind
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if value not in self.choices:
+            self.choices = tuple(self._kind.all_names())
         return self._kind.parse(super().convert(value, param, ctx))
+
+
+_OWN: Mapping[type[Kind], type[_Value]] = {ConfigFile: _ConfigFile, MethodName: _Method}
 
 
 def _type_of(kind: Kind) -> click.ParamType[Any]:
@@ -110,7 +126,7 @@ def _type_of(kind: Kind) -> click.ParamType[Any]:
         return _Finite(kind.least, kind.most, min_open=kind.above, max_open=kind.below)
     if isinstance(kind, Choice):
         return _Choice(kind)
-    return _ConfigFile(kind) if isinstance(kind, ConfigFile) else _Value(kind)
+    return next((own(kind) for is_of, own in _OWN.items() if isinstance(kind, is_of)), _Value(kind))
 
 
 def _of_working_folder(context: click.Context, _: click.Parameter, value: Any) -> Any:

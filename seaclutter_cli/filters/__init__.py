@@ -5,10 +5,12 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
+from seaclutter_cli.given import class_of
 from seaclutter_cli.interfaces import Filter
+from seaclutter_cli.registry import Registry
 
 
-class _Methods(UserDict[str, Any]):
+class _BuiltIn(UserDict[str, Any]):
     """Filter methods by their names; the module of a method is imported when the method is looked up."""
 
     def __getitem__(self, name: str) -> type[Filter]:
@@ -17,7 +19,22 @@ class _Methods(UserDict[str, Any]):
         return method
 
 
-FILTERS: Mapping[str, type[Filter]] = _Methods(
+class _Methods(Registry[str, type[Filter]]):
+    """Methods by their names; a `Method`, which a caller gives, has its own class."""
+
+    def __getitem__(self, name: str) -> type[Filter]:
+        kind: type[Filter] | None = getattr(name, "kind", None)
+        return kind or super().__getitem__(name)
+
+    def __contains__(self, name: object) -> bool:
+        return hasattr(name, "kind") or super().__contains__(name)
+
+
+def _of_plugin(name: str, given: Any) -> Mapping[str, type[Filter]]:
+    return {name: class_of(given, name)}
+
+
+_BUILT_IN = _BuiltIn(
     {
         "joint": "joint.Joint",
         "confirmed": "confirmed.Confirmed",
@@ -38,6 +55,9 @@ FILTERS: Mapping[str, type[Filter]] = _Methods(
     }
 )
 """Module and class of each filter method by its name in a configuration. A new method takes one line here."""
+
+FILTERS = _Methods("filters", _BUILT_IN, _of_plugin)
+"""Classes of the methods by name."""
 
 OPTIONAL: Mapping[str, str] = {"patchwork": "pypatchworkpp"}
 """Package, part of the extra ``peers``, that a method needs."""

@@ -18,6 +18,7 @@ ROUNDING = 1e-9
 class WholeFrameFilter(Filter, Generic[P]):
     """Base of filters that remove valid points of a frame for a single reason."""
 
+    params: P
     reason: ClassVar[Reason] = Reason.OUTLIER
 
     def __init__(self, params: P) -> None:

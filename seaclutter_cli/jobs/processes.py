@@ -7,15 +7,19 @@ import sys
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
+from functools import partial
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
+from pickle import PicklingError
 from time import monotonic
 from typing import Any
 
+from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interrupts import handle_interrupts, ignore_interrupts
 from seaclutter_cli.jobs.engine import DIED, SHARE, OnShare, R, Results, Task, answer, run_with_retries
 from seaclutter_cli.threads import VARIABLE, cores, threads
 
+_NOT_SENT = "the method cannot be sent to other processes; define it in a module or a file, or use one process"
 _REPORT_S = 0.2
 _END_S = 10.0
 _PRELOADED = ["seaclutter_cli.runs.filter", "seaclutter_cli.runs.evaluate"]
@@ -125,8 +129,12 @@ class _Worker:
     def start(self, number: int, task: Task[Any]) -> None:
         """Give the process a task; that it has died in the meantime is noticed when its answer is read."""
         self.number, self.is_busy = number, True
-        with suppress(BrokenPipeError, ConnectionResetError):
+        try:
             self.pipe.send(task)
+        except (BrokenPipeError, ConnectionResetError):
+            pass
+        except (AttributeError, TypeError, PicklingError) as error:
+            raise UsageError(f"{_NOT_SENT} ({error})") from error
 
     def answer(self) -> tuple[str, Any]:
         """Return what the process has sent, or how it died."""
@@ -166,8 +174,21 @@ def _work(pipe: Connection, environment: Mapping[str, str]) -> None:
     os.environ.update(environment)
     with suppress(EOFError, OSError, KeyboardInterrupt):  # the first process closed the pipe, or is gone
         while True:
-            pipe.send_bytes(answer(pipe.recv(), _Reporter(pipe)))
+            pipe.send_bytes(answer(_received(pipe), _Reporter(pipe)))
     ignore_interrupts()
+
+
+def _received(pipe: Connection) -> Task[Any]:
+    """Return the task that comes from a pipe; if it cannot be read, one that raises this error."""
+    try:
+        task: Task[Any] = pipe.recv()
+    except (AttributeError, ImportError) as error:
+        return partial(_fail, f"{_NOT_SENT} ({error})")
+    return task
+
+
+def _fail(text: str, _: Any) -> None:
+    raise UsageError(text)
 
 
 class _Reporter:

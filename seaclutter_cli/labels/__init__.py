@@ -10,6 +10,7 @@ from seaclutter_cli.interfaces import Labels
 from seaclutter_cli.labels import csv, point_labels
 from seaclutter_cli.labels.boxes import LabelOptions
 from seaclutter_cli.labels.json_boxes import SEEPERSEA, SUSTECHPOINTS, AutoferryLabels, find_scenario
+from seaclutter_cli.registry import Registry
 
 __all__ = ["LABELS", "LabelFormat", "LabelOptions", "has_labels", "open_labels"]
 
@@ -23,7 +24,7 @@ class LabelFormat:
     open: Callable[[Any, LabelOptions], Labels]
 
 
-LABELS: Mapping[str, LabelFormat] = {
+_BUILT_IN: Mapping[str, LabelFormat] = {
     "csv": LabelFormat(f"a CSV file with the columns {','.join(csv.COLUMNS)}", csv.find, csv.CsvLabels),
     "seepersea": LabelFormat("a SeePerSea sequence with annotations/*.json", SEEPERSEA.find, SEEPERSEA.open),
     "sustechpoints": LabelFormat("a SUSTechPOINTS scene with label/*.json", SUSTECHPOINTS.find, SUSTECHPOINTS.open),
@@ -42,6 +43,16 @@ LABELS: Mapping[str, LabelFormat] = {
     ),
 }
 """Label formats by name. A new format takes one line here."""
+
+
+def _of_plugin(name: str, form: LabelFormat) -> Mapping[str, LabelFormat]:
+    if not isinstance(form, LabelFormat):
+        raise TypeError("must be a LabelFormat")
+    return {name: form}
+
+
+LABELS = Registry("labels", _BUILT_IN, _of_plugin)
+"""Label formats by name, those of plug-ins last."""
 
 
 def has_labels(folder: Path) -> bool:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from seaclutter_cli.interfaces import CloudCodec
 from seaclutter_cli.messages.foxglove import JsonPointCloud, ProtobufPointCloud, RosFoxglovePointCloud
@@ -9,6 +10,7 @@ from seaclutter_cli.messages.pointcloud2 import CompressedPointCloud2, PointClou
 from seaclutter_cli.messages.scans import LaserScan, LivoxCustomMsg, MultiEchoLaserScan
 from seaclutter_cli.messages.serialisation import RosCodec
 from seaclutter_cli.records import Channel
+from seaclutter_cli.registry import Registry
 
 _ROS: Mapping[str, type[RosCodec]] = {
     "sensor_msgs/PointCloud2": PointCloud2,
@@ -21,7 +23,7 @@ _ROS: Mapping[str, type[RosCodec]] = {
     "sensor_msgs/MultiEchoLaserScan": MultiEchoLaserScan,
 }
 
-CODECS: Mapping[tuple[str, str], CloudCodec] = {
+_BUILT_IN: Mapping[tuple[str, str], CloudCodec] = {
     **{(name.replace("/", "/msg/"), "cdr"): codec(2) for name, codec in _ROS.items()},
     **{(name, "cdr"): codec(2) for name, codec in _ROS.items()},  # as the first versions of ROS 2 named them
     **{(name, "ros1"): codec(1) for name, codec in _ROS.items()},
@@ -29,6 +31,16 @@ CODECS: Mapping[tuple[str, str], CloudCodec] = {
     ("foxglove.PointCloud", "json"): JsonPointCloud(),
 }
 """Codecs by schema name and message encoding. To add an encoding, add a line here, or to the messages of ROS."""
+
+
+def _of_plugin(_: str, kind: Any) -> Mapping[tuple[str, str], CloudCodec]:
+    if lacking := [one for one in ("messages", "decode", "encode") if not hasattr(kind, one)]:
+        raise TypeError(f"must be a CloudCodec with messages; it lacks {', '.join(lacking)}")
+    return dict.fromkeys(kind.messages, kind())
+
+
+CODECS = Registry("clouds", _BUILT_IN, _of_plugin)
+"""Codecs by schema name and message encoding."""
 
 _TRANSIENT_LOCAL = re.compile(r"durability:\s*(1\b|transient_local)")
 _SECONDARY = (RosFoxglovePointCloud, CompressedPointCloud2, LaserScan | MultiEchoLaserScan)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from seaclutter_cli.filters import FILTERS
+from seaclutter_cli.registry import package, plugins
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.sensors.catalog import SENSORS, SensorModel
 from seaclutter_cli.simulation.airborne.scene import builtin_tiles
@@ -20,7 +21,7 @@ from seaclutter_cli.validation import builtin_files
 
 def list_builtin() -> "Builtin":
     """Return the names of all built-in items."""
-    methods = {name: (kind.__doc__ or "").splitlines()[0] for name, kind in FILTERS.items()}
+    methods = {name: (kind.__doc__ or "").partition("\n")[0] for name, kind in FILTERS.items()}
     lists = {
         "formats": [form.title for form in SOURCES.values()] + [f"*{suffix}" for suffix in FRAME_READERS],
         "configs": [path.name for path in builtin_files().values()],
@@ -28,6 +29,7 @@ def list_builtin() -> "Builtin":
         "layouts": [*LAYOUTS, RANDOM],
         "tiles": list(builtin_tiles()),
         "lidars": list(LIDARS),
+        "plugins": [f"{one.name} ({kind}, {package(one)})" for kind, points in plugins().items() for one in points],
     }
     return Builtin(SENSORS, methods, lists)
 

@@ -37,9 +37,9 @@ from seaclutter_cli.runs.resume import (
 )
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sinks.atomic import OutputGroup
-from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options, format_of
+from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options, format_of, format_of_suffix
 from seaclutter_cli.sinks.options import McapOptions, matches, part_path, parts_after
-from seaclutter_cli.sources.formats import SOURCES
+from seaclutter_cli.sources.formats import is_log_name
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, data_size, named_folder, printable
@@ -58,8 +58,6 @@ O = TypeVar("O", bound=WritingLogs)  # noqa: E741 - options
 _MAX_LOSSES = 8
 _SUFFIX = re.compile(r"\.(?!v\d)[a-z]\w*")
 """What is meant as a suffix: not the end of ``trial.2`` or ``trial.v2``."""
-_READ = {suffix for kind in SOURCES.values() for suffix in kind.suffixes} | set(FRAME_READERS)
-_ONLY_READ = _READ - {kind.suffix for kind in OUTPUT_FORMATS.values()}
 
 
 def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | None = None) -> tuple[str, list[Path]]:
@@ -265,13 +263,15 @@ class LogRun(Generic[W]):
 
 def check_names(outputs: Iterable[Path], to: str | None) -> None:
     """Raise `UsageError` if the name of an output is that of a format that can only be read, or tells no format."""
-    kinds = [kind for kind in OUTPUT_FORMATS.values() if kind.suffix]
-    known = [kind.suffix for kind in kinds if not (kind.is_folder and kind.has_topics)]
     for output in outputs:
         suffix = output.suffix.lower()
-        if suffix in _ONLY_READ:
+        if format_of_suffix(suffix):
+            continue
+        if is_log_name(suffix) or suffix in FRAME_READERS:
             raise UsageError(f"{output}: this format can only be read; choose a name such as {output.stem}.mcap")
-        if to is None and suffix not in known and _SUFFIX.fullmatch(suffix):
+        if to is None and _SUFFIX.fullmatch(suffix):
+            kinds = [kind for kind in OUTPUT_FORMATS.values() if kind.suffix]
+            known = [kind.suffix for kind in kinds if not (kind.is_folder and kind.has_topics)]
             raise UsageError(
                 f"{output}: no format has the suffix {output.suffix}; use {', '.join(known[:-1])} or {known[-1]}, "
                 "or name the format with --to"

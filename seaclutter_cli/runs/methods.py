@@ -32,7 +32,10 @@ COMPARISONS: Mapping[str, Sequence[str]] = {
     "peers": _PEERS,
     "all": tuple(dict.fromkeys((*_PAPER, *_PEERS, "none"))),
 }
-"""Groups of methods: Tables 4 and 5 in [Li2023]; ``joint``, ``confirmed`` and their peers; all of them and ``none``."""
+"""Groups of methods: Tables 4 and 5 in [Li2023]; ``joint``, ``confirmed`` and their peers; all of them and ``none``.
+
+Methods of installed packages are peers, too.
+"""
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,9 @@ def note_left_out(options: MethodOptions, observer: Observer) -> None:
 
 
 def _compared(options: MethodOptions) -> list[str]:
-    return [name for comparison in options.compare for name in COMPARISONS[comparison]]
+    every = [name for comparison in options.compare for name in COMPARISONS[comparison]]
+    peers = set(options.compare) & {"peers", "all"}
+    return [*every, *FILTERS.added] if peers else every
 
 
 def variants(options: MethodOptions, *additional: str, configured_first: bool = False) -> list[Variant]:
@@ -108,6 +113,9 @@ def bases(options: MethodOptions, *additional: str, configured_first: bool = Fal
     settings = (*options.settings, *additional)
     if not names:
         return [Base(load_config(options.config, overrides=settings).method, None, options.config, settings)]
+    for name in names:
+        if any(name == other and FILTERS.get(name) is not FILTERS.get(other) for other in names):
+            raise ConfigError(f"several methods are called {name}; choose other names")
     keys = {name: _keys(name) for name in names}
     return [Base(name, _method(name), options.config, _fitting(settings, name, keys)) for name in keys]
 

@@ -6,7 +6,7 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from time import time
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -24,6 +24,7 @@ from seaclutter_cli.messages.metadata import RUN
 from seaclutter_cli.paths import open_regular
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Damage, Metadata
+from seaclutter_cli.registry import packages
 from seaclutter_cli.runs.batch import Work
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
@@ -46,6 +47,8 @@ _PARTS = {
     "config": "another configuration",
     "options": "other options",
     "labels": "other labels",
+    "method": "another version of the method",
+    "plugins": "other packages with plug-ins",
 }
 
 _SUMS = ("frames", "points_in", "counts", "rings", "scenes", "water", "water_frames")
@@ -60,7 +63,8 @@ class RunIdentity:
     """What the bytes of an output depend on, as digests, and the version of the program.
 
     They are of the sizes, and beginnings and ends of the files of the recording; of the effective configuration with
-    its models, of all other options, and of the labels.
+    its models, of all other options, of the labels, and of the code of a method that is not registered. The packages
+    that add something are named with their versions.
     """
 
     input: str
@@ -68,11 +72,17 @@ class RunIdentity:
     options: str
     labels: str
     version: str = __version__
+    method: str = ""
+    plugins: str = field(default_factory=lambda: ", ".join(packages()))
 
     def difference(self, other: Mapping[str, str]) -> str | None:
         """Return how a record differs; None if it is of the same run."""
-        own = asdict(self)
-        return next((text for part, text in _PARTS.items() if other.get(part) != own[part]), None)
+        own = self.entries()
+        return next((text for part, text in _PARTS.items() if other.get(part) != own.get(part)), None)
+
+    def entries(self) -> dict[str, str]:
+        """Return the parts of a record; the last two only if there is something, as in earlier versions."""
+        return {name: text for name, text in vars(self).items() if text or name not in ("method", "plugins")}
 
 
 def identity_of(
@@ -102,6 +112,7 @@ def identity_of(
         config=digest_of([config.as_dict(), digest_of_paths(files)] if config else []),
         options=digest_of(options),
         labels=digest_of(label_parts),
+        method=getattr(config.method, "code", "") if config else "",
     )
 
 
@@ -247,7 +258,7 @@ def to_entries(identity: RunIdentity, topics: Mapping[str, TopicTally], damage: 
     def as_json(value: Any) -> Any:
         return value.tolist() if isinstance(value, np.ndarray) else vars(value)
 
-    return {**asdict(identity), "outcome": json.dumps(outcome, sort_keys=True, default=as_json)}
+    return {**identity.entries(), "outcome": json.dumps(outcome, sort_keys=True, default=as_json)}
 
 
 def from_entries(entries: Mapping[str, str], paths: Iterable[Path]) -> tuple[dict[str, TopicTally], list[Damage]]:

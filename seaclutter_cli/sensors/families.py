@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from seaclutter_cli.registry import Registry
 from seaclutter_cli.sensors.hesai.decoder import Hesai
 from seaclutter_cli.sensors.ouster.decoder import Ouster
 from seaclutter_cli.sensors.packets import PacketFamily
@@ -9,7 +10,7 @@ from seaclutter_cli.sensors.robosense.decoder import RoboSense
 from seaclutter_cli.sensors.robosense.solid import RoboSenseSolid
 from seaclutter_cli.sensors.velodyne.decoder import Velodyne
 
-PACKET_FAMILIES: Mapping[str, PacketFamily] = {
+_BUILT_IN: Mapping[str, PacketFamily] = {
     "robosense": RoboSense(),
     "robosense_solid": RoboSenseSolid(),
     "velodyne": Velodyne(),
@@ -17,3 +18,13 @@ PACKET_FAMILIES: Mapping[str, PacketFamily] = {
     "ouster": Ouster(),
 }
 """Families by name, tried in this order. Register new ones here."""
+
+
+def _of_plugin(name: str, kind: type[PacketFamily]) -> Mapping[str, PacketFamily]:
+    if not issubclass(kind, PacketFamily):
+        raise TypeError("must be a class based on PacketFamily")
+    return {name: kind()}
+
+
+PACKET_FAMILIES = Registry("sensors", _BUILT_IN, _of_plugin)
+"""Families by name, those of plug-ins last."""

@@ -1,13 +1,14 @@
 """Formats of outputs: how each is written, and which names select it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.messages.metadata import SIDECAR
+from seaclutter_cli.registry import Registry
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.options import ROSBAG2_METADATA, McapOptions
 
@@ -20,13 +21,13 @@ if TYPE_CHECKING:
 class OutputFormat:
     """A format of outputs, named by its title in the plural.
 
-    Its writer is a `LogOutput`, by module and name, or one of `FRAME_WRITERS`. A suffix selects the format, unless it
-    has folders only; ``compressions`` have their names in MCAP. If a recording becomes a folder, the file ``marker`` in
-    it tells so.
+    Its writer is a `LogOutput`, or a function that writes a frame, as those in `FRAME_WRITERS`; those that are built in
+    are given by module and name, or by name. A suffix selects the format, unless it has folders only; ``compressions``
+    have their names in MCAP. If a recording becomes a folder, the file ``marker`` in it tells so.
     """
 
     title: str
-    writer: str
+    writer: Any
     suffix: str
     compressions: tuple[str, ...] = ("",)
     marker: str = ""
@@ -39,7 +40,7 @@ class OutputFormat:
     @property
     def has_topics(self) -> bool:
         """Whether it is a log, not files that have one frame of one topic each."""
-        return "." in self.writer
+        return "." in self.writer if isinstance(self.writer, str) else isinstance(self.writer, type)
 
     def make_sink(
         self, path: Path, options: McapOptions, group: OutputGroup | None = None, *, as_is: bool = False
@@ -49,18 +50,20 @@ class OutputFormat:
             from seaclutter_cli.sinks.frames import FrameSink
             from seaclutter_cli.sinks.point_files import FRAME_WRITERS
 
-            write = FRAME_WRITERS[self.writer]
+            write = FRAME_WRITERS[self.writer] if isinstance(self.writer, str) else self.writer
             return FrameSink(path, options, group, write_frame=write, suffix=self.suffix, as_is=as_is)
         from seaclutter_cli.sinks.log import LogSink
 
-        module, _, name = self.writer.partition(".")
-        output = getattr(import_module(f"seaclutter_cli.sinks.{module}"), name)
+        output = self.writer
+        if isinstance(output, str):
+            module, _, name = output.partition(".")
+            output = getattr(import_module(f"seaclutter_cli.sinks.{module}"), name)
         return LogSink(path, options, group, output=output, as_is=as_is)
 
 
 _MCAP = ("zstd", "lz4", "")
 
-OUTPUT_FORMATS: Mapping[str, OutputFormat] = {
+_BUILT_IN: Mapping[str, OutputFormat] = {
     "mcap": OutputFormat("MCAP files", "mcap_writer.McapOutput", ".mcap", _MCAP),
     "bag": OutputFormat("ROS 1 bags", "bag_writer.BagOutput", ".bag", ("lz4", "")),
     "rosbag2-db3": OutputFormat("ROS 2 recordings in sqlite3", "rosbag2.Db3Output", ".db3", marker=ROSBAG2_METADATA),
@@ -71,6 +74,18 @@ OUTPUT_FORMATS: Mapping[str, OutputFormat] = {
     },
 }
 """Formats by the names that ``--to`` takes. To add a format, add a line here."""
+
+
+def _of_plugin(name: str, form: OutputFormat) -> Mapping[str, OutputFormat]:
+    if not isinstance(form, OutputFormat) or not form.suffix:
+        raise TypeError("must be an OutputFormat with a suffix")
+    if form.suffix in (known.suffix for known in _BUILT_IN.values()):
+        raise ValueError(f"{form.suffix} is taken")
+    return {name: form if form.has_topics else replace(form, marker=SIDECAR)}
+
+
+OUTPUT_FORMATS = Registry("sinks", _BUILT_IN, _of_plugin)
+"""Formats of outputs by name."""
 
 
 def check_options(form: str, options: McapOptions, *, with_scene: bool = False) -> None:
@@ -95,8 +110,7 @@ def check_options(form: str, options: McapOptions, *, with_scene: bool = False) 
 
 def format_of(output: Path, name: str | None) -> str:
     """Return the format that was asked for, or of the suffix, or MCAP; `UsageError` if the suffix is another."""
-    by_suffix = {form.suffix: key for key, form in OUTPUT_FORMATS.items() if form.suffix}
-    meant = by_suffix.get(output.suffix.lower())
+    meant = format_of_suffix(output.suffix.lower())
     chosen = name or meant or "mcap"
     if meant and OUTPUT_FORMATS[meant].is_folder and OUTPUT_FORMATS[meant].has_topics:
         raise UsageError(f"{output}: a ROS 2 recording is a folder; use -o {output.stem} --to {meant}")
@@ -107,4 +121,10 @@ def format_of(output: Path, name: str | None) -> str:
 
 def is_single_frame(output: Path) -> bool:
     """Return whether the name of an output is that of a file with one frame."""
-    return any(output.suffix.lower() == kind.suffix for kind in OUTPUT_FORMATS.values() if not kind.has_topics)
+    form = format_of_suffix(output.suffix.lower())
+    return form is not None and not OUTPUT_FORMATS[form].has_topics
+
+
+def format_of_suffix(suffix: str) -> str | None:
+    """Return the name of the format that a suffix selects; None if there is none."""
+    return next((name for name, form in OUTPUT_FORMATS.items() if suffix and form.suffix == suffix), None)

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.paths import open_regular
+from seaclutter_cli.registry import Registry
 from seaclutter_cli.sensors.catalog import ADVICE
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily
 from seaclutter_cli.sources.frame_files import FRAME_READERS
@@ -28,19 +30,21 @@ class Format:
     title: str
     suffixes: tuple[str, ...]
     magics: tuple[bytes, ...]
-    source: str
-    """Module and class of the source, which is imported to open the first file, so that the start of a run is fast."""
+    source: str | type[Source]
+    """Class of the source; its module and name if built in, so that the start of a run is fast."""
     decodes: bool = False
 
     def open(self, path: Path, decoding: DecoderOptions) -> Source:
         """Open a file of the format."""
-        module, _, name = self.source.rpartition(".")
-        make = getattr(import_module(f"seaclutter_cli.sources.{module}"), name)
+        make: Any = self.source
+        if isinstance(make, str):
+            module, _, name = make.rpartition(".")
+            make = getattr(import_module(f"seaclutter_cli.sources.{module}"), name)
         source: Source = make(path, decoding) if self.decodes else make(path)
         return source
 
 
-SOURCES: Mapping[str, Format] = {
+_BUILT_IN: Mapping[str, Format] = {
     "mcap": Format("MCAP", (".mcap",), (b"\x89MCAP0\r\n",), "mcap.source.McapSource"),
     "bag": Format("ROS 1 bag", (".bag", ".bag.active"), (b"#ROSBAG V2.0\n",), "rosbag1.source.BagSource"),
     "db3": Format("ROS 2 sqlite3", (".db3", ".db3.zstd"), (b"SQLite format 3\0",), "rosbag2.db3.Db3Source"),
@@ -49,7 +53,23 @@ SOURCES: Mapping[str, Format] = {
 }
 """Formats of log files. Add a new format here; formats of single frames are in `FRAME_READERS`."""
 
-LOG_SUFFIXES = tuple(suffix for form in SOURCES.values() for suffix in form.suffixes)
+
+def _of_plugin(name: str, kind: type[Source]) -> Mapping[str, Format]:
+    if not issubclass(kind, Source) or not (kind.suffixes or kind.magics):
+        raise TypeError("must be a class based on Source with suffixes or magics")
+    built_in = (*FRAME_READERS, *(suffix for form in _BUILT_IN.values() for suffix in form.suffixes))
+    if taken := [suffix for suffix in kind.suffixes if suffix.endswith(built_in)]:
+        raise ValueError(f"{', '.join(taken)} is taken")
+    return {name: Format(kind.format, kind.suffixes, kind.magics, kind)}
+
+
+SOURCES = Registry("sources", _BUILT_IN, _of_plugin)
+"""Formats of log files by name."""
+
+
+def is_log_name(name: str) -> bool:
+    """Return whether a file is a log by its name."""
+    return any(name.lower().endswith(form.suffixes) for form in SOURCES.values())
 
 
 def open_source(

@@ -13,7 +13,7 @@ from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.paths import Identities
 from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions
-from seaclutter_cli.sources.formats import LOG_SUFFIXES, SOURCES, format_names, open_file, open_source, wrap_packets
+from seaclutter_cli.sources.formats import SOURCES, format_names, is_log_name, open_file, open_source, wrap_packets
 from seaclutter_cli.sources.frame_files.folder import is_frame_folder
 from seaclutter_cli.sources.frame_files.sidecars import times_beside
 from seaclutter_cli.sources.pcap import metadata_of
@@ -78,7 +78,7 @@ def has_metadata_beside(name: str) -> bool:
 
 def metadata_beside(log: Path) -> list[Path]:
     """Return the times of frames, or the metadata of a sensor, beside a log, which belong to it."""
-    is_log = log.name.lower().endswith(LOG_SUFFIXES)
+    is_log = is_log_name(log.name)
     if not is_log and (times := times_beside(log if log.is_dir() else log.parent)):
         return [times]
     if not has_metadata_beside(log.name):
@@ -182,7 +182,7 @@ def _has_recordings(path: Path, above: frozenset[Path]) -> bool:
 
 
 def _has_suffix(path: Path) -> bool:
-    return path.name.lower().endswith(LOG_SUFFIXES)
+    return is_log_name(path.name)
 
 
 def _is_recording(folder: Path) -> bool:

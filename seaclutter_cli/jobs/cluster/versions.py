@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping
 from importlib.metadata import PackageNotFoundError, requires
 from typing import Any
 
+from seaclutter_cli.registry import plugins
+
 _NOT_COMPUTING = {"click", "lazy-loader", "tqdm", "annotated-types"}
 _REMOTE = ("seaclutter", "python", "dask", "distributed", "cloudpickle")
 _OPTIONAL = ("laspy", "lazrs", "obstore", "onnxruntime", "scikit-learn", "skops", "velodyne-decoder")
@@ -17,7 +19,8 @@ def compared_packages() -> list[str]:
     except PackageNotFoundError:  # runs from its source
         stated = []
     names = [re.split(r"[^\w.-]", text, maxsplit=1)[0] for text in stated if "extra ==" not in text]
-    return [name for name in names if name not in _NOT_COMPUTING]
+    added = {point.dist.name: None for points in plugins().values() for point in points if point.dist}
+    return [*(name for name in names if name not in _NOT_COMPUTING), *added]
 
 
 def skew(here: Mapping[str, Any] | None, there: Mapping[str, Any] | None, *, of_scheduler: bool = False) -> str | None:

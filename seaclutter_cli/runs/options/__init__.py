@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 R = TypeVar("R")
 
+MethodLike = Any
+"""A method by its name, or a class, an object or a function; see `Filter`."""
+
 Logs = PathLike | Sequence[PathLike]
 """One or several logs: files, folders or globs, or URLs of objects (``s3://``, ``gs://``, ``az://``)."""
 
@@ -304,19 +307,41 @@ class _Configured(Options):
     )
 
 
+class MethodName(Kind):
+    """Methods: names, classes, objects, functions, and classes in files by ``FILE.py:CLASS``."""
+
+    def check(self, value: Any, name: str) -> Any:  # noqa: ARG002 - errors name the method
+        """Return the name of a method; raise `ConfigError` if it is none."""
+        from seaclutter_cli.given import method_of
+
+        return method_of(value)
+
+    def check_all(self, values: Any, name: str) -> Any:
+        """Return the names of methods."""
+        given = values if isinstance(values, Sequence) and not isinstance(values, str) else [values]
+        return tuple(self.check(value, name) for value in given)
+
+
 class ConfigOptions(_Configured):
     """Sources of the configuration of a run, in ascending precedence: file, method, single keys."""
 
-    method: str | None = option("-m --method NAME", "Filter method; overrides the configuration.", default=None)
+    method: Converted[MethodLike | None, str | None] = option(
+        "-m --method NAME",
+        "Filter method, or FILE.py:CLASS for one of your own; overrides the configuration.",
+        default=None,
+        kind=MethodName(),
+    )
 
 
 class MethodOptions(_Configured):
     """Methods that a run compares, and the sources of their configurations."""
 
-    methods: Converted[str | Sequence[str], tuple[str, ...]] = option(
+    methods: Converted[MethodLike | Sequence[MethodLike], tuple[str, ...]] = option(
         "-m --method NAME",
-        "Filter method, by default that of the configuration; none leaves the logs unfiltered; repeatable.",
+        "Filter method, or FILE.py:CLASS for one of your own, by default that of the configuration; none leaves the "
+        "logs unfiltered; repeatable.",
         default=(),
+        kind=MethodName(),
     )
     compare: Converted[
         Literal["paper", "peers", "all"] | Sequence[Literal["paper", "peers", "all"]], tuple[str, ...]

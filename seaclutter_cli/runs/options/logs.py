@@ -26,6 +26,8 @@ from seaclutter_cli.runs.options import (
     BatchOptions,
     ConfigOptions,
     LabelSources,
+    MethodLike,
+    MethodName,
     MethodOptions,
     OfLabelledLogs,
     OfLogs,
@@ -44,6 +46,16 @@ _RANGE = re.compile(r"\s*(\d{1,9})(?:\s*(?:\.\.|-)\s*(\d{1,9}))?\s*")
 _MAX_SEEDS = 100_000
 
 
+class _Formats(Choice):
+    """Formats of outputs; those that are not built in are looked for among plug-ins."""
+
+    def all_names(self) -> Sequence[str]:
+        """Return the names of all formats."""
+        from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
+
+        return list(OUTPUT_FORMATS)
+
+
 class WritingLogs(Replacing, OfLogs):
     """Options of functions that write a log for each recording."""
 
@@ -54,7 +66,7 @@ class WritingLogs(Replacing, OfLogs):
         kw_only=False,
     )
     to: str | None = option(
-        "--to", "Format of the output. [default: by the suffix of OUT, or mcap]", default=None, kind=Choice(FORMATS)
+        "--to", "Format of the output. [default: by the suffix of OUT, or mcap]", default=None, kind=_Formats(FORMATS)
     )
     written: Grouped[McapOptions] = grouped(default=McapOptions())
     batch: Grouped[BatchOptions] = grouped(default=BatchOptions())
@@ -226,8 +238,8 @@ class TuneOptions(Replacing, OfLabelledLogs, MethodOptions):
         kind=_Sweeps(_sweep),
         kw_only=False,
     )
-    method: Converted[str | Sequence[str] | None, tuple[str, ...]] = option(
-        "", "Another name of ``methods``.", default=()
+    method: Converted[MethodLike | Sequence[MethodLike] | None, tuple[str, ...]] = option(
+        "", "Another name of ``methods``.", default=(), kind=MethodName()
     )
     hold_out: float = option(
         "--hold-out SHARE",
