@@ -1,4 +1,5 @@
 from .api import Log as Log
+from .api import filter_frames as filter_frames
 from .api import filter_points as filter_points
 from .api import make_filter as make_filter
 from .api import open_log as open_log
@@ -23,6 +24,7 @@ from .frame import Frame as Frame
 from .frame import Reason as Reason
 from .frame import Rings as Rings
 from .frame import WaterState as WaterState
+from .interfaces import Filter as Filter
 from .runs.calibrate import calibrate as calibrate
 from .runs.classify.predict import classify_tiles as classify_tiles
 from .runs.classify.separate import separate_tiles as separate_tiles

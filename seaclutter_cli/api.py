@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from contextlib import AbstractContextManager, ExitStack
 from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.buckets import local_copy, naming, shown
 from seaclutter_cli.config import load_config
-from seaclutter_cli.errors import UsageError
+from seaclutter_cli.errors import FieldError, UsageError
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.options import function_of, option
-from seaclutter_cli.reading import frames
+from seaclutter_cli.pipeline import HeldRecord, RecordHolder
+from seaclutter_cli.reading import read, with_attitudes
 from seaclutter_cli.runs.options import ConfigOptions, Decoding, Places, ReadOptions
 from seaclutter_cli.runs.recordings import expand, open_recording
+from seaclutter_cli.selection import cloud_channels
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -24,6 +27,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.config import Config
     from seaclutter_cli.interfaces import Filter, Source
     from seaclutter_cli.records import Damage, SensorFacts
+    from seaclutter_cli.runs.options import MethodLike
     from seaclutter_cli.selection import Moment
     from seaclutter_cli.urls import PathLike
 
@@ -168,8 +172,12 @@ class Log(AbstractContextManager["Log"]):
         [('/points', 10, 2145), ('/points', 11, 2214)]
         """
         chosen = ReadOptions(topics=topics, start_s=start_s, end_s=end_s, frames=limit, intensity_field=intensity_field)
+        source, selection = self._source, chosen.selection
         with naming():
-            yield from frames(self._source, chosen.selection)
+            records = read(source, cloud_channels(source, selection.topics), selection)
+            for _, frame in with_attitudes(records, source.channels):
+                if frame is not None:
+                    yield frame
 
     def close(self) -> None:
         """Close the recording; frames already read remain valid."""
@@ -178,17 +186,80 @@ class Log(AbstractContextManager["Log"]):
         self._release()
 
 
+def filter_frames(
+    frames: Iterable[Frame],
+    method: MethodLike | None = None,
+    config: Settings | None = None,
+    **parameters: Any,
+) -> Iterator[FilterResult]:
+    """Filter the frames of one recording, with the results of the command line.
+
+    A result is yielded when it is complete, which may be some frames later if the method looks ahead; those of a topic
+    in the order of its frames.
+
+    Parameters
+    ----------
+    frames : iterable of Frame
+        Frames in order, such as `Log.frames`. For a method with a first pass, something that can be iterated over
+        twice, such as a list.
+    method : str, class, object or function, optional
+        Filter method; by default that of the configuration, or ``joint``.
+    config : path, mapping or Config, optional
+        Configuration file or the name of a built-in one, the content of a file, or a configuration.
+    **parameters : optional
+        Parameters of the method by their configuration keys; they override the configuration.
+
+    Raises
+    ------
+    ConfigError
+        If a method or parameter is unknown, or a value is not allowed.
+    FieldError
+        If a frame lacks a field that the method needs.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> with seaclutter.open_log("samples/sea.mcap") as log:
+    ...     results = list(seaclutter.filter_frames(log.frames(limit=8), "confirmed"))
+    >>> [(result.frame.index, int(result.keep.sum())) for result in results[:2]]
+    [(0, 1007), (1, 1044)]
+    """
+    chosen = _configured(method, config, parameters)
+    filters: dict[str, Filter] = defaultdict(chosen.make_filter)
+    if chosen.make_filter().needs_first_pass:
+        if iter(frames) is frames:
+            raise UsageError(f"{chosen.method} needs all frames before the first result: give a list of them")
+        for frame in frames:
+            filters[frame.topic].observe(frame)
+    holders: dict[str, RecordHolder] = {}
+    for frame in frames:
+        if frame.topic not in holders:
+            holders[frame.topic] = RecordHolder({frame.topic: [filters[frame.topic]]})
+        yield from _results(holders[frame.topic].add(frame.message, frame))
+    for holder in holders.values():
+        yield from _results(holder.finish())
+
+
+def _results(complete: Iterable[HeldRecord]) -> Iterator[FilterResult]:
+    for held in complete:
+        [result] = held.results
+        if isinstance(result, FieldError):
+            raise result
+        if result:
+            yield result
+
+
 def filter_points(
     xyz: NDArray[np.floating],
     intensity: NDArray[Any] | None = None,
     *,
-    method: str | None = None,
+    method: MethodLike | None = None,
     config: Settings | None = None,
 ) -> FilterResult:
     """Filter one point cloud.
 
     Methods that learn from frame to frame, such as ``joint``, treat it as the first frame of a recording; for the
-    frames of a recording, use `make_filter`.
+    frames of a recording, use `filter_frames`.
 
     Parameters
     ----------
@@ -197,7 +268,7 @@ def filter_points(
         are invalid.
     intensity : ndarray, shape (N,), optional
         Intensity in the sensor's unit.
-    method : str, optional
+    method : str, class, object or function, optional
         Filter method; by default that of the configuration, or ``joint``.
     config : path, mapping or Config, optional
         Configuration file or the name of a built-in one, the content of a file, or a configuration.
@@ -234,12 +305,12 @@ def filter_points(
     return chosen.step(frame)
 
 
-def make_filter(method: str | None = None, config: Settings | None = None, **parameters: Any) -> Filter:
-    """Return a new filter for the frames of one topic of one recording.
+def make_filter(method: MethodLike | None = None, config: Settings | None = None, **parameters: Any) -> Filter:
+    """Return a new filter for the frames of one topic of one recording, if `filter_frames` is not enough.
 
     Parameters
     ----------
-    method : str, optional
+    method : str, class, object or function, optional
         Filter method; by default that of the configuration, or ``joint``.
     config : path, mapping or Config, optional
         Configuration file or the name of a built-in one, the content of a file, or a configuration.
@@ -250,7 +321,8 @@ def make_filter(method: str | None = None, config: Settings | None = None, **par
     -------
     Filter
         Call ``step(frame)`` for each frame in order, and ``reset()`` before another recording. Where
-        ``needs_first_pass``, pass all frames to ``observe(frame)`` first.
+        ``needs_first_pass``, pass all frames to ``observe(frame)`` first. ``step`` decides at once; a method that looks
+        ahead decides better with ``process(frame)``, which returns the results that are complete, and ``flush()``.
 
     Raises
     ------
@@ -266,7 +338,10 @@ def make_filter(method: str | None = None, config: Settings | None = None, **par
     >>> sor.step(seaclutter.Frame.of_arrays(xyz)).keep
     array([ True,  True,  True, False])
     """
+    return _configured(method, config, parameters).make_filter()
+
+
+def _configured(method: MethodLike | None, config: Settings | None, parameters: Mapping[str, Any]) -> Config:
     settings = {f"filter.{key}": value for key, value in parameters.items()}
     options = ConfigOptions(config=config, method=method, settings=settings)
-    given = load_config(options.config, method=options.method, overrides=options.settings, origin="configuration")
-    return given.make_filter()
+    return load_config(options.config, method=options.method, overrides=options.settings, origin="configuration")

@@ -72,9 +72,12 @@ class TopicTally:
 
 @dataclass
 class HeldRecord:
-    """A record with its frame, if it is a cloud, and results or errors of its filters, None until they are known."""
+    """A record with its frame, if it is a cloud, and results or errors of its filters, None until they are known.
 
-    record: Record
+    A frame that was made from arrays has no record.
+    """
+
+    record: Record | None
     frame: Frame | None
     results: list[FilterResult | FieldError | None]
     seconds: list[float]
@@ -101,7 +104,7 @@ class RecordHolder:
         self._held_bytes = 0
         self._last_ns: dict[str, int] = {}
 
-    def add(self, record: Record, frame: Frame | None) -> Iterator[HeldRecord]:
+    def add(self, record: Record | None, frame: Frame | None) -> Iterator[HeldRecord]:
         """Add the next record of the log; yield those that are complete, in order."""
         held = HeldRecord(record, frame, [], []) if frame is None else self._filter(record, frame)
         self._held.append(held)
@@ -116,7 +119,7 @@ class RecordHolder:
             self._flush(topic)
         yield from self._complete()
 
-    def _filter(self, record: Record, frame: Frame) -> HeldRecord:
+    def _filter(self, record: Record | None, frame: Frame) -> HeldRecord:
         filters = self._filters[frame.topic]
         self._last_ns[frame.topic] = frame.log_time_ns
         held = HeldRecord(record, frame, [None] * len(filters), [0.0] * len(filters))
@@ -183,7 +186,7 @@ def run(
         sink.begin(source, clouds)
     records = _records(source, clouds, selection, filters, with_latched=True)
     for held in _filtered(source, filters, {topic: [tallies[topic]] for topic in filters}, records):
-        if held.frame is None:
+        if held.frame is None and held.record is not None:
             for sink in sinks:
                 sink.copy(held.record)
         for result in held.results:

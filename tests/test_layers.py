@@ -94,7 +94,7 @@ ALLOWED = {
     "runs": CORE
     | {"airborne", "grids", "calibration", "config", "jobs", "plots", "reporting", "scenes", "simulation", "structure"}
     | {"suspects", "validation", "viewing"},
-    "api": BASE | {"config", "messages", "reading", "runs", "selection"},
+    "api": BASE | {"config", "messages", "pipeline", "reading", "runs", "selection"},
     "commands": BASE | {"config", "interrupts", "runs", "selection", "sensors"},
 }
 """Parts of the package and the other parts that each may import."""
