@@ -47,7 +47,7 @@ def check(arguments):
         with contextlib.suppress(click.exceptions.Exit):  # --help and --version
             context = command.make_context(name, rest)
             methods = {context.params.get("method"), *(context.params.get("methods") or ())} - {None}
-            assert methods <= {*FILTERS, "none", "global_intensity@0.80", "global_intensity@0.90"}
+            assert methods <= {*FILTERS, "mine.py:above_the_surface", "global_intensity@0.80", "global_intensity@0.90"}
 
 
 def check_names(arguments):

@@ -46,7 +46,7 @@ class FrameSink(ExitStack, Sink):
         options: McapOptions,
         group: OutputGroup | None = None,
         *,
-        write_frame: Callable[[BinaryIO, Cloud], Counter[str]],
+        write_frame: Callable[[BinaryIO, Cloud], Counter[str] | None],
         suffix: str,
         as_is: bool = False,
     ) -> None:
@@ -125,9 +125,9 @@ class FrameSink(ExitStack, Sink):
         self._stamps_ns.append(frame.stamp_ns)
         if isinstance(self._output, AtomicFolder):
             with self._output.open(f"{frame.index:06d}{self._suffix}") as stream:
-                self._lost += self._write_frame(stream, cloud.posed())
+                self._lost += self._write_frame(stream, cloud.posed()) or Counter[str]()
         else:
-            self._lost += self._write_frame(self._output.stream, cloud.posed())
+            self._lost += self._write_frame(self._output.stream, cloud.posed()) or Counter[str]()
 
     def end(self) -> None:
         """Write times and metadata records."""

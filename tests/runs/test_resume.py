@@ -170,7 +170,8 @@ def test_a_record_that_was_altered_is_filtered_again(trial, altered):
 
 
 def test_another_version_is_filtered_again(trial, monkeypatch):
-    monkeypatch.setattr(resume.RunIdentity.__init__, "__defaults__", ("0.0.1",))
+    made = resume.RunIdentity.__init__
+    monkeypatch.setattr(made, "__defaults__", ("0.0.1", *made.__defaults__[1:]))
     run(trial)
     monkeypatch.undo()
     result = run(trial, "--resume")

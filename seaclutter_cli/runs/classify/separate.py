@@ -171,7 +171,7 @@ class _SeparateWork(TileWork["SeparatedTile"]):
         texts = {_SEA_STATE: json.dumps(asdict(found.sea))} if self.settings.separation.follows_waves else {}
         if self.several or self.options.batch.resume:
             result = {**figures, "sea_state": asdict(found.sea)}
-            texts[_RUN] = json.dumps({**asdict(self.identity()), "result": result}, sort_keys=True)
+            texts[_RUN] = json.dumps({**self.identity().entries(), "result": result}, sort_keys=True)
             land = found.land.as_text()
             texts[_LAND] = land if len(land) <= _MAX_RECORD_BYTES else ""
         write_tile(tile, self.target, columns, _HEIGHT if self.options.with_height else {}, files, texts)
