@@ -11,6 +11,7 @@ from .errors import ConfigError as ConfigError
 from .errors import FieldError as FieldError
 from .errors import InputError as InputError
 from .errors import LabelError as LabelError
+from .errors import MethodError as MethodError
 from .errors import MissingExtraError as MissingExtraError
 from .errors import ModelError as ModelError
 from .errors import OutputError as OutputError

@@ -20,7 +20,7 @@ from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.filters import FILTERS, OPTIONAL
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import AUTO_M, ZoneParams, ring_edges
-from seaclutter_cli.given import Method
+from seaclutter_cli.given import Method, naming_method
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.params import key
 from seaclutter_cli.text import count, printable, shortened, suggestion
@@ -90,7 +90,8 @@ class Config:
     def make_filter(self) -> Filter:
         """Return a new filter of the method."""
         make: Any = FILTERS[self.method]
-        method: Filter = make(self.filter)
+        with naming_method(make, "its parameters"):
+            method: Filter = make(self.filter)
         return method
 
     @property

@@ -6,6 +6,7 @@
     │   ├── UnsupportedCloudError  clouds are stored in a form that cannot be read
     │   └── FieldError     a field is missing or has the wrong type
     ├── LabelError         labels cannot be read or do not match the recording
+    ├── MethodError        a method that is not built in failed
     ├── ModelError         a trained model cannot be read or does not match the task
     ├── OutputError        the output cannot be written
     ├── ClusterError       a cluster cannot be used, or is gone
@@ -106,6 +107,18 @@ class LabelError(SeaclutterError):
     >>> seaclutter.evaluate("samples/sea.mcap", "samples/README.md")
     Traceback (most recent call last):
     seaclutter_cli.errors.LabelError: samples/README.md: ...
+    """
+
+
+class MethodError(SeaclutterError):
+    """A method that is not built in failed, or returned what no method may return.
+
+    Examples
+    --------
+    >>> import seaclutter
+    >>> seaclutter.filter_log("samples/sea.mcap", folder / "x.mcap", method=lambda frame: frame.no_such_name)
+    Traceback (most recent call last):
+    seaclutter_cli.errors.MethodError: <lambda> failed on frame 0 of /points: AttributeError: ...
     """
 
 

@@ -386,6 +386,12 @@ class FilterResult:
     water: WaterState | None = None
     undecided: NDArray[np.int64] | None = None
 
+    def __post_init__(self) -> None:
+        """Raise `ArrayError` if there are not as many reasons as points."""
+        if self.reason.shape != (self.frame.size,) or self.reason.dtype != np.uint8:
+            found = f"{self.reason.dtype} of shape {self.reason.shape}"
+            raise ArrayError(f"reasons must be uint8 of shape ({self.frame.size},), got {found}")
+
     @cached_property
     def keep(self) -> NDArray[np.bool_]:
         """Whether each point is kept, shape (N,)."""
@@ -394,4 +400,7 @@ class FilterResult:
     @cached_property
     def counts(self) -> NDArray[np.int64]:
         """Number of points for each `Reason`, shape (9,); the first entry counts the points kept."""
-        return np.bincount(self.reason, minlength=len(Reason))
+        counts = np.bincount(self.reason, minlength=len(Reason))
+        if len(counts) > len(Reason):
+            raise ArrayError(f"{len(counts) - 1} is none of Reason")
+        return counts

@@ -5,9 +5,10 @@ import hashlib
 import inspect
 import pickle
 import sys
+import traceback
 import uuid
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import is_dataclass
 from pathlib import Path
 from types import ModuleType
@@ -15,13 +16,14 @@ from typing import Any, Self
 
 import numpy as np
 
-from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.errors import ArrayError, ConfigError, FieldError, MethodError
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Filter, NoParams
 from seaclutter_cli.paths import open_regular
 
 _IN_FILE = ".py:"
 _MAX_BYTES = 2**24
+_PACKAGE = Path(__file__).parent.name
 
 
 class Method(str):  # noqa: SLOT000 - it has a dictionary
@@ -109,16 +111,35 @@ class _FunctionFilter(Filter):
 
     def __init__(self, function: Callable[[Frame], Any], name: str) -> None:
         super().__init__()
-        self._function, self._name, self.__doc__ = function, name, function.__doc__
+        self._function, self.name, self.__doc__ = function, name, function.__doc__
 
     def step(self, frame: Frame) -> FilterResult:
         """Return a result without the points outside the mask."""
         mask = np.asarray(self._function(frame))
         if mask.shape != (frame.size,) or mask.dtype != np.bool_:
             found = f"{mask.dtype} of shape {mask.shape}"
-            raise ConfigError(f"{self._name}: must return a mask, bool of shape ({frame.size},), not {found}")
+            raise ArrayError(f"must return a mask, bool of shape ({frame.size},), not {found}")
         reason = np.where(frame.valid, np.where(mask, Reason.KEPT, Reason.OUTLIER), Reason.INVALID)
         return FilterResult(frame, reason.astype(np.uint8))
+
+
+@contextmanager
+def naming_method(method: Any, where: str) -> Iterator[None]:
+    """Raise `MethodError` for an error of a method, or its class, that is not built in."""
+    try:
+        yield
+    except FieldError:
+        raise
+    except Exception as error:
+        kind = method if isinstance(method, type) else type(method)
+        if kind.__module__.startswith("seaclutter_cli.filters"):
+            raise
+        name = getattr(method, "name", kind.__name__)
+        places = [
+            at for at in traceback.extract_tb(error.__traceback__) if Path(__file__).parent.name not in at.filename
+        ]
+        at = f" ({Path(places[-1].filename).name}, line {places[-1].lineno})" if places else ""
+        raise MethodError(f"{name} failed on {where}: {type(error).__name__}: {error}{at}") from error
 
 
 def _of_source(path: str, source: bytes, name: str) -> Method:

@@ -11,8 +11,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import CloudError, FieldError, TopicError
+from seaclutter_cli.errors import ArrayError, CloudError, FieldError, TopicError
 from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Frame, Reason, Rings, WaterState
+from seaclutter_cli.given import naming_method
 from seaclutter_cli.interfaces import Filter, Sink, Source
 from seaclutter_cli.reading import frames, read, rejoined, report_lost, with_attitudes
 from seaclutter_cli.records import Channel, Message, Record
@@ -117,6 +118,10 @@ class RecordHolder:
         """Yield all records that are left, after the end of the log."""
         for topic in self._filters:
             self._flush(topic)
+            for number, method in enumerate(self._filters[topic]):
+                if self._waiting[topic][number]:
+                    with naming_method(method, topic):
+                        raise ArrayError("must return one result for each frame, in their order")
         yield from self._complete()
 
     def _filter(self, record: Record | None, frame: Frame) -> HeldRecord:
@@ -126,7 +131,8 @@ class RecordHolder:
         for number, method in enumerate(filters):
             started = perf_counter()
             try:
-                results = method.process(frame)
+                with naming_method(method, f"frame {frame.index} of {frame.topic}"):
+                    results = method.process(frame)
             except FieldError as error:
                 held.results[number] = error
                 continue
@@ -136,13 +142,19 @@ class RecordHolder:
         return held
 
     def _assign(self, topic: str, number: int, results: Sequence[FilterResult]) -> None:
-        for result in results:
-            self._waiting[topic][number].popleft().results[number] = result
+        waiting = self._waiting[topic][number]
+        with naming_method(self._filters[topic][number], topic):
+            for result in results:
+                if not waiting or result.frame is not waiting[0].frame or not len(result.counts):
+                    raise ArrayError("must return one result for each frame, in their order")
+                waiting.popleft().results[number] = result
 
     def _flush(self, topic: str) -> None:
         for number, method in enumerate(self._filters[topic]):
             if self._waiting[topic][number]:
-                self._assign(topic, number, method.flush())
+                with naming_method(method, topic):
+                    results = method.flush()
+                self._assign(topic, number, results)
 
     def _flush_late(self, log_time_ns: int) -> bool:
         """Let a filter decide if later frames do not come or the wait takes too much memory; return whether it did."""
@@ -323,8 +335,8 @@ def _observe(source: Source, selection: Selection, filters: Mapping[str, Sequenc
     damage = list(source.damage)
     for frame in frames(source, selection):
         for method in waiting[frame.topic]:
-            with suppress(FieldError):  # `step` reports it
-                method.observe(frame)
+            with suppress(FieldError), naming_method(method, f"frame {frame.index} of {frame.topic}"):
+                method.observe(frame)  # `step` reports that it lacks a field
     source.restore_damage(damage)
 
 

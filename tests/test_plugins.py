@@ -357,8 +357,43 @@ def test_mistakes_in_python():
         seaclutter.evaluate(SEA, LABELLED, methods=[low, type("low", (Low,), {})])
     with pytest.raises(seaclutter.ConfigError, match="is called none already"):
         seaclutter.make_filter(type("none", (Low,), {}))
-    with pytest.raises(seaclutter.ConfigError, match="must return a mask"):
+    with pytest.raises(seaclutter.ArrayError, match="must return a mask"):
         seaclutter.filter_points(np.ones((3, 3)), method=lambda frame: frame.xyz)
+
+
+def kept(frame):
+    return seaclutter.FilterResult(frame, np.zeros(frame.size, np.uint8))
+
+
+def marked(frame, reasons):
+    return seaclutter.FilterResult(frame, reasons)
+
+
+IN_ORDER = "must return one result for each frame, in their order"
+MISTAKES = {
+    "raises": (
+        {"step": lambda self, frame: 1 / frame.index},
+        "frame 0 of /points: ZeroDivisionError: division",
+    ),
+    "shape": ({"step": lambda self, frame: marked(frame, np.zeros(5, np.uint8))}, "reasons must be uint8"),
+    "type": ({"step": lambda self, frame: marked(frame, np.zeros(frame.size, int))}, "got int64 of"),
+    "value": ({"step": lambda self, frame: marked(frame, kept(frame).reason + 77)}, "77 is none of Reason"),
+    "none": ({"step": lambda self, frame: None}, "no attribute 'frame'"),
+    "few": ({"step": lambda self, frame: kept(frame), "process": lambda self, frame: []}, IN_ORDER),
+    "many": ({"step": lambda self, frame: kept(frame), "process": lambda self, frame: [kept(frame)] * 2}, IN_ORDER),
+    "made": ({"step": lambda self, frame: kept(frame), "__init__": lambda self: None}, "its parameters: TypeError"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_mistakes_of_a_method_are_one_line(tmp_path, name):
+    """Frames would be lost without a word, or a traceback show the pipeline."""
+    members, text = MISTAKES[name]
+    wrong = type("Wrong", (seaclutter.Filter,), members)
+    with pytest.raises(seaclutter.MethodError, match=text) as raised:
+        seaclutter.filter_log(SEA, tmp_path / "x.mcap", method=wrong, reading=seaclutter.ReadOptions(frames=3))
+    assert str(raised.value).startswith("Wrong failed on ")
+    assert not (tmp_path / "x.mcap").exists()
 
 
 def test_methods_that_cannot_be_sent(trial):

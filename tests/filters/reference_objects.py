@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli.filters import confirmed
-from seaclutter_cli.filters.confirmation import background, beams, objects
+from seaclutter_cli.filters.confirmation import background, objects
 from seaclutter_cli.filters.confirmation import echoes as heights
+from seaclutter_cli.water import beams
 from seaclutter_cli.water import surface as water_surface
 from seaclutter_cli.water.faces import LEAST_M
 from tests.filters.reference_faces import Faces
