@@ -175,6 +175,9 @@ def load_config(
     """
     prepare = _with_open_thresholds if undetermined_thresholds else dict
     where, raw = _read(source)
+    section = raw.get("filter")
+    if isinstance(method, Method) and isinstance(section, Mapping) and section.get("method") == method:
+        raw = {**raw, "filter": {**section, "method": method}}  # a file names it, and the command line says where it is
     config = _validate(prepare(raw), where)
     if not method and not overrides:
         return config

@@ -16,6 +16,8 @@ from seaclutter_cli.errors import PluginWarning
 KINDS = ("filters", "sources", "sensors", "clouds", "labels", "sinks")
 """Ends of the names of the groups of entry points."""
 
+_REGISTRIES: "list[Registry[Any, Any]]" = []
+
 K = TypeVar("K")
 V = TypeVar("V")
 
@@ -40,6 +42,13 @@ def packages() -> list[str]:
     return sorted({package(point) for points in plugins().values() for point in points})
 
 
+def warn_here() -> None:
+    """Load what packages add, so that warnings about them come from this process, once, and not from others."""
+    if packages():
+        for one in _REGISTRIES:
+            one.added  # noqa: B018 - what it warns of
+
+
 class Registry(Mapping[K, V]):
     """Built-in items, and after them those of plug-ins of a kind.
 
@@ -49,6 +58,7 @@ class Registry(Mapping[K, V]):
 
     def __init__(self, kind: str, built_in: Mapping[K, V], adapt: Callable[[str, Any], Mapping[K, V]]) -> None:
         self._kind, self.built_in, self._adapt = kind, built_in, adapt
+        _REGISTRIES.append(self)
 
     def __getitem__(self, name: K) -> V:
         return self.built_in[name] if name in self.built_in else self.added[name]

@@ -214,7 +214,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_a_broken_plugin_is_one_warning(installed, tmp_path, name):
+def test_a_broken_plugin_is_one_warning(installed, tmp_path, trial, name):
     source, text = BROKEN[name]
     (tmp_path / "src").mkdir()
     (tmp_path / "src" / f"broken_{name}.py").write_text(source)
@@ -227,6 +227,9 @@ def test_a_broken_plugin_is_one_warning(installed, tmp_path, name):
     assert "broken" not in names
     assert "fine" in names
     assert len(caught) == 1
+    forget()
+    shown = execute("evaluate", trial, "--labels", trial, "-m", "none", "-j", "2", "-n", "2", code=0)
+    assert shown.stderr.count("is not used") == 1
 
 
 @pytest.mark.parametrize("kind", registry.KINDS)
@@ -282,6 +285,17 @@ def test_a_file_on_the_command_line(mine, trial, jobs):
 def test_files_that_have_no_method(mine, tmp_path, name, text):
     done = execute("filter", SEA, "-m", tmp_path / name, "-o", tmp_path / "x.mcap", code=2)
     assert text in done.output
+
+
+def test_a_written_configuration_needs_the_file(mine, tmp_path):
+    """A configuration that `tune` or `config show` wrote for such a method is used with ``-m``."""
+    best = tmp_path / "best.yaml"
+    best.write_text(execute("config", "show", "-m", f"{mine}:Low", "-s", "least_m=-1", code=0).stdout)
+    for options in (("-c", best, "-m", f"{mine}:Low"), ("-m", f"{mine}:Low", "-s", "least_m=-1")):
+        execute("filter", SEA, "-n", "3", *options, "-o", tmp_path / "x.mcap", "--force", code=0)
+        content = (tmp_path / "x.mcap").read_bytes()
+    execute("filter", SEA, "-n", "3", "-c", best, "-m", f"{mine}:Low", "-o", tmp_path / "y.mcap", code=0)
+    assert (tmp_path / "y.mcap").read_bytes() == content
 
 
 def test_a_file_with_a_mistake(mine, tmp_path):

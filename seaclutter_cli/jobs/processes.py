@@ -4,6 +4,7 @@ import multiprocessing as mp
 import os
 import signal
 import sys
+import warnings
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
@@ -14,7 +15,7 @@ from pickle import PicklingError
 from time import monotonic
 from typing import Any
 
-from seaclutter_cli.errors import UsageError
+from seaclutter_cli.errors import PluginWarning, UsageError
 from seaclutter_cli.interrupts import handle_interrupts, ignore_interrupts
 from seaclutter_cli.jobs.engine import DIED, SHARE, OnShare, R, Results, Task, answer, run_with_retries
 from seaclutter_cli.threads import VARIABLE, cores, threads
@@ -172,6 +173,7 @@ def _work(pipe: Connection, environment: Mapping[str, str]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the first one ends the others
     os.environ.clear()
     os.environ.update(environment)
+    warnings.simplefilter("ignore", PluginWarning)  # the first process has said it
     with suppress(EOFError, OSError, KeyboardInterrupt):  # the first process closed the pipe, or is gone
         while True:
             pipe.send_bytes(answer(_received(pipe), _Reporter(pipe)))

@@ -14,6 +14,7 @@ from seaclutter_cli.errors import SeaclutterError, SelectionError, TopicError
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.jobs.engine import Engine, Lost, Report, run_in_turn
 from seaclutter_cli.records import Channel
+from seaclutter_cli.registry import warn_here
 from seaclutter_cli.runs.observer import Observer, Silent, Step, raising
 from seaclutter_cli.runs.options import BatchOptions, Logs, OfLogs, ReadOptions
 from seaclutter_cli.runs.options.logs import ViewOptions
@@ -290,6 +291,7 @@ def run_batch(
     """
     outcomes = [None] * len(works) if outcomes is None else outcomes
     passed = 0
+    warn_here()
     with ExitStack() as stack, _progress(works, observer) as on_share, _engine(options, works, observer) as engine:
         here = observer if engine is run_in_turn else None
         # They have names because paths in buckets are URLs at first in another process.
