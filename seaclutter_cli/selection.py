@@ -1,7 +1,7 @@
 """Selection of a part of a recording: topics, times, numbers of frames."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from fractions import Fraction
@@ -85,6 +85,12 @@ def _shown(moment: Moment) -> str:
     return f"{moment:g} s"
 
 
+def hint_of(channels: Iterable[Channel]) -> str:
+    """Return what to do about channels without clouds, after a semicolon; empty if nothing is known."""
+    is_dds = any(channel.schema and "::dds_::" in channel.schema.name for channel in channels)
+    return "; types with names of DDS are not read: record with rosbag2" if is_dds else ""
+
+
 def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel]:
     """Return the channels of the selected cloud topics.
 
@@ -96,8 +102,8 @@ def cloud_channels(source: Source, topics: Collection[str] = ()) -> list[Channel
     if not names:
         kinds = {c: c.schema.name if c.schema else "no schema" for c in source.channels}
         found = ", ".join(sorted({f"{c.topic} ({kind}, {c.message_encoding})" for c, kind in kinds.items()}))
-        hint = "; types with names of DDS are not read: record with rosbag2" if "::dds_::" in found else ""
-        raise InputError(f"{source.name}: no point clouds that can be read; the log has {found or 'no topics'}{hint}")
+        the_log = f"the log has {found or 'no topics'}{hint_of(source.channels)}"
+        raise InputError(f"{source.name}: no point clouds that can be read; {the_log}")
     if not topics and len(names) > 1:
         choices = " ".join(f"-t {name}" for name in names)
         raise TopicError(f"{source.name}: several point-cloud topics; choose from: {choices}")

@@ -22,6 +22,7 @@ from seaclutter_cli.runs.options.logs import InfoOptions
 from seaclutter_cli.runs.recordings import RecordingsResult, expand, expected_frames, opened, statuses, storing_errors
 from seaclutter_cli.runs.surroundings import Surroundings, smallest
 from seaclutter_cli.runs.topic_statistics import Described, TopicStatistics
+from seaclutter_cli.selection import hint_of
 from seaclutter_cli.sources.mcap.excerpt import Excerpt, excerpt
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import printable, share, table
@@ -146,6 +147,12 @@ class Content(Described):
             for channel in self.channels
         ]
 
+    @property
+    def is_readable(self) -> bool:
+        """Whether clouds of any topic can be read."""
+        clouds = [cloud for topic, cloud in self.clouds.items() if topic not in self.unreadable]
+        return any(not cloud.problem or cloud.range_m[0] < math.inf for cloud in clouds)
+
     def as_text(self) -> str:
         """Return the content as human-readable text."""
         began = ""
@@ -197,7 +204,7 @@ class Content(Described):
             elif cloud.frames and cloud.intensity[1] < _DEFAULT_THRESHOLD:
                 needs.append(f"{topic}: {_weak(cloud)}")
         if not self.clouds:
-            needs.append("there are no point clouds that can be read")
+            needs.append(f"there are no point clouds that can be read{hint_of(self.channels)}")
         return needs
 
 
@@ -247,6 +254,11 @@ class InfoResult(RecordingsResult):
     """Content of several recordings, as text and as data."""
 
     outcomes: Sequence[Content]
+
+    @property
+    def failed(self) -> bool:
+        """Whether any recording could not be processed, or no clouds of any can be read."""
+        return super().failed or not any(content.is_readable for content in self.outcomes)
 
     def as_text(self) -> str:
         """Return the content of one recording, or a table of several, as human-readable text."""

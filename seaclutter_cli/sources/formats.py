@@ -45,7 +45,7 @@ class Format:
 
 
 _BUILT_IN: Mapping[str, Format] = {
-    "mcap": Format("MCAP", (".mcap",), (b"\x89MCAP0\r\n",), "mcap.source.McapSource"),
+    "mcap": Format("MCAP", (".mcap", ".mcap.zstd"), (b"\x89MCAP0\r\n",), "mcap.source.McapSource"),
     "bag": Format("ROS 1 bag", (".bag", ".bag.active"), (b"#ROSBAG V2.0\n",), "rosbag1.source.BagSource"),
     "db3": Format("ROS 2 sqlite3", (".db3", ".db3.zstd"), (b"SQLite format 3\0",), "rosbag2.db3.Db3Source"),
     "detections": Format("Autoferry detections", ("_detections.json",), (), "detections.DetectionSource"),

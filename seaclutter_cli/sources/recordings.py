@@ -46,7 +46,7 @@ class Recording:
         first = self.paths[0]
         if len(self.paths) > 1 and numbered(first)[1] == 0:
             return joined_name(self.paths)
-        return first.resolve().name if first.is_dir() else first.stem
+        return first.resolve().name if first.is_dir() else Path(first.name.removesuffix(".zstd")).stem
 
     @property
     def is_frame_folder(self) -> bool:

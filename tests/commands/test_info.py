@@ -17,8 +17,8 @@ from tests.running import execute
 invoke = partial(execute, "info")
 
 
-def survey(*arguments):
-    result = invoke(*arguments, "--json", code=0)
+def survey(*arguments, code=0):
+    result = invoke(*arguments, "--json", code=code)
     return json.loads(result.stdout)
 
 
@@ -47,20 +47,21 @@ def test_the_figures_match_the_points(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "need"),
+    ("options", "need", "code"),
     [
-        ({"topics": ("/port", "/starboard")}, "choose from: -t /port -t /starboard"),
-        ({"make": lambda number: points(number, top=1)}, "do not fit the default thresholds"),
-        ({"make": lambda number: points(number)[["x", "y", "z"]]}, "--intensity-field"),
-        ({"make": lambda number: points(number)[["x", "y", "intensity"]]}, "no field 'z'"),
-        ({"topics": ()}, "there are no point clouds"),
+        ({"topics": ("/port", "/starboard")}, "choose from: -t /port -t /starboard", 0),
+        ({"make": lambda number: points(number, top=1)}, "do not fit the default thresholds", 0),
+        ({"make": lambda number: points(number)[["x", "y", "z"]]}, "--intensity-field", 0),
+        ({"make": lambda number: points(number)[["x", "y", "intensity"]]}, "no field 'z'", 1),
+        ({"topics": ()}, "there are no point clouds", 1),
     ],
 )
-def test_settings_that_a_filter_run_needs(tmp_path, options, need):
+def test_settings_that_a_filter_run_needs(tmp_path, options, need, code):
+    """Where no clouds can be read, the exit status says so, too."""
     log = write_log(tmp_path / "log.mcap", **options)
-    (content,) = survey(log)
+    (content,) = survey(log, code=code)
     assert any(need in line for line in content["needs"])
-    assert need in invoke(log).stdout
+    assert need in invoke(log, code=code).stdout
 
 
 def test_samples_of_the_simulator_are_recognised():

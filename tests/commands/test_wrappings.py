@@ -113,10 +113,10 @@ def cloudini(path, others=()):
 def test_info_names_a_compression_that_is_not_supported(tmp_path):
     path = cloudini(tmp_path / "log.mcap")
     text = "clouds compressed with 'cloudini' are not supported; convert the log with cloudini_rosbag_converter"
-    result = run("info", path)
+    result = run("info", path, code=1)
     assert f"log, /points/cloudini: {text}" in result.stdout
     assert "point_cloud_interfaces/msg/CompressedPointCloud2" in result.stdout
-    assert any(text in need for need in json.loads(run("info", path, "--json").stdout)[0]["needs"])
+    assert any(text in need for need in json.loads(run("info", path, "--json", code=1).stdout)[0]["needs"])
     result = run("filter", path, "-o", tmp_path / "out.mcap", code=1)
     assert [line for line in result.stderr.splitlines() if line.startswith("Error:")] == [
         f"Error: log, /points/cloudini: {text} of cloudini_ros"

@@ -4,12 +4,14 @@ import json
 from functools import partial
 
 import yaml
+import zstandard
 
 from tests.logs import PERIOD_NS, START_NS, Entry, Topic, cloud_message, cloud_topic, write_log
 from tests.peculiarities.case import Case, sea
 
 TYPE, TEXT = cloud_topic("/points").schema[0], cloud_topic("/points").schema[2]
 ROSBAG2 = "https://github.com/ros2/rosbag2/"
+PACKED = f"{ROSBAG2}tree/rolling/rosbag2_compression: compression_mode message and file; only metadata.yaml names them"
 
 
 def structured(points):
@@ -54,6 +56,30 @@ def with_empty(folder):
     return write_log(folder / "log.mcap", [cloud_topic("/points")], [*entries(), late])
 
 
+def packed(folder, name="log.mcap.zstd"):
+    """Write a log that is compressed as a whole, as ``zstd log.mcap`` does."""
+    path = folder / name
+    path.write_bytes(zstandard.compress(log(folder).read_bytes()))
+    (folder / "log.mcap").unlink()
+    return path
+
+
+def packed_folder(folder):
+    for number in range(2):
+        part = write_log(
+            folder / "part.mcap", [cloud_topic("/points")], entries(range(2 * number, min(2 * number + 2, 3)))
+        )
+        (folder / f"log_{number}.mcap.zstd").write_bytes(zstandard.compress(part.read_bytes()))
+    (folder / "part.mcap").unlink()
+    return folder
+
+
+def packed_messages(folder):
+    """Write a log whose messages rosbag2 compressed, without the folder that says so."""
+    rows = [entry._replace(data=zstandard.compress(entry.data)) for entry in entries()]
+    return write_log(folder / "log.mcap", [cloud_topic("/points")], rows)
+
+
 SEA = [sea(number) for number in range(3)]
 CASES = [
     Case(
@@ -62,6 +88,15 @@ CASES = [
         build=crashed,
         frames=SEA,
     ),
+    Case(
+        name="messages in zstd outside their folder",
+        source=PACKED,
+        build=packed_messages,
+        frames=SEA,
+        to=("mcap", "bag"),
+    ),
+    Case(name=".mcap.zstd", source=f"{ROSBAG2}issues/1096", build=packed, frames=SEA, to=("mcap", "bag")),
+    Case(name="files .mcap.zstd in a folder", source=PACKED, build=packed_folder, frames=SEA),
     *(
         Case(
             name=f"definition: {name}",
@@ -78,6 +113,13 @@ CASES = [
         build=partial(log, name="sensor_msgs/PointCloud2"),
         frames=SEA,
         to=("mcap", "bag"),
+    ),
+    Case(
+        name="type with a name of DDS",
+        source="https://docs.foxglove.dev: bridges of DDS name types as DDS does, sensor_msgs::msg::dds_::PointCloud2_",
+        build=partial(log, name="sensor_msgs::msg::dds_::PointCloud2_"),
+        refused="no point clouds that can be read.*types with names of DDS are not read: record with rosbag2",
+        refused_by=("info", "filter"),
     ),
     Case(
         name="wrong row_step",

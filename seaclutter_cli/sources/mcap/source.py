@@ -1,9 +1,10 @@
 """MCAP files: indexed or not, chunked or not, every compression, intact or damaged."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
+from pathlib import Path
 from types import MappingProxyType
 from typing import TypeVar
 
@@ -31,6 +32,7 @@ from seaclutter_cli.sources.mcap.records import (
 )
 from seaclutter_cli.sources.shared.chunked import ChunkedSource
 from seaclutter_cli.sources.shared.log_file import FilePart
+from seaclutter_cli.sources.shared.unpacking import ZSTD_MAGIC, unpack_message
 from seaclutter_cli.text import count
 
 R = TypeVar("R")
@@ -45,10 +47,10 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
     format = "MCAP"
 
     def _open(self) -> None:
-        self.name = self._path.stem
+        self.name = Path(self._path.name.removesuffix(".zstd")).stem
         self._declared = Declarations(self._report)
         if self._file[: len(MAGIC)] != MAGIC:
-            if self._path.suffix.lower() != ".mcap":
+            if not self._path.name.lower().endswith((".mcap", ".mcap.zstd")):
                 raise InputError(f"{self._path}: not an MCAP file")
             self._report(0, "the file does not begin with the MCAP magic bytes", 0)
         self._found = found = McapContents(self._file, self._declared, self._report)
@@ -88,9 +90,31 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
             else:
                 yield extra
 
+    def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
+        """Yield metadata and attachments, then the messages of chunks with times in ``[start_ns, end_ns)``."""
+        broken = 0
+        for record in super().records(start_ns, end_ns):
+            if (plain := self._plain(record) if isinstance(record, Message) else record) is not None:
+                yield plain
+            else:
+                broken += 1
+        if broken:
+            self.report("damaged compressed messages", 0, broken, path=self._path)
+
     def _indexed(self, chunk: McapChunk) -> Counter[int] | None:
         counts = index_counts(self._file, chunk.offset + chunk.size)
         return counts if chunk.header is not None and 0 < chunk.messages == counts.total() else None
+
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
+        """Return the last message before a time of each of some channels."""
+        return list(filter(None, map(self._plain, super().latest(channels, before_ns))))
+
+    def _plain(self, message: Message) -> Message | None:
+        """Return a message, unpacked if rosbag2 compressed it, as only its folder says; None if it is damaged."""
+        if message.data[:4] != ZSTD_MAGIC or message.channel.message_encoding != "cdr":
+            return message
+        data = unpack_message(message.data, limits().bytes_of("message", len(self._file)))
+        return None if data is None else replace(message, data=data)
 
     @property
     def _is_closed(self) -> bool:

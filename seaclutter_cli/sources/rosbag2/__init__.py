@@ -63,7 +63,6 @@ def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
         name=folder.resolve().name,
         damage=damage,
         expected=None if messages is None else (folder / METADATA, messages),
-        packed_messages=mode == "message",
     )
     used = {file.name.removesuffix(".zstd") for file in files}
     left = [file.name for file in _storage_files(folder) if file.name.removesuffix(".zstd") not in used]

@@ -4,7 +4,6 @@ import sqlite3
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from seaclutter_cli.documents import DocumentError, load_yaml
@@ -15,7 +14,7 @@ from seaclutter_cli.messages.definitions import full_name, ros2_schema
 from seaclutter_cli.messages.metadata import from_custom_data
 from seaclutter_cli.records import Channel, Message, Metadata, Record, Schema
 from seaclutter_cli.sources.rosbag2.database import BROKEN, has_table, latest_row, open_database, read_rows
-from seaclutter_cli.sources.shared.unpacking import is_large, unpack_file, unpack_message
+from seaclutter_cli.sources.shared.unpacking import is_large, unpack_message, unpacked_file
 
 # Optional columns of topics, and their names in rosbag2's MCAP storage.
 _USUAL_ENCODING = "cdr"  # also if none is stated: not every program that writes recordings states it
@@ -39,7 +38,8 @@ class Db3Source(Source):
         self._path = path
         self._stack = ExitStack()
         try:
-            self._db = open_database(self._unpacked(), self._stack)
+            file = self._stack.enter_context(unpacked_file(path, self.damage))
+            self._db = open_database(file, self._stack)
             self._channels = self._read_channels()
             self.metadata = self._read_metadata()
         except BROKEN as error:
@@ -111,14 +111,6 @@ class Db3Source(Source):
     def close(self) -> None:
         """Close the file, and remove the temporary file."""
         self._stack.close()
-
-    def _unpacked(self) -> Path:
-        if self._path.suffix != ".zstd":
-            return self._path
-        folder = self._stack.enter_context(TemporaryDirectory(prefix="seaclutter-"))
-        path, damage = unpack_file(self._path, Path(folder))
-        self.damage += [] if damage is None else [damage]
-        return path
 
     def _message(self, time_ns: Any, topic: Any, data: Any, most: int) -> Message | None:
         """Return the message of a row; None if the row is not valid, or its data have more than ``most`` bytes."""

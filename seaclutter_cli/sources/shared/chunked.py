@@ -4,6 +4,7 @@ from abc import abstractmethod
 from bisect import bisect_left
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from functools import partial
 from heapq import heappop, heappush
@@ -16,6 +17,7 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.limits import above_in_file, limits
 from seaclutter_cli.records import Message, Record
 from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
+from seaclutter_cli.sources.shared.unpacking import unpacked_file
 from seaclutter_cli.threads import executor, threads
 
 if TYPE_CHECKING:
@@ -145,11 +147,13 @@ class ChunkedSource(Source, Generic[C, P]):
     def __init__(self, path: Path) -> None:
         super().__init__()
         self._path = path
-        self._file = LogFile(path)
+        self._stack = ExitStack()
         self._chunks: list[C] = []
         self._hidden: set[int] = set()
         """Ids of channels with messages that are no messages of the recording."""
         try:
+            file = self._stack.enter_context(unpacked_file(path, self.damage))
+            self._file = self._stack.enter_context(closing(LogFile(file)))
             self._open()
         except BaseException:
             self.close()
@@ -246,7 +250,7 @@ class ChunkedSource(Source, Generic[C, P]):
 
     def close(self) -> None:
         """Close the file."""
-        self._file.close()
+        self._stack.close()
 
     def _report(self, offset: int | None, problem: str, lost_bytes: int, lost_messages: int | None = None) -> None:
         self.report(problem, lost_bytes, lost_messages, offset=offset, path=self._path)

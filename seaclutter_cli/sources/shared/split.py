@@ -10,15 +10,12 @@ from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.limits import limits
 from seaclutter_cli.messages import main_clouds
 from seaclutter_cli.records import Channel, Damage, Message, Record
 from seaclutter_cli.sources.shared.chunked import in_order, keep_latest
-from seaclutter_cli.sources.shared.unpacking import unpack_file, unpack_message
 from seaclutter_cli.text import count, duration
 
 MAX_GAP_S = 10.0
@@ -42,7 +39,7 @@ class SplitSource(Source):
     """Several storage files in time order as one `Source`; one file is open at a time.
 
     Equal channels of different files become one. ``damage`` is what is already known, ``expected`` the file that
-    lists the number of messages, and this number, and ``packed_messages`` whether messages are compressed one by one.
+    lists the number of messages, and this number.
     `InputError` if none of the files can be read.
     """
 
@@ -54,16 +51,12 @@ class SplitSource(Source):
         name: str | None = None,
         damage: Sequence[Damage] = (),
         expected: tuple[Path, int] | None = None,
-        packed_messages: bool = False,
     ) -> None:
         self.name = name or joined_name(files)
         super().__init__()
         self.damage += damage
         self._open_file = open_file
         self._expected = expected
-        self._packed_messages = packed_messages
-        self._most = limits().bytes_of("message", sum(file.stat().st_size for file in files if file.is_file()))
-        self._packed_damage: dict[Path, Damage] = {}
         self._stack = ExitStack()
         self._current: tuple[Path, Source] | None = None
         self._merged: dict[tuple[Channel, int], Channel] = {}
@@ -117,23 +110,15 @@ class SplitSource(Source):
         read = 0
         for file in self._relabelled:
             source = self._source(file)
-            broken = 0
             try:
                 for record in source.records(start_ns, end_ns):
-                    if not isinstance(record, Message):
+                    if isinstance(record, Message):
+                        read += 1
+                        yield self._message(file, record)
+                    else:
                         yield record
-                        continue
-                    message = self._message(file, record)
-                    if message is None:
-                        broken += 1
-                        continue
-                    read += 1
-                    yield message
             finally:
-                self.damage += [self._packed_damage[file]] if file in self._packed_damage else []
                 self.damage += [replace(damage, path=file) for damage in source.damage]
-                if broken:
-                    self.damage.append(Damage(file, None, "damaged compressed messages", lost_messages=broken))
         known = sum(damage.lost_messages or 0 for damage in self.damage)
         if start_ns is None and end_ns is None and self._expected and self._expected[1] > read + known:
             path, expected = self._expected
@@ -152,8 +137,7 @@ class SplitSource(Source):
         for file, numbers in reversed(self._relabelled.items()):
             wanted = [number for number, channel in numbers.items() if channel.id in set(channels) - set(found)]
             messages = self._source(file).latest(wanted, before_ns) if wanted else []
-            relabelled = [self._message(file, message) for message in messages]
-            keep_latest(found, [message for message in relabelled if message], channels, before_ns)
+            keep_latest(found, [self._message(file, message) for message in messages], channels, before_ns)
         return in_order(found)
 
     def close(self) -> None:
@@ -166,25 +150,14 @@ class SplitSource(Source):
         if self._current is not None and self._current[0] == file:
             return self._current[1]
         self.close()
-        path = file
-        if file.name.lower().endswith(".mcap.zstd"):
-            folder = self._stack.enter_context(TemporaryDirectory(prefix="seaclutter-"))
-            path, damage = unpack_file(file, Path(folder))
-            if damage is not None:
-                self._packed_damage[file] = damage
-        source = self._stack.enter_context(closing(self._open_file(path)))
+        source = self._stack.enter_context(closing(self._open_file(file)))
         self._current = (file, source)
         return source
 
-    def _message(self, file: Path, message: Message) -> Message | None:
-        """Return a message with its channel of the whole recording; None if it cannot be unpacked."""
+    def _message(self, file: Path, message: Message) -> Message:
+        """Return a message with its channel of the whole recording."""
         channel = self._relabelled[file].get(message.channel.id) or self._relabel(file, message.channel)
-        if channel.id == message.channel.id and not self._packed_messages:
-            return message
-        data = unpack_message(message.data, self._most) if self._packed_messages else message.data
-        if data is None:
-            return None
-        return Message(channel, message.log_time_ns, message.publish_time_ns, message.sequence, data)
+        return message if channel.id == message.channel.id else replace(message, channel=channel)
 
     def _relabel(self, file: Path, channel: Channel) -> Channel:
         """Return the channel of the whole recording that corresponds to a channel of a file."""

@@ -2,8 +2,9 @@
 
 import bz2
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO
 
 import lz4.frame
@@ -17,7 +18,7 @@ from seaclutter_cli.records import Buffer, Damage
 DECOMPRESSION_ERRORS = (zstandard.ZstdError, RuntimeError, ValueError, EOFError, OSError)
 """Errors that decompression raises on damaged data."""
 
-_ZSTD = b"\x28\xb5\x2f\xfd"
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 """First bytes of compressed data; no CDR message starts with them."""
 _MAX_RATIO = 256
 _TERABYTE = 10**12
@@ -75,7 +76,7 @@ def _pieces(compression: str, packed: Buffer) -> Iterator[tuple[bytes, bool]]:
 
 def unpack_message(data: Buffer, most: int) -> Buffer | None:
     """Return a message, unpacked if it is compressed; None if it is damaged or has more than ``most`` bytes."""
-    if data[:4] != _ZSTD:
+    if data[:4] != ZSTD_MAGIC:
         return data if len(data) <= most else None
     try:
         size = zstandard.frame_content_size(data)
@@ -93,20 +94,33 @@ def is_large(data: object, most: int) -> bool:
         return data > most
     try:
         # Still larger sizes are damage.
-        return isinstance(data, bytes) and data[:4] == _ZSTD and most < zstandard.frame_content_size(data) < _TERABYTE
+        return (
+            isinstance(data, bytes) and data[:4] == ZSTD_MAGIC and most < zstandard.frame_content_size(data) < _TERABYTE
+        )
     except zstandard.ZstdError:
         return False
 
 
-def unpack_file(path: Path, folder: Path) -> tuple[Path, Damage | None]:
-    """Return the readable part of a ``.zstd`` file, unpacked into a folder, and its damage; `InputError` if none."""
-    target = folder / path.stem
-    try:
-        with open_regular(path) as packed, target.open("wb") as unpacked:
-            problem = _copy_unpacked(packed, unpacked, path.stat().st_size)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be unpacked: {error.strerror}") from error
-    return target, None if problem is None else Damage(path, None, problem)
+@contextmanager
+def unpacked_file(path: Path, damage: list[Damage]) -> Iterator[Path]:
+    """Provide a file itself, or a temporary copy of what can be read of a ``.zstd`` file; `InputError` if that is none.
+
+    Its damage is added to ``damage``.
+    """
+    if path.suffix.lower() != ".zstd":
+        yield path
+        return
+    with TemporaryDirectory(prefix="seaclutter-") as folder:
+        target = Path(folder, path.stem)
+        try:
+            with open_regular(path) as packed, target.open("wb") as unpacked:
+                problem = _copy_unpacked(packed, unpacked, path.stat().st_size)
+                if not unpacked.tell():
+                    raise InputError(f"{path}: {problem or 'the compressed file is empty'}")
+        except OSError as error:
+            raise InputError(f"{path}: cannot be unpacked: {error.strerror}") from error
+        damage += [] if problem is None else [Damage(path, None, problem)]
+        yield target
 
 
 def _copy_unpacked(packed: BinaryIO, unpacked: BinaryIO, packed_bytes: int) -> str | None:

@@ -19,6 +19,7 @@ from seaclutter_cli.sources.rosbag1.source import BagSource
 from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder, open_rosbag2
 from seaclutter_cli.sources.rosbag2.db3 import Db3Source
 from seaclutter_cli.sources.shared.split import SplitSource, split_groups
+from seaclutter_cli.sources.shared.unpacking import ZSTD_MAGIC
 from tests.attacks import YAML_DOCUMENTS, YAML_VALUES
 from tests.pairs import covering
 from tests.paths import SHARED_DATA
@@ -42,7 +43,9 @@ class Opener:
         self.most = 0
 
     def __call__(self, path):
-        opened = {".db3": Db3Source, ".mcap": McapSource, ".bag": BagSource}[path.suffix](path)
+        opened = {".db3": Db3Source, ".mcap": McapSource, ".bag": BagSource}[
+            Path(path.name.removesuffix(".zstd")).suffix
+        ](path)
         self.open += 1
         self.most = max(self.most, self.open)
         close = opened.close
@@ -56,8 +59,6 @@ class Opener:
 
 
 def opener(path):
-    if path.name.endswith(".db3.zstd"):
-        return Db3Source(path)
     return Opener()(path)
 
 
@@ -308,10 +309,10 @@ def test_damaged_packed_messages_are_counted(tmp_path):
     real = opener(folder / "bag_0.mcap")
     messages = [message for message in real.records() if isinstance(message, Message)]
     file = folder / "bag_0.mcap"
-    broken = bytes(messages[3].data[:4]) + b"\xff" * 8 + bytes(messages[3].data[12:])
-    content = file.read_bytes()
-    assert bytes(messages[3].data) in content
-    file.write_bytes(content.replace(bytes(messages[3].data), broken))
+    content = bytearray(file.read_bytes())
+    start = content.rindex(ZSTD_MAGIC, 0, content.index(messages[3].data)) + len(ZSTD_MAGIC)
+    content[start : start + 8] = b"\xff" * 8
+    file.write_bytes(content)
     source = open_rosbag2(folder, opener)
     found = messages_of(source)
     assert len(found) + sum(damage.lost_messages or 0 for damage in source.damage) == 60
