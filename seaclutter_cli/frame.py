@@ -387,10 +387,9 @@ class FilterResult:
     undecided: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
-        """Raise `ArrayError` if there are not as many reasons as points."""
-        if self.reason.shape != (self.frame.size,) or self.reason.dtype != np.uint8:
-            found = f"{self.reason.dtype} of shape {self.reason.shape}"
-            raise ArrayError(f"reasons must be uint8 of shape ({self.frame.size},), got {found}")
+        given, size = self.reason, self.frame.size
+        if given.shape != (size,) or given.dtype != np.uint8:
+            raise ArrayError(f"reasons must be uint8 of shape ({size},), got {given.dtype} of shape {given.shape}")
 
     @cached_property
     def keep(self) -> NDArray[np.bool_]:

@@ -50,10 +50,8 @@ class Kind:
 
     def check_all(self, values: Any, name: str) -> Any:
         """Return the values of an option that can be repeated; a single one need not be in a sequence."""
-        given = [values] if isinstance(values, str | os.PathLike | Url | int) else values
-        if not isinstance(given, Iterable):
-            raise UsageError(f"{name}: must be a sequence, got {values!r}")
-        return tuple(self.check(value, name) for value in given)
+        are_several = isinstance(values, Iterable) and not isinstance(values, str | os.PathLike | Url)
+        return tuple(self.check(value, name) for value in (values if are_several else [values]))
 
 
 @dataclass(frozen=True)
@@ -117,13 +115,10 @@ class Whole(Number):
 
 @dataclass(frozen=True)
 class Choice(Kind):
-    """Names; as a mapping, names on the command line and the values that they stand for."""
+    """Names; as a mapping, names on the command line and the values that they stand for; ``more`` finds others."""
 
     names: Sequence[str] | Mapping[str, str]
-
-    def all_names(self) -> Sequence[str]:
-        """Return also names that are not known at the start."""
-        return tuple(self.names)
+    more: Callable[[], Iterable[str]] = tuple
 
     def parse(self, text: str) -> Any:
         """Return the value of a name."""
@@ -132,7 +127,7 @@ class Choice(Kind):
     def check(self, value: Any, name: str) -> Any:
         """Return one of the values."""
         allowed = tuple(self.names.values() if isinstance(self.names, Mapping) else self.names)
-        if value not in allowed and value not in self.all_names():
+        if value not in allowed and value not in self.more():
             raise UsageError(f"{name}: must be one of {', '.join(map(repr, allowed))}, got {value!r}")
         return value
 

@@ -16,7 +16,7 @@ from click.core import ParameterSource
 from seaclutter_cli.commands.console import DEBUG, NOTES, Console
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.options import Choice, Flag, Group, Kind, Number, Option, Options, Whole, declared, option
-from seaclutter_cli.runs.options import WORKING_CONFIG, ConfigFile, MethodName
+from seaclutter_cli.runs.options.methods import WORKING_CONFIG, ConfigFile, MethodName
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -109,7 +109,7 @@ class _Choice(click.Choice[str]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         if value not in self.choices:
-            self.choices = tuple(self._kind.all_names())
+            self.choices = (*self.choices, *self._kind.more())
         return self._kind.parse(super().convert(value, param, ctx))
 
 

@@ -17,7 +17,7 @@ from seaclutter_cli.pipeline import run
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options import ConfigOptions
+from seaclutter_cli.runs.options.methods import ConfigOptions
 from seaclutter_cli.runs.options.objects import ObjectsOptions
 from seaclutter_cli.runs.outputs import PackedRows, may_appear
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult

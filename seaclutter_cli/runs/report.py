@@ -26,8 +26,9 @@ from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork, wa
 from seaclutter_cli.runs.methods import Variant, is_default, note_left_out, with_ideal
 from seaclutter_cli.runs.methods import variants as variants_of
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import Logs, MethodOptions, ReadOptions, of_options
+from seaclutter_cli.runs.options import Logs, ReadOptions, of_options
 from seaclutter_cli.runs.options.logs import ReportOptions, ViewOptions
+from seaclutter_cli.runs.options.methods import MethodOptions
 from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
 from seaclutter_cli.runs.recordings import LabelFile, open_recording, require_frames
 from seaclutter_cli.runs.suspects import finder_for, listed

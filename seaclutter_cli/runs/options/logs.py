@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from seaclutter_cli.errors import UsageError
@@ -24,16 +24,13 @@ from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import (
     LABELS_HELP,
     BatchOptions,
-    ConfigOptions,
     LabelSources,
-    MethodLike,
-    MethodName,
-    MethodOptions,
     OfLabelledLogs,
     OfLogs,
     ReadOptions,
     Replacing,
 )
+from seaclutter_cli.runs.options.methods import ConfigOptions, MethodLike, MethodName, MethodOptions
 from seaclutter_cli.sinks.options import FORMATS, McapOptions
 
 if TYPE_CHECKING:
@@ -46,14 +43,10 @@ _RANGE = re.compile(r"\s*(\d{1,9})(?:\s*(?:\.\.|-)\s*(\d{1,9}))?\s*")
 _MAX_SEEDS = 100_000
 
 
-class _Formats(Choice):
-    """Formats of outputs; those that are not built in are looked for among plug-ins."""
+def _formats_of_plugins() -> Iterable[str]:
+    from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 
-    def all_names(self) -> Sequence[str]:
-        """Return the names of all formats."""
-        from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
-
-        return list(OUTPUT_FORMATS)
+    return OUTPUT_FORMATS.added
 
 
 class WritingLogs(Replacing, OfLogs):
@@ -66,7 +59,10 @@ class WritingLogs(Replacing, OfLogs):
         kw_only=False,
     )
     to: str | None = option(
-        "--to", "Format of the output. [default: by the suffix of OUT, or mcap]", default=None, kind=_Formats(FORMATS)
+        "--to",
+        "Format of the output. [default: by the suffix of OUT, or mcap]",
+        default=None,
+        kind=Choice(FORMATS, _formats_of_plugins),
     )
     written: Grouped[McapOptions] = grouped(default=McapOptions())
     batch: Grouped[BatchOptions] = grouped(default=BatchOptions())

@@ -16,7 +16,8 @@ from seaclutter_cli.options import (
     option,
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import BatchOptions, ConfigOptions, OfLogs, Replacing
+from seaclutter_cli.runs.options import BatchOptions, OfLogs, Replacing
+from seaclutter_cli.runs.options.methods import ConfigOptions
 
 if TYPE_CHECKING:
     from pathlib import Path
