@@ -51,12 +51,13 @@ def test_a_flipped_byte_in_a_chunk(tmp_path, logs, name):
     assert line.endswith(f"left out: 3 messages, {chunk.end - chunk.offset:,} bytes")
 
 
-@pytest.mark.parametrize("options", [("--end", 0.2), ("-m", "sea_surface")], ids=["a part", "a first pass"])
+@pytest.mark.parametrize("options", [("--end", 0.2), ("-m", "global_intensity")], ids=["a part", "a first pass"])
 def test_damage_is_reported_once_if_a_log_is_read_twice(tmp_path, logs, options):
     chunk = chunks(logs["zstd"])[0]
     outcome = Outcome(tmp_path, flip(logs["zstd"], chunk.end - 1000), *options)
     assert outcome.code == 3
-    assert len(outcome.damage) == 1
+    (line,) = outcome.damage
+    assert line.startswith(f"Damaged: {outcome.log}: byte {chunk.offset}: the chunk ")
 
 
 HARMLESS = {
