@@ -80,12 +80,6 @@ def packet_layout(profile: str, rows: int, columns: int) -> np.dtype[Any]:
     return np.dtype([*top, ("columns", column, columns), ("footer", "u1", 32)])
 
 
-def frame_ids(packets: NDArray[np.void]) -> Ints:
-    """Return the frame id of each packet, shape (P,), a 16-bit counter that wraps around."""
-    numbers = packets["frame"] if "frame" in (packets.dtype.names or ()) else packets["columns"]["frame"][:, 0]
-    return np.asarray(numbers, np.int64)
-
-
 def valid_columns(packets: NDArray[np.void]) -> Mask:
     """Return which columns of packets, shape (P, C), contain measurements."""
     status = packets["columns"]["status"]
@@ -113,24 +107,6 @@ def valid_packets(packets: NDArray[np.void], columns: int) -> Mask:
     if "type" in (packets.dtype.names or ()):
         intact &= packets["type"] == 1
     return np.asarray(intact)
-
-
-def serial_number(packet: NDArray[np.void]) -> str | None:
-    """Return the serial number in a packet, a scalar of `packet_layout`; None if it contains none."""
-    if "serial" not in (packet.dtype.names or ()):
-        return None
-    return str(int.from_bytes(packet["serial"].tobytes(), "little"))
-
-
-def is_data_packet(payload: NDArray[np.uint8]) -> bool:
-    """Return whether a payload, shape (L,), is a data packet of any sensor and profile."""
-    for shape in product(PROFILES, (128, 64, 32, 16), (16, 8, 4)):
-        layout = packet_layout(*shape)
-        if layout.itemsize == len(payload):
-            packet = view_packets(payload[None], layout)
-            if valid_packets(packet, _MAX_COLUMNS)[0] and valid_columns(packet).any():
-                return True
-    return False
 
 
 class OusterDecoder:
@@ -167,7 +143,8 @@ class OusterDecoder:
         data = view_packets(packets.payloads, self._layout)
         if not len(data):
             return np.full(len(packets), -1)
-        return frame_ids(data) * len(self._expected) + first_columns(data) // self._metadata.packet_columns
+        frames = data["frame"] if "frame" in (data.dtype.names or ()) else data["columns"]["frame"][:, 0]
+        return frames.astype(np.int64) * len(self._expected) + first_columns(data) // self._metadata.packet_columns
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
         """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
@@ -180,9 +157,10 @@ class OusterDecoder:
         self.facts.bad_packets += int((~valid).sum())
         useful = np.flatnonzero(valid & valid_columns(data).any(axis=1))
         if len(useful):
-            if self._frame_id is None and self._waiting is None:
-                serial, known = serial_number(data[useful[0]]), self._metadata.serial
-                if serial and known and serial != known:
+            known = self._metadata.serial
+            if self._frame_id is None and self._waiting is None and known and "serial" in (data.dtype.names or ()):
+                serial = str(int.from_bytes(data["serial"][useful[0]].tobytes(), "little"))
+                if serial != known:
                     problem = f"the metadata is from sensor {known}, the packets are from {serial}"
                     self.facts.warnings.append(f"{problem}: the angles do not match")
             yield from self._add_valid(packets[useful])
@@ -312,8 +290,12 @@ class Ouster(PacketFamily):
     title = "Ouster OS0, OS1, OS2"
 
     def recognises(self, payload: NDArray[np.uint8]) -> bool:
-        """Return whether a UDP payload, shape (L,), is a data packet of an Ouster sensor."""
-        return is_data_packet(payload)
+        """Return whether a UDP payload, shape (L,), is a data packet of any Ouster sensor and profile."""
+        for shape in product(PROFILES, (128, 64, 32, 16), (16, 8, 4)):
+            packet = view_packets(payload[None], packet_layout(*shape))
+            if len(packet) and valid_packets(packet, _MAX_COLUMNS)[0] and valid_columns(packet).any():
+                return True
+        return False
 
     def decoder(self, packets: Packets, options: DecoderOptions) -> OusterDecoder:
         """Return a decoder for the sensor that sent these packets; `InputError` without matching metadata."""

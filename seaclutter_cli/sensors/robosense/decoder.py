@@ -24,7 +24,7 @@ from seaclutter_cli.sensors.packets import (
 )
 from seaclutter_cli.sensors.robosense import models
 from seaclutter_cli.sensors.robosense.device import Device, find_device, find_model
-from seaclutter_cli.sensors.robosense.models import PacketFormat, RobosenseModel
+from seaclutter_cli.sensors.robosense.models import RobosenseModel
 from seaclutter_cli.sensors.robosense.packets import (
     INFO_ID,
     Angles,
@@ -53,13 +53,6 @@ def block_dtype(model: RobosenseModel) -> np.dtype[Any]:
     """
     numbers: list[Any] = [(name, np.int64) for name in ("azimuth", "step", "times_ns")]
     return np.dtype([*numbers, ("second", np.bool_), ("channels", data_layout(model)["blocks"].base["channels"])])
-
-
-def valid_blocks(blocks: NDArray[Any], layout: PacketFormat) -> Mask:
-    """Return which blocks, shape (P, B), are valid: azimuth below 360° and no invalid id up to the block."""
-    mask, value = layout.block_id
-    ids = blocks["id"] if mask == _WHOLE else blocks["id"] & mask
-    return np.logical_and.accumulate(ids == value, axis=1) & (blocks["azimuth"] < 36000)
 
 
 def second_returns(azimuth: Ints, device: Device, before: int) -> Mask:
@@ -104,7 +97,11 @@ class Geometry:
         self._lens = self._directions * forward
         vertical = angles.vertical * 0.01 * np.pi / 180
         self._cos, self._sin, self._up = np.cos(vertical).astype("f4"), np.sin(vertical).astype("f4"), up
-        self._unit, self._limits = np.float32(model.unit_m), _limits(model)
+        self._unit = np.float32(model.unit_m)
+        least, most = np.array(model.range_m, np.float32)
+        ranges = np.arange(2**16, dtype=np.float32) * self._unit
+        valid = np.flatnonzero((ranges >= least) & (ranges <= most))
+        self._limits = np.uint16(max(valid[0], 1)), np.uint16(valid[-1])  # least and greatest valid distance in units
         self._dtype = point_dtype(returns=device.dual)
         self._packed = _packed(self._dtype)
 
@@ -140,15 +137,6 @@ class Geometry:
             for values in (distance, intensity):
                 values[swapped] = np.roll(values[swapped], values.shape[1] // 2, axis=1)
         return distance, intensity
-
-
-@cache
-def _limits(model: RobosenseModel) -> tuple[np.uint16, np.uint16]:
-    """Return the least and greatest valid distance in units."""
-    least, most = np.array(model.range_m, np.float32)
-    ranges = np.arange(2**16, dtype=np.float32) * np.float32(model.unit_m)
-    valid = np.flatnonzero((ranges >= least) & (ranges <= most))
-    return np.uint16(max(valid[0], 1)), np.uint16(valid[-1])
 
 
 @cache
@@ -276,7 +264,10 @@ class RoboSenseDecoder:
             yield self._frame(is_last=True)
 
     def _frames_of(self, packets: NDArray[Any], record_ns: Ints) -> Iterator[PacketFrame]:
-        valid = valid_blocks(packets["blocks"], self._device.model.format)
+        raw, (mask, value) = packets["blocks"], self._device.model.format.block_id
+        ids = raw["id"] if mask == _WHOLE else raw["id"] & mask
+        # A block is valid if its azimuth is below 360° and there is no invalid id up to it.
+        valid = np.logical_and.accumulate(ids == value, axis=1) & (raw["azimuth"] < 36000)
         self.facts.bad_packets += int((~valid.any(axis=1)).sum())
         if not valid.any():
             return
