@@ -1,4 +1,4 @@
-"""URLs of objects in S3, Google Cloud Storage and Azure."""
+"""URLs of objects in S3, Google Cloud Storage and Azure, and of files on web servers."""
 
 import os
 import re
@@ -6,10 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Self, cast
+from urllib.parse import unquote
 
 from seaclutter_cli.errors import UsageError
 
-SCHEMES: Mapping[str, str] = {"s3": "Amazon S3", "gs": "Google Cloud Storage", "az": "Azure Blob Storage"}
+WEB = ("https", "http")
+"""Schemes of files on web servers, which list no folders and take no outputs."""
+SCHEMES: Mapping[str, str] = {
+    "s3": "Amazon S3",
+    "gs": "Google Cloud Storage",
+    "az": "Azure Blob Storage",
+    **dict.fromkeys(WEB, "web server"),
+}
 """Schemes of URLs, and the services they stand for."""
 
 _URL = re.compile(r"(?P<scheme>[A-Za-z][A-Za-z0-9+.-]+)://(?P<rest>.*)", re.DOTALL)
@@ -18,14 +26,15 @@ _QUERY = re.compile(
     r"(\?|#|%3F|%23)[^/?]*(=|%3D)|&(X-(Amz|Goog)-\w+|sig|signature|AWSAccessKeyId|token)=", re.IGNORECASE
 )
 _MAX_LEVELS = 250
-_BUCKET = re.compile(r"[A-Za-z0-9$][A-Za-z0-9._-]*")
+_BUCKET, _HOST = re.compile(r"[A-Za-z0-9$][A-Za-z0-9._-]*"), re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]*(:[0-9]{1,5})?")
 
 
 @dataclass(frozen=True, order=True)
 class Url:
     """URL of an object, or of a folder of objects.
 
-    ``bucket`` may be a container of Azure; ``key`` has no slashes at its ends, and is empty for the bucket.
+    ``bucket`` may be a container of Azure, or a host; ``key`` has no slashes at its ends, and is empty
+    for the bucket.
     """
 
     scheme: str
@@ -96,8 +105,13 @@ def parse_url(text: str | os.PathLike[str] | Url) -> Url:
         raise UsageError(f"{shown}: unknown kind of URL; known are {known}")
     bucket, _, key = rest.partition("/")
     key = key.rstrip("/")
-    if not _BUCKET.fullmatch(bucket):
-        raise UsageError(f"{shown}: write it as {scheme}://BUCKET/NAME")
+    if scheme in WEB:
+        if "?" in key or "#" in key:
+            shown = re.split("[?#]", shown)[0]
+            raise UsageError(f"{shown}: a URL must not contain a query or a fragment")
+        key = unquote(key)
+    if not (_HOST if scheme in WEB else _BUCKET).fullmatch(bucket):
+        raise UsageError(f"{shown}: write it as {scheme}://{'HOST' if scheme in WEB else 'BUCKET'}/NAME")
     if key and any(part in ("", ".", "..") for part in key.split("/")):
         raise UsageError(f"{shown}: empty parts, . and .. are not possible in the name of an object")
     return Url(scheme, bucket, key)
@@ -111,7 +125,8 @@ def without_secrets(text: str) -> str:
     host, slash, rest = found["rest"].partition("/")
     if "@" in host:
         host = f"…@{host.rpartition('@')[2]}"
-    elif ":" in host and found["scheme"].lower() in SCHEMES and "@" in rest:  # a secret may contain slashes
+    elif ":" in host and "@" in rest and not (found["scheme"].lower() in WEB and _HOST.fullmatch(host)):
+        # A secret may contain slashes.
         host, slash, rest = "…@", "", rest.rpartition("@")[2]
     rest = f"{host}{slash}{rest}"
     if query := _QUERY.search(rest):

@@ -27,7 +27,7 @@ from seaclutter_cli.sinks.folders import why_kept
 from seaclutter_cli.sinks.formats import is_single_frame
 from seaclutter_cli.sources.recordings import Recording, metadata_beside
 from seaclutter_cli.text import count, harmless, named_folder
-from seaclutter_cli.urls import PathLike
+from seaclutter_cli.urls import WEB, PathLike
 
 if TYPE_CHECKING:  # imports all filters, which tiles do not need
     from seaclutter_cli.config import Config, ConfigSource
@@ -131,6 +131,8 @@ def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
     markers = {"-o": root.marker} if root else {}
     for folder in {path.parent if mirror_of(path.parent) else path for _, path in _flat(outputs)}:
         if mirror := mirror_of(folder):
+            if mirror.url(folder).scheme in WEB:
+                raise UsageError(f"{mirror.url(folder)}: web servers take no outputs")
             mirror.list_folder(folder)  # with one request for each folder
     known = Identities()
     for folder in () if dry else {known(path).parent for _, path in _flat(outputs)}:

@@ -27,7 +27,7 @@ from seaclutter_cli.storage.objects import (
     open_object,
     read_range,
 )
-from seaclutter_cli.urls import SCHEMES, Url
+from seaclutter_cli.urls import SCHEMES, WEB, Url
 
 _MAGIC = re.compile(r"[*?\[]")
 _HEAD_BYTES = 4096
@@ -106,6 +106,8 @@ class Mirror:
         if found := find_object(url):
             self._add([found, *(list_folder(url.parent)[0] if with_siblings else ())], sized=False)
             return str(path)
+        if url.scheme in WEB:
+            raise UsageError(f"{url}: no such file; web servers list no folders, so name each file")
         if objects := list(list_objects(url)):
             self._add(objects, sized=False)
             self._known_below.add(path)

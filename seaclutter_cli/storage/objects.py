@@ -20,13 +20,13 @@ from urllib.parse import urlsplit
 
 from seaclutter_cli.errors import InputError, OutputError, SeaclutterError, UsageError, requiring
 from seaclutter_cli.storage.uploads import send
-from seaclutter_cli.urls import Url
+from seaclutter_cli.urls import WEB, Url
 
 if TYPE_CHECKING:
     from obstore import GetOptions, ObjectMeta, WritableFile
-    from obstore.store import AzureStore, GCSStore, RetryConfig, S3Store
+    from obstore.store import AzureStore, GCSStore, HTTPStore, RetryConfig, S3Store
 
-    Store = S3Store | GCSStore | AzureStore
+    Store = S3Store | GCSStore | AzureStore | HTTPStore
 
 R = TypeVar("R")
 
@@ -66,12 +66,15 @@ def store_of(url: Url) -> "Store":
 def open_store(scheme: str, bucket: str, given: tuple[tuple[str, str], ...]) -> "Store":
     """Return a client for the settings in the environment, the last argument; see `store_of`."""
     from obstore.exceptions import BaseError
-    from obstore.store import AzureStore, GCSStore, S3Store
+    from obstore.store import AzureStore, GCSStore, HTTPStore, S3Store
 
     if wrong := next((name for name, value in given if _is_wrong(name, value)), None):
         raise UsageError(f"{scheme}://{bucket}: {wrong} in the environment is not valid")
     settings: Any = {**_TIMEOUTS, "retry_config": RETRIES}
     try:
+        if scheme in WEB:
+            options: Any = {**_TIMEOUTS, "allow_http": scheme == "http"}
+            return HTTPStore(f"{scheme}://{bucket}", client_options=options, retry_config=RETRIES)
         if scheme == "gs":
             return GCSStore(bucket, **settings)
         if scheme == "az":
@@ -150,12 +153,13 @@ def cause(error: Exception, url: Url) -> str:
     rules = (
         (code in ("NoSuchBucket", "ContainerNotFound"), f"there is no bucket {url.bucket}"),
         ("configured region" in text or code in _OTHER_REGION, "the bucket is in another region; set AWS_REGION"),
-        (_METADATA_SERVICE.search(text), NO_CREDENTIALS[url.scheme]),
+        (_METADATA_SERVICE.search(text), NO_CREDENTIALS.get(url.scheme, "")),
         (refused, f"the credentials are not accepted ({code or status or 'not authenticated'})"),
         (denied, "access denied"),
         (isinstance(error, FileNotFoundError), "no such object"),
         (isinstance(error, exceptions.PreconditionError), "the object changed while it was read"),
         (status, f"the server answered {status}{f', {code}' if code else ''}"),
+        ("Range request not supported" in text, "the server sends no parts of files; download it first"),
         ("builder error" in text, "the address is not HTTPS; AWS_ALLOW_HTTP=true permits HTTP"),
         ("HTTP error" in text, "the server cannot be reached, or the connection broke off again and again"),
         (True, f"object storage failed ({type(error).__name__})"),
@@ -196,13 +200,17 @@ def find_object(url: Url) -> StoredObject | None:
         try:
             return _stored(url, _answer(url, lambda: store.head(url.key))) if url.key else None
         except FileNotFoundError:
+            if url.scheme in WEB:
+                return None
             _answer(url, lambda: next(iter(store.list(url.key)), None))  # says if there is no bucket
             return None
 
 
 def list_objects(folder: Url) -> Iterator[StoredObject]:
-    """Yield the objects in a folder and its subfolders, in the order in which the service lists them."""
+    """Yield the objects in a folder and its subfolders as the service lists them, which a web server does not."""
     number = 0
+    if folder.scheme in WEB:
+        return
     with explained(folder):
         batches = iter(store_of(folder).list(folder.key))
         while batch := _answer(folder, lambda: next(batches, None)):
@@ -213,7 +221,9 @@ def list_objects(folder: Url) -> Iterator[StoredObject]:
 
 
 def list_folder(folder: Url) -> tuple[list[StoredObject], list[Url]]:
-    """Return the objects and the folders directly in a folder."""
+    """Return the objects and the folders directly in a folder; none of a web server."""
+    if folder.scheme in WEB:
+        return [], []
     with explained(folder):
         found = _answer(folder, lambda: store_of(folder).list_with_delimiter(folder.key or None))
     _require_few(folder, len(found["objects"]) + len(found["common_prefixes"]))
@@ -224,7 +234,8 @@ def list_folder(folder: Url) -> tuple[list[StoredObject], list[Url]]:
 def _stored(url: Url, meta: "ObjectMeta") -> StoredObject:
     if meta["size"] > _MAX_BYTES:
         raise InputError(f"{url}: the service says {meta['size']:,} bytes, which no object has")
-    return StoredObject(url, meta["size"], meta["e_tag"])
+    is_weak = (meta["e_tag"] or "").startswith("W/")  # no condition of a request for a range
+    return StoredObject(url, meta["size"], None if is_weak else meta["e_tag"])
 
 
 def _require_few(folder: Url, number: int) -> None:

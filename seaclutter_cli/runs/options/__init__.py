@@ -35,7 +35,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 Logs = PathLike | Sequence[PathLike]
-"""One or several logs: files, folders or globs, or URLs of objects (``s3://``, ``gs://``, ``az://``)."""
+"""One or several logs: files, folders or globs, or URLs of objects (``s3://``, ``gs://``, ``az://``, ``https://``)."""
 
 
 def _moment(text: str) -> Moment:
