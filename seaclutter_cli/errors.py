@@ -186,9 +186,11 @@ def requiring(feature: str, extra: str) -> Iterator[None]:
 
 @contextmanager
 def opening(path: object, kind: type[SeaclutterError] = InputError) -> Iterator[None]:
-    """Raise an error of a kind that names a file if the system cannot read it in the context."""
+    """Raise an error of a kind that names a file if it cannot be read in the context, or is not a valid cloud."""
     try:
         yield
+    except CloudError as error:
+        raise kind(f"{path}: {error}") from error
     except OSError as error:
         raise kind(f"{path}: {error.strerror}") from error
 

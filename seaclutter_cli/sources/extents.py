@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import CloudError, InputError
+from seaclutter_cli.errors import CloudError, InputError, opening
 from seaclutter_cli.sources.frame_files.las import is_copc, read_chunks, read_index
 from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile, Tile, open_tile
 
@@ -159,10 +159,8 @@ def open_tile_or_window(path: Path, window: Extent | None) -> LasTile | CloudTil
     """Open a tile, or a window of a COPC file; raise `InputError` if it cannot be read."""
     if window is None:
         return open_tile(path)
-    try:
+    with opening(path):
         return TilePart(path, window)
-    except (CloudError, OSError) as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 def is_indexed(path: Path) -> bool:

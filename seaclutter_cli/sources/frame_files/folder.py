@@ -14,7 +14,7 @@ from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.messages.metadata import SIDECAR, from_text
 from seaclutter_cli.paths import natural_order
-from seaclutter_cli.records import Channel, Message, Metadata, Record
+from seaclutter_cli.records import Channel, Message, Record
 from seaclutter_cli.sources.frame_files import FRAME_READERS, reader_of
 from seaclutter_cli.sources.frame_files.sidecars import (
     Pose,
@@ -48,13 +48,11 @@ class FolderSource(TimedSource):
         if not 0 < rate_hz < float("inf"):
             raise UsageError(f"the rate must be positive and finite, got {rate_hz} frames per second")
         doubts: list[str] = []
-        try:
-            with opening(path):
-                files = _find_frames(path)
-                self._read = reader_of(files, columns, doubts.append)
-        except CloudError as error:
-            raise InputError(f"{path}: {error}") from error
-        self.metadata = _read_metadata(files[0].parent) if path.is_dir() else ()
+        with opening(path):
+            files = _find_frames(path)
+            self._read = reader_of(files, columns, doubts.append)
+        with suppress(InputError):  # written by this program
+            self.metadata = from_text(read_document(files[0].parent / SIDECAR)) if path.is_dir() else ()
         self._frames = self._stamped(files, rate_hz)
         stamps = [stamp_ns for stamp_ns, _ in self._frames]
         self._poses: Mapping[int, Pose] = {}
@@ -112,14 +110,6 @@ class FolderSource(TimedSource):
         if len(cloud.data) > _MAX_MESSAGE_BYTES:
             raise CloudError(f"{len(cloud.data)} bytes of points exceed the size of a PointCloud2 message")
         return Message(self._channel, max(stamp_ns, 0), max(stamp_ns, 0), index, CODECS[_TYPE, "cdr"].encode(cloud))
-
-
-def _read_metadata(folder: Path) -> Sequence[Metadata]:
-    """Return the metadata records in the file ``seaclutter.json``, which this program writes."""
-    try:
-        return from_text(read_document(folder / SIDECAR))
-    except InputError:
-        return ()
 
 
 def is_frame_folder(path: Path) -> bool:
