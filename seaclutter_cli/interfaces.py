@@ -148,7 +148,7 @@ class Filter(ABC):
     ...         return seaclutter.FilterResult(frame, reason)
     >>> done = seaclutter.filter_log("samples/sea.mcap", folder / "low.mcap", method=Low)
     >>> done.outcomes[0].frames
-    45
+    60
     """
 
     Params: ClassVar[type[Any]] = NoParams
