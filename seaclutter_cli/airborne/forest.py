@@ -9,7 +9,7 @@ from annotated_types import Ge, Interval
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Floats, Ints, Mask
-from seaclutter_cli.errors import InputError, MissingExtraError
+from seaclutter_cli.errors import InputError, requiring
 from seaclutter_cli.groups import group_sizes, group_starts
 from seaclutter_cli.params import Count, key
 from seaclutter_cli.threads import executor, threads
@@ -124,10 +124,8 @@ def train(samples: Samples, params: ForestParams) -> Any:
 
     Raise `MissingExtraError` if scikit-learn is not installed.
     """
-    try:
+    with requiring("classification", "classify"):
         from sklearn.ensemble import RandomForestClassifier  # an optional dependency
-    except ImportError as error:
-        raise MissingExtraError("classification", "classify") from error
     chosen, most = _subsample(samples, params), params.features_per_node
     forest = RandomForestClassifier(
         params.trees,

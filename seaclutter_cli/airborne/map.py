@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.surface import NEVER, WATER
 from seaclutter_cli.arrays import Floats
-from seaclutter_cli.errors import MissingExtraError
+from seaclutter_cli.errors import requiring
 
 UNKNOWN, IS_WATER, IS_LAND, IS_OBJECT = 0, 1, 2, 3
 """What is in a cell of a map."""
@@ -118,10 +118,8 @@ def shoreline_of(tile: TileMap) -> list[Floats]:
 
     if not ((tile.kind == IS_LAND).any() and (tile.kind == IS_WATER).any()):
         return []
-    try:
+    with requiring("the shoreline", "geo"):
         from contourpy import contour_generator  # an extra
-    except ImportError as error:
-        raise MissingExtraError("the shoreline", "geo") from error
     known = (tile.kind == IS_LAND) | (tile.kind == IS_WATER)
     distance, (i, j) = ndimage.distance_transform_edt(~known, return_indices=True)
     land, _ = ndimage.label(tile.kind[i, j] == IS_LAND)
