@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
+from threading import Thread
+from time import monotonic
 from typing import ParamSpec, TypeVar
 
 try:
@@ -22,9 +24,32 @@ P = ParamSpec("P")
 T = TypeVar("T")
 R = TypeVar("R")
 
+_WAKE_S = 0.5
 _LARGEST_BYTES = 4 * 2**20
 _REQUESTS = 8
 _QUOTA = Path("/sys/fs/cgroup/cpu.max")
+
+
+def waited(work: Callable[[], R], most_s: float) -> R:
+    """Return the result of work in a thread, or its error; interrupts end the wait. `TimeoutError` after some seconds."""
+    results: list[R] = []
+    errors: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            results.append(work())
+        except BaseException as error:  # noqa: BLE001 - raised in the thread that waits
+            errors.append(error)
+
+    thread, end = Thread(target=run, daemon=True), monotonic() + most_s
+    thread.start()
+    while thread.is_alive() and monotonic() < end:
+        thread.join(min(_WAKE_S, most_s))
+    for error in errors:
+        raise error
+    if not results:
+        raise TimeoutError
+    return results[0]
 
 
 def threads() -> int:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from seaclutter_cli.errors import ModelError, requiring
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.paths import open_regular
 from seaclutter_cli.text import printable
+from seaclutter_cli.threads import waited
 
 IMAGE_SIZE = 224
 """Number of rows, and of columns, of a top view."""
@@ -24,6 +26,7 @@ EXTENT_KEY = "seaclutter.extent_m"
 
 _IMAGE_SHAPE = [1, IMAGE_SIZE, IMAGE_SIZE]
 _MAX_BYTES = 2**26
+_MOST_S = 60.0
 
 
 def top_view(xyz: NDArray[np.float64], extent_m: float) -> NDArray[np.uint8]:
@@ -86,6 +89,7 @@ class SceneModel:
         with requiring("the scene classifier", "scene"):
             import onnxruntime as runtime
         data = _read(name)
+        self._options = runtime.RunOptions
         options = runtime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 4  # errors are raised instead
@@ -99,8 +103,18 @@ class SceneModel:
 
     def probabilities(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Return the probability of each class, shape (C,), for a `top_view`, shape (224, 224)."""
-        out: NDArray[np.float32] = self._session.run(None, {self._input: image[None, None]})[0][0]
+        out: NDArray[np.float32] = self._run(image)[0]
         return out
+
+    def _run(self, image: NDArray[np.uint8]) -> Any:
+        """Return the output for an image; a model may loop without an end, which no interrupt of Python reaches."""
+        options = self._options()
+        try:
+            return waited(lambda: self._session.run(None, {self._input: image[None, None]}, options)[0], _MOST_S)
+        except TimeoutError:
+            raise self._error(f"it takes more than {_MOST_S:g} s for an image") from None
+        finally:
+            options.terminate = True
 
     def _check_shape(self) -> str:
         inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
@@ -133,7 +147,9 @@ class SceneModel:
     def _check_run(self) -> None:
         """Check the output for an empty image."""
         try:
-            out = self._session.run(None, {self._input: np.zeros((1, *_IMAGE_SHAPE), np.uint8)})[0]
+            out = self._run(np.zeros((IMAGE_SIZE, IMAGE_SIZE), np.uint8))
+        except ModelError:
+            raise
         except Exception as error:
             raise self._error(f"it does not run: {_first_line(error)}") from error
         expected = (1, len(self.classes))

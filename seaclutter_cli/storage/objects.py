@@ -13,13 +13,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
-from threading import Thread
-from time import monotonic
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar
 from urllib.parse import urlsplit
 
 from seaclutter_cli.errors import InputError, OutputError, SeaclutterError, UsageError, requiring
 from seaclutter_cli.storage.uploads import send
+from seaclutter_cli.threads import waited
 from seaclutter_cli.urls import WEB, Url
 
 if TYPE_CHECKING:
@@ -175,7 +174,7 @@ def _found(pattern: re.Pattern[str], text: str) -> str:
 MAX_OBJECTS = 100_000
 """Objects in a listing."""
 _MAX_BYTES = 2**48
-_ANSWER_S, _WAKE_S = 240.0, 0.5
+_ANSWER_S = 240.0
 
 _PART = 8 * 2**20
 _MAX_PARTS = 9_000
@@ -248,24 +247,11 @@ def _answer(url: Url, request: Callable[[], R]) -> R:
 
     Raise `InputError` if it takes too long: pages of a listing that do not end are one request for obstore.
     """
-    answers: list[R] = []
-    errors: list[BaseException] = []
-
-    def run() -> None:
-        try:
-            answers.append(request())
-        except BaseException as error:  # noqa: BLE001 - raised in the thread that waits
-            errors.append(error)
-
-    thread, end = Thread(target=run, daemon=True), monotonic() + _ANSWER_S
-    thread.start()
-    while thread.is_alive() and monotonic() < end:
-        thread.join(_WAKE_S)
-    for error in errors:
-        raise error
-    if not answers:
-        raise InputError(f"{url}: the server gives no complete answer within {_ANSWER_S:.0f} seconds")
-    return answers[0]
+    try:
+        return waited(request, _ANSWER_S)
+    except TimeoutError:
+        problem = f"the server gives no complete answer within {_ANSWER_S:.0f} seconds"
+        raise InputError(f"{url}: {problem}") from None
 
 
 def delete_object(url: Url) -> None:

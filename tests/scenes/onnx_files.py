@@ -3,7 +3,7 @@
 import json
 import struct
 
-FLOAT, UINT8, INT64 = 1, 2, 7
+FLOAT, UINT8, INT64, BOOL = 1, 2, 7, 9
 CLASSES = ("open", "confined")
 
 
@@ -40,6 +40,26 @@ def _node(kind, inputs, output, **attributes):
     return b"".join(parts)
 
 
+def _endless(before, after):
+    """Return a node that repeats doing nothing as long as a constant is true, and the constant."""
+    body = b"".join(
+        (
+            *(_part(1, _node("Identity", [f"{name} in"], name)) for name in ("go on", "value")),
+            _part(2, "body"),
+            *(
+                _part(11, _value(name, kind, shape))
+                for name, kind, shape in (("number", INT64, ()), ("go on in", BOOL, ()), ("value in", FLOAT, "abcd"))
+            ),
+            *(
+                _part(12, _value(name, kind, shape))
+                for name, kind, shape in (("go on", BOOL, ()), ("value", FLOAT, "abcd"))
+            ),
+        )
+    )
+    node = _node("Loop", ["", "yes", before], after) + _part(5, _part(1, "body") + _part(6, body) + _number(20, 5))
+    return node, _number(2, BOOL) + _part(8, "yes") + _part(9, b"\1")
+
+
 def model_bytes(
     classes=CLASSES,
     extent_m=60.0,
@@ -50,6 +70,7 @@ def model_bytes(
     last="Softmax",
     metadata=None,
     threshold=0.02,
+    endless=False,
 ):
     """Return a classifier that predicts the second class if more than ``threshold`` of the cells contain a point.
 
@@ -57,10 +78,12 @@ def model_bytes(
     """
     scale = [-500.0, 500.0, *([0.0] * outputs)][:outputs]
     bias = [500.0 * threshold, -500.0 * threshold, *([0.0] * outputs)][:outputs]
+    loop, yes = _endless("share", "looped")
     nodes = [
         _node("Cast", ["image"], "maps", to=FLOAT),
         _node("GlobalAveragePool", ["maps"], "share"),
-        _node("Flatten", ["share"], "flat"),
+        *([loop] if endless else []),
+        _node("Flatten", ["looped" if endless else "share"], "flat"),
         _node("Gemm", ["flat", "scale", "bias"], "scores"),
         _node(last, ["scores"], "probability", **({"axis": 1} if last == "Softmax" else {})),
     ]
@@ -70,6 +93,7 @@ def model_bytes(
             _part(2, "by hand"),
             _part(5, _weights("scale", (1, outputs), scale)),
             _part(5, _weights("bias", (outputs,), bias)),
+            *([_part(5, yes)] if endless else []),
             _part(11, _value("image", kind, shape)),
             _part(12, _value("probability", FLOAT, ("N", outputs))),
         )

@@ -8,6 +8,7 @@ import pytest
 
 from seaclutter_cli.errors import MissingExtraError, ModelError
 from seaclutter_cli.scenes import SceneParams, make_scene_tracker
+from seaclutter_cli.scenes import model as model_module
 from seaclutter_cli.scenes.model import SceneModel, builtin_models
 from tests.scenes.onnx_files import CLASSES, FLOAT, model_bytes
 
@@ -31,6 +32,12 @@ def test_a_valid_file(tmp_path):
     assert model.probabilities(EMPTY)[0] > 0.99
     assert model.probabilities(full)[1] > 0.99
     assert model.probabilities(full).dtype == np.float32
+
+
+def test_a_model_that_does_not_end_is_an_error(tmp_path, monkeypatch):
+    monkeypatch.setattr(model_module, "_MOST_S", 0.2)
+    with pytest.raises(ModelError, match=r"it takes more than 0\.2 s for an image"):
+        SceneModel(write(tmp_path, model_bytes(endless=True)))
 
 
 def test_the_same_image_gives_the_same_bits(tmp_path):
