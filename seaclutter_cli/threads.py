@@ -31,7 +31,7 @@ _QUOTA = Path("/sys/fs/cgroup/cpu.max")
 
 
 def waited(work: Callable[[], R], most_s: float) -> R:
-    """Return the result of work in a thread, or its error; interrupts end the wait. `TimeoutError` after some seconds."""
+    """Return the result of work in a thread, or its error; interrupts end the wait. `TimeoutError` if it takes long."""
     results: list[R] = []
     errors: list[BaseException] = []
 
