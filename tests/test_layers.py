@@ -50,7 +50,7 @@ ALLOWED = {
     "parts": set(),
     "paths": {"limits"},
     "urls": {"errors"},
-    "storage": {"errors", "parts", "urls"},
+    "storage": {"errors", "parts", "threads", "urls"},
     "buckets": {"errors", "options", "storage", "urls"},
     "options": {"text", "errors", "urls"},
     "records": {"text"},
