@@ -19,8 +19,7 @@ from scipy.optimize import linear_sum_assignment
 
 import seaclutter
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.matching import targets_of
-from seaclutter_cli.evaluation.overlap import overlaps
+from seaclutter_cli.evaluation.matching import overlaps, targets_of
 from seaclutter_cli.labels import open_labels
 from seaclutter_cli.truth import Boxes
 

@@ -34,9 +34,9 @@ from .runs.convert import convert_log as convert_log
 from .runs.evaluate import evaluate as evaluate
 from .runs.filter import filter_log as filter_log
 from .runs.info import info as info
-from .runs.label_check import check_labels as check_labels
-from .runs.label_compare import compare_labels as compare_labels
 from .runs.label_proposal import propose_labels as propose_labels
+from .runs.labels import check_labels as check_labels
+from .runs.labels import compare_labels as compare_labels
 from .runs.mask import find_mask as find_mask
 from .runs.objects import find_objects as find_objects
 from .runs.observer import LoggingObserver as LoggingObserver

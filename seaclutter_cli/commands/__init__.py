@@ -111,7 +111,9 @@ def _reported_errors() -> Iterator[None]:
         raise click.exceptions.Exit(getattr(error, "exit_code", 1)) from error
     except (MemoryError, RuntimeError, ImportError) as error:
         context = click.get_current_context(silent=True)
-        if not _lacks_memory(error) or (context and DEBUG in context.meta):
+        # of data, a thread, or a library
+        is_memory = isinstance(error, MemoryError) or any(sign in str(error) for sign in _SIGNS_OF_LITTLE_MEMORY)
+        if not is_memory or (context and DEBUG in context.meta):
             raise
         show_error(SeaclutterError(_LITTLE_MEMORY))
         raise click.exceptions.Exit(SeaclutterError.exit_code) from error
@@ -123,26 +125,12 @@ def _reported_errors() -> Iterator[None]:
         raise click.exceptions.Exit(exit_status()) from interrupt
 
 
-def _lacks_memory(error: BaseException) -> bool:
-    """Return whether an error is that of too little memory or address space: for data, a thread, or a library."""
-    return isinstance(error, MemoryError) or any(sign in str(error) for sign in _SIGNS_OF_LITTLE_MEMORY)
-
-
 _NEEDED_MB: Mapping[str, int] = {"numpy": 140, "scipy": 140}
 """Address space that packages take with one thread; each has an OpenBLAS, which ends the process if it lacks room."""
 
 
-def _check_imports() -> None:
-    """Let imports of `_NEEDED_MB` fail with `MemoryError` where the address space of the process is too small.
-
-    OpenBLAS tries for ever to get its memory when it is loaded.
-    """
-    if resource is not None and resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY:
-        sys.meta_path.insert(0, _RoomFinder())
-
-
 class _RoomFinder:
-    """Finder that finds nothing, and checks the address space instead."""
+    """Finder that finds nothing, and checks the address space instead, where that of the process is limited."""
 
     def find_spec(self, name: str, *_: object) -> None:
         """Return None; raise `MemoryError` if there is no room for a package."""
@@ -172,7 +160,8 @@ def main() -> None:
     # OpenBLAS would start a thread for each core when numpy and scipy load it, and reserve memory for each. The program
     # has threads of its own, and its matrices are small.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    _check_imports()
+    if resource is not None and resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY:
+        sys.meta_path.insert(0, _RoomFinder())
     sys.excepthook = show_traceback
     logging.getLogger().addHandler(LogHandler())
     try:

@@ -229,7 +229,10 @@ def show_each_warning_once() -> Callable[..., None]:
 def _begin_log(path: Path) -> None:
     """Make a log file, unless there is one; raise `OutputError` if it is another file, or cannot be written."""
     try:
-        known = _beginning(path)
+        known = b""
+        if path.is_file():
+            with path.open("rb") as file:
+                known = file.read(len(_LOG_HEAD))
         if known and known != _LOG_HEAD:
             raise OutputError(f"{path}: is not a log file; choose another one for --log-file")
         path.parent.mkdir(exist_ok=True)  # as for other outputs: the last folder
@@ -237,10 +240,3 @@ def _begin_log(path: Path) -> None:
             file.write(b"" if known else _LOG_HEAD)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
-
-
-def _beginning(path: Path) -> bytes:
-    if not path.is_file():
-        return b""
-    with path.open("rb") as file:
-        return file.read(len(_LOG_HEAD))

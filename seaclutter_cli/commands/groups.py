@@ -49,27 +49,21 @@ def _show_versions(context: click.Context, _: click.Parameter, value: bool) -> N
     if value and not context.resilient_parsing:
         show(f"seaclutter, version {__version__}")
         show(f"Python {platform.python_version()} on {platform.platform(terse=True)}")
-        installed, missing = _parts()
+        installed, missing = {}, {}
+        for requirement in sorted(metadata.requires("seaclutter") or (), key=str.casefold):
+            name, extra = _NAME.match(requirement), _EXTRA.search(requirement)
+            if name is None or name[0] == "seaclutter" or (extra and extra[1] in _TOOLS):
+                continue
+            try:
+                installed[name[0]] = metadata.version(name[0])
+            except metadata.PackageNotFoundError:
+                missing[name[0]] = extra[1] if extra else "none"
         show(_listed("with", [f"{name} {version}" for name, version in installed.items()]))
         if added := packages():
             show(_listed("plug-ins", added))
         if missing:
             show(_listed("without", [f"{name} (extra {extra})" for name, extra in missing.items()]))
         context.exit()
-
-
-def _parts() -> tuple[dict[str, str], dict[str, str]]:
-    """Return the versions of the libraries that are installed, and the extras of the others."""
-    installed, missing = {}, {}
-    for requirement in sorted(metadata.requires("seaclutter") or (), key=str.casefold):
-        name, extra = _NAME.match(requirement), _EXTRA.search(requirement)
-        if name is None or name[0] == "seaclutter" or (extra and extra[1] in _TOOLS):
-            continue
-        try:
-            installed[name[0]] = metadata.version(name[0])
-        except metadata.PackageNotFoundError:
-            missing[name[0]] = extra[1] if extra else "none"
-    return installed, missing
 
 
 def _listed(head: str, items: list[str]) -> str:

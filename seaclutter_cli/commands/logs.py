@@ -15,14 +15,8 @@ _OUTPUTS = ("-o", "--output", "--figures", "--log-file")
 _FLAGS = ("--force", "-q", "--quiet", "-v", "--verbose", "--debug", "--json")
 
 
-def _command_line() -> str:
-    """Return the command line as far as results depend on it: with OUT in place of outputs, and without such flags."""
-    arguments = click.get_current_context().meta.get(ARGUMENTS, ())
-    return shlex.join(["seaclutter", *_effective(arguments)])
-
-
 def _effective(arguments: Sequence[str]) -> list[str]:
-    """Return the arguments on which results depend, such as ``report a.mcap -o OUT``."""
+    """Return the arguments as far as results depend on them: with OUT in place of outputs, and without such flags."""
     shown: list[str] = []
     for argument in arguments:
         name, equals, _ = argument.partition("=")
@@ -40,7 +34,7 @@ def _effective(arguments: Sequence[str]) -> list[str]:
 _LABELS = [
     command(
         "labels check",
-        "runs.label_check:check_labels",
+        "runs.labels:check_labels",
         logs.LabelCheckOptions,
         """Compare labels with the points of LOGS, and name probable mistakes with their remedies.
 
@@ -66,7 +60,7 @@ _LABELS = [
     ),
     command(
         "labels compare",
-        "runs.label_compare:compare_labels",
+        "runs.labels:compare_labels",
         objects.CompareOptions,
         """Show what differs between labels A and B of the same frames: what a person corrected, how good A was.
 
@@ -206,7 +200,7 @@ COMMANDS = (
         which are not filtered again. The page shows the points of selected frames: the worst, the best, and some
         evenly spaced ones.
         """,
-        command=_command_line,
+        command=lambda: shlex.join(["seaclutter", *_effective(click.get_current_context().meta.get(ARGUMENTS, ()))]),
     ),
     CommandGroup("labels", _LABELS),
     command(

@@ -164,17 +164,12 @@ def _parameter(name: str, one: Option, words: Mapping[str, str]) -> click.Parame
     )
 
 
-def _remember_debug(context: click.Context, _: click.Parameter, value: bool) -> None:
-    if value:
-        context.meta[DEBUG] = True
-
-
 _DEBUG = click.Option(
     ["--debug"],
     is_flag=True,
     is_eager=True,
     expose_value=False,
-    callback=_remember_debug,
+    callback=lambda context, _, value: context.meta.update({DEBUG: True} if value else {}),
     help="Show the traceback of an error.",
 )
 

@@ -3,7 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -44,23 +44,15 @@ class Finding:
     text: str
 
 
-@dataclass
 class LabelCheck:
     """Check of the labels of a recording, frame by frame, in bounded memory."""
 
-    params: EvaluationParams
-    boxes: int = 0
-    _over_full_turn: int = 0
-    _without_size: int = 0
-    _positions: int = 0
-    _duplicates: Counter[int] = field(default_factory=Counter)
-    _too_long: Counter[str] = field(default_factory=Counter)
-    _longest_m: dict[str, float] = field(default_factory=dict)
-    _classes: Counter[str] = field(default_factory=Counter)
-    _sample: FrameSample = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._sample = FrameSample(self.params.box_margin_m)
+    def __init__(self, params: EvaluationParams) -> None:
+        self.params, self.boxes = params, 0
+        self._over_full_turn = self._without_size = self._positions = 0
+        self._duplicates, self._too_long, self._classes = Counter[int](), Counter[str](), Counter[str]()
+        self._longest_m: dict[str, float] = {}
+        self._sample = FrameSample(params.box_margin_m)
 
     def add(self, frame: Frame, truth: Truth) -> None:
         """Check the boxes of a frame; frames with labels of points only have none."""

@@ -59,7 +59,11 @@ class FrameSample:
         if not truth.targets:
             return
         if self._seen % self._stride == 0 and frame.size <= _MAX_POINTS:
-            self.frames.append(self._taken(frame, truth, truth.targets))
+            used = frame.valid & ~truth.ignored.covers(frame.coordinates, self._margin_m)
+            nearest = np.argsort(np.hypot(*truth.targets.centers[:, :2].T), kind="stable")[:_MAX_BOXES_IN_FRAME]
+            xyz = frame.coordinates[:, used].astype(np.float32)
+            targets = truth.targets.chosen(nearest)
+            self.frames.append(LabelledFrame(xyz[:, np.argsort(xyz[0], kind="stable")], targets))
         self._seen += 1
         while (
             len(self.frames) > _MAX_FRAMES
@@ -68,12 +72,6 @@ class FrameSample:
         ):
             del self.frames[1::2]
             self._stride *= 2
-
-    def _taken(self, frame: Frame, truth: Truth, targets: Boxes) -> LabelledFrame:
-        used = frame.valid & ~truth.ignored.covers(frame.coordinates, self._margin_m)
-        nearest = np.argsort(np.hypot(*targets.centers[:, :2].T), kind="stable")[:_MAX_BOXES_IN_FRAME]
-        xyz = frame.coordinates[:, used].astype(np.float32)
-        return LabelledFrame(xyz[:, np.argsort(xyz[0], kind="stable")], targets.chosen(nearest))
 
 
 @dataclass(frozen=True)
@@ -198,21 +196,16 @@ class LabelFit:
         fit = self.of(known)
         while len(found) < _MAX_CHANGES and fit + _MIN_GAIN <= 1:
             made = (*known, *(one.change for one in found))
-            better = self._better(made, fit)
+            shifts = self._shifts(made)
+            better = self._best(made, fit, [(change,) for change in (*CHANGES, *shifts) if change not in made])
+            if not better and fit < _HOPELESS:  # two mistakes at once
+                pairs = [pair for pair in combinations(CHANGES, 2) if _MOVING.intersection(pair)]
+                better = self._best(made, fit, [*pairs, *product(shifts, CHANGES)])
             found += better
             if not better:
                 break
             fit = better[-1].after
         return found
-
-    def _better(self, made: Sequence[Change], fit: float) -> list[Guess]:
-        """Return the best next change; if no single one fits, and the boxes do not at all, the best two."""
-        shifts = self._shifts(made)
-        guess = self._best(made, fit, [(change,) for change in (*CHANGES, *shifts) if change not in made])
-        if not guess and fit < _HOPELESS:
-            pairs = [pair for pair in combinations(CHANGES, 2) if _MOVING.intersection(pair)]
-            guess = self._best(made, fit, [*pairs, *product(shifts, CHANGES)])
-        return guess
 
     def _best(self, made: Sequence[Change], fit: float, ways: Sequence[Sequence[Change]]) -> list[Guess]:
         fits = [self.of((*made, *way)) for way in ways]

@@ -1,4 +1,4 @@
-"""Matching of clusters with the ground truth: detected targets and false alarms."""
+"""Matching of clusters with the ground truth: detected targets and false alarms; overlap of boxes."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -14,9 +14,12 @@ from seaclutter_cli.text import count, printable
 from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
 
 Mask = NDArray[np.bool_]
+Floats = NDArray[np.float64]
 
 MAX_MEMBERS = 1 << 24
 """Maximum number of points in the boxes of a frame, 128 MB; a point counts once for each box."""
+
+_CORNERS = np.array([[0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5], [0.5, -0.5]])
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,7 @@ class Alarms:
 
 
 def targets_of(frame: Frame, truth: Truth, params: EvaluationParams) -> FrameTargets:
-    """Return the targets and the areas to ignore of a frame, in terms of its points.
+    """Return the targets and the areas to ignore of a frame, in terms of its points; `LabelError` if they overlap much.
 
     If boxes are labelled, only boxes decide: points labelled `IGNORED` count only where no boxes of targets are
     labelled. Boxes of areas to ignore count in both cases.
@@ -58,39 +61,27 @@ def targets_of(frame: Frame, truth: Truth, params: EvaluationParams) -> FrameTar
     margin, valid = params.box_margin_m, frame.valid
     expected = truth.ignored.covers(frame.coordinates, margin)
     if truth.targets is not None:
-        members = _in_boxes(frame, truth.targets, margin)
-        for inside in members:
+        members, total = [], 0
+        for inside in truth.targets.members(frame.coordinates, margin):
             expected[inside] = True
-        members = [inside[valid[inside]] for inside in members]
+            members.append(inside[valid[inside]])
+            total += len(inside)
+            if total > MAX_MEMBERS:  # they would fill the memory
+                boxes = f"its {len(truth.targets):,} labelled boxes overlap too much; together they contain more than"
+                raise LabelError(
+                    f"frame {frame.index} of {printable(frame.topic)}: {boxes} {count(MAX_MEMBERS, 'point')}"
+                )
     elif truth.points is not None:
-        members = _tracks(truth.points, valid)
+        labelled = np.flatnonzero((truth.points != CLUTTER) & (truth.points != IGNORED))
+        order = labelled[np.argsort(truth.points[labelled], kind="stable")]
+        tracks = np.split(order, np.flatnonzero(np.diff(truth.points[order])) + 1)
+        # A track without valid points is a target, too.
+        members = [points[valid[points]] for points in tracks if len(points)]
         expected |= truth.points != CLUTTER
     else:
         members = []
     visible = np.array([len(points) >= params.min_visible_points for points in members], np.bool_)
     return FrameTargets(members, expected, visible)
-
-
-def _in_boxes(frame: Frame, boxes: Boxes, margin_m: float) -> list[NDArray[np.int64]]:
-    """Return the points in each box; `LabelError` if so many boxes overlap that these would fill the memory."""
-    members, total = [], 0
-    for inside in boxes.members(frame.coordinates, margin_m):
-        members.append(inside)
-        total += len(inside)
-        if total > MAX_MEMBERS:
-            raise LabelError(
-                f"frame {frame.index} of {printable(frame.topic)}: its {len(boxes):,} labelled boxes overlap too much;"
-                f" together they contain more than {count(MAX_MEMBERS, 'point')}"
-            )
-    return members
-
-
-def _tracks(points: NDArray[np.int64], valid: Mask) -> list[NDArray[np.int64]]:
-    """Return the valid points of each track; a track without valid points is a target, too."""
-    labelled = np.flatnonzero((points != CLUTTER) & (points != IGNORED))
-    order = labelled[np.argsort(points[labelled], kind="stable")]
-    bounds = np.flatnonzero(np.diff(points[order])) + 1
-    return [members[valid[members]] for members in np.split(order, bounds) if len(members)]
 
 
 def point_truth(frame: Frame, truth: Truth, params: EvaluationParams) -> NDArray[np.int64]:
@@ -156,3 +147,44 @@ def match(clusters: NDArray[np.int64], targets: FrameTargets, params: Evaluation
         clusters=len(found.belongs),
         false_alarms=len(found.belongs) - int(np.count_nonzero(found.belongs)),
     )
+
+
+def overlaps(first: Boxes, second: Boxes) -> Floats:
+    """Return intersection over union of each box of the first with each of the second, shape (M, K).
+
+    Examples
+    --------
+    >>> box = Boxes(("1",), ("buoy",), np.zeros((1, 3)), np.array([[2.0, 2, 1]]), np.array([np.pi / 4]))
+    >>> moved = Boxes(("1",), ("buoy",), np.array([[np.sqrt(2), 0, 0]]), box.sizes, box.yaws)
+    >>> overlaps(box, moved).round(3), overlaps(box, box)
+    (array([[0.143]]), array([[1.]]))
+    """
+    found = np.zeros((len(first), len(second)))
+    reach = [np.hypot(*boxes.sizes[:, :2].T) / 2 for boxes in (first, second)]
+    apart = np.linalg.norm(first.centers[:, None, :2] - second.centers[:, :2], axis=2)
+    areas = [boxes.sizes[:, 0] * boxes.sizes[:, 1] for boxes in (first, second)]
+    corners = []
+    for boxes in (first, second):  # in order, shape (M, 4, 2)
+        cos, sin = np.cos(boxes.yaws), np.sin(boxes.yaws)
+        axes = np.stack((np.stack((cos, sin), axis=1), np.stack((-sin, cos), axis=1)), axis=1)
+        corners.append((_CORNERS * boxes.sizes[:, None, :2]) @ axes + boxes.centers[:, None, :2])
+    for m, k in np.argwhere(apart < reach[0][:, None] + reach[1]).tolist():
+        x, y = _clipped(corners[0][m], corners[1][k]).T
+        common = float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
+        found[m, k] = common / max(areas[0][m] + areas[1][k] - common, 1e-12)
+    return found
+
+
+def _clipped(shape: Floats, by: Floats) -> Floats:
+    """Return the part of a convex polygon inside another, both anticlockwise (Sutherland and Hodgman)."""
+    for start, end in zip(by, np.roll(by, -1, axis=0), strict=True):
+        if not len(shape):
+            break
+        (dx, dy), following = end - start, np.roll(shape, -1, axis=0)
+        here, there = ((points - start) @ (-dy, dx) for points in (shape, following))
+        crossing = (here >= 0) != (there >= 0)
+        share = np.divide(here, here - there, out=np.zeros(len(here)), where=crossing)
+        met = shape + share[:, None] * (following - shape)
+        corners = np.stack((shape, met), axis=1).reshape(-1, 2)
+        shape = corners[np.stack((here >= 0, crossing), axis=1).ravel()]
+    return shape

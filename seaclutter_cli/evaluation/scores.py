@@ -257,6 +257,19 @@ class Summary:
 
     def as_dict(self) -> dict[str, Any]:
         """Return all scores by their JSON keys; rates are shares from 0 to 1."""
+        points = (
+            {}
+            if (found := self.points) is None
+            else {
+                **dict(zip(POINT_COLUMNS, astuple(found), strict=True)),
+                "clutter_removal": found.clutter_removal,
+                "target_loss": found.target_loss,
+                "point_precision": found.precision,
+                "point_recall": found.clutter_removal,
+                "point_f1": found.f1,
+                "R_c": found.clutter_share,
+            }
+        )
         return {
             "frames": self.frames,
             "unlabelled_frames": self.unlabelled,
@@ -275,29 +288,16 @@ class Summary:
             "false_alarms_per_frame": self.false_alarms_per_frame,
             "clusters_per_frame": _ratio(self.clusters, self.frames),
             "unclustered_points_per_frame": self.unclustered_per_frame,
-            **({} if self.points is None else _as_dict(self.points)),
-            "filter_ms": {"median": _rounded(self.milliseconds(0.5)), "p99": _rounded(self.milliseconds(0.99))},
+            **points,
+            "filter_ms": {
+                name: None if (ms := self.milliseconds(share)) is None else round(ms, 4)
+                for name, share in (("median", 0.5), ("p99", 0.99))
+            },
         }
-
-
-def _as_dict(points: PointCounts) -> dict[str, Any]:
-    return {
-        **dict(zip(POINT_COLUMNS, astuple(points), strict=True)),
-        "clutter_removal": points.clutter_removal,
-        "target_loss": points.target_loss,
-        "point_precision": points.precision,
-        "point_recall": points.clutter_removal,
-        "point_f1": points.f1,
-        "R_c": points.clutter_share,
-    }
 
 
 def _ratio(part: float, whole: float) -> float | None:
     return part / whole if whole else None
-
-
-def _rounded(milliseconds: float | None) -> float | None:
-    return None if milliseconds is None else round(milliseconds, 4)
 
 
 def best(summaries: Mapping[K, Summary]) -> K | None:

@@ -61,23 +61,19 @@ def run_in_processes(jobs: int, tasks: Sequence[Task[R]], on_share: OnShare) -> 
     method = "forkserver" if "forkserver" in mp.get_all_start_methods() and sys.platform == "linux" else "spawn"
     context = mp.get_context(method)
     if method == "forkserver":
+        from multiprocessing import resource_tracker
+        from multiprocessing.forkserver import ensure_running
+
         context.set_forkserver_preload(_PRELOADED)
-        _start_server()
+        resource_tracker.ensure_running()  # by itself: it unblocks interrupts
+        # Ctrl-C reaches the server, too, while it imports, and would be printed.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            ensure_running()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
     with _Pool(context, min(jobs, len(tasks))) as pool:
         yield from run_with_retries(pool, tasks, on_share)
-
-
-def _start_server() -> None:
-    """Start the server of forks with interrupts blocked: Ctrl-C reaches it while it imports, and would be printed."""
-    from multiprocessing import resource_tracker
-    from multiprocessing.forkserver import ensure_running
-
-    resource_tracker.ensure_running()  # by itself: it unblocks interrupts
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    try:
-        ensure_running()
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class _Pool(AbstractContextManager["_Pool"]):

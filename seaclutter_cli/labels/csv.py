@@ -175,23 +175,20 @@ class CsvLabels:
 
     def truth(self, frame: Frame) -> Truth | None:
         """Return the boxes of a frame, and labels in its cloud; None without a line, `LabelError` for two frames."""
-        key = self._key(frame)
+        if self._matcher is None:
+            key: int | None = (number := self._number(frame))
+            self._last = max(self._last, number)
+        else:
+            try:
+                key = self._matcher.match(frame.index, frame.stamp_ns)
+            except LabelError as error:
+                raise LabelError(f"{self._path}: {error}") from error
         rows = None if key is None else self._frames.get(key)
         if rows is None:
             return None
         self._labelled = True
         truth = truth_of([row.labelled for row in rows if row.labelled is not None])
         return replace(truth, points=point_labels(frame))
-
-    def _key(self, frame: Frame) -> int | None:
-        if self._matcher is None:
-            number = self._number(frame)
-            self._last = max(self._last, number)
-            return number
-        try:
-            return self._matcher.match(frame.index, frame.stamp_ns)
-        except LabelError as error:
-            raise LabelError(f"{self._path}: {error}") from error
 
     @property
     def frames(self) -> Sequence[int] | None:
@@ -235,8 +232,11 @@ class StampMatcher:
             self._recent.clear()
         if not self._recent or number != self._recent[-1][0]:
             self._recent.append((number, stamp_ns))
-        nearest = self._nearest(stamp_ns)
-        if nearest is None or abs(nearest - stamp_ns) > self._tolerance_ns:
+        index = int(np.searchsorted(self._stamps, stamp_ns))
+        around: list[int] = self._stamps[max(index - 1, 0) : index + 1].tolist()
+        nearest = min(around, key=lambda stamp: abs(stamp - stamp_ns), default=None)
+        gaps = [later - earlier for (_, earlier), (_, later) in pairwise(self._recent) if later > earlier]
+        if nearest is None or abs(nearest - stamp_ns) > (min(gaps) // 2 if gaps else _FIRST_TOLERANCE_NS):
             return None
         owner = self._owners.setdefault(nearest, number)
         if owner != number:
@@ -247,13 +247,3 @@ class StampMatcher:
     def left(self) -> list[int]:
         """Label stamps not assigned to a frame so far, in order."""
         return [stamp for stamp in self._stamps.tolist() if stamp not in self._owners]
-
-    def _nearest(self, stamp_ns: int) -> int | None:
-        index = int(np.searchsorted(self._stamps, stamp_ns))
-        around: list[int] = self._stamps[max(index - 1, 0) : index + 1].tolist()
-        return min(around, key=lambda stamp: abs(stamp - stamp_ns), default=None)
-
-    @property
-    def _tolerance_ns(self) -> int:
-        gaps = [later - earlier for (_, earlier), (_, later) in pairwise(self._recent) if later > earlier]
-        return min(gaps) // 2 if gaps else _FIRST_TOLERANCE_NS

@@ -84,23 +84,22 @@ class JsonForm:
 
     def content(self, objects: Sequence[Proposal]) -> Any:
         """Return the content of the file of a frame."""
-        items = [self._item(one) for one in objects]
-        return {"labels": items} if self.complete else items
-
-    def _item(self, one: Proposal) -> dict[str, Any]:
-        labelled = one.labelled
         names, x_axis = self.size[1], dict.fromkeys(("x", "y") if self.yaw[1] == "z" else (), 0.0)
-        return {
-            self.tracks[-1]: labelled.track,
-            self.kind: labelled.kind,
-            self.box: {
-                self.position: dict(zip("xyz", labelled.center, strict=True)),
-                self.size[0]: dict(zip(names, labelled.size, strict=True)),
-                self.yaw[0]: {**x_axis, self.yaw[1]: labelled.yaw},
-            },
-            ANNOTATOR: f"{PROPOSER}, {one.mark}",
-            "score": one.score,
-        }
+        items = [
+            {
+                self.tracks[-1]: one.labelled.track,
+                self.kind: one.labelled.kind,
+                self.box: {
+                    self.position: dict(zip("xyz", one.labelled.center, strict=True)),
+                    self.size[0]: dict(zip(names, one.labelled.size, strict=True)),
+                    self.yaw[0]: {**x_axis, self.yaw[1]: one.labelled.yaw},
+                },
+                ANNOTATOR: f"{PROPOSER}, {one.mark}",
+                "score": one.score,
+            }
+            for one in objects
+        ]
+        return {"labels": items} if self.complete else items
 
 
 def _head(path: Path) -> bytes:

@@ -45,16 +45,12 @@ def proposals(rows: Iterable[Mapping[str, Any]]) -> list[Proposal]:
         if sum(row["state"] != "lost" for row in own) < _LEAST_FRAMES:
             continue
         kind = guessed_class(*(float(np.median([row[name] for row in own])) for name in ("length_m", "width_m")))
-        found += [_proposal(str(number), kind, row) for row in own]
+        for row in own:
+            center, size = (row["x_m"], row["y_m"], row["z_m"]), (row["length_m"], row["width_m"], row["height_m"])
+            labelled = Labelled(str(number), kind, center, size, row["yaw_rad"], proposed=True)
+            mark = SURE if row["state"] == "confirmed" else DOUBTFUL
+            found.append(Proposal(row["frame"], labelled, row["score"], mark))
     return sorted(found, key=lambda one: (one.mark, one.score, int(one.labelled.track), one.frame))
-
-
-def _proposal(track: str, kind: str, row: Mapping[str, Any]) -> Proposal:
-    center, size = (row["x_m"], row["y_m"], row["z_m"]), (row["length_m"], row["width_m"], row["height_m"])
-    mark = SURE if row["state"] == "confirmed" else DOUBTFUL
-    return Proposal(
-        row["frame"], Labelled(track, kind, center, size, row["yaw_rad"], proposed=True), row["score"], mark
-    )
 
 
 def write_proposals(stream: BinaryIO, found: Sequence[Proposal], frames: Iterable[int]) -> None:

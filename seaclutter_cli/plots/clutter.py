@@ -1,6 +1,5 @@
 """Intensity of clutter over range, with the thresholds of the range rings ([Li2023], Fig. 5 and 6)."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -9,8 +8,9 @@ from numpy.typing import NDArray
 from seaclutter_cli.calibration import Thresholds
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+Floats = NDArray[np.float64]
 
 _COLUMNS = 32
 _KEY_BITS = 15
@@ -29,11 +29,13 @@ class ClutterDensity:
         self._all_whole = True
         self._cells, self._counts = np.empty(0, np.int64), np.empty(0, np.int64)
 
-    def add(self, range_m: NDArray[np.float64], intensity: NDArray[np.float64]) -> None:
+    def add(self, range_m: Floats, intensity: Floats) -> None:
         """Count points beyond ``start_m``, given their ranges in metres and their intensities, both of shape (N,)."""
         self._all_whole = self._all_whole and bool((intensity == np.floor(intensity)).all())
         column = ((range_m - self._start_m) / self._width_m).clip(0, self._columns).astype(np.int64)
-        cells = (column << _KEY_BITS) + _key(intensity)
+        limit = np.finfo(np.float32).max
+        single = np.clip(intensity, -limit, limit).astype(np.float32) + np.float32(0)  # -0 becomes 0
+        cells = (column << _KEY_BITS) + (single.view(np.uint32) >> (32 - _KEY_BITS)).astype(np.int64)
         self._count(*np.unique(cells[column < self._columns], return_counts=True))
 
     def __iadd__(self, other: Self) -> Self:
@@ -48,8 +50,11 @@ class ClutterDensity:
         self._counts = np.zeros(len(self._cells), np.int64)
         np.add.at(self._counts, place, both)
 
-    def grid(self, end_m: float, limits: tuple[float, float]) -> "DensityGrid":
-        """Return the counts up to a range and between intensities, in around 100 rows of equal height."""
+    def grid(self, end_m: float, limits: tuple[float, float]) -> tuple[Floats, Floats, NDArray[np.int64]]:
+        """Return the counts, shape (R, C), up to a range and between intensities, in around 100 rows of equal height.
+
+        The edges of the columns in metres, and those of the rows, come first.
+        """
         height = 2.0 ** np.ceil(np.log2((limits[1] - limits[0]) / _ROWS))
         if self._all_whole:
             height = max(height, 1.0)  # a smaller height would leave empty rows between the values
@@ -60,7 +65,7 @@ class ClutterDensity:
         shown = (row >= 0) & (row < len(counts)) & (column < columns)
         np.add.at(counts, (row[shown].astype(np.int64), column[shown]), self._counts[shown])
         range_m = np.asarray(self._start_m + self._width_m * np.arange(columns + 1), np.float64)
-        return DensityGrid(range_m, height * np.arange(first, last + 1), counts)
+        return range_m, height * np.arange(first, last + 1), counts
 
     def quantile(self, share: float) -> float:
         """Return the approximate quantile of the intensities; 0 without points."""
@@ -71,7 +76,7 @@ class ClutterDensity:
         return float(self._intensity[order][np.searchsorted(below, share * below[-1])])
 
     @property
-    def _intensity(self) -> NDArray[np.float64]:
+    def _intensity(self) -> Floats:
         """Middle intensity of each cell."""
         key = self._cells & ((1 << _KEY_BITS) - 1)
         # 0 is exact; all other values become the middle of their row.
@@ -79,34 +84,26 @@ class ClutterDensity:
         return ((key.astype(np.uint32) << (32 - _KEY_BITS)) + half).view(np.float32).astype(np.float64)
 
 
-@dataclass(frozen=True)
-class DensityGrid:
-    """Counts, shape (R, C), in cells of equal size, with the edges of the columns in metres and those of the rows."""
-
-    range_m: NDArray[np.float64]
-    intensity: NDArray[np.float64]
-    counts: NDArray[np.int64]
-
-
-def _key(intensity: NDArray[np.float64]) -> NDArray[np.int64]:
-    limit = np.finfo(np.float32).max
-    single = np.clip(intensity, -limit, limit).astype(np.float32) + np.float32(0)  # -0 becomes 0
-    return np.asarray(single.view(np.uint32) >> (32 - _KEY_BITS), np.int64)
-
-
 def draw_clutter(figure: "Figure", density: ClutterDensity, found: Thresholds) -> None:
     """Draw the density of clutter, the thresholds of the range rings as a step line, and the far limit."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap, LogNorm
+
     axes = figure.add_subplot()
     width = found.end_m - found.rings[0].start_m
     reach_m = found.end_m + max(0.12 * width, 2.0)
-    grid = density.grid(reach_m, _limits(density, found))
-    _draw_density(figure, axes, grid)
+    range_m, intensity, counts = density.grid(reach_m, _limits(density, found))
+    visible = ListedColormap(colormaps["Blues"](np.linspace(0.2, 1, 256)))  # a single point is visible on white
+    shown = np.ma.masked_equal(counts, 0)
+    norm = LogNorm(vmin=1, vmax=max(10, int(counts.max(initial=1))))
+    mesh = axes.pcolormesh(range_m, intensity, shown, norm=norm, cmap=visible, rasterized=True)
+    figure.colorbar(mesh, ax=axes, label="Clutter points per cell", pad=0.02, aspect=30)
     edges = [ring.start_m for ring in found.rings] + [found.end_m]
     axes.stairs(
         found.initial_thresholds, edges, baseline=None, linewidth=1.6, color="#d1495b", zorder=3, label="threshold"
     )
     axes.axvline(found.end_m, color="#333333", linewidth=0.9, linestyle="--", label=f"far limit ({found.end_m:g} m)")
-    axes.set(xlim=(edges[0], grid.range_m[-1]), ylim=(grid.intensity[0], grid.intensity[-1]))
+    axes.set(xlim=(edges[0], range_m[-1]), ylim=(intensity[0], intensity[-1]))
     axes.set(xlabel="Range (m)", ylabel="Intensity (sensor units)")
     axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0.2, handlelength=1.6)
 
@@ -117,14 +114,3 @@ def _limits(density: ClutterDensity, found: Thresholds) -> tuple[float, float]:
     low = min(0.0, density.quantile(0.001), *thresholds)
     high = max(density.quantile(0.97), *(value + 0.5 * abs(value) for value in thresholds))
     return low, high if high > low else low + 1.0
-
-
-def _draw_density(figure: "Figure", axes: "Axes", grid: DensityGrid) -> None:
-    from matplotlib import colormaps
-    from matplotlib.colors import ListedColormap, LogNorm
-
-    visible = ListedColormap(colormaps["Blues"](np.linspace(0.2, 1, 256)))  # a single point is visible on white
-    shown = np.ma.masked_equal(grid.counts, 0)
-    norm = LogNorm(vmin=1, vmax=max(10, int(grid.counts.max(initial=1))))
-    mesh = axes.pcolormesh(grid.range_m, grid.intensity, shown, norm=norm, cmap=visible, rasterized=True)
-    figure.colorbar(mesh, ax=axes, label="Clutter points per cell", pad=0.02, aspect=30)

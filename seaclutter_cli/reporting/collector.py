@@ -220,10 +220,7 @@ class Choice(Generic[T]):
             if len(self._spread) > 4 * self._even:
                 self._stride *= 2
                 self._spread = {kept: other for kept, other in self._spread.items() if kept % self._stride == 0}
-        self._make_pending(row)
-
-    def _make_pending(self, row: int) -> None:
-        """Create the data of pending frames that are old enough; drop those that are no longer selected."""
+        # Frames that are old enough get their data; those that are no longer selected are dropped.
         kept = {*(item for *_, item in (*self._worst, *self._best)), *self._spread.values()}
         for item in kept.intersection(self._pending):
             if row - item.row >= _MIN_SPACING:
@@ -317,7 +314,7 @@ class Collector(FrameListener):
 
         if frame.index in self._picks:
             self._picked[row] = make()
-        badness, merit = _by_alarms(scored.scores[0]) if self.labelled else _by_removal(scored.results[0])
+        badness, merit = _judged(scored, labelled=self.labelled)
         self._choice.offer(row, badness=badness, merit=merit, make=make)
 
     @property
@@ -340,19 +337,17 @@ class Collector(FrameListener):
         return [sample for _, sample in self._choice.spread()]
 
 
-def _by_alarms(score: FrameScore | None) -> tuple[float | None, float | None]:
-    """Return badness and merit of a labelled frame: its errors and, if there are none, its detected targets."""
-    if score is None or score.alarms is None:
-        return None, None
-    errors = score.alarms.false_alarms + score.alarms.missed
-    return float(errors), None if errors else float(score.alarms.detected)
+def _judged(scored: ScoredFrame, *, labelled: bool) -> tuple[float | None, float | None]:
+    """Return badness and merit of a frame by its first method: its errors, and its detected targets if there are none.
 
-
-def _by_removal(result: FilterResult | None) -> tuple[float | None, float | None]:
-    """Return badness and merit of an unlabelled frame: the share removed as clutter, and its negative."""
-    if result is None:
+    Without labels, they are the share of points removed as clutter, and its negative.
+    """
+    score, result = scored.scores[0], scored.results[0]
+    if labelled and score and score.alarms:
+        errors = score.alarms.false_alarms + score.alarms.missed
+        return float(errors), None if errors else float(score.alarms.detected)
+    if labelled or result is None:
         return None, None
-    clutter = [Reason.LOW_INTENSITY, Reason.OUTLIER, *WATER_REASONS]
-    removed = float(result.counts[clutter].sum())
+    removed = float(result.counts[[Reason.LOW_INTENSITY, Reason.OUTLIER, *WATER_REASONS]].sum())
     share = removed / max(float(result.counts.sum()), 1.0)
     return share, -share

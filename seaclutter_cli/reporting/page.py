@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli import __version__
-from seaclutter_cli.frame import WATER_COLUMNS, Reason, WaterState
+from seaclutter_cli.frame import WATER_COLUMNS, Reason
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import Chosen, Collector, History, Method, bin_starts, binned, density_of
 from seaclutter_cli.reporting.palette import INK
@@ -83,6 +83,10 @@ def _method(method: Method, history: History, summary: dict[str, Any], starts: N
     thresholds = binned(history["thresholds"], starts)
     corrections, _, _ = binned(history["corrections"], starts)
     alarms, missed = history["false_alarms"], history["missed"] > 0
+    water: dict[str, list[str]] | None = None
+    if np.isfinite(history["water"]).any():
+        series, columns = binned(history["water"], starts), ("water_level_m", "significant_wave_height_m")
+        water = {name: [_packed(one[:, WATER_COLUMNS.index(name)], "<f4") for one in series] for name in columns}
     return {
         "name": method.name,
         "edges": list(method.edges),
@@ -95,21 +99,12 @@ def _method(method: Method, history: History, summary: dict[str, Any], starts: N
         "thresholds_low": _packed(thresholds[1].T, "<f4"),
         "thresholds_high": _packed(thresholds[2].T, "<f4"),
         "corrections": _packed(corrections.T, "<f4"),
-        "water": _water(history, starts),
+        "water": water,
         "scenes": {name: _packed(frames, "u1") for name, frames in history.scenes.items()},
         "alarms": _packed(LABELLED * np.isfinite(alarms) + FALSE_ALARM * (alarms > 0) + MISSED_TARGET * missed, "u1"),
         "false_alarms": _packed(np.nan_to_num(alarms).clip(0, 255), "u1"),
         "missed": _packed(np.nan_to_num(history["missed"]).clip(0, 255), "u1"),
     }
-
-
-def _water(history: History, starts: NDArray[np.int64]) -> dict[str, list[str]] | None:
-    """Return mean, minimum and maximum of level and wave height by their names; None if no water is known."""
-    if not np.isfinite(history["water"]).any():
-        return None
-    series = binned(history["water"], starts)
-    columns = {name: WATER_COLUMNS.index(name) for name in ("water_level_m", "significant_wave_height_m")}
-    return {name: [_packed(one[:, k], "<f4") for one in series] for name, k in columns.items()}
 
 
 def mean_thresholds(history: History) -> list[float]:
@@ -142,6 +137,12 @@ def _sample(one: Chosen[Sample], top: float) -> dict[str, Any]:
     sample = one.item
     reach = float(np.abs(sample.xyz).max(initial=0.01))
     scale = reach / _STEPS
+    plane = (water := sample.water) and {  # the mean plane, z = level + slope_x x + slope_y y
+        "level": water.level_m,
+        "slope_x": math.tan(math.radians(water.pitch_deg)),
+        "slope_y": -math.tan(math.radians(water.roll_deg)),
+        "wave_height": water.significant_wave_height_m,
+    }
     return {
         "row": one.row,
         "why": one.why,
@@ -155,17 +156,7 @@ def _sample(one: Chosen[Sample], top: float) -> dict[str, Any]:
         "reasons": [_packed(reasons, "u1") for reasons in sample.reasons],
         "boxes": sample.boxes,
         "clusters": sample.clusters,
-        "water": sample.water and _plane(sample.water),
-    }
-
-
-def _plane(water: WaterState) -> dict[str, float]:
-    """Return the mean plane of the water, :math:`z = level + slope_x x + slope_y y`, and the wave height."""
-    return {
-        "level": water.level_m,
-        "slope_x": math.tan(math.radians(water.pitch_deg)),
-        "slope_y": -math.tan(math.radians(water.roll_deg)),
-        "wave_height": water.significant_wave_height_m,
+        "water": plane,
     }
 
 
@@ -183,17 +174,14 @@ def render_page(data: Mapping[str, Any]) -> bytes:
     text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     style = _read("page.css") + ":root{" + "".join(f"--{name}:{color};" for name, color in INK.items()) + "}"
     script = "\n".join(_read(name) for name in SCRIPTS)
-    policy = f"default-src 'none'; style-src '{_hash(style)}'; script-src '{_hash(script)}'; {_OTHER_SOURCES}"
+    digests = (base64.b64encode(hashlib.sha256(part.encode()).digest()).decode() for part in (style, script))
+    policy = "default-src 'none'; style-src 'sha256-{}'; script-src 'sha256-{}'; ".format(*digests) + _OTHER_SOURCES
     parts = {"POLICY": policy, "STYLE": style, "SCRIPT": script, "DATA": text}
     page = _read("page.html")
     for name, part in parts.items():
         before, mark, after = page.partition(f"%{name}%")
         page = before + part + after if mark else page
     return page.encode()
-
-
-def _hash(text: str) -> str:
-    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
 def _read(name: str) -> str:

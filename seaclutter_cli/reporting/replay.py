@@ -26,12 +26,9 @@ _MULTIPLIER = np.uint64(0x9E3779B97F4A7C15)
 def filtered_topics(source: Source) -> list[str]:
     """Return the cloud topics whose kept points, removed points and diagnostics are all in the log."""
     names = {channel.topic for channel in source.channels}
-    clouds = [channel.topic for channel in source.channels if find_codec(channel)]
-    return [topic for topic in clouds if _parts(source, topic) <= names]
-
-
-def _parts(source: Source, topic: str) -> set[str]:
-    return {f"{topic}{_FILTERED}", f"{topic}{_REMOVED}", _diagnostics_topic(source, topic)}
+    clouds = (channel.topic for channel in source.channels if find_codec(channel))
+    parts = ((one, (one + _FILTERED, one + _REMOVED, _diagnostics_topic(source, one))) for one in clouds)
+    return [topic for topic, wanted in parts if names.issuperset(wanted)]
 
 
 def _diagnostics_topic(source: Source, topic: str) -> str:

@@ -42,15 +42,6 @@ def unconfirmed(result: FilterResult) -> NDArray[np.bool_]:
     return np.equal(result.reason, Reason.UNCONFIRMED) & (result.rings is not None)
 
 
-def in_objects(frame: Frame, results: Sequence[FilterResult | None]) -> NDArray[np.bool_]:
-    """Return the valid points that any method keeps or finds in objects that were not confirmed, shape (N,)."""
-    used = np.zeros(frame.size, np.bool_)
-    for result in results:
-        if result is not None:
-            used |= result.keep | unconfirmed(result)
-    return used & frame.valid
-
-
 def find_boxes(
     frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams
 ) -> BoxesAndClusters:
@@ -139,13 +130,12 @@ def scene_updates(
 def boxes_of(result: FilterResult, truth: Truth | None, params: EvaluationParams) -> dict[str, list[SceneBox]]:
     """Return the boxes of a filtered frame, those of its ``clusters`` and those of its ``labels``."""
     boxes, clusters = find_boxes(result.frame, [result], truth, params)
-    return {"clusters": [_cluster(one) for one in clusters[0]], "labels": [_box(one) for one in boxes]}
-
-
-def _cluster(one: Described) -> SceneBox:
-    sides = list(zip(one["low"], one["high"], strict=True))
-    center, size = [(low + high) / 2 for low, high in sides], [high - low for low, high in sides]
-    return SceneBox(center, size, 0.0, *_CLUSTERS[one["kind"]])
+    found = []
+    for one in clusters[0]:
+        sides = list(zip(one["low"], one["high"], strict=True))
+        center, size = [(low + high) / 2 for low, high in sides], [high - low for low, high in sides]
+        found.append(SceneBox(center, size, 0.0, *_CLUSTERS[one["kind"]]))
+    return {"clusters": found, "labels": [_box(one) for one in boxes]}
 
 
 def _box(one: Described) -> SceneBox:
@@ -196,7 +186,8 @@ def take_sample(
     five points stays visible among tens of thousands. Each of the two groups is subsampled evenly if it does not fit.
     """
     points = np.zeros(frame.size, np.int64) if truth is None else point_truth(frame, truth, params)
-    priority = in_objects(frame, results) | (frame.valid & (points != CLUTTER) & (points != IGNORED))
+    found = [result.keep | unconfirmed(result) for result in results if result is not None]
+    priority = frame.valid & np.any([(points != CLUTTER) & (points != IGNORED), *found], axis=0)
     shown, weight = _thin(np.flatnonzero(priority), np.flatnonzero(frame.valid & ~priority), limit)
     reasons = np.full((len(results), len(shown)), Reason.INVALID, np.uint8)
     for row, result in zip(reasons, results, strict=True):

@@ -43,17 +43,15 @@ class TrackPaths:
             row = self._rows.popleft()
             speeds = np.hypot(*frame.velocities.T)
             for k, (number, state) in enumerate(zip(frame.tracks, frame.states, strict=True)):
-                if state == CONFIRMED:
-                    self._extend(number, row, frame, k, float(speeds[k]))
-
-    def _extend(self, number: int, row: int, frame: FrameObjects, k: int, speed_ms: float) -> None:
-        fresh = {"recording": self._recording, "id": number, "frames": 0, "rows": [], "places": [], "step": 1}
-        track = self._tracks.setdefault((self._recording, number), fresh)
-        if track["frames"] % track["step"] == 0:
-            track["rows"].append(row)
-            track["places"].append(frame.centers[k, :2].round(1).tolist())
-        if len(track["rows"]) > _MOST_PLACES:
-            track["rows"], track["places"], track["step"] = track["rows"][::2], track["places"][::2], 2 * track["step"]
-        track["frames"] += 1
-        track["size"], track["yaw"] = frame.sizes[k].round(2).tolist(), round(float(frame.yaws[k]), 3)
-        track["speed"], track["score"] = round(speed_ms, 1), round(float(frame.scores[k]), 2)
+                if state != CONFIRMED:
+                    continue
+                fresh = {"recording": self._recording, "id": number, "frames": 0, "rows": [], "places": [], "step": 1}
+                one = self._tracks.setdefault((self._recording, number), fresh)
+                if one["frames"] % one["step"] == 0:
+                    one["rows"].append(row)
+                    one["places"].append(frame.centers[k, :2].round(1).tolist())
+                if len(one["rows"]) > _MOST_PLACES:
+                    one["rows"], one["places"], one["step"] = one["rows"][::2], one["places"][::2], 2 * one["step"]
+                one["frames"] += 1
+                one["size"], one["yaw"] = frame.sizes[k].round(2).tolist(), round(float(frame.yaws[k]), 3)
+                one["speed"], one["score"] = round(float(speeds[k]), 1), round(float(frame.scores[k]), 2)

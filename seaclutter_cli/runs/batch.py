@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, ExitStack, closing, contextmanage
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 
 from seaclutter_cli.buckets import copies_removed, local, mirror_of, on_paths, shown
 from seaclutter_cli.errors import SeaclutterError, SelectionError, TopicError
@@ -30,7 +30,6 @@ from seaclutter_cli.runs.recordings import (
     expected_frames,
     opened,
     require_frames,
-    require_selected,
     storing_errors,
 )
 from seaclutter_cli.selection import cloud_channels, recorded_of
@@ -41,6 +40,7 @@ if TYPE_CHECKING:  # imports all filters, which tiles do not need
     from seaclutter_cli.config import Config
 
 O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
+T = TypeVar("T")
 _MIB = 2**20
 
 
@@ -73,6 +73,8 @@ class Work(ABC, Generic[O]):
 
     noun: ClassVar[str] = "recording"
     """Name of what is processed, for the progress."""
+    kind: ClassVar[type[Outcome]] = Outcome
+    """Class of the outcome."""
     recording: Recording
     """The recording."""
 
@@ -94,9 +96,9 @@ class Work(ABC, Generic[O]):
     def run(self, observer: Observer) -> O:
         """Do the work; an error of the recording is stored in the outcome."""
 
-    @abstractmethod
     def without_result(self, reason: str | None) -> O:
         """Return the outcome of work that has not begun, or did not come to an end."""
+        return cast("O", self.kind(recording=self.recording.name, error=reason))
 
     def skipped(self, reason: str) -> O:
         """Return the outcome of a recording that is skipped."""
@@ -138,6 +140,15 @@ class RecordingWork(Work[O]):
         selection = self.reading.selection
         clouds = cloud_channels(source, selection.topics) if clouds is None else clouds
         return observer.progress(source.name, expected_frames(source, clouds, selection))
+
+    def stepped(
+        self, every: Iterable[T], source: Source, observer: Observer, clouds: Sequence[Channel] | None = None
+    ) -> Iterator[T]:
+        """Yield what a source gives, a frame or its result, with progress as `progress` shows it."""
+        with self.progress(source, observer, clouds) as step:
+            for one in every:
+                yield one
+                step()
 
     def finish(self, source: Source, labels: Labels | None, frames: int) -> None:
         """Raise an error if no frame was read, or if a complete recording lacks a frame that is labelled."""
@@ -261,7 +272,8 @@ def run_all(
     finally:
         for number, outcome in zip(left, done, strict=True):
             outcomes[number] = outcome or works[number].without_result(NOT_PROCESSED)
-    require_selected(outcomes)
+    if outcomes and all(outcome.has_nothing for outcome in outcomes):
+        raise SelectionError("no recording has a frame in the selected time")
     return outcomes
 
 
@@ -344,7 +356,7 @@ def _progress(works: Sequence[Work[O]], observer: Observer) -> Iterator[Callable
 
 def input_bytes(recording: Recording) -> int:
     """Return the size of the files of a recording in bytes; 0 for those that cannot be read."""
-    return sum(size_of(path) for path in recording.paths)
+    return sum(map(size_of, recording.paths))
 
 
 def size_of(path: Path) -> int:

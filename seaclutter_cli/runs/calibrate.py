@@ -162,8 +162,15 @@ def _trade_off(
             training.calibration.filter_rate, training.calibration.max_left = one
             params = training.calibration.thresholds().applied_to(config.filter)
             variants.append(Variant(f"{one} ({half})", replace(config, filter=params)))
-    judged = [EvaluateWork(work.reading, work.recording, work.labels, variants, in_parts=True) for work in works]
-    trade_off = TradeOff(dict(zip(compared, _held_out_scores(judged, observer), strict=True)), used)
+    # The first half of the variants have thresholds from the first frames, the second half those from the last ones.
+    scores, number = [Summary() for _ in compared], len(compared)
+    for work in works:
+        judged = EvaluateWork(work.reading, work.recording, work.labels, variants, in_parts=True).run(observer)
+        first, last = (judged.parts or Parts(len(variants))).split(_HELD_OUT)
+        for total, *halves in zip(scores, last[:number], first[number:], strict=True):
+            for summary in halves:
+                total.update(summary)
+    trade_off = TradeOff(dict(zip(compared, scores, strict=True)), used)
     if not options.choose:
         return trade_off
     found.filter_rate, found.max_left = trade_off.best
@@ -189,22 +196,6 @@ def training_frames(frames: int) -> tuple[range, range]:
     return range(part), range(frames - part, frames)
 
 
-def _held_out_scores(works: Sequence[EvaluateWork], observer: Observer) -> list[Summary]:
-    """Return the scores of candidates on the frames that gave no thresholds.
-
-    The first half of the variants of each work are the candidates with thresholds from the first frames, the second
-    half those with thresholds from the last frames.
-    """
-    number = len(works[0].variants)
-    scores = [Summary() for _ in range(number // 2)]
-    for work in works:
-        first, last = (work.run(observer).parts or Parts(number)).split(_HELD_OUT)
-        for total, *halves in zip(scores, last[: number // 2], first[number // 2 :], strict=True):
-            for summary in halves:
-                total.update(summary)
-    return scores
-
-
 @dataclass(frozen=True)
 class _CalibrateWork(RecordingWork[Calibrated]):
     """Sums over one recording, or over a range of its labelled frames, counted from 0."""
@@ -212,9 +203,7 @@ class _CalibrateWork(RecordingWork[Calibrated]):
     config: Config
     options: CalibrateOptions
     labelled_frames: range | None = None
-
-    def without_result(self, reason: str | None) -> Calibrated:
-        return Calibrated(recording=self.recording.name, error=reason)
+    kind = Calibrated
 
     def study(self, source: Source, labels: Labels | None, outcome: Calibrated, observer: Observer) -> None:
         selection, params = self.reading.selection, self.config.filter

@@ -40,9 +40,10 @@ class Clutter:
     """Clutter points of recordings: intensities by range ring and, if they are asked for, a mounting and a plot."""
 
     def __init__(self, params: RingIntensityParams, options: CalibrateOptions) -> None:
-        self.calibration = Calibration(
-            params, filter_rate=options.filter_rate, max_left=options.max_left, keep_end=options.keeps_end
-        )
+        keys = [setting.partition("=")[0].strip() for setting in options.settings]
+        keep_end = options.keep_end or "filter.end_m" in keys
+        rate, left = options.filter_rate, options.max_left
+        self.calibration = Calibration(params, filter_rate=rate, max_left=left, keep_end=keep_end)
         self.search = MountingSearch(params.mounting) if isinstance(params, ConfirmedParams) else None
         width_m = params.ring_width_m
         self.density = ClutterDensity(params.own_ship_m, width_m, MAX_RINGS) if options.plot_file else None

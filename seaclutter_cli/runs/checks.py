@@ -1,41 +1,48 @@
-"""Checks of the first frames of a topic against the configuration, each with at most one warning."""
+"""Checks of the frames of a topic against the configuration, and of the sums over them, as warnings."""
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.config import Config, SensorParams
-from seaclutter_cli.filters.zones import Zones
-from seaclutter_cli.frame import FilterResult
+from seaclutter_cli.filters.zones import ZoneParams, Zones
+from seaclutter_cli.frame import FilterResult, Reason
+from seaclutter_cli.interfaces import Source
+from seaclutter_cli.messages.pointcloud2 import rewrapped
+from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import SensorFacts
+from seaclutter_cli.reporting.palette import reason_names
+from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.topic_statistics import TopicStatistics
+from seaclutter_cli.selection import filtered_by
 from seaclutter_cli.sensors.catalog import SENSORS
-from seaclutter_cli.text import count
+from seaclutter_cli.text import count, share
 
 if TYPE_CHECKING:
     from seaclutter_cli.filters.confirmation import ConfirmedParams
+    from seaclutter_cli.runs.surroundings import Surroundings
 
 FARTHEST_M = 10_000.0  # no lidar on a vessel measures farther
 OF_A_MAP = "coordinates of a map are not relative to a lidar: for airborne tiles, see seaclutter classify"
 _FRAMES = 20
 _MIN_POINTS, _MIN_RING_POINTS = 200, 500
 _REMEDY = "find suitable thresholds with: seaclutter calibrate"
+_FEW_WATER = 0.05
+_SHOWS_BEAMS = 10
+"""Number of the frame that shows sensor and beams."""
+_BEGIN, _EVERY = 50, 5
+"""Number of the frame from which on surroundings are looked at, and of the frames to one that is."""
 
 
-class _Check(ABC):
-    """A check of the frames of one topic."""
+class _Check(Protocol):
+    """A check of the frames of one topic, which has a warning once enough frames justify it."""
 
-    @abstractmethod
-    def add(self, result: FilterResult) -> str | None:
-        """Add a frame; return a warning once enough frames justify it."""
+    def add(self, result: FilterResult) -> str | None: ...
 
-    @abstractmethod
-    def warning(self) -> str | None:
-        """Return a warning about the frames so far; None without one."""
+    def warning(self) -> str | None: ...
 
 
 class Checks:
@@ -74,7 +81,7 @@ class Checks:
         return found
 
 
-class _SensorCheck(_Check):
+class _SensorCheck:
     """Check whether the thresholds are for the sensor of a topic, which its first frames show."""
 
     def __init__(self, given: SensorParams, facts: Mapping[str, SensorFacts]) -> None:
@@ -104,7 +111,7 @@ class _SensorCheck(_Check):
         return None
 
 
-class _ThresholdCheck(_Check):
+class _ThresholdCheck:
     """Check whether the thresholds of the range rings suit the intensities; a threshold of 30 is useless up to 1.
 
     A method that estimates the water compares points with thresholds only where it sees some; other frames do not
@@ -174,7 +181,7 @@ class _ThresholdCheck(_Check):
         return f"no point from {start:g} to {end:g} m{more} {problem}: {ranges}; {_REMEDY}"
 
 
-class _RangeCheck(_Check):
+class _RangeCheck:
     """Check whether any point is near enough for the method; it warns at the end."""
 
     def __init__(self, edges: Sequence[float]) -> None:
@@ -195,7 +202,7 @@ class _RangeCheck(_Check):
         return f"{text}; {OF_A_MAP}"
 
 
-class _PlaneCheck(_Check):
+class _PlaneCheck:
     """Check whether points have different heights, which the method needs; it warns at the end."""
 
     def __init__(self, method: str) -> None:
@@ -214,7 +221,7 @@ class _PlaneCheck(_Check):
         return f"all points are at one height, as in laser scans; {self._method} needs heights, so use another method"
 
 
-class _MountingCheck(_Check):
+class _MountingCheck:
     """Check whether the water is where the mounting of the configuration says."""
 
     def __init__(self, params: "ConfirmedParams") -> None:
@@ -244,3 +251,62 @@ class _MountingCheck(_Check):
         angles = (("roll", found.roll_deg, given.roll_deg), ("pitch", found.pitch_deg, given.pitch_deg))
         keys = [f"filter.mounting_{axis}_deg to {angle:g}" for axis, angle, was in angles if angle != was]
         return f"the lidar seems to be mounted {seems}; set {' and '.join(keys)}"
+
+
+class FitChecks(Checks):
+    """Checks of the frames of a topic, and of the sums over them; an observer receives the warnings."""
+
+    def __init__(self, config: Config, source: Source, topic: str, observer: Observer) -> None:
+        super().__init__(config, source.facts, filtered=filtered_by(source, [topic]) is not None)
+        self._config, self._topic, self._observer, self._facts = config, topic, observer, source.facts
+        self._written_anew: str | None = None
+        self._sensor, self._frames = TopicStatistics(), 0
+        self._beams_deg: NDArray[np.float64] | None = None
+        self._around: Surroundings | None = None
+
+    def see(self, result: FilterResult) -> None:
+        """Check a frame."""
+        self._warn(self.add(result))
+        if not self._written_anew and (change := rewrapped(result.frame.cloud)):
+            self._written_anew = change
+            self._warn([change])
+        self._frames += 1
+        if self._frames == _SHOWS_BEAMS and self._config.has_water and result.frame.valid.any():
+            from seaclutter_cli.structure.search import BeamGrid
+
+            self._sensor.add(result.frame)
+            self._beams_deg = BeamGrid.of(result.frame).beams_deg
+        params, is_due = self._config.filter, self._frames >= _BEGIN and self._frames % _EVERY == 0
+        if is_due and isinstance(params, ZoneParams) and params.start_m != "auto" and params.near != "keep":
+            from seaclutter_cli.runs.surroundings import MOST_M, Surroundings  # short logs do not show them
+
+            self._around = self._around or Surroundings(min(params.own_ship_m, MOST_M))
+            self._around.add(result.frame)
+
+    def end(self, tally: TopicTally) -> str | None:
+        """Check what was removed, and whether nearly all frames are without the water that a method needs.
+
+        Return a line for the summary about the least that the lidar sees, if the method finds objects on water.
+        """
+        self._warn(self.finish() or (self._of_sums(tally) if tally.points_in else ()))
+        if self._around is not None:
+            self._warn(filter(None, [self._around.warning()]))
+        if self._frames < _SHOWS_BEAMS or tally.mean_water is None:
+            return None
+        from seaclutter_cli.runs.surroundings import smallest
+
+        models = self._sensor.sensor(self._facts.get(self._topic)).models
+        return smallest(models, self._beams_deg, tally.mean_water.level_m)
+
+    def _of_sums(self, tally: TopicTally) -> Iterator[str]:
+        most, without = Reason(int(tally.counts.argmax())), tally.frames - tally.water_frames
+        if not tally.counts[Reason.KEPT]:
+            removed = f"{share(int(tally.counts[most]), tally.points_in)} were removed"
+            yield f"no points are left; {removed}: {reason_names(self._config.ring_edges)[most]}"
+        elif self._config.has_water and tally.water_frames <= _FEW_WATER * tally.frames:
+            frames = f"{without:,} of {count(tally.frames, 'frame')}"
+            yield f"no water seen in {frames}; heights are then unknown, and every object that stays is kept"
+
+    def _warn(self, texts: Iterable[str]) -> None:
+        for text in texts:
+            self._observer.warn(f"{self._topic}: {text}")

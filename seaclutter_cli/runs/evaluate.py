@@ -3,32 +3,24 @@
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import partial
 from operator import attrgetter
-from tempfile import TemporaryFile
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.config import Config
-from seaclutter_cli.errors import InputError, LabelError
+from seaclutter_cli.errors import InputError, LabelError, UsageError
 from seaclutter_cli.evaluation import IDEAL
 from seaclutter_cli.evaluation.label_check import LabelCheck
-from seaclutter_cli.evaluation.scores import (
-    FrameScore,
-    Parts,
-    Summary,
-    ideal,
-    score_frame,
-)
+from seaclutter_cli.evaluation.scores import FrameScore, Parts, Summary, ideal, score_frame
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import Filtered, run_each
-from seaclutter_cli.records import Channel
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all, without_labels
 from seaclutter_cli.runs.checks import Checks
-from seaclutter_cli.runs.indications import check_labelled, indicated, indications_text, sums_of
 from seaclutter_cli.runs.methods import Variant, note_left_out, variants, with_ideal
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import EvaluateOptions
@@ -45,6 +37,7 @@ from seaclutter_cli.runs.score_tables import (
     TIMES,
     FrameRows,
     frame_table,
+    indications_text,
     score_cells,
     score_legend,
     score_table,
@@ -74,7 +67,10 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     {'joint': (14, 8), 'none': (60, 0), 'ideal': (0, 0)}
     """
     observer = options.watching
-    check_labelled(options)
+    if not options.labels and not options.without_labels:
+        raise UsageError("Missing option '--labels'; --without-labels shows indications that need none")
+    if options.labels and options.without_labels:
+        raise UsageError("--without-labels: leave out --labels")
     note_left_out(options, observer)
     settings = [f"evaluation.clustering={options.clustering}"] if options.clustering else []
     chosen = variants(options, *settings)
@@ -82,13 +78,11 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     targets = {"-o": options.frames_file, "--summary": options.summary_file}
     outputs, configs = {**targets, "--manifest": options.batch.manifest}, [one.config for one in chosen]
     pairs = prepared(options.logs, options, outputs, observer, configs)
-    works = [EvaluateWork(options.reading, *each, chosen, tabulated=bool(options.frames_file)) for each in pairs]
-    works = [replace(work, indicated=options.without_labels) for work in works]
+    make = partial(EvaluateWork, tabulated=bool(options.frames_file), indicated=options.without_labels)
+    works = [make(options.reading, *each, chosen) for each in pairs]
     with OutputGroup(replace=options.force) as files:
         with ExitStack() as stack:
             table, summary = (stack.enter_context(AtomicFile(it, files)) if it else None for it in targets.values())
-            if table and options.batch.runs_here(len(works)):
-                works = [replace(works[0], spool=stack.enter_context(TemporaryFile(dir=table.part.parent)))]
             earlier = None if options.without_labels else without_labels(works, observer)
             outcomes = run_all(works, options.batch, observer, earlier=earlier)
             comparison = Comparison(chosen, outcomes)
@@ -135,9 +129,9 @@ class Evaluated(Described):
 
     def figures(self) -> str:
         """Return frames and rates of the first method, for a line about the outcome."""
-        rates = ", ".join(column.figure(self.first) for column in (R_FP, R_FN))
-        frames, name = count(self.first.frames, "labelled frame"), next(iter(self.methods))
-        return f"{frames}, {name}: {rates}, {self.seconds:.1f} s"
+        name, first = next(iter(self.methods.items()))
+        rates = ", ".join(column.figure(first) for column in (R_FP, R_FN))
+        return f"{count(first.frames, 'labelled frame')}, {name}: {rates}, {self.seconds:.1f} s"
 
     @property
     def known(self) -> Mapping[str, Summary]:
@@ -150,25 +144,18 @@ class Evaluated(Described):
         rows = [{"method": name, **data_of(one, f"{figures} F1=f1")} for name, one in self.known.items()]
         return rows or [{}]
 
-    @property
-    def first(self) -> Summary:
-        """The sums for the first variant."""
-        return next(iter(self.methods.values()))
-
 
 @dataclass(frozen=True)
 class EvaluateWork(RecordingWork[Evaluated]):
     """Evaluation of one recording; without labels, clusters are only counted.
 
-    Listeners receive every frame in this process. ``tabulated`` and ``in_parts`` are what the outcome has besides sums;
-    the rows of its table are in memory unless there is a file for them, ``spool``.
+    Listeners receive every frame in this process. ``tabulated`` and ``in_parts`` are what the outcome has besides sums.
     """
 
     variants: Sequence[Variant]
     listeners: Sequence[FrameListener] = ()
     tabulated: bool = False
     in_parts: bool = False
-    spool: IO[bytes] | None = None
     indicated: bool = False
 
     def without_result(self, reason: str | None) -> Evaluated:
@@ -185,7 +172,7 @@ class EvaluateWork(RecordingWork[Evaluated]):
 
     def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
         """Filter the recording with every method, and score each frame."""
-        outcome.rows = FrameRows(self.recording.name, self.spool) if self.tabulated else None
+        outcome.rows = FrameRows(self.recording.name) if self.tabulated else None
         selection = studied(source, self.reading.selection)
         by = filtered_by(source, selection.topics)
         clouds = cloud_channels(source, selection.topics)
@@ -207,8 +194,9 @@ class EvaluateWork(RecordingWork[Evaluated]):
         checks = {variant.name: Checks(variant.config, source.facts, filtered=by is not None) for variant in given}
         every = run_each(source, filters, selection, removed)
         if self.indicated:
-            every = indicated(every, self.variants, outcome)
-        frames = self._finished(source, self._stepped(every, source, clouds, observer), labels, outcome, observer)
+            every = self._indicated(every, outcome)
+        stepped = self.stepped(every, source, observer, clouds)
+        frames = self._finished(stepped, source, labels, outcome, observer)
         warn_once(observer, outcome, self.scored(frames, labels, outcome, checks))
 
     def _check_filtered(self, text: str, observer: Observer, removed: str | None, *, is_whole: bool) -> None:
@@ -222,16 +210,8 @@ class EvaluateWork(RecordingWork[Evaluated]):
             also = "; what the earlier one removed is counted, too" if removed else ""
             observer.warn(f"{text}; this run only filters the remaining points{also}")
 
-    def _stepped(
-        self, every: Iterable[Filtered], source: Source, clouds: Sequence[Channel], observer: Observer
-    ) -> Iterator[Filtered]:
-        with self.progress(source, observer, clouds) as step:
-            for filtered in every:
-                yield filtered
-                step()
-
     def _finished(
-        self, source: Source, every: Iterable[Filtered], labels: Labels | None, outcome: Evaluated, observer: Observer
+        self, every: Iterable[Filtered], source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer
     ) -> Iterator[Filtered]:
         """Yield the frames of the recording; then raise `LabelError` or warn if they and the labels do not match."""
         yield from every
@@ -272,6 +252,17 @@ class EvaluateWork(RecordingWork[Evaluated]):
             yield from check.finish()
         most = max(outcome.methods.values(), key=attrgetter("frames"))
         yield from (f"labels: {finding.text}" for finding in label_check.findings(most.targets, most.visible))
+
+    def _indicated(self, every: Iterable[Filtered], outcome: Evaluated) -> Iterator[Filtered]:
+        """Yield filtered frames, and store what they indicate at the end."""
+        from seaclutter_cli.runs.suspects import mounting_of  # not needed with labels
+        from seaclutter_cli.suspects.indications import Indicator
+
+        indicator = Indicator(len(self.variants), mounting_of(self.variants[0].config))
+        for frame, results, seconds in every:
+            indicator.add(frame, results)
+            yield frame, results, seconds
+        outcome.indications = indicator.finish()
 
     def _with_ideal(
         self, results: Sequence[FilterResult | None], frame: Frame, truth: Truth | None
@@ -320,7 +311,12 @@ class Comparison(RecordingsResult):
     def indications(self) -> dict[str, dict[str, Any]] | None:
         """Return what indicates the quality of each method without labels; None if that was not asked for."""
         found = [outcome.indications for outcome in self.outcomes if outcome.indications and outcome.known]
-        return sums_of(found, [variant.name for variant in self.variants]) if found else None
+        if not found:
+            return None
+        total = type(found[0])()
+        for one in found:
+            total.update(one)
+        return {variant.name: total.of_method(m) for m, variant in enumerate(self.variants)}
 
     def as_text(self) -> str:
         """Return the comparison as human-readable text; for DBSCAN clusters, include the measures of [Bi]."""

@@ -6,14 +6,13 @@ from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from itertools import chain
-from tempfile import TemporaryFile
 from time import perf_counter
 from typing import IO, TYPE_CHECKING, Any
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import InputError, TopicError, UsageError
-from seaclutter_cli.frame import WATER_REASONS, FilterResult, Reason, Rings
+from seaclutter_cli.frame import WATER_REASONS, FilterResult, Reason
 from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
 from seaclutter_cli.options import function_of
@@ -21,7 +20,7 @@ from seaclutter_cli.pipeline import TopicTally, run
 from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.batch import input_bytes
-from seaclutter_cli.runs.filter_checks import FitChecks
+from seaclutter_cli.runs.checks import FitChecks
 from seaclutter_cli.runs.log_work import LogOutcome, LogRun, LogSummary, LogWork
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
@@ -75,8 +74,7 @@ def filter_log(options: FilterOptions) -> "FilterSummary":
             if table:
                 _frame_table(works[0].config, table.stream).write_header()
             if run.is_alone:
-                spool = stack.enter_context(TemporaryFile(dir=objects.part.parent)) if objects else None
-                works = [replace(works[0], group=logs, table=table.stream if table else None, spool=spool)]
+                works = [replace(works[0], group=logs)]
             outcomes = run.do(works, observer, partial(_append, table))
             if objects and objects_file:
                 from seaclutter_cli.sinks.object_files import write_objects
@@ -149,25 +147,24 @@ class FilterOutcome(LogOutcome):
         water, rings = tally.mean_water, tally.rings
         reasons = [reason for reason in Reason if reason and (reason not in WATER_REASONS or self.has_water)]
         points, kept = rings.beyond.tolist() if rings else (0, 0)
+        columns: dict[str, Any] = {}
+        if rings:
+            columns = {name: getattr(rings, name).tolist() for name in ("points", "low_intensity", "outliers")}
+            columns = {"start_m": self.edges[:-1], "end_m": self.edges[1:], **columns}
+            columns["mean_threshold"] = (rings.thresholds / tally.frames).round(6).tolist()
+        undecided = dict(zip(("points_removed", "points_kept"), tally.undecided[:, 1].tolist(), strict=True))
         return {
             "frames": tally.frames,
             "points_in": tally.points_in,
             "points_out": int(tally.counts[Reason.KEPT]),
             **{reason.name.lower(): int(tally.counts[reason]) for reason in reasons},
-            **({"water_frames": tally.water_frames} if self.has_water else {}),
-            **({"undecided": _undecided(tally)} if self.has_water else {}),
+            **({"water_frames": tally.water_frames, "undecided": undecided} if self.has_water else {}),
             **({"water": {name: round(value, 4) for name, value in asdict(water).items()}} if water else {}),
-            "rings": self._rings(rings, tally.frames) if rings else [],
+            "rings": [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)],
             **({"beyond": {"start_m": self.edges[-1], "points": points, "kept": kept}} if rings else {}),
             **({"scenes": dict(sorted(tally.scenes.items()))} if tally.scenes else {}),
             "filter_ms": round(1000 * tally.filter_s / max(tally.frames, 1), 3),
         }
-
-    def _rings(self, rings: Rings, frames: int) -> list[dict[str, float]]:
-        counts = {name: getattr(rings, name).tolist() for name in ("points", "low_intensity", "outliers")}
-        thresholds = (rings.thresholds / frames).round(6).tolist()
-        columns = {"start_m": self.edges[:-1], "end_m": self.edges[1:], **counts, "mean_threshold": thresholds}
-        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
     def _topic_text(self, topic: str, tally: TopicTally) -> str:
         sums, names, size = self._sums(tally), reason_names(self.edges), tally.points_in
@@ -184,22 +181,18 @@ class FilterOutcome(LogOutcome):
             others = "other reasons" if self.has_water else "outliers"
             blocks.append(_ring_table(sums["rings"], sums["beyond"], others))
         if self.has_water:
-            blocks += [_water_text(tally), *_undecided_text(tally)]
+            blocks += _water_texts(tally)
         blocks += filter(None, [self.notes.get(topic)])
         if tally.scenes:
             scenes = (f"{printable(name)} {number:,}" for name, number in tally.scenes.items())
             blocks.append(f"frames by scene: {', '.join(scenes)}")
         if topic in self.suspects:
-            blocks.append(_suspects_text(self.suspects[topic]))
+            blocks.append("nothing removed that looks like a target")
+            if found := self.suspects[topic]:
+                place = f"{count(found[0].points, 'point')} at {found[0].range_m:.0f} m in frame {found[0].frame}"
+                number = f"removed, and may have been targets: {count(len(found), 'suspect')}"
+                blocks[-1] = f"{number}; first {place} (see: seaclutter suspects)"
         return indented("\n".join(blocks))
-
-
-def _suspects_text(found: "Sequence[Suspect]") -> str:
-    if not found:
-        return "nothing removed that looks like a target"
-    (first, *_), number = found, count(len(found), "suspect")
-    place = f"{count(first.points, 'point')} at {first.range_m:.0f} m in frame {first.frame}"
-    return f"removed, and may have been targets: {number}; first {place} (see: seaclutter suspects)"
 
 
 def _ring_table(rings: Sequence[Mapping[str, float]], beyond: Mapping[str, float], others: str) -> str:
@@ -214,26 +207,19 @@ def _ring_table(rings: Sequence[Mapping[str, float]], beyond: Mapping[str, float
     return table(("range ring", "points", "low intensity", others, "kept", "mean threshold"), rows)
 
 
-def _water_text(tally: TopicTally) -> str:
+def _water_texts(tally: TopicTally) -> list[str]:
+    """Return lines about the water, and about objects that evidence does not decide, if there are any."""
     water, without = tally.mean_water, tally.frames - tally.water_frames
-    if water is None:
-        return "no water seen"
-    height = f"significant wave height {water.significant_wave_height_m:.2f} m"
-    missing = f"; none in {count(without, 'frame')}" if without else ""
-    return f"water {-water.level_m:.2f} m below the lidar, {height} (means){missing}"
-
-
-def _undecided(tally: TopicTally) -> dict[str, int]:
-    removed, kept = tally.undecided[:, 1].tolist()
-    return {"points_removed": removed, "points_kept": kept}
-
-
-def _undecided_text(tally: TopicTally) -> list[str]:
+    lines = ["no water seen"]
+    if water is not None:
+        height = f"significant wave height {water.significant_wave_height_m:.2f} m"
+        missing = f"; none in {count(without, 'frame')}" if without else ""
+        lines = [f"water {-water.level_m:.2f} m below the lidar, {height} (means){missing}"]
     (removed, removed_points), (kept, kept_points) = tally.undecided.tolist()
-    if not removed + kept:
-        return []
-    parts = f"removed {removed:,} times ({count(removed_points, 'point')}), kept {kept:,} times"
-    return [f"objects that evidence does not decide: {parts} ({kept_points:,})"]
+    if removed + kept:
+        parts = f"removed {removed:,} times ({count(removed_points, 'point')}), kept {kept:,} times"
+        lines.append(f"objects that evidence does not decide: {parts} ({kept_points:,})")
+    return lines
 
 
 class FilterSummary(LogSummary[FilterOutcome]):
@@ -259,15 +245,9 @@ def _frame_table(config: Config, rows: "PackedRows | IO[bytes]") -> FrameTable:
 
 @dataclass(frozen=True)
 class FilterWork(LogWork[FilterOutcome, FilterOptions]):
-    """Filtering of one recording with a configuration; of a ``complete`` output, only rows of the table are read.
-
-    The rows of the table are in the outcome unless a ``table`` receives them as they come; those of the table of
-    objects are in memory unless there is a file for them, ``spool``.
-    """
+    """Filtering of one recording with a configuration; of a ``complete`` output, only rows of the table are read."""
 
     config: Config
-    table: IO[bytes] | None = None
-    spool: IO[bytes] | None = None
 
     @property
     def is_done(self) -> bool:
@@ -319,13 +299,12 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         named = printable(", ".join(channel.topic for channel in clouds))
         observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
         checks = {topic: FitChecks(self.config, source, topic, observer) for topic in topics}
-        outcome.rows = PackedRows() if self.options.csv_file and not self.table else None
-        rows = self.table or outcome.rows
-        tables: list[Sink] = [_frame_table(self.config, rows)] if rows else []
+        outcome.rows = PackedRows() if self.options.csv_file else None
+        tables: list[Sink] = [_frame_table(self.config, outcome.rows)] if outcome.rows else []
         if self.options.objects_file:
             from seaclutter_cli.runs.objects import object_table
 
-            outcome.objects = PackedRows(self.spool)
+            outcome.objects = PackedRows()
             tables.append(object_table(self.config, outcome.objects))
         finders: dict[str, SuspectFinder] = {}
         if self.options.suspects:

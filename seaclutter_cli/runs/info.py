@@ -3,18 +3,17 @@
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
 from seaclutter_cli.buckets import mirror_of, on_paths
-from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import find_codec, main_clouds
 from seaclutter_cli.options import function_of
 from seaclutter_cli.reading import read
 from seaclutter_cli.records import Channel, Message, SensorFacts
-from seaclutter_cli.runs.batch import Work, run_batch
+from seaclutter_cli.runs.batch import Work, run_all
 from seaclutter_cli.runs.checks import FARTHEST_M, OF_A_MAP
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
@@ -46,8 +45,7 @@ def info(options: InfoOptions) -> "InfoResult":
     observer = options.watching
     recordings = expand(options.logs, options.reading, observer, ahead=False)  # an excerpt may suffice
     works = [_InfoWork(options.reading, recording) for recording in recordings]
-    batch = options.batch
-    return InfoResult([works[0].run(observer)] if batch.runs_here(len(works)) else run_batch(works, batch, observer))
+    return InfoResult(run_all(works, options.batch, observer))
 
 
 @dataclass(frozen=True)
@@ -62,24 +60,24 @@ class _InfoWork(Work["Content"]):
         with storing_errors(content, observer):
             part = excerpt_of(self.recording) if self.reading.selection.is_whole else None
             with opened(self.recording, self.reading, observer, content) as source:
-                self._read(source, content, observer)
-                if part:
-                    content.note_summary(part.messages, (part.start_ns, part.end_ns))
+                content.format, content.channels, content.has_times = source.format, source.channels, source.has_times
+                selection, topics = self.reading.selection, self.reading.topics
+                clouds = [c for c in source.channels if find_codec(c) and (not topics or c.topic in topics)]
+                content.clouds = {channel.topic: TopicStatistics(around=Surroundings()) for channel in clouds}
+                with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
+                    for record, frame in read(source, clouds, selection, unreadable=content.unreadable):
+                        if isinstance(record, Message):
+                            content.messages[record.channel.topic] += 1
+                            content.note_time(record.log_time_ns)
+                        if frame is not None:
+                            content.clouds[frame.topic].add(frame)
+                            step()
+                if part:  # of the whole recording
+                    content.sampled, content.times_ns = True, [part.start_ns, part.end_ns]
+                    content.messages = Counter[str]()
+                    for channel in content.channels:
+                        content.messages[channel.topic] += part.messages.get(channel.id, 0)
         return content
-
-    def _read(self, source: Source, content: "Content", observer: Observer) -> None:
-        content.format, content.channels, content.has_times = source.format, source.channels, source.has_times
-        selection = self.reading.selection
-        clouds = [c for c in source.channels if find_codec(c) and (not selection.topics or c.topic in selection.topics)]
-        content.clouds = {channel.topic: TopicStatistics(around=Surroundings()) for channel in clouds}
-        with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
-            for record, frame in read(source, clouds, selection, unreadable=content.unreadable):
-                if isinstance(record, Message):
-                    content.messages[record.channel.topic] += 1
-                    content.note_time(record.log_time_ns)
-                if frame is not None:
-                    content.clouds[frame.topic].add(frame)
-                    step()
 
     def without_result(self, reason: str | None) -> "Content":
         return Content(recording=self.recording.name, path=str(self.recording.paths[0]), error=reason)
@@ -114,14 +112,6 @@ class Content(Described):
     unreadable: dict[str, str] = field(default_factory=dict)
     sampled: bool = False
     has_times: bool = True
-
-    def note_summary(self, messages: Mapping[int, int], times_ns: tuple[int, int]) -> None:
-        """Note what a recording's summary says about the whole, of which only the first frames were read."""
-        self.sampled = True
-        self.times_ns = list(times_ns)
-        self.messages = Counter[str]()
-        for channel in self.channels:
-            self.messages[channel.topic] += messages.get(channel.id, 0)
 
     @property
     def duration_s(self) -> float:
@@ -202,7 +192,10 @@ class Content(Described):
             elif cloud.frames and cloud.invalid == cloud.points:
                 needs.append(f"{topic}: the clouds contain no valid point, so there is nothing to filter")
             elif cloud.frames and cloud.intensity[1] < _DEFAULT_THRESHOLD:
-                needs.append(f"{topic}: {_weak(cloud)}")
+                least, most = cloud.intensity
+                other = f"; use --intensity-field {cloud.other_intensity}" if cloud.other_intensity else ""
+                weak = f"intensities of {least:g} to {most:g} do not fit the default thresholds; use -c"
+                needs.append(f"{topic}: {weak if most else f'{cloud.intensity_name} is always 0{other}'}")
         if not self.clouds:
             needs.append(f"there are no point clouds that can be read{hint_of(self.channels)}")
         return needs
@@ -234,15 +227,6 @@ def _describe(topic: str, cloud: TopicStatistics, facts: SensorFacts | None, ass
         rows.append(("packets", f"{facts.lost_packets:,} missing, {facts.bad_packets:,} not decodable"))
     form = textwrap.TextWrapper(79, subsequent_indent=" " * 13, break_on_hyphens=False, break_long_words=False)
     return "\n".join((printable(topic), *(form.fill(printable(f"  {name:<10} {text}")) for name, text in rows)))
-
-
-def _weak(cloud: TopicStatistics) -> str:
-    """Return what weak intensities need."""
-    least, most = cloud.intensity
-    if most:
-        return f"intensities of {least:g} to {most:g} do not fit the default thresholds; use -c"
-    other = f"; use --intensity-field {cloud.other_intensity}" if cloud.other_intensity else ""
-    return f"{cloud.intensity_name} is always 0{other}"
 
 
 def _span(limits: Sequence[float]) -> str:

@@ -12,8 +12,8 @@ from seaclutter_cli.errors import TopicError
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import map_frames
+from seaclutter_cli.plots.clouds import draw_mask
 from seaclutter_cli.plots.figure import check_target, render
-from seaclutter_cli.plots.structure import draw_mask
 from seaclutter_cli.runs.batch import RecordingWork, prepared
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import MaskOptions
@@ -68,19 +68,12 @@ class _MaskWork(RecordingWork[Outcome]):
 
     search: StructureSearch
 
-    def without_result(self, reason: str | None) -> Outcome:
-        return Outcome(recording=self.recording.name, error=reason)
-
     def study(self, source: Source, labels: Labels | None, outcome: Outcome, observer: Observer) -> None:  # noqa: ARG002
         selection = self.reading.selection
         if len({channel.topic for channel in cloud_channels(source, selection.topics)}) > 1:
             raise TopicError(f"{source.name}: each lidar needs a mask of its own; choose one topic with -t")
-        number = 0
-        with self.progress(source, observer) as step:
-            for _ in map_frames(source, selection, self.search.add):
-                number += 1
-                step()
-        self.finish(source, labels, number)
+        frames = map_frames(source, selection, self.search.add)
+        self.finish(source, labels, sum(1 for _ in self.stepped(frames, source, observer)))
 
 
 @dataclass(frozen=True)
@@ -123,16 +116,6 @@ class MaskResult(RecordingsResult):
             f"Own structure in {count(len(sectors), 'direction')} ({self.found.share:.1%} of those with returns), "
             f"{nearest:.1f} to {farthest:.1f} m away, from {frames}."
         )
-        return f"{found}\nAzimuths: {', '.join(_spans(sorted({s.azimuth_min_deg for s in sectors})))}"
-
-
-def _spans(starts: Sequence[float]) -> list[str]:
-    """Return the runs of directions of 1°, as text.
-
-    Examples
-    --------
-    >>> _spans([-180.0, -179.0, 3.0])
-    ['-180° to -178°', '3° to 4°']
-    """
-    runs = np.split(starts, np.flatnonzero(np.diff(starts) != 1) + 1)
-    return [f"{run[0]:g}° to {run[-1] + 1:g}°" for run in runs]
+        starts = np.unique([one.azimuth_min_deg for one in sectors])  # of sectors of 1°
+        spans = np.split(starts, np.flatnonzero(np.diff(starts) != 1) + 1)
+        return f"{found}\nAzimuths: {', '.join(f'{span[0]:g}° to {span[-1] + 1:g}°' for span in spans)}"

@@ -13,6 +13,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from tempfile import SpooledTemporaryFile
 from typing import IO, TYPE_CHECKING, Any
 
 from seaclutter_cli.buckets import look, mirror_of, shown
@@ -39,6 +40,7 @@ _COLUMNS = (
 """Of every manifest; those that a command does not know are empty."""
 
 _LABELS = "--labels"
+_PACKED_BYTES = 2**24
 _making_parents = ContextVar("making_parents", default=False)
 
 Paths = Mapping[str, Path | Iterable[Path] | None]
@@ -272,10 +274,10 @@ def write_files(files: Mapping[Path, bytes], group: OutputGroup | None = None, *
 
 
 class PackedRows:
-    """Lines of a table about one recording, compressed: in memory, unless there is a file for them."""
+    """Lines of a table about one recording, compressed: in memory, or if they are many in a temporary file."""
 
     def __init__(self, packed: IO[bytes] | None = None) -> None:
-        self.packed = packed or io.BytesIO()
+        self.packed: IO[bytes] = packed or SpooledTemporaryFile(_PACKED_BYTES)  # noqa: SIM115 - as long as the rows
         self._lines = gzip.GzipFile(fileobj=self.packed, mode="wb")
 
     def write(self, line: bytes) -> None:
@@ -284,15 +286,18 @@ class PackedRows:
 
     def __iter__(self) -> Iterator[bytes]:
         """Yield the lines, to which none can be added any more."""
-        self.__getstate__()
-        self.packed.seek(0)
-        return gzip.GzipFile(fileobj=self.packed)
+        self._complete()
+        return gzip.GzipFile(fileobj=self.packed, mode="rb")
 
     def __getstate__(self) -> dict[str, Any]:
         """Complete the rows, and return them for another process."""
+        self._complete()
+        return {**vars(self), "packed": io.BytesIO(self.packed.read())}
+
+    def _complete(self) -> None:
         if lines := vars(self).pop("_lines", None):
             lines.close()
-        return vars(self)
+        self.packed.seek(0)
 
 
 def write_manifest(

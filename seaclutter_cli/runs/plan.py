@@ -78,7 +78,7 @@ def _plan(run: LogRun[W], observer: Observer) -> "RunPlan":
     target = run.works[0].target
     folder = next(above for above in target.absolute().parents if above.exists())
     result = RunPlan(planned, None if mirror_of(target) else shutil.disk_usage(folder).free)
-    if result.is_too_large:
+    if result.free_bytes is not None and result.bytes_in > result.free_bytes:  # outputs of the size of their recordings
         observer.warn(f"{run.root.place}: the outputs may not fit")
     return result
 
@@ -177,11 +177,6 @@ class RunPlan(RecordingsResult):
     def damaged(self) -> bool:
         """Whether the parts of any recording to be done are damaged, as far as opening it shows."""
         return any(one.damage and not one.skipped for one in self.outcomes)
-
-    @property
-    def is_too_large(self) -> bool:
-        """Whether outputs of the size of their recordings need more than the free space."""
-        return self.free_bytes is not None and self.bytes_in > self.free_bytes
 
     @property
     def bytes_in(self) -> int:

@@ -390,9 +390,3 @@ def require_frames(source: Source, frames: int, selection: Selection) -> None:
             start = datetime.fromtimestamp(first_ns // 10**9, UTC).isoformat(sep=" ").removesuffix("+00:00")
             span = f"; the log is {duration((last_ns - first_ns) / 10**9)} long, from {start} UTC"
         raise SelectionError(f"{source.name}: no frames {selection.period}{span}")
-
-
-def require_selected(outcomes: Sequence[Outcome]) -> None:
-    """Raise `SelectionError` if none of several recordings has a frame in the selected period."""
-    if outcomes and all(outcome.has_nothing for outcome in outcomes):
-        raise SelectionError("no recording has a frame in the selected time")

@@ -1,6 +1,6 @@
 """What shows the effect of a filter: a page that opens offline, figures for print, and the Rerun viewer."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from seaclutter_cli import __version__
 from seaclutter_cli.buckets import on_paths, shown
-from seaclutter_cli.config import Config, parse_config
+from seaclutter_cli.config import parse_config
 from seaclutter_cli.errors import ConfigError, InputError, UsageError
 from seaclutter_cli.evaluation.scores import Summary
 from seaclutter_cli.interfaces import Labels, Source
@@ -68,7 +68,7 @@ def report(options: ReportOptions) -> "ReportResult":
             raise UsageError(f"{folder}: is a file; --figures takes a folder")
         check_target(figures[-1])
     pairs = prepared(options.logs, options, {"-o": options.output, "--figures": figures}, observer)
-    make = partial(_studied, options=options)
+    make = partial(_Studied, options=options)
     comparison, studied = filter_or_replay(pairs, options, options.reading, observer, make)
     collected, suspects = studied.collector, studied.finish()
     found = {one.item.frame for one in collected.chosen if one.why == "picked"}
@@ -89,8 +89,11 @@ def report(options: ReportOptions) -> "ReportResult":
 class _Studied(FrameListener):
     """Listener with all that a report shows: a collector, and the suspects of the first method in each recording."""
 
-    def __init__(self, collector: Collector, config: Config) -> None:
-        self.collector, self._config = collector, config
+    def __init__(self, variants: Sequence[Variant], options: ReportOptions) -> None:
+        methods = [Method(one.name, one.config.ring_edges, one.config.to_yaml()) for one in variants]
+        self._config, labelled = variants[0].config, bool(options.labels)
+        params, frames, picks = self._config.evaluation, options.shown, options.picks
+        self.collector = Collector(methods, params, labelled=labelled, frames=frames, picks=picks)
         self._finders: list[tuple[str, SuspectFinder]] = []
         self._found: list[dict[str, Any]] = []
 
@@ -113,16 +116,6 @@ class _Studied(FrameListener):
                 self._found += rows
         self._finders.clear()
         return self._found[:_MAX_LISTED]
-
-
-def _studied(variants: Sequence[Variant], options: ReportOptions) -> _Studied:
-    return _Studied(_collector(variants, options), variants[0].config)
-
-
-def _collector(variants: Sequence[Variant], options: ReportOptions) -> Collector:
-    methods = [Method(one.name, one.config.ring_edges, one.config.to_yaml()) for one in variants]
-    labelled, params = bool(options.labels), variants[0].config.evaluation
-    return Collector(methods, params, labelled=labelled, frames=options.shown, picks=options.picks)
 
 
 def _page(
@@ -178,13 +171,12 @@ class ReportResult(Comparison):
 
     def as_text(self) -> str:
         """Return the result as human-readable text."""
-        lines = [f"{printable(str(path))}: {_size(size)}" for path, size in self.sizes.items()]
+        lines = []
+        for path, size in self.sizes.items():
+            amount = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{max(round(size / 1e3), 1)} kB"
+            lines.append(f"{printable(str(path))}: {amount}")
         lines.append(f"{count(self.frames, 'frame')}, {len(self.collected.chosen)} of them shown with points")
         return "\n".join(lines)
-
-
-def _size(size: int) -> str:
-    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{max(round(size / 1e3), 1)} kB"
 
 
 @on_paths
@@ -238,18 +230,13 @@ class ViewResult(Comparison):
 
 def _recorded(times_ns: Sequence[int]) -> str:
     """Return first and last frame time in UTC, if a recording has times of its own."""
-    times = [_utc(time_ns) for time_ns in times_ns]
-    if not times or times[0].year < _FIRST_YEAR:
-        return UNKNOWN
-    first, last = (f"{time:%Y-%m-%d %H:%M:%S}" for time in times)
-    return f"{first} to {last.removeprefix(first[:11])} UTC"
-
-
-def _utc(time_ns: int) -> datetime:
     try:
-        return datetime.fromtimestamp(time_ns // _NANO, UTC)
-    except (OverflowError, ValueError, OSError):
-        return datetime.min.replace(tzinfo=UTC)
+        first, last = (datetime.fromtimestamp(time_ns // _NANO, UTC) for time_ns in times_ns)
+    except (OverflowError, ValueError, OSError):  # there are none, or no such dates
+        return UNKNOWN
+    if first.year < _FIRST_YEAR:
+        return UNKNOWN
+    return f"{first:%Y-%m-%d %H:%M:%S} to {f'{last:%Y-%m-%d %H:%M:%S}'.removeprefix(f'{first:%Y-%m-%d} ')} UTC"
 
 
 def _provenance(
@@ -341,20 +328,17 @@ class _ReplayWork(EvaluateWork):
     topic: str = ""
 
     def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
-        frames = self._replayed(source, labels, outcome, observer)
+        clouds = [channel for channel in source.channels if channel.topic == self.topic]
+        results = self.stepped(replay(source, self.topic, self.reading.selection), source, observer, clouds)
+        frames = self._finished(((one.frame, [one], [None]) for one in results), source, labels, outcome, observer)
         warn_once(observer, outcome, self.scored(frames, labels, outcome, {}))
 
-    def _replayed(
-        self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer
+    def _finished(
+        self, every: Iterable[Filtered], source: Source, labels: Labels | None, outcome: Evaluated, _: Observer
     ) -> Iterator[Filtered]:
-        selection = self.reading.selection
-        clouds = [channel for channel in source.channels if channel.topic == self.topic]
-        with self.progress(source, observer, clouds) as step:
-            for result in replay(source, self.topic, selection):
-                yield result.frame, [result], [None]
-                step()
+        yield from every
         if not outcome.frames:
-            require_frames(source, 0, selection)
+            require_frames(source, 0, self.reading.selection)
             missing = f"no frame of {self.topic} has removed points and diagnostics"
             raise InputError(f"{source.name}: nothing to show; {source.damage[0] if source.damage else missing}")
         self.finish(source, labels, outcome.frames)

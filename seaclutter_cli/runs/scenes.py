@@ -23,7 +23,6 @@ from seaclutter_cli.runs.options import Logs, ReadOptions, of_options
 from seaclutter_cli.runs.options.classifiers import ClassifierOptions, LabelledLog, LabelledLogs, TrainSceneOptions
 from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, Result, WithData, expand, opened, storing_errors
-from seaclutter_cli.scenes import TrainingParams
 from seaclutter_cli.scenes.model import SceneDecision, SceneModel, SceneTracker
 from seaclutter_cli.scenes.network import to_onnx
 from seaclutter_cli.scenes.training import Epoch, Examples, SceneScores, Trained, check_torch, train
@@ -285,7 +284,15 @@ def train_scenes(logs: LabelledLogs, options: TrainSceneOptions, observer: Obser
     if options.plot_file:
         check_target(options.plot_file)
     examples, damage = _read(labelled, options, observer)
-    trained = _train(examples, options.training, observer)
+    done: list[Epoch] = []
+
+    def on_epoch(epoch: Epoch) -> None:
+        done.append(epoch)
+        loss = f"loss {epoch.train_loss:.4f}, on validation {epoch.validation_loss:.4f}"
+        precision = f"precision {epoch.train_precision:.4f}, on validation {epoch.validation_precision:.4f}"
+        observer.note(f"epoch {len(done)} of {options.training.epochs}: {loss}; {precision}")
+
+    trained = train(examples, options.training, on_epoch)
     files = {options.output: to_onnx(trained.network, examples.classes, examples.extent_m)}
     if options.plot_file:
         curves = np.array([astuple(epoch) for epoch in trained.epochs]).T
@@ -310,18 +317,6 @@ def _read(logs: Sequence[LabelledLog], options: TrainSceneOptions, observer: Obs
                 examples.add(frame.coordinates)
             damage += outcome.damage
     return examples, damage
-
-
-def _train(examples: Examples, params: TrainingParams, observer: Observer) -> Trained:
-    done: list[Epoch] = []
-
-    def on_epoch(epoch: Epoch) -> None:
-        done.append(epoch)
-        loss = f"loss {epoch.train_loss:.4f}, on validation {epoch.validation_loss:.4f}"
-        precision = f"precision {epoch.train_precision:.4f}, on validation {epoch.validation_precision:.4f}"
-        observer.note(f"epoch {len(done)} of {params.epochs}: {loss}; {precision}")
-
-    return train(examples, params, on_epoch)
 
 
 @dataclass(frozen=True)

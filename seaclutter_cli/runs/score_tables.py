@@ -1,10 +1,10 @@
-"""Tables of scores: their columns, what these mean, and the best method in each."""
+"""Tables of scores, and of indications without labels: their columns, what these mean, and the best method in each."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from operator import attrgetter, methodcaller
-from typing import IO, Literal, TypeVar
+from operator import attrgetter, itemgetter, methodcaller
+from typing import Any, Literal, TypeVar
 
 from seaclutter_cli.evaluation import IDEAL
 from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, Summary
@@ -27,17 +27,17 @@ class Column:
 
     head: str
     meaning: str
-    score: Callable[[Summary], float | None]
+    score: Callable[[Any], float | None]
     digits: int = 0
     unit: str = ""
     best: Literal["low", "high"] | None = "low"
 
-    def value(self, summary: Summary) -> float | None:
+    def value(self, summary: Any) -> float | None:
         """Return the value of a method, in percent if the column says so."""
         found = self.score(summary)
         return 100 * found if found is not None and "%" in self.head + self.unit else found
 
-    def cell(self, summary: Summary) -> str:
+    def cell(self, summary: Any) -> str:
         """Return the value of a method as text."""
         value = self.value(summary)
         return UNKNOWN if value is None else f"{value:.{self.digits}f}{self.unit}"
@@ -91,6 +91,20 @@ OBJECTS = (
 """Measures of [Bi] for clusters by density."""
 
 
+_LOST = "share of the looks at likely targets in which they are removed"
+_INDICATIONS = (
+    Column("targets lost", _LOST, itemgetter("targets_lost"), 1, " %"),
+    Column("doubtful/frame", "kept clusters per frame that are unlike targets", itemgetter("doubtful_per_frame"), 2),
+    Column("F1", "of these two, as if likely targets were labelled", itemgetter("f1"), 3),
+    Column("flicker/min", "how often a likely target comes or goes in a minute", itemgetter("changes_per_minute"), 1),
+    Column("kept", "mean likeness to targets of what is kept, from 0 to 1", itemgetter("score_of_kept"), 2),
+    Column("removed", "the same of what is removed", itemgetter("score_of_removed"), 2),
+    Column("water", "share of the points near the water that are kept", itemgetter("water_kept"), 2, " %"),
+    Column("agrees", "share of the points that are treated as other methods do", itemgetter("agreement"), 1, " %"),
+)
+_NOTE = "Indications, not rates: likely targets are bodies that stand out, stay, and move steadily."
+
+
 def score_table(summaries: Mapping[str, Summary], columns: Sequence[Column]) -> str:
     """Return a table with a row for each method; an asterisk marks the best values of each column."""
     rows = [(name, *cells) for name, cells in score_cells(summaries, columns).items()]
@@ -121,11 +135,18 @@ def score_legend(text: str, columns: Iterable[Column], others: Mapping[str, str]
     return legend(lines)
 
 
+def indications_text(found: Mapping[str, Any], title: str) -> str:
+    """Return what indicates the quality of methods as human-readable text."""
+    rows = [(name, *(column.cell(one) for column in _INDICATIONS)) for name, one in found.items()]
+    lines = table(("method", *(column.head for column in _INDICATIONS)), rows)
+    return f"{title}\n\n{lines}\n\n{_NOTE}\n\n{score_legend(UNKNOWN * (UNKNOWN in lines), _INDICATIONS)}"
+
+
 class FrameRows(PackedRows):
     """Rows of the frames of one recording, and whether the labels of points are known for any."""
 
-    def __init__(self, recording: str, packed: IO[bytes] | None = None) -> None:
-        super().__init__(packed)
+    def __init__(self, recording: str) -> None:
+        super().__init__()
         self._recording, self.points_known = recording, False
 
     def add(self, method: str, frame: Frame, score: FrameScore) -> None:

@@ -67,14 +67,16 @@ def simulate(options: SimulationOptions) -> "SimulationResult | TileSimulationRe
 
 def _simulate_recording(name: str, output: Path, options: SimulateOptions, observer: Observer) -> "SimulationResult":
     from seaclutter_cli.simulation.layouts import find_scene
-    from seaclutter_cli.simulation.marine.recording import record
+    from seaclutter_cli.simulation.marine.recording import FORMATS, record
 
     if is_tile_scene(name):
         raise UsageError(f"{output}: {name} is an airborne tile; the name of its file must end in .las or .laz")
     scene = find_scene(name, options.seed, wide=options.physics == "wide").with_recording(
         frames=options.frames, lidar=options.lidar
     )
-    _check_name(output, options.form)
+    endings = [f".{name}" for name in ([options.form] if options.form else FORMATS)]
+    if output.suffix not in endings:
+        raise UsageError(f"{output}: the name of the recording must end in {' or '.join(endings)}")
     labels = output.with_suffix(".labels.csv")
     targets = {"-o": output, "the labels of -o": labels, "--scene-file": options.scene_file}
     prepare_outputs(targets, {"SCENE": Path(name)}, force=options.force, observer=observer)
@@ -89,14 +91,6 @@ def _simulate_recording(name: str, output: Path, options: SimulateOptions, obser
 
         record(scene, output, labels, on_frame, files)
     return SimulationResult(scene, tally, output, labels, perf_counter() - started)
-
-
-def _check_name(output: Path, chosen: str | None) -> None:
-    from seaclutter_cli.simulation.marine.recording import FORMATS
-
-    endings = [f".{name}" for name in ([chosen] if chosen else FORMATS)]
-    if output.suffix not in endings:
-        raise UsageError(f"{output}: the name of the recording must end in {' or '.join(endings)}")
 
 
 def _simulate_tile(name: str, output: Path, options: SimulateOptions, observer: Observer) -> "TileSimulationResult":

@@ -52,7 +52,9 @@ def tune(options: TuneOptions) -> "TuningResult":
     options = replace(options, methods=(*options.methods, *options.method), method=())
     note_left_out(options, observer)
     combinations = grid(options.sweeps, options)
-    pairs = prepared(options.logs, options, options.targets, observer, [one.config for one in combinations])
+    targets = {"-o": options.output, "--csv": options.csv_file, "--plot": options.curve_file}
+    targets["--plot-thresholds"] = options.thresholds_file
+    pairs = prepared(options.logs, options, targets, observer, [one.config for one in combinations])
     _check_plots(options, combinations, len(pairs))
     history = _ThresholdHistory(combinations, options.ring) if options.thresholds_file else None
     listeners = [history] if history else []
@@ -61,7 +63,7 @@ def tune(options: TuneOptions) -> "TuningResult":
     outcomes = run_all(works, batch, observer, earlier=without_labels(works, observer))
     scores = _split_scores(outcomes, [one.name for one in combinations], options.hold_out)
     result = TuningResult(options.sweeps, combinations, outcomes, *scores)
-    if may_appear(options.targets.values(), result.outcomes, observer):
+    if may_appear(targets.values(), result.outcomes, observer):
         write_files(_files(result, history, options), replace=options.force)
         if options.output and not result.best:
             observer.warn(f"{options.output}: not written, because no frame is labelled")

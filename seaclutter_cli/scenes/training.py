@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +23,6 @@ SHARES = (0.6, 0.2, 0.2)
 """Shares of the recordings of each class for training, validation and test, as in [Bi]."""
 
 
-@dataclass
 class Examples:
     """Frames with their scenes, stored as sketches of a few kilobytes, regardless of the frame size.
 
@@ -31,13 +30,13 @@ class Examples:
     ``extent_m`` to each side, and it extends 1.5 times as far, which leaves no empty corners in a rotated view.
     """
 
-    classes: Sequence[str]
-    extent_m: float
-    recordings: list[tuple[str, int]] = field(default_factory=list)
-    """Name and class of each recording."""
-    _recording: list[int] = field(default_factory=list)
-    _sketches: list[NDArray[np.int32]] = field(default_factory=list)
-    _alignments_rad: dict[int, float] = field(default_factory=dict)
+    def __init__(self, classes: Sequence[str], extent_m: float) -> None:
+        self.classes, self.extent_m = classes, extent_m
+        self.recordings: list[tuple[str, int]] = []
+        """Name and class of each recording."""
+        self._recording: list[int] = []
+        self._sketches: list[NDArray[np.int32]] = []
+        self._alignments_rad: dict[int, float] = {}
 
     def begin(self, recording: str, scene: int) -> None:
         """Start a recording; ``scene`` is the index of its class."""
@@ -161,7 +160,11 @@ class SceneScores(Confusion):
 
     def as_dict(self) -> dict[str, Any]:
         """Return counts, precision and recall as JSON-compatible data."""
-        columns = zip(self.classes, self.counts.tolist(), _plain(self.precision), _plain(self.recall), strict=True)
+        shares = (
+            [round(value, 6) if np.isfinite(value) else None for value in values.tolist()]
+            for values in (self.precision, self.recall)
+        )
+        columns = zip(self.classes, self.counts.tolist(), *shares, strict=True)
         return {
             name: {"predicted": dict(zip(self.classes, row, strict=True)), "precision": precision, "recall": recall}
             for name, row, precision, recall in columns
@@ -176,10 +179,6 @@ class SceneScores(Confusion):
         ]
         rows.append(("precision", *map(share, correct, predicted), ""))
         return table(("true \\ predicted", *self.classes, "recall"), rows)
-
-
-def _plain(values: NDArray[np.float64]) -> list[float | None]:
-    return [round(value, 6) if np.isfinite(value) else None for value in values.tolist()]
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ import csv
 import json
 from collections import Counter
 from functools import partial
-from io import DEFAULT_BUFFER_SIZE
 
 import numpy as np
 import pytest
@@ -130,19 +129,6 @@ def test_rows_of_a_recording_that_fails_midway_are_removed(tmp_path, monkeypatch
     result = invoke(logs[1], "-o", tmp_path / "b.out.mcap", "--csv", tmp_path / "b.csv")
     assert result.stderr == "Error: b: broken after 5 frames\n"
     assert not list(tmp_path.glob("b.*csv*"))
-
-
-def test_rows_of_a_single_recording_are_written_as_they_come(out, tmp_path, monkeypatch):
-    sizes = []
-
-    def require_frames(*_):
-        sizes.extend(part.stat().st_size for part in tmp_path.glob(".frames.csv.*"))
-
-    monkeypatch.setattr("seaclutter_cli.runs.log_work.require_frames", require_frames)
-    log = write_log(tmp_path / "long.mcap", frames=200)
-    invoke(log, "-o", out, "--csv", tmp_path / "frames.csv", code=0)
-    whole = (tmp_path / "frames.csv").stat().st_size
-    assert whole - DEFAULT_BUFFER_SIZE <= sizes[0] < whole
 
 
 def test_globs_are_expanded_unless_a_file_has_that_name(tmp_path):

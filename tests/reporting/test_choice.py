@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seaclutter_cli.frame import Reason
-from seaclutter_cli.reporting.collector import Choice, _by_removal
+from seaclutter_cli.reporting.collector import Choice, ScoredFrame, _judged
 from tests.evaluation.scenes import told
 
 BADNESS = st.lists(st.sampled_from([0.0, 0.0, 1.0, 2.0, 5.0]), min_size=1, max_size=300)
@@ -72,4 +72,4 @@ def test_unlabelled_frames_are_chosen_by_the_share_of_all_clutter_removed():
     counts = np.zeros(len(Reason))
     counts[[Reason.KEPT, Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.UNCONFIRMED]] = 5, 1, 1, 1
     counts[Reason.NEAR] = 2
-    assert _by_removal(told(counts)) == (0.3, -0.3)
+    assert _judged(ScoredFrame(None, [told(counts)], None, [None]), labelled=False) == (0.3, -0.3)

@@ -1,6 +1,7 @@
 """Every command: no two outputs are one file, no output is an input, and all outputs appear together."""
 
 import os
+import pickle
 import re
 import shlex
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from seaclutter_cli.errors import OutputError
+from seaclutter_cli.runs.outputs import PackedRows
 from seaclutter_cli.sinks.atomic import CompleteFile
 from seaclutter_cli.sources.recordings import Recording
 from tests.pairs import covering
@@ -372,3 +374,12 @@ def test_at_most_one_folder_is_created(folder, line):
     assert "there is no folder a; --parents creates it" in result.stderr
     (folder / "a").mkdir()
     assert run(line).exit_code == 0
+
+
+def test_many_rows_of_a_table_leave_memory(monkeypatch):
+    monkeypatch.setattr("seaclutter_cli.runs.outputs._PACKED_BYTES", 1000)
+    rows, lines = PackedRows(), [f"{number},{number**9 % 7919}\n".encode() for number in range(20_000)]
+    for line in lines:
+        rows.write(line)
+    assert rows.packed._rolled, "into a file"
+    assert list(rows) == list(pickle.loads(pickle.dumps(rows))) == lines

@@ -108,7 +108,10 @@ def _slurm(workers: int) -> Iterator["Client"]:
     with dask.config.set(_SCHEDULER):
         cluster = _cluster()
         try:
-            _require_acceptance(cluster.job_script())
+            tried = ["sbatch", "--test-only"]  # SLURM may refuse a job, for example because of its partition
+            done = subprocess.run(tried, input=cluster.job_script(), capture_output=True, text=True, check=False)  # noqa: S603
+            if done.returncode:
+                raise ClusterError(f"slurm: {(done.stderr.strip().splitlines() or ['sbatch failed'])[-1]}")
             with ExitStack() as stack:
                 client = make(cluster, set_as_default=False)
                 stack.callback(client.close, timeout=_CONNECT_S)
@@ -158,14 +161,6 @@ def _cluster_class() -> Any:
     finally:
         signal.signal(signal.SIGINT, handler)
     return SLURMCluster
-
-
-def _require_acceptance(script: str) -> None:
-    """Raise `ClusterError` if SLURM would refuse a job, for example because of its partition."""
-    done = subprocess.run(["sbatch", "--test-only"], input=script, capture_output=True, text=True, check=False)  # noqa: S607
-    if done.returncode:
-        lines = done.stderr.strip().splitlines() or ["sbatch failed"]
-        raise ClusterError(f"slurm: {lines[-1]}")
 
 
 def _client_class() -> Any:

@@ -3,23 +3,25 @@
 import asyncio
 import logging
 import pickle
+import re
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent import futures
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, requires
 from itertools import count
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from time import monotonic
-from typing import TYPE_CHECKING, Any, NoReturn, Self
+from typing import TYPE_CHECKING, Any, Self
 from uuid import uuid4
 
 from seaclutter_cli.errors import ClusterError
 from seaclutter_cli.jobs.cluster.connection import Connection
 from seaclutter_cli.jobs.cluster.remote import TOPIC, run_remotely
-from seaclutter_cli.jobs.cluster.versions import skew, versions_question
 from seaclutter_cli.jobs.engine import DIED, DONE, ERROR, SHARE, OnShare, R, Report, Results, Task, run_with_retries
+from seaclutter_cli.registry import plugins
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -40,6 +42,9 @@ _END_S = 10.0
 _STEPS_OF_RELEASE = 2
 """Callbacks of the event loop until the scheduler is sent a release: one counts the references, one sends."""
 _DEAD = "its worker died, perhaps because memory ran out"
+_NOT_COMPUTING = {"click", "lazy-loader", "tqdm", "annotated-types"}
+_REMOTE = ("seaclutter", "python", "dask", "distributed", "cloudpickle")
+_OPTIONAL = ("laspy", "lazrs", "obstore", "onnxruntime", "scikit-learn", "skops", "velodyne-decoder")
 
 
 @dataclass(frozen=True)
@@ -155,7 +160,8 @@ class _Pool:
         if self._known[address].answers:
             self._submit(address, run_remotely, *_sent(self._cluster.check), receive=self._receive_check)
         else:
-            self._submit(address, *versions_question(), receive=self._receive_versions)
+            receive = lambda worker, found: self._note(worker, skew(self._versions, found))
+            self._submit(address, *versions_question(), receive=receive)
 
     def _submit(self, address: str, function: Callable[..., Any], *arguments: Any, **kind: Any) -> None:
         key = next(self._keys)
@@ -176,9 +182,6 @@ class _Pool:
             await asyncio.sleep(0)
         self._events.put((key, kind, content))
 
-    def _receive_versions(self, address: str, found: Any) -> None:
-        self._note(address, skew(self._versions, found))
-
     def _receive_check(self, address: str, found: bytes) -> None:
         kind, content = pickle.loads(found)  # noqa: S301 - of our worker
         if kind != DONE:
@@ -194,7 +197,12 @@ class _Pool:
                     yield from self._answer(key, kind, content)
             if monotonic() >= self._next_look_s:
                 self._next_look_s = monotonic() + _LOOK_S
-                yield from self._look()
+                here = self._update()  # workers that are gone have died
+                for key, job in list(self._jobs.items()):
+                    if job.worker not in here:
+                        del self._jobs[key]
+                        job.future.cancel()
+                        yield from self._died(job)
 
     def _answer(self, key: str, kind: str, content: Any) -> Iterator[tuple[int, str, Any]]:
         """Yield the answer of a task whose share, result or error has come; receive those of questions."""
@@ -206,8 +214,10 @@ class _Pool:
         del self._jobs[key]
         if kind == ERROR and type(content).__name__ == "KilledWorker":
             yield from self._died(job)
+        elif isinstance(content, _CANCELLED) or type(content).__name__ == "CommClosedError":
+            raise ConnectionError from content  # not cancelled by us, or while it was fetched from the scheduler
         elif kind == ERROR:
-            _raise(content, job.worker)
+            raise ClusterError(f"worker {job.worker}: {type(content).__name__}: {content}") from content
         elif job.receive is not None:
             job.receive(job.worker, content)
         elif job.number is not None:
@@ -227,15 +237,6 @@ class _Pool:
             raise ClusterError(f"{self._name}: worker {address} {reason}")
         if reason is not None:
             self._cluster.warn(f"{self._name}: worker {address} is left out: it {reason}")
-
-    def _look(self) -> Iterator[tuple[int, str, Any]]:
-        """See which workers have come, and yield the deaths of those that are gone."""
-        here = self._update()
-        for key, job in list(self._jobs.items()):
-            if job.worker not in here:
-                del self._jobs[key]
-                job.future.cancel()
-                yield from self._died(job)
 
     def _update(self) -> set[str]:
         """Ask the scheduler for its workers and return the addresses of those whose tasks go on.
@@ -299,14 +300,6 @@ class _Pool:
                 self._jobs.pop(key, None)
 
 
-def _raise(error: BaseException, worker: str) -> NoReturn:
-    """Raise an error that is not of a task: the connection is lost, or a worker does not understand us."""
-    is_cancelled = isinstance(error, _CANCELLED)  # not by us
-    if is_cancelled or type(error).__name__ == "CommClosedError":  # while the result was fetched from the scheduler
-        raise ConnectionError from error
-    raise ClusterError(f"worker {worker}: {type(error).__name__}: {error}") from error
-
-
 def _nothing(_: Report) -> None:
     """Do nothing."""
 
@@ -333,3 +326,44 @@ def _quiet() -> Iterator[None]:
     finally:
         for logger, level in zip(loggers, before, strict=True):
             logger.setLevel(level)
+
+
+def compared_packages() -> list[str]:
+    """Return the packages whose versions must be the same here and on workers."""
+    try:
+        stated = requires("seaclutter") or []
+    except PackageNotFoundError:  # runs from its source
+        stated = []
+    names = [re.split(r"[^\w.-]", text, maxsplit=1)[0] for text in stated if "extra ==" not in text]
+    added = {point.dist.name: None for points in plugins().values() for point in points if point.dist}
+    return [*(name for name in names if name not in _NOT_COMPUTING), *added]
+
+
+def skew(here: Mapping[str, Any] | None, there: Mapping[str, Any] | None, *, of_scheduler: bool = False) -> str | None:
+    """Return the first difference between versions that matters, as ``has numpy 2.1, here 2.2``; None if there is none.
+
+    Versions are as Dask collects them: ``{"packages": {name: version or None}}``. Those ``of_scheduler`` matter less,
+    since it only passes tasks on.
+    """
+    ours, theirs = _packages(here), _packages(there)
+    required = _REMOTE if of_scheduler else (*_REMOTE, *compared_packages())
+    for name in dict.fromkeys((*required, *(() if of_scheduler else _OPTIONAL))):
+        own, other = ours.get(name), theirs.get(name)
+        if own is None or own == other or (other is None and name not in required):
+            continue
+        return f"has {name} {other}, here {own}" if other else f"has no {name}, here {own}"
+    return None
+
+
+def versions_question() -> tuple[Callable[[list[str]], Any], list[str]]:
+    """Return a function of Dask and its argument, which give versions also where seaclutter is missing."""
+    from distributed.versions import get_versions
+
+    return get_versions, [*_REMOTE, *compared_packages(), *_OPTIONAL]
+
+
+def _packages(found: Mapping[str, Any] | None) -> dict[str, str | None]:
+    packages = dict((found or {}).get("packages", {}))
+    if packages.get("python"):  # what patch releases change does not matter
+        packages["python"] = ".".join(packages["python"].split(".")[:2])
+    return packages

@@ -10,7 +10,6 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.classification import ClassifiedPoints, classify_points
 from seaclutter_cli.airborne.forest import class_name
@@ -106,9 +105,6 @@ class _PredictWork(TileWork["ClassifiedTile"]):
     plot_suffix: str
     with_shoreline: bool
 
-    def without_result(self, reason: str | None) -> "ClassifiedTile":
-        return ClassifiedTile(recording=self.recording.name, error=reason)
-
     def run(self, observer: Observer) -> "ClassifiedTile":
         """Write the classified tile; an error ends the whole run."""
         started, tile = perf_counter(), open_tile(self.path)
@@ -118,8 +114,13 @@ class _PredictWork(TileWork["ClassifiedTile"]):
         warn_of_doubts(tile, found.tile.separation, observer)
         for text in doubts_about_objects(found.objects):
             observer.warn(f"{tile.path.stem}: {text}")
+        separation, found_of = found.tile.separation, (found.code, found.probability, found.number)
+        columns = {"classification": separation.classification}
+        for (name, (kind, _)), values in zip(_DIMENSIONS.items(), found_of, strict=True):
+            columns[name] = np.zeros(tile.size, kind)
+            columns[name][separation.other] = values
         try:
-            write_tile(tile, self.staged, _columns_of(found), _DIMENSIONS)
+            write_tile(tile, self.staged, columns, _DIMENSIONS)
         except OutputError as error:
             raise OutputError(str(error).replace(str(self.staged), str(self.target))) from error
         lines = shoreline_in(tile, found.tile.separation) if self.with_shoreline else []
@@ -186,16 +187,6 @@ def _picture(tile: LasTile | CloudTile, found: ClassifiedPoints, suffix: str) ->
     return render(lambda figure: draw_tile(figure, sea, points, boxes), suffix, aspect=0.92)
 
 
-def _columns_of(found: ClassifiedPoints) -> dict[str, NDArray[Any]]:
-    """Return the columns to write to a tile, a value for each of its points."""
-    separation = found.tile.separation
-    classes = separation.classification
-    out: dict[str, NDArray[Any]] = {name: np.zeros(len(classes), kind) for name, (kind, _) in _DIMENSIONS.items()}
-    for column, values in zip(out.values(), (found.code, found.probability, found.number), strict=True):
-        column[separation.other] = values
-    return {"classification": classes, **out}
-
-
 @dataclass(kw_only=True)
 class ClassifiedTile(TileOutcome):
     """Outcome of the classification of one tile: its objects and, if they are wanted, its shoreline and picture.
@@ -227,20 +218,18 @@ class ClassifiedTile(TileOutcome):
         if self.objects:
             digits = len(str(len(self.objects)))
             head = (" " * digits + " class", "prob", "points", "x", "y", "length", "width", "height", "area")
-            lines.append(table(head, [_cells(one, digits) for one in self.objects]))
+            rows = []
+            for one in self.objects:
+                first = f"{one.number:>{digits}} {one.name}", f"{one.probability:.2f}", f"{one.points:,}"
+                center, lengths = map("{:.0f}".format, one.center), map("{:.1f}".format, (*one.size, one.height_m))
+                rows.append((*first, *center, *lengths, f"{one.area_m2:,.0f}"))
+            lines.append(table(head, rows))
         if self.clusters_left_out:
             points = count(self.points_left_out, "point")
             why = f"probability below {min_probability:g} (objects.min_probability)"
             lines.append(f"{count(self.clusters_left_out, 'cluster')} left out: {points}, {why}")
         lines.append(f"{count(self.points, 'point')} in {self.seconds:.1f} s")
         return "\n".join(lines)
-
-
-def _cells(one: FoundObject, digits: int) -> tuple[str, ...]:
-    lengths = (f"{value:.1f}" for value in (*one.size, one.height_m))
-    center = (f"{value:.0f}" for value in one.center)
-    label = f"{one.number:>{digits}} {one.name}"
-    return (label, f"{one.probability:.2f}", f"{one.points:,}", *center, *lengths, f"{one.area_m2:,.0f}")
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,10 @@ def separate_tiles(
     [('tile', 161374)]
     """
     options = options or SeparateTilesOptions()
-    batch, maps, settings = options.batch, options.maps, _settings(options)
+    batch, maps, raw = options.batch, options.maps, options.settings.load().as_dict()
+    given = {"land": options.land, "trust_classes": options.trust_classes}
+    raw["separation"] |= {key: plain(value) for key, value in given.items() if value is not None}
+    settings = parse_settings(raw, "options")
     replaced = options.force or batch.resume
     check_maps(maps.plot_file, shoreline=maps.wanted, package=maps.gpkg_file is not None)
     heads = tiles_of(find_tiles(tiles), options.window_m, observer)
@@ -92,14 +95,6 @@ def separate_tiles(
         write_files(map_files(maps, [one.map for one in outcomes if one.map], observer), files)
     write_manifest(batch.manifest, [work.recording for work in works], outcomes, replace=replaced)
     return SeparateResult(outcomes)
-
-
-def _settings(options: SeparateTilesOptions) -> TileSettings:
-    """Return the settings, with those that are options of their own; check all of them."""
-    raw = options.settings.load().as_dict()
-    given = {"land": options.land, "trust_classes": options.trust_classes}
-    raw["separation"] |= {key: plain(value) for key, value in given.items() if value is not None}
-    return parse_settings(raw, "options")
 
 
 def _run(
@@ -167,7 +162,8 @@ class _SeparateWork(TileWork["SeparatedTile"]):
         columns: dict[str, Any] = {"classification": found.classification}
         if self.options.with_height:
             columns["height_above_sea"] = found.height_m
-        figures = _figures(found)
+        sea, never = (int(np.count_nonzero(found.classification == code)) for code in (WATER, NEVER))
+        figures = {"points": tile.size, "sea": sea, "other": tile.size - sea - never, "sea_state": found.sea}
         texts = {_SEA_STATE: json.dumps(asdict(found.sea))} if self.settings.separation.follows_waves else {}
         if self.several or self.options.batch.resume:
             result = {**figures, "sea_state": asdict(found.sea)}
@@ -219,13 +215,6 @@ class _SeparateWork(TileWork["SeparatedTile"]):
             except (CloudError, OSError, ValueError) as error:
                 return f"a run that recorded no land for the maps ({error})"
         return None
-
-
-def _figures(found: Separation) -> dict[str, Any]:
-    """Return the numbers of points of a separation, and its sea."""
-    sea, never = (int(np.count_nonzero(found.classification == code)) for code in (WATER, NEVER))
-    points = len(found.classification)
-    return {"points": points, "sea": sea, "other": points - sea - never, "sea_state": found.sea}
 
 
 def _recorded_run(output: Path) -> Mapping[str, Any] | None:

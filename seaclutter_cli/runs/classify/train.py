@@ -57,7 +57,14 @@ def train_forest(tiles: Logs, options: TrainForestOptions, observer: Observer = 
         draw = partial(draw_confusion, names=report.names, matrix=report.points.counts)
         files[options.plot_file] = render(draw, options.plot_file.suffix, aspect=0.85)
     write_files(files, replace=options.force)
-    _warn_of_untested(report, options.plot_file, observer)
+    tested = zip(report.names, report.points.counts.sum(axis=1), strict=True)
+    if missing := [name for name, points in tested if not points]:
+        message = f"no points of {', '.join(missing)} were held out, so the test does not cover them"
+        if not report.tested:
+            message = "nothing could be held out: no class has two objects"
+            if options.plot_file:
+                observer.warn(f"{options.plot_file}: not drawn, because there is no test")
+        observer.warn(f"{message}; train on more tiles, or on more objects")
     return report
 
 
@@ -111,18 +118,6 @@ def fit(samples: Samples, settings: TileSettings) -> "tuple[ObjectModel, Trainin
         len(unseen.code),
     )
     return ObjectModel(settings, forest), report
-
-
-def _warn_of_untested(report: "TrainingReport", plot_file: Path | None, observer: Observer) -> None:
-    missing = [name for name, points in zip(report.names, report.points.counts.sum(axis=1), strict=True) if not points]
-    if not missing:
-        return
-    message = f"no points of {', '.join(missing)} were held out, so the test does not cover them"
-    if not report.tested:
-        message = "nothing could be held out: no class has two objects"
-        if plot_file:
-            observer.warn(f"{plot_file}: not drawn, because there is no test")
-    observer.warn(f"{message}; train on more tiles, or on more objects")
 
 
 @dataclass(frozen=True)

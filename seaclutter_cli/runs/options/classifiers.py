@@ -64,7 +64,12 @@ class LabelledLogs(Options):
         """Return the recordings with their true classes; raise `UsageError` if there are none, or one has two."""
         from seaclutter_cli.sources.recordings import find_recordings
 
-        named = [_class_and_logs(text) for text in self.scenes]
+        named = []
+        for text in self.scenes:
+            scene, equals, pattern = text.partition("=")
+            if not (equals and scene and pattern):
+                raise UsageError(f"--scene {text}: write it as CLASS=LOGS, as in open=trials/offshore")
+            named.append((scene, pattern))
         named += [(folder.name, str(folder)) for parent in self.folders for folder in _class_folders(parent)]
         if not named:
             raise UsageError("no logs: give a folder that contains a folder for each class, or --scene CLASS=LOGS")
@@ -75,13 +80,6 @@ class LabelledLogs(Options):
                 if first.scene != scene:
                     raise UsageError(f"{recording.paths[0]}: labelled as both {first.scene} and {scene}")
         return list(found.values())
-
-
-def _class_and_logs(text: str) -> tuple[str, str]:
-    scene, equals, pattern = text.partition("=")
-    if not (equals and scene and pattern):
-        raise UsageError(f"--scene {text}: write it as CLASS=LOGS, as in open=trials/offshore")
-    return scene, pattern
 
 
 def _class_folders(parent: Path) -> Sequence[Path]:

@@ -172,12 +172,6 @@ class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
     )
     batch: Grouped[BatchOptions] = grouped("fail_fast", "resume", "manifest", default=BatchOptions())
 
-    @property
-    def keeps_end(self) -> bool:
-        """Whether the far limit is given, not derived."""
-        keys = (setting.partition("=")[0].strip() for setting in self.settings)
-        return self.keep_end or "filter.end_m" in keys
-
 
 class EvaluateOptions(Replacing, OfLabelledLogs, MethodOptions):
     """Options of an evaluation."""
@@ -258,16 +252,6 @@ class TuneOptions(Replacing, OfLabelledLogs, MethodOptions):
     )
     ring: int = option("--ring K", "Range ring of --plot-thresholds, from 1.", default=2, kind=Whole(1))
     batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
-
-    @property
-    def targets(self) -> Mapping[str, Path | None]:
-        """Output files by option; None for a file that is not requested."""
-        return {
-            "-o": self.output,
-            "--csv": self.csv_file,
-            "--plot": self.curve_file,
-            "--plot-thresholds": self.thresholds_file,
-        }
 
 
 class ReportOptions(Replacing, OfLogs, LabelSources, MethodOptions):

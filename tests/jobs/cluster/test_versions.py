@@ -2,7 +2,7 @@
 
 import pytest
 
-from seaclutter_cli.jobs.cluster.versions import compared_packages, skew, versions_question
+from seaclutter_cli.jobs.cluster.engine import compared_packages, skew, versions_question
 
 HERE = {
     "seaclutter": "0.2.0",
