@@ -210,7 +210,7 @@ def expand(
 
     Those in object storage are fetched ahead, if ``ahead``: for a run that reads one after another completely.
     """
-    search = Search(join=reading.join, recursive=reading.recursive) if reading else Search()
+    search = Search(join=reading.join, merge=reading.merge, recursive=reading.recursive) if reading else Search()
     paths = [logs] if isinstance(logs, str | os.PathLike) else logs
     recordings = find_recordings([_found(os.fspath(name)) for name in paths], search, observer.note)
     mirrored = [recording for recording in recordings if mirror_of(recording.paths[0])]

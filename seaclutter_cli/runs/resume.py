@@ -118,7 +118,7 @@ def identity_of(
 
 def _read_part(reading: ReadOptions) -> dict[str, Any]:
     """Return options of reading; those that came later only if they are given, for equal bytes of earlier versions."""
-    return {name: value for name, value in asdict(reading).items() if name != "columns" or value}
+    return {name: value for name, value in asdict(reading).items() if name not in ("columns", "merge") or value}
 
 
 def earlier_outcomes(works: Sequence[Work[O]], observer: Observer, verb: str = "filtered") -> list[O | None]:

@@ -3,7 +3,7 @@
 import os
 import re
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from glob import glob
@@ -18,6 +18,7 @@ from seaclutter_cli.sources.frame_files.folder import is_frame_folder
 from seaclutter_cli.sources.frame_files.sidecars import times_beside
 from seaclutter_cli.sources.pcap import metadata_of
 from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
+from seaclutter_cli.sources.shared.merged import MergedSource
 from seaclutter_cli.sources.shared.split import (
     SplitSource,
     joined,
@@ -30,10 +31,14 @@ from seaclutter_cli.text import count
 
 @dataclass(frozen=True)
 class Recording:
-    """A file or folder, or the files of a split recording in order; ``inside`` are folders below the searched one."""
+    """A file or folder, or the files of a split recording in order; ``inside`` are folders below the searched one.
+
+    ``parts`` are the recordings that are merged into this one.
+    """
 
     paths: tuple[Path, ...]
     inside: tuple[str, ...] = field(default=(), kw_only=True)
+    parts: "tuple[Recording, ...]" = field(default=(), kw_only=True)
 
     @property
     def key(self) -> Path:
@@ -44,6 +49,8 @@ class Recording:
     def name(self) -> str:
         """Name of the recording."""
         first = self.paths[0]
+        if self.parts:
+            return f"{self.parts[0].name}_and_{len(self.parts) - 1}_more"
         if len(self.paths) > 1 and numbered(first)[1] == 0:
             return joined_name(self.paths)
         return first.resolve().name if first.is_dir() else Path(first.name.removesuffix(".zstd")).stem
@@ -59,6 +66,15 @@ class Recording:
     ) -> Source:
         """Open the recording."""
         decoding = decoding or DecoderOptions()
+        if self.parts:
+            with ExitStack() as stack:
+                opened: list[Source] = []
+                for part in self.parts:
+                    opened.append(part.open(rate_hz=rate_hz, columns=columns, decoding=decoding))
+                    stack.callback(opened[-1].close)
+                merged = MergedSource(opened, self.name)
+                stack.pop_all()
+            return merged
         if len(self.paths) > 1:
             return wrap_packets(SplitSource(self.paths, partial(open_file, decoding=decoding)), decoding)
         return open_source(self.paths[0], rate_hz=rate_hz, columns=columns, decoding=decoding)
@@ -88,9 +104,13 @@ def metadata_beside(log: Path) -> list[Path]:
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """How folders are searched; numbered files are one recording if ``join``, by default if times and topics fit."""
+    """How folders are searched; numbered files are one recording if ``join``, by default if times and topics fit.
+
+    All recordings become one if ``merge``.
+    """
 
     join: bool | None = None
+    merge: bool = False
     recursive: bool = False
 
 
@@ -114,6 +134,8 @@ def find_recordings(
             recordings = _expand(path, search, note) if path not in files else []
         for recording in recordings:
             found.setdefault(real(recording.paths[0]), recording)
+    if search.merge and len(found) > 1:
+        return [Recording(tuple(path for one in found.values() for path in one.paths), parts=tuple(found.values()))]
     return list(found.values())
 
 

@@ -80,6 +80,13 @@ def packed_messages(folder):
     return write_log(folder / "log.mcap", [cloud_topic("/points")], rows)
 
 
+def two_recorders(folder):
+    """Write the logs of two recorders that ran at the same time, with the same topic."""
+    write_log(folder / "port.mcap", [cloud_topic("/points")], entries((0, 2)))
+    write_log(folder / "starboard.mcap", [cloud_topic("/points")], entries((1,)))
+    return folder
+
+
 SEA = [sea(number) for number in range(3)]
 CASES = [
     Case(
@@ -120,6 +127,18 @@ CASES = [
         build=partial(log, name="sensor_msgs::msg::dds_::PointCloud2_"),
         refused="no point clouds that can be read.*types with names of DDS are not read: record with rosbag2",
         refused_by=("info", "filter"),
+    ),
+    *(
+        Case(
+            name=f"logs of two recorders, {name}",
+            source="https://github.com/ros2/rosbag2/issues: merge bags of several machines; equal topics need names",
+            build=two_recorders,
+            words=("--merge", "-t", f"/{name}/points"),
+            topic=f"/{name}/points",
+            frames=[SEA[number] for number in numbers],
+            to=("mcap", "bag"),
+        )
+        for name, numbers in {"port": (0, 2), "starboard": (1,)}.items()
     ),
     Case(
         name="wrong row_step",

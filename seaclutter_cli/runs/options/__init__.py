@@ -146,6 +146,11 @@ class ReadOptions(Decoding):
         "[default: as one if each begins where the one before ends]",
         default=None,
     )
+    merge: bool = option(
+        "--merge",
+        "Read all logs as one recording, by time; a topic that several have gets the name of its log before its own.",
+        default=False,
+    )
     recursive: bool = option("--recursive", "Also search subfolders for recordings.", default=False)
 
     @property
