@@ -3,8 +3,8 @@
 For each log: HOTA (mean over overlaps of 5 to 95 %) and MOTA (at 50 %) of the visible targets after the definitions of
 TrackEval, without boxes in areas to ignore or at targets that are not visible; ids for each target; medians of the
 errors of position, of speed beyond the first second (against relative motion), and of the length of targets seen from
-two sides; the share of visible targets with a box (at 50 %) that is not doubtful; and such boxes at no target, in a
-hundred frames.
+two sides; the share of visible targets with a box (at 50 %) that is not doubtful; and, in a hundred frames, such boxes
+at no target (*false*), and second ones at a target (*parts*).
 """
 
 import sys
@@ -91,7 +91,7 @@ def errors(frames: Sequence[Compared]) -> tuple[Any, ...]:
     for k, (time_s, _, _, _, targets) in enumerate(frames):
         for name, center in zip(targets.tracks, targets.centers[:, :2], strict=True):
             places[name][k] = time_s, center
-    hits = wrong = stray = 0
+    hits = wrong = stray = parts = 0
     for k, (time_s, targets, rows, overlap, _) in enumerate(frames):
         apart = np.linalg.norm(targets.centers[:, None, :2] - np.column_stack((rows["x_m"], rows["y_m"])), axis=2)
         score = overlap + 0.01 * (apart < NEAR_M)
@@ -99,7 +99,11 @@ def errors(frames: Sequence[Compared]) -> tuple[Any, ...]:
         good = [(m, n) for m, n in pairs if overlap[m, n] >= 0.5]
         hits += len(good)
         wrong += len(rows) - len(good)
-        stray += len(rows) - len(pairs)
+        single = np.setdiff1d(np.arange(len(rows)), [n for _, n in pairs])
+        here = targets.contains(np.column_stack([rows[name] for name in ("x_m", "y_m", "z_m")]).T, NEAR_M).any(axis=0)
+        at_target = (overlap > 0).any(axis=0) | here
+        parts += np.count_nonzero(at_target[single])
+        stray += np.count_nonzero(~at_target[single])
         for m, n in pairs:
             name, row = targets.tracks[m], rows[n]
             first.setdefault(name, time_s)
@@ -114,7 +118,7 @@ def errors(frames: Sequence[Compared]) -> tuple[Any, ...]:
     from_two = [abs(np.median(length[name])) for name in length if np.mean(sides[name]) > 1.5]
     changes = sum(int(np.count_nonzero(np.diff(own))) for own in ids.values())
     pooled = (np.concatenate([[], *values.values()]) for values in (position, speed))
-    return ids, *pooled, from_two, (hits, wrong, stray, changes)
+    return ids, *pooled, from_two, (hits, wrong, stray, parts, changes)
 
 
 def median(values: Sequence[float]) -> str:
@@ -122,26 +126,26 @@ def median(values: Sequence[float]) -> str:
 
 
 def main(logs: Sequence[str]) -> None:
-    print(f"{'log':24} frames  HOTA  MOTA  ids  position m  speed m/s  length  boxed %  false/100")
-    pooled = [[], [], [], 0, 0, 0, 0]
+    print(f"{'log':24} frames  HOTA  MOTA  ids  position m  speed m/s  length  boxed %  false/100  parts/100")
+    pooled = [[], [], [], 0, 0, 0, 0, 0]
     for log in map(Path, logs):
         frames = list(frames_of(log))
         total = sum(len(targets) for _, targets, *_ in frames)
-        ids, position, speed, length, (hits, wrong, stray, changes) = errors(frames)
+        ids, position, speed, length, (hits, wrong, stray, parts, changes) = errors(frames)
         score = hota([(t.tracks, tuple(map(str, rows["track_id"])), o) for _, t, rows, o, _ in frames])
         mota = 1 - (total - hits + wrong + changes) / max(total, 1)
         each = np.mean([len(set(own)) for own in ids.values()]) if ids else 0
         columns = (f"{log.stem:24} {len(frames):6} {score:5.2f} {mota:5.2f} {each:4.1f} {median(position):>11}",)
         columns += (f"{median(speed):>10} {median(length):>7} {100 * hits / max(total, 1):8.1f}",)
-        print(*columns, f"{100 * stray / len(frames):10.1f}", flush=True)
+        print(*columns, f"{100 * stray / len(frames):10.1f} {100 * parts / len(frames):10.1f}", flush=True)
         for known, new in zip(pooled[:3], (position, speed, length), strict=True):
             known.extend(new)
-        pooled[3:] = [a + b for a, b in zip(pooled[3:], (hits, stray, total, len(frames)), strict=True)]
-    position, speed, length, hits, stray, total, count = pooled
+        pooled[3:] = [a + b for a, b in zip(pooled[3:], (hits, stray, parts, total, len(frames)), strict=True)]
+    position, speed, length, hits, stray, parts, total, count = pooled
     text = f"{median(position)} m, {median(speed)} m/s, length {median(length)}"
-    print(
-        f"all: {text}, {100 * hits / max(total, 1):.1f} % boxed, {100 * stray / max(count, 1):.1f} false in 100 frames"
-    )
+    boxes = f"{100 * hits / max(total, 1):.1f} % boxed"
+    wrong = f"{100 * stray / max(count, 1):.1f} false, {100 * parts / max(count, 1):.1f} parts"
+    print(f"all: {text}, {boxes}; in 100 frames {wrong}")
 
 
 if __name__ == "__main__":
