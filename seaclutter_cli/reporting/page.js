@@ -346,11 +346,12 @@ function fillDensity(host) {
 
 function fillSuspects(host) {
   host.append(h("p", { class: "muted" }, `What ${methods[0].name} removed and may have been targets: clusters that rise out of the water or lie alone on it, stay, and move steadily; and what it kept and may be clutter. These are indications, without labels; the command suspects draws them.`));
-  const heads = ["recording", "frame", "score", "frames", "range", "ahead", "to port", "points", "top"];
+  const several = data.recordings.length > 1;
+  const heads = [...(several ? ["recording"] : []), "frame", "score", "frames", "range", "ahead", "to port", "points", "top"];
   for (const [kind, title] of [["removed", "Removed"], ["kept", "Kept"]]) {
     const rows = data.suspects.filter((one) => one.kind === kind);
     host.append(h("h3", {}, title), rows.length ? tableOf(kind === "removed" ? [...heads, "removed by"] : heads, rows.map((one) => [
-      one.recording, whole(one.frame), one.score.toFixed(2), whole(one.frames), `${one.range_m.toFixed(0)} m`, `${one.x_m.toFixed(0)} m`, `${one.y_m.toFixed(0)} m`, whole(one.points),
+      ...(several ? [one.recording] : []), whole(one.frame), one.score.toFixed(2), whole(one.frames), `${one.range_m.toFixed(0)} m`, `${one.x_m.toFixed(0)} m`, `${one.y_m.toFixed(0)} m`, whole(one.points),
       known(one.top_m) ? `${one.top_m.toFixed(1)} m` : "–", ...(kind === "removed" ? [Object.entries(one.reasons).sort(([, a], [, b]) => b - a)[0][0].replaceAll("_", " ")] : [])]))
       : h("p", {}, "None."));
   }

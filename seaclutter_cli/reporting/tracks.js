@@ -5,7 +5,7 @@ const VIEW = 600; // side of the picture in its own units
 function fillTracks(host) {
   const { tracks } = data;
   if (!tracks.length) { host.hidden = true; return; }
-  const reach = Math.max(20, ...tracks.flatMap(({ places }) => places.flat().map(Math.abs))) * 1.05;
+  const reach = Math.max(20, ...tracks.flatMap(({ places, size }) => places.flat().map((one) => Math.abs(one) + Math.hypot(size[0], size[1]) / 2))) * 1.05;
   const px = ([x, y]) => [VIEW / 2 * (1 - y / reach), VIEW / 2 * (1 - x / reach)]; // x, ahead, is up
   const lines = data.palette.lines;
   host.append(h("p", { class: "muted" }, `${plural(tracks.length, "object")} of ${methods[0].name}, seen most often first; positions are relative to own ship, which points up, and velocities too. The last box is drawn.`));
@@ -36,6 +36,6 @@ function fillTracks(host) {
   const rows = tracks.map(({ recording, rows: seen, frames: number, size, speed, score }, k) => [buttons[k],
     ...(data.recordings.length > 1 ? [data.recordings[recording]] : []), `${frameTime(seen[0])} to ${frameTime(seen[seen.length - 1])}`, whole(number),
     size.map((side) => side.toFixed(1)).join(" × "), speed.toFixed(1), score.toFixed(2)]);
-  host.append(h("figure", {}, picture), tableOf(["Object", ...(data.recordings.length > 1 ? ["Recording"] : []), "Seen", "Frames",
-    "Size in m", "Last speed in m/s", "Score"], rows));
+  host.append(h("figure", {}, picture), tableOf(["object", ...(data.recordings.length > 1 ? ["recording"] : []), "seen", "frames",
+    "size in m", "last speed in m/s", "score"], rows));
 }
