@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
+from seaclutter_cli.tracking import tracker as tracking
+from seaclutter_cli.tracking.detections import Detections
 
 Floats = NDArray[np.float64]
 
@@ -237,6 +239,24 @@ def innovation_table(scenarios: Mapping[str, Sequence[Scan]]) -> None:
             row(name, setting, *quantiles, percent(int(np.count_nonzero(distance > gate)), len(distance)))
 
 
+def ids_of_objects(scans: Sequence[Scan]) -> list[int]:
+    """Return how many ids of confirmed objects the detections nearest to each target have, relative to own ship."""
+    tracker, before_s, ids = tracking.Tracker(), -np.inf, defaultdict(set)
+    for scan in scans:
+        if scan.time_s - before_s > PAUSE_S:
+            tracker.forget()
+        before_s, places = scan.time_s, scan.detections - scan.own
+        count = len(places)
+        found = Detections.made(np.vstack((places.T, np.zeros(count))), np.arange(count), count)
+        tracks = tracker.step(found, scan.time_s)
+        for target in range(len(scan.targets)):
+            k = scan.nearest(target)
+            track = None if k is None else tracks[k]
+            if track is not None:
+                ids[target].add(track)
+    return [sum(track.score >= MIDDLE for track in own) for own in ids.values()]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("folder", type=Path, help="folder of the folders scenario*")
@@ -244,6 +264,8 @@ def main() -> None:
     scenarios = {path.name[8:]: load(path) for path in folders}
     confirmation_tables(scenarios)
     innovation_table(scenarios)
+    ids = [count for scans in scenarios.values() for count in ids_of_objects(scans)]
+    print(f"\nIds of objects for each target: {np.mean(ids):.1f} in the mean, at most {max(ids)}.")
 
 
 if __name__ == "__main__":

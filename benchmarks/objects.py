@@ -4,7 +4,7 @@ For each log: HOTA (mean over overlaps of 5 to 95 %) and MOTA (at 50 %) of the v
 TrackEval, without boxes in areas to ignore or at targets that are not visible; ids for each target; medians of the
 errors of position, of speed beyond the first second (against relative motion), and of the length of targets seen from
 two sides; the share of visible targets with a box (at 50 %) that is not doubtful; and, in a hundred frames, such boxes
-at no target (*false*), and second ones at a target (*parts*).
+at no target (*false*), and second ones at a target (*parts*). What is as large as a quay is an area to ignore.
 """
 
 import sys
@@ -21,6 +21,8 @@ import seaclutter
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import overlaps, targets_of
 from seaclutter_cli.labels import open_labels
+from seaclutter_cli.labels.boxes import IGNORE
+from seaclutter_cli.labels.proposals import guessed_class
 from seaclutter_cli.truth import Boxes
 
 Rows = NDArray[Any]
@@ -99,7 +101,9 @@ def errors(frames: Sequence[Compared]) -> tuple[Any, ...]:
         good = [(m, n) for m, n in pairs if overlap[m, n] >= 0.5]
         hits += len(good)
         wrong += len(rows) - len(good)
-        single = np.setdiff1d(np.arange(len(rows)), [n for _, n in pairs])
+        sizes = zip(rows["length_m"], rows["width_m"], strict=True)
+        areas = np.flatnonzero([guessed_class(*size) == IGNORE for size in sizes])
+        single = np.setdiff1d(np.arange(len(rows)), [*areas, *(n for _, n in pairs)]).astype(np.int64)
         here = targets.contains(np.column_stack([rows[name] for name in ("x_m", "y_m", "z_m")]).T, NEAR_M).any(axis=0)
         at_target = (overlap > 0).any(axis=0) | here
         parts += np.count_nonzero(at_target[single])

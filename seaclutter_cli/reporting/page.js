@@ -49,9 +49,9 @@ function fillSummary(host) {
     + " –: nothing to count."), comparison());
   if (data.by_recording.length > 1) host.append(h("h3", {}, "Recordings"), comparison(data.by_recording));
 }
-function tableOf(head, rows) {
+function tableOf(head, rows, label = head[0]) {
   const hint = h("p", { class: "hint muted", hidden: true }, "Scroll sideways to see all columns →");
-  const box = h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": head[0] }, h("table", {},
+  const box = h("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": label }, h("table", {},
     h("thead", {}, h("tr", {}, head.map((cell) => h("th", { scope: "col" }, cell)))),
     h("tbody", {}, rows.map((row) => h("tr", {}, row.map((cell) => h("td", {}, cell)))))));
   new ResizeObserver(() => { hint.hidden = box.scrollWidth <= box.clientWidth + 1; }).observe(box);
@@ -352,7 +352,7 @@ function fillSuspects(host) {
     const rows = data.suspects.filter((one) => one.kind === kind);
     host.append(h("h3", {}, title), rows.length ? tableOf(kind === "removed" ? [...heads, "removed by"] : heads, rows.map((one) => [
       ...(several ? [one.recording] : []), whole(one.frame), one.score.toFixed(2), whole(one.frames), `${one.range_m.toFixed(0)} m`, `${one.x_m.toFixed(0)} m`, `${one.y_m.toFixed(0)} m`, whole(one.points),
-      known(one.top_m) ? `${one.top_m.toFixed(1)} m` : "–", ...(kind === "removed" ? [Object.entries(one.reasons).sort(([, a], [, b]) => b - a)[0][0].replaceAll("_", " ")] : [])]))
+      known(one.top_m) ? `${one.top_m.toFixed(1)} m` : "–", ...(kind === "removed" ? [Object.entries(one.reasons).sort(([, a], [, b]) => b - a)[0][0].replaceAll("_", " ")] : [])]), `suspects, ${kind}`)
       : h("p", {}, "None."));
   }
 }
