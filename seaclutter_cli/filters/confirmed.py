@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, Sea
+from seaclutter_cli.filters.confirmation.echoes import ALONE, Echoes, Heights, Sea
 from seaclutter_cli.filters.confirmation.objects import SHORT_RUN, DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distances, within
@@ -29,7 +29,6 @@ _COMPANY = 2
 _FLAT = -0.4
 _ONE_BEAM_RISES, _HIDDEN_RISES = 2.0, 0.5
 _EXPECTED_M = 0.8
-_ALONE = 0.75
 _GROWTH_RATIO = 0.01
 _SURE = 0.5
 """Score above which most objects are targets; from 0 to this, about as many are as are not."""
@@ -77,9 +76,11 @@ class Confirmed(Filter):
        most tracks have in common. The score of a track is its mean evidence within ``look_ahead_s``
        of the frame, plus what it collected before. Evidence adds up over the time in which the water becomes
        independent of what it was, about a second, and is forgotten over ``memory_s``. Frames before an object appeared
-       are frames without evidence, except with ``causal``. An object is missed only where a beam would have met it. If
-       a low object is expected but not found, it may also consist of points below the thresholds.
-    6. *Growth*: points above the water near a confirmed object return to it, so that hulls keep their shape.
+       are frames without evidence, except with ``causal``. An object is missed only where a beam would have met it, an
+       upright one only where the water has echoes, since far ones are not seen in every frame. If a low object is
+       expected but not found, it may also consist of points below the thresholds.
+    6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
+       and all where the water has no echoes.
 
     Confirmation over scans is the M-of-N logic of radar trackers with graded instead of binary detections, as in the
     track score of Sittler [1]_. The result of a frame is complete ``look_ahead_s`` later, at once with ``causal``, and
@@ -233,7 +234,7 @@ class Confirmed(Filter):
 
     def _unbroken(self, echoes: Echoes, heights: Heights) -> Mask:
         """Return the points in runs near the water, where it has hardly any echoes, and the next beam passes above."""
-        found = (heights.run >= SHORT_RUN) & (heights.alone > _ALONE) & (np.abs(heights.height_m) <= heights.rise_m)
+        found = (heights.run >= SHORT_RUN) & (heights.alone > ALONE) & (np.abs(heights.height_m) <= heights.rise_m)
         runs = np.flatnonzero(found)
         found[runs] = self._next_beam_m(echoes, heights, runs) >= heights.rise_m[runs]
         return found

@@ -22,6 +22,7 @@ _SUPPORT, _LEAST_SUPPORT = 0.4, 1.0
 _TILT_RIDGE = 5.0
 _MIN_CELLS = 8
 _FLAT_M, _ENOUGH, _SURE_M, _BESIDE, _FEET = 0.3, 3.0, 20.0, 0.1, 0.3
+_BELOW_M = 1.0
 _OF_BODIES = _BEARINGS * _RINGS
 _DEEPEST_M, _CELL_CM = 100.0, 20000
 MIN_SUPPORT = 3
@@ -106,6 +107,18 @@ class PolarCells:
         """Whether the cells can hold a plane."""
         bearings = np.count_nonzero(np.bincount(self.number // _RINGS))
         return bool(len(self.number) >= _MIN_CELLS and bearings >= MIN_SUPPORT)
+
+    def under(self, xyz: Floats, height_m: Floats, weight: Floats) -> bool:
+        """Return whether more cells are wholly below a plane than support it, so that it is no water.
+
+        Heights of N points above it, shape (N,), and weights of the cells in its fit, shape (C,).
+        """
+        x, y, _ = xyz
+        used = np.flatnonzero((np.hypot(x, y) >= NEAREST_M) & (np.hypot(x, y) < FARTHEST_M))
+        top = np.full(_OF_BODIES, -np.inf)
+        np.maximum.at(top, _cell(xyz.take(used, axis=1)), height_m[used])
+        below = np.count_nonzero(np.isfinite(top) & (top < -_BELOW_M))
+        return bool(below > np.count_nonzero(weight > _ABOVE / 3 * self.trust))
 
 
 def _nearness(xyz: Floats) -> Floats:

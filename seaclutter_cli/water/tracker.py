@@ -38,7 +38,7 @@ class WaterTracker:
        reweighted least squares, from the plane of the frame before. Echoes in faces belong to bodies, as do those above
        their feet, such as decks, and echoes much lower than the plane before are mirrored; none of them counts, but
        feet stand in the water. Cells count more that are near and have several echoes at one height, and none above,
-       as fog has.
+       as fog has. If more cells are wholly below the plane than at it, it is no water.
     2. *Level and deviation*: medians over the echoes near that plane, with the weights of the cells.
     3. *Swell*: a mean over 2.5 m of the echoes near the plane, and then of those near this surface, so that it follows
        crests. Echoes in faces do not count.
@@ -85,6 +85,9 @@ class WaterTracker:
         if lowest is None:
             return None
         height = z - lowest.height(x, y)
+        if weight is not None and cells.under(xyz, height, weight):  # boats lie below it
+            self.reset()
+            return None
         stands = faces.stands(z - height, self._known_sigma_m)
         if weight is not None:
             self._update(lowest, WaterEchoes.of(cells, height[near], weight, ~stands[near]), time_s, attitude)

@@ -63,6 +63,7 @@ class Echo:
     high: bool = False
     upright: bool = False
     mirrored: bool = False
+    solid: bool = True
 
     @property
     def xyz(self) -> tuple[float, float, float]:
@@ -107,7 +108,7 @@ class Background:
         self.time_s = -math.inf
 
     def mark(self, echoes: Sequence[Echo], time_s: float) -> None:
-        """Set how alone echoes are, which may be echoes of the water themselves."""
+        """Set how alone echoes are, which may be echoes of the water themselves, and let those grow that are."""
         kept = math.exp(-max(time_s - self.time_s, 0) / background._MEMORY_S)
         self.time_s = time_s
         of_water = {cell_of(echo) for echo in echoes if abs(echo.height) <= echo.rise and not echo.upright}
@@ -120,6 +121,7 @@ class Background:
             others = set(range(background._SECTORS)) - own
             share = sum(self.seen.get((ring, other), 0.0) for other in others) / len(others)
             echo.alone = max(echo.unseen, 1 - share / heights._COMMON)
+            echo.grows |= echo.alone > heights.ALONE and echo.solid and not echo.mirrored
 
 
 def cell_of(echo: Echo) -> tuple[int, int]:
@@ -142,7 +144,7 @@ def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, fac
     volume = set() if water is None else cells_in_volume(echoes)
     sigma = 0.0 if water is None else water.sigma
     for one in echoes:
-        solid = grid_cell(*one.xy) not in volume
+        solid = one.solid = grid_cell(*one.xy) not in volume
         deepest = -max(water_surface._MIN_DEPTH_M, water_surface._DEPTH_SIGMAS * one.deviation)
         one.high = one.height > one.rise and solid
         one.upright = one.face > LEAST_M + sigma and one.height >= deepest and solid
@@ -204,7 +206,7 @@ def candidates_of(echoes: Sequence[Echo], lidar: "Beams") -> list[Echo]:
             chosen = (distances(echo.xyz, company) <= reach).sum() - 1 >= confirmed._COMPANY
         next_m = echo.height + math.tan(math.radians(lidar.above(echo.elevation_bin))) * echo.range_m
         if abs(echo.height) <= echo.rise <= next_m and echo.run >= objects.SHORT_RUN:
-            chosen = chosen or echo.alone > confirmed._ALONE
+            chosen = chosen or echo.alone > heights.ALONE
         if not chosen and echo.bright:
             in_one_beam = echo.unseen > 0 and next_m >= confirmed._ONE_BEAM_RISES * echo.rise
             needed = confirmed._MIN_IN_ONE_BEAM if in_one_beam else confirmed._MIN_NEIGHBORS
@@ -235,6 +237,10 @@ class Thing:
     @property
     def top(self) -> float:
         return max(echo.height for echo in self.echoes)
+
+    @property
+    def lone(self) -> bool:
+        return 2 * sum(echo.upright and echo.alone > heights.ALONE for echo in self.echoes) >= len(self.echoes)
 
     @property
     def center(self) -> XY:

@@ -35,6 +35,7 @@ class Track:
     seen_s: float
     velocity: XY = (0.0, 0.0)
     top: float = 0.0
+    lone: bool = False
     outside: bool = False
     from_outside: bool = False
     history: list[Entry] = field(default_factory=list)
@@ -70,7 +71,7 @@ class Track:
                 vx, vy = (old + gain * (new - old) for new, old in zip(seen, self.velocity, strict=True))
                 self.velocity = vx, vy
         self.cells, self.center, self.seen_s = thing.cells, thing.center, time_s
-        self.top = thing.top
+        self.top, self.lone = thing.top, thing.lone
         self.outside |= not thing.near
 
     def collect(self, evidence: float, to_memory: float, time_s: float, memory_s: float) -> None:
@@ -174,8 +175,9 @@ class Tracks:
         for track, hidden in lost:
             places = track.expected(time_s)
             met = sum(meets(place, max(track.top, self.params.min_rise_m)) for place in places)
-            if not hidden and met >= tracks._IN_SIGHT * len(places):
-                track.collect(tracks._MISS, tracks._MISS_MEMORY, time_s, self.params.memory_s)
+            if not hidden and (track.is_new or not track.lone) and met >= tracks._IN_SIGHT * len(places):
+                said = (0.0, 0.0) if track.lone else (tracks._MISS, tracks._MISS_MEMORY)
+                track.collect(*said, time_s, self.params.memory_s)
         self.tracks = [track for track, _ in lost if time_s - track.seen_s <= track.patience(interval_s)] + result
         self.times.append(time_s)
         return result
@@ -253,7 +255,7 @@ def common_turn(known: Sequence[Sequence[XY]], cells: Sequence[XY], guess: float
 
 def begun(thing: Thing, time_s: float) -> Track:
     """Return a new track."""
-    return Track(thing.cells, thing.center, time_s, time_s, top=thing.top, outside=not thing.near)
+    return Track(thing.cells, thing.center, time_s, time_s, top=thing.top, lone=thing.lone, outside=not thing.near)
 
 
 def recognise(things: Sequence[Thing], result: Sequence[Track], votes: Sequence[Sequence[int]]) -> None:

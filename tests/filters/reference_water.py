@@ -74,6 +74,14 @@ class Water:
             fitted, weights = self.fit(cells)
         if fitted is None:
             return None
+        if weights is not None:
+            supported = sum(is_water(weight, cells[key].trust) for key, weight in weights.items())
+            tops: dict[tuple[int, int], float] = {}
+            for x, y, z in (points[k] for k in near):
+                tops[cell_of(x, y)] = max(tops.get(cell_of(x, y), -math.inf), fitted.height_of(x, y, z))
+            if sum(top < -plane._BELOW_M for top in tops.values()) > supported:
+                self.plane, self.sigma, self.seen_s = None, 0.0, 0.0
+                return None
         stands = []
         for (x, y, z), face in zip(points, faces, strict=True):
             stands.append(face.above(z - fitted.height_of(x, y, z)) > span)

@@ -24,6 +24,7 @@ _UNSEEN_M = 100.0
 _VOLUME = 2.5
 _OWN, _SHOWN = 4.0, 12.0
 _COMMON = 0.25
+ALONE = 0.75
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,9 +148,12 @@ class Sea:
         high = (height > rise) & solid
         bodies = high | upright
         beside_water = np.abs(height) <= rise
-        alone = 1 - self._background.share(echoes.xyz, beside_water & ~upright, time_s) / _COMMON
         unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
+        seen = self._background.share(echoes.xyz, beside_water & ~upright, time_s)
+        alone = np.maximum(unseen, 1 - seen / _COMMON)
         mirrored = np.zeros_like(bodies) if water is None else water.mirrored(height, deviation, bodies)
+        grows = (height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)) | upright
+        grows |= (alone > ALONE) & solid & ~mirrored
         return Heights(
             height,
             rise,
@@ -161,11 +165,11 @@ class Sea:
             reached & beside_water,
             ~reached,
             upright,
-            (height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)) | upright,
+            grows,
             mirrored,
             brightness,
             unseen,
-            np.maximum(unseen, alone, out=alone),
+            alone,
             faces.run,
             water,
         )

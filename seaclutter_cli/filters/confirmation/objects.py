@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights
+from seaclutter_cli.filters.confirmation.echoes import ALONE, Echoes, Heights
 from seaclutter_cli.groups import group_sizes, group_starts
 from seaclutter_cli.water.beams import Beams
 
@@ -34,7 +34,8 @@ class DetectedObject:
     ``points`` are the indices of its points among the echoes of the frame, or in the frame while it waits; ``evidence``
     is positive for a target, negative for water; ``cells``, shape (m, 2), and ``center``, shape (2,), are the mean
     horizontal positions of its points in each cell of 0.5 m and of all; ``top_m`` is the height of the highest above
-    the water. It is ``near`` if it is nearer than ``start_m``, where own ship is.
+    the water. It is ``near`` if it is nearer than ``start_m``, where own ship is, and ``lone`` if half of its points
+    are in faces where the water has no echoes.
     """
 
     points: NDArray[np.integer]
@@ -43,6 +44,7 @@ class DetectedObject:
     center: Floats
     top_m: float = 0.0
     near: bool = False
+    lone: bool = False
 
 
 @dataclass(frozen=True)
@@ -94,9 +96,13 @@ class Clusters:
         cells = (np.add.reduceat(xy.take(order, axis=1), first, axis=1) / group_sizes(first, len(key))).T
         bounds = np.searchsorted(first, np.append(self.start, len(key))).tolist()
         center = (np.add.reduceat(xy, self.start, axis=1) / self.count).T
+        in_lone_faces = (heights.upright & (heights.alone > ALONE)).astype(np.int32)
+        lone = (2 * self.sum(in_lone_faces) >= self.count).tolist()
         top, shape = self.greatest(heights.height_m).tolist(), evidence.tolist()
         return [
-            DetectedObject(self.members(k), shape[k], cells[bounds[k] : bounds[k + 1]], center[k], top[k], near)
+            DetectedObject(
+                self.members(k), shape[k], cells[bounds[k] : bounds[k + 1]], center[k], top[k], near, lone[k]
+            )
             for k in np.lexsort(center.T[::-1]).tolist()
         ]
 

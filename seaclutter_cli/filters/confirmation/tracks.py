@@ -55,9 +55,9 @@ class Track:
     """An object followed over time.
 
     When it was last seen, its parts were at the horizontal positions ``cells``, shape (m, 2), its centre at ``center``,
-    and its top ``top_m`` above the water. ``velocity``, shape (2,), is relative to the lidar, so own ship's motion is
-    part of it. It was ever seen, and confirmed, beyond ``start_m`` if it is ``seen_outside`` and ``from_outside``; in
-    the latter case, it is not own ship when it comes nearer. ``memory`` is the evidence collected so far, and
+    its top ``top_m`` above the water, and it was ``lone`` or not. ``velocity``, shape (2,), is relative to the lidar,
+    so own ship's motion is part of it. It was ever seen, and confirmed, beyond ``start_m`` if it is ``seen_outside``
+    and ``from_outside``; in the latter case, it is not own ship when it comes nearer. ``memory`` is its evidence, and
     ``history`` that of the frames that decisions still need.
     """
 
@@ -67,6 +67,7 @@ class Track:
     seen_s: float
     velocity: Floats = field(default_factory=lambda: np.zeros(2))
     top_m: float = 0.0
+    lone: bool = False
     seen_outside: bool = False
     from_outside: bool = False
     memory: float = 0.0
@@ -103,7 +104,7 @@ class Track:
                 gain = _NEW_GAIN if self.is_new else _GAIN
                 self.velocity = self.velocity + gain * (velocity - self.velocity)
         self.cells, self.center, self.seen_s = found.cells, found.center, time_s
-        self.top_m = found.top_m
+        self.top_m, self.lone = found.top_m, found.lone
         self.seen_outside |= not found.near
 
 
@@ -188,6 +189,8 @@ class Tracker:
         An object continues the track that expects most of its cells. If several objects continue a track, the one with
         the most cells and evidence does, and the others start tracks of their own. A track is neither found nor missed
         if most of its cells lie in an object of another track, such as a boat alongside another, or between the beams.
+        Where the water has no echoes, upright objects are not missed, since far ones are not in every frame; new ones
+        have evidence 0 then, as spray has.
 
         An object that continues no track has evidence 0 in the frames before, as far as ``look_ahead_s`` back, so that
         spray, which stays for less than that, is not confirmed. With ``causal``, these frames do not count: upright
@@ -209,7 +212,8 @@ class Tracker:
         seen = {id(track) for track in result}
         missing = [one for one, hidden in zip(self._tracks, covered, strict=True) if id(one) not in seen and not hidden]
         for track in missing if sight is None else _in_sight(missing, sight, time_s):
-            self._collect(track, time_s, None)
+            if track.is_new or not track.lone:
+                self._collect(track, time_s, _ABSENT if track.lone else None)
         unseen = [one for one in self._tracks if id(one) not in seen and time_s - one.seen_s <= one.coast_s(interval)]
         self._tracks = unseen + result
         self._recent_s.append(time_s)
@@ -255,7 +259,8 @@ class Tracker:
         return track
 
     def _begun(self, found: DetectedObject, time_s: float, parent: Track | None = None) -> Track:
-        track = Track(found.cells, found.center, time_s, time_s, top_m=found.top_m, seen_outside=not found.near)
+        track = Track(found.cells, found.center, time_s, time_s)
+        track.top_m, track.lone, track.seen_outside = found.top_m, found.lone, not found.near
         if parent is not None:
             track.velocity = parent.velocity
             track.seen_outside |= parent.seen_outside
