@@ -312,6 +312,7 @@ def test_the_sample(out):
         (("log.mcap", "-o", "x.yaml", "-s", "filter.ring_width_m=0.2"), 2, "gives 300 range rings; the maximum is 250"),
         (("frameless.mcap", "-o", "x.yaml"), 1, "no clutter point from 10 m on"),
         (("plain.mcap", "-o", "x.yaml"), 1, "no intensity field; the cloud has x, y, z"),
+        (("dark.mcap", "-o", "x.yaml"), 1, "the intensities are always 0, so they give no thresholds"),
         (("cloudless.mcap", "-o", "x.yaml"), 1, "no point clouds that can be read"),
         (("log.mcap", "broken.mcap", "-o", "x.yaml"), 1, "broken.mcap"),
     ],
@@ -321,6 +322,7 @@ def test_refused_arguments(tmp_path, monkeypatch, arguments, status, message):
     write_log(tmp_path / "log.mcap", make=sea)
     write_log(tmp_path / "frameless.mcap", frames=0)
     write_log(tmp_path / "plain.mcap", make=lambda number: sea(number)[["x", "y", "z"]])
+    write_log(tmp_path / "dark.mcap", make=dark)
     write_log(tmp_path / "cloudless.mcap", topics=())
     for name in ("broken.mcap", "old.yaml", "old.png"):
         (tmp_path / name).write_bytes(b"")
@@ -329,6 +331,12 @@ def test_refused_arguments(tmp_path, monkeypatch, arguments, status, message):
     assert (result.exit_code, message in result.stderr) == (status, True), result.stderr
     assert isinstance(result.exception, SystemExit)
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
+
+
+def dark(number):
+    cloud = sea(number)
+    cloud["intensity"] = 0
+    return cloud
 
 
 def test_matplotlib_is_an_extra(log, out, tmp_path, monkeypatch):

@@ -187,3 +187,12 @@ def test_a_file_removed_before_its_frame(tmp_path):
     (path / "annotations/000001.json").unlink()
     with pytest.raises(LabelError, match=r"000001\.json: No such file"):
         labels.truth(frames[1])
+
+
+def test_sustechpoints_lists_of_objects_as_older_versions_write_them(tmp_path):
+    found = []
+    for name, content in (("new", sustechpoints_json(SHIP)), ("old", {"objs": sustechpoints_json(SHIP)})):
+        put(tmp_path / name / "label/000000.json", json.dumps(content))
+        found.append(open_labels(tmp_path / name).truth(frame()).targets)
+    assert found[0].tracks == found[1].tracks == ("1",)
+    np.testing.assert_array_equal(found[0].centers, found[1].centers)
