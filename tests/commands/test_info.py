@@ -116,3 +116,12 @@ def test_packet_topics_are_listed(name, sensor):
     assert "decoded from packets\n" in invoke(shared(f"nebula/{name}")).stdout
     assert next(iter(content["clouds"].values()))["rate_hz"] == pytest.approx(10, abs=0.1)
     assert any(sensor in (topic["type"] or "") for topic in content["topics"])
+
+
+def test_equal_kinds_of_damage_are_one_line(tmp_path):
+    rows = {0: "1,2,3,4", 1: "1,2", 2: "1,2", 3: "1,2"}
+    for number, row in rows.items():
+        (tmp_path / f"{number}.csv").write_text(f"x,y,z,intensity\n{row}\n")
+    (line,) = [line for line in invoke(tmp_path, code=3).stderr.splitlines() if line.startswith("Damaged")]
+    assert line.endswith("(and 2 more like this; -v lists all)")
+    assert invoke(tmp_path, "-v", code=3).stderr.count("Damaged: ") == 3
