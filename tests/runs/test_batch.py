@@ -101,6 +101,19 @@ def test_quiet_shows_errors_only(logs, tmp_path):
 
 
 @pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_topic_that_one_log_lacks_is_an_error_of_that_log(tmp_path, jobs):
+    (tmp_path / "logs").mkdir()
+    for name, topic in (("a", "/points"), ("b", "/other"), ("c", "/points")):
+        cloud_log(tmp_path / "logs" / f"{name}.mcap", topics=(topic,))
+    out = tmp_path / "out"
+    result = execute("filter", tmp_path / "logs", "-t", "/points", "-o", f"{out}/", "-j", jobs, code=1)
+    (line,) = [line for line in result.stderr.splitlines() if line.startswith("Error")]
+    assert "b" in line
+    assert "/other" in line
+    assert sorted(path.name for path in out.iterdir()) == ["a.mcap", "c.mcap"]
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
 def test_fail_fast_stops_after_an_error(logs, tmp_path, jobs):
     more = [shutil.copy(logs / "b.mcap", tmp_path / f"more{number:02}.mcap") for number in range(30)]
     line = ["filter", str(logs / "e.mcap"), *(str(logs / f"{name}.mcap") for name in "adb"), *map(str, more)]
