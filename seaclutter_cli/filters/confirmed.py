@@ -209,28 +209,20 @@ class Confirmed(Filter):
 
     def _accompanied(self, echoes: Echoes, heights: Heights) -> Mask:
         """Return the points that stand out in no face, with two others within 2.5 % of their range."""
-        found = np.zeros(echoes.size, np.bool_)
         among = np.flatnonzero(heights.high | heights.upright)
         asked = np.flatnonzero((heights.high & ~heights.upright)[among])
-        if len(asked) and len(among) > _COMPANY:
-            found[among[asked[self._enough(echoes, among, asked, np.full(len(asked), _COMPANY))]]] = True
-        return found
+        return self._crowded(echoes, among, asked, np.full(len(asked), _COMPANY))
 
     def _dense(self, echoes: Echoes, heights: Heights) -> Mask:
         """Return the flat bright points in the band with enough other candidates within 2.5 % of their range.
 
         Seven are enough, or three where objects of twice the height at which points stand out are met by one beam only.
         """
-        dense = np.zeros(echoes.size, np.bool_)
         among = np.flatnonzero(heights.high | heights.bright)
-        hidden = self._next_beam_m(echoes, heights, among) >= _HIDDEN_RISES * heights.rise_m[among]
-        asked = np.flatnonzero((heights.bright & ~heights.upright)[among] & hidden)
-        if not len(asked) or len(among) <= _MIN_IN_ONE_BEAM:
-            return dense
-        chosen = among[asked]
-        needed = np.where(self._in_one_beam(echoes, heights, chosen), _MIN_IN_ONE_BEAM, _MIN_NEIGHBORS)
-        dense[chosen[self._enough(echoes, among, asked, needed)]] = True
-        return dense
+        next_m, rise = self._next_beam_m(echoes, heights, among), heights.rise_m[among]
+        asked = np.flatnonzero((heights.bright & ~heights.upright)[among] & (next_m >= _HIDDEN_RISES * rise))
+        in_one_beam = (next_m >= _ONE_BEAM_RISES * rise) & (heights.unseen[among] > 0)
+        return self._crowded(echoes, among, asked, np.where(in_one_beam, _MIN_IN_ONE_BEAM, _MIN_NEIGHBORS)[asked])
 
     def _unbroken(self, echoes: Echoes, heights: Heights) -> Mask:
         """Return the points in runs near the water, where it has hardly any echoes, and the next beam passes above."""
@@ -239,20 +231,20 @@ class Confirmed(Filter):
         found[runs] = self._next_beam_m(echoes, heights, runs) >= heights.rise_m[runs]
         return found
 
-    def _enough(self, echoes: Echoes, among: Indices, asked: Indices, needed: Indices) -> Mask:
-        """Return which of the points asked for have enough others within 2.5 % of their range."""
+    def _crowded(self, echoes: Echoes, among: Indices, asked: Indices, needed: Indices) -> Mask:
+        """Return which echoes are those asked for among some, and have enough others of these within 2.5 % of range."""
+        found = np.zeros(echoes.size, np.bool_)
+        if not len(asked) or len(among) <= needed.min():
+            return found
         points, radius = echoes.xyz.take(among, axis=1), _RADIUS_RATIO * echoes.range_m[among[asked]]
         counts = within(points, points.take(asked, axis=1), radius)
         if counts is not None:
-            return np.asarray(counts > needed)  # the point itself is one of them
+            found[among[asked[counts > needed]]] = True  # the point itself is one of them
+            return found
         ranks = np.unique(needed).tolist()
         distance = nth_neighbor_distances(np.ascontiguousarray(points.T), ranks, asked)
-        return np.asarray(distance[np.arange(len(asked)), np.searchsorted(ranks, needed)] <= radius)
-
-    def _in_one_beam(self, echoes: Echoes, heights: Heights, points: Indices) -> Mask:
-        """Return whether objects of twice the height at which points stand out are met by one beam, and no water is."""
-        next_m = self._next_beam_m(echoes, heights, points)
-        return np.asarray((next_m >= _ONE_BEAM_RISES * heights.rise_m[points]) & (heights.unseen[points] > 0))
+        found[among[asked[distance[np.arange(len(asked)), np.searchsorted(ranks, needed)] <= radius]]] = True
+        return found
 
     def _next_beam_m(self, echoes: Echoes, heights: Heights, points: Indices) -> Floats:
         """Return the height above the water at which the next beam passes above points."""
