@@ -88,6 +88,27 @@ def test_ros_2_scans_of_older_drivers_equal_the_capture(packets, expected, tmp_p
     assert found == {"/rslidar_points": expected}
 
 
+def test_scans_of_nebula_with_slots_of_the_size_of_a_packet(packets, expected, tmp_path):
+    """The data are 1,248 bytes and their length; a device information packet is among them."""
+    name = "robosense_msgs/msg/Robosense"
+    packet = "builtin_interfaces/Time stamp\nuint8[1248] data\nuint32 size\n"
+    definitions = {f"{name}Packet": packet, f"{name}Scan": "std_msgs/Header header\nRobosensePacket[] packets\n"}
+    types = Types("mcap", definitions)
+
+    def scans(size=90):
+        for first in range(0, len(packets), size):
+            part = packets[first : first + size]
+            sent = [types.make(f"{name}Packet", types.time(t), array(data), len(data)) for t, data in part]
+            yield (
+                "/robosense_packets",
+                part[-1][0],
+                types.make(f"{name}Scan", types.header(part[0][0], "robosense"), sent),
+            )
+
+    found, *_ = clouds(write(tmp_path, "mcap", types, scans()))
+    assert found == {"/robosense_points": expected}
+
+
 def test_two_sensors_have_their_own_device_information(packets, expected, tmp_path):
     from seaclutter_cli.sensors.robosense.models import MODELS
     from seaclutter_cli.sensors.robosense.packets import make_angles, write_info
