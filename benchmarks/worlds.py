@@ -90,6 +90,7 @@ def unseen(simulated: SimulatedFrame) -> set[str]:
 def evaluate(worlds: Sequence[World], given: argparse.Namespace) -> Mapping[str, Any]:
     """Return the counts of each world and method."""
     summary = given.folder / "summary.json"
+    summary.unlink(missing_ok=True)  # the folder is that of the labels, too
     logs = [given.folder / f"{name_of(world)}.mcap" for world in worlds]
     command = [sys.executable, "-m", "seaclutter_cli", "evaluate", *map(str, logs), "--labels", str(given.folder)]
     command += [part for method in given.methods for part in ("-m", method)]
