@@ -195,8 +195,8 @@ class Frame:
         return _coordinates(self.cloud.points.take(index))
 
     def release(self) -> None:
-        """Forget coordinates and intensities, so that the frame takes less memory; they are computed when used."""
-        for name in ("coordinates", "intensity"):
+        """Forget coordinates, ranges and intensities, so that the frame takes less memory; they are computed anew."""
+        for name in ("coordinates", "intensity", "range_m"):
             vars(self).pop(name, None)
 
     @cached_property

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from seaclutter_cli.buckets import mirror_of, on_paths
+from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import find_codec, main_clouds
 from seaclutter_cli.options import function_of
 from seaclutter_cli.reading import read
@@ -24,7 +25,7 @@ from seaclutter_cli.runs.topic_statistics import Described, TopicStatistics
 from seaclutter_cli.selection import hint_of
 from seaclutter_cli.sources.mcap.excerpt import Excerpt, excerpt
 from seaclutter_cli.sources.recordings import Recording
-from seaclutter_cli.text import printable, share, table
+from seaclutter_cli.text import count, printable, share, table
 
 _NANO = 1_000_000_000
 _DEFAULT_THRESHOLD = 4
@@ -45,7 +46,11 @@ def info(options: InfoOptions) -> "InfoResult":
     observer = options.watching
     recordings = expand(options.logs, options.reading, observer, ahead=False)  # an excerpt may suffice
     works = [_InfoWork(options.reading, recording) for recording in recordings]
-    return InfoResult(run_all(works, options.batch, observer))
+    result = InfoResult(run_all(works, options.batch, observer))
+    if result.failed and not any(content.error for content in result.outcomes):
+        where = result.outcomes[0].recording if len(works) == 1 else count(len(works), "recording")
+        options.observer.fail(InputError(f"{where}: no point clouds that can be read"))
+    return result
 
 
 @dataclass(frozen=True)

@@ -85,8 +85,10 @@ class OwnShip:
             self._look(frame, standing if water is not None else standing[:0])
 
     def _look(self, frame: Frame, standing: NDArray[np.intp]) -> None:
-        standing = standing[frame.range_m[standing] < self.reach_m]
-        self._standing.append((_columns(frame.coordinates_of(standing)), frame.range_m[standing]))
+        xyz = frame.coordinates_of(standing)  # the frame may be released
+        range_m = np.sqrt(xyz[0] * xyz[0] + xyz[1] * xyz[1] + xyz[2] * xyz[2])
+        near = range_m < self.reach_m
+        self._standing.append((_columns(xyz[:, near]), range_m[near]))
         if self._search.frames == MIN_FRAMES:
             self._decide()
 

@@ -66,7 +66,7 @@ def test_a_click_on_a_bad_frame_shows_it(sea, visit):
     assert page.shown().startswith(f"{name}, ")
     assert "joint: 2 false alarms" in page.shown()
     assert page.pixels() != before
-    assert page.page.evaluate("document.querySelector('#clouds').getBoundingClientRect().top") < 900
+    page.page.wait_for_function("document.querySelector('#clouds').getBoundingClientRect().top < 900", timeout=5000)
 
 
 def test_the_worst_frame_is_first_and_shown(sea, visit):
