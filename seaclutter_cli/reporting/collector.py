@@ -16,6 +16,7 @@ from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.frame import WATER_COLUMNS, WATER_REASONS, FilterResult, Frame, Reason
 from seaclutter_cli.reporting.sample import Sample, take_sample
 from seaclutter_cli.reporting.tracks import TrackPaths
+from seaclutter_cli.tracking.follow import Follower
 from seaclutter_cli.truth import Truth
 
 Series = NDArray[np.float32]
@@ -274,6 +275,7 @@ class Collector(FrameListener):
         self,
         methods: Sequence[Method],
         params: EvaluationParams,
+        new_follower: Callable[[], Follower],
         *,
         labelled: bool,
         frames: int,
@@ -284,7 +286,7 @@ class Collector(FrameListener):
         self.timeline: list[tuple[int, int, float]] = []
         """Recording index, number within the recording, and time in seconds within the recording of each frame."""
         self.histories = [History(max(len(method.edges) - 1, 0)) for method in methods]
-        self.tracks = TrackPaths(params)
+        self.tracks = TrackPaths(new_follower)
         self._choice: Choice[Sample] = Choice(frames)
         self._picks, self._picked = frozenset(picks), dict[int, Sample]()
         self._first_ns: int | None = None

@@ -1,12 +1,11 @@
 """Tracks of objects for a report, with a few positions each."""
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.tracking.follow import CONFIRMED, Follower, FrameObjects
 
@@ -16,9 +15,8 @@ _MOST_TRACKS, _MOST_PLACES = 60, 200
 class TrackPaths:
     """Tracks of the objects of all recordings, relative to own ship; of each, at most a few hundred positions."""
 
-    def __init__(self, params: EvaluationParams) -> None:
-        self._clustering = params.cluster_tolerance_m, params.min_cluster_points
-        self._follower = Follower(*self._clustering)
+    def __init__(self, new: Callable[[], Follower]) -> None:
+        self._new, self._follower = new, new()
         self._rows: deque[int] = deque()
         self._recording = -1
         self._tracks: dict[tuple[int, int], dict[str, Any]] = {}
@@ -26,7 +24,7 @@ class TrackPaths:
     def begin(self) -> None:
         """Start a recording."""
         self._take(self._follower.finish())
-        self._follower, self._recording = Follower(*self._clustering), self._recording + 1
+        self._follower, self._recording = self._new(), self._recording + 1
 
     def add(self, row: int, result: FilterResult) -> None:
         """Follow the objects of a frame, given its number among all frames."""

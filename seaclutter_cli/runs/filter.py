@@ -339,9 +339,10 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         if not self.options.with_scene:
             return options
         from seaclutter_cli.reporting.sample import scene_updates
+        from seaclutter_cli.runs.objects import follower_of
         from seaclutter_cli.sinks.live_objects import LiveObjects
 
-        live = LiveObjects(config.evaluation.cluster_tolerance_m, config.evaluation.min_cluster_points)
+        live = LiveObjects(follower_of(config))
         return replace(options, objects=live, scene=scene_updates(config.evaluation, labels, live.tracks))
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import partial
 from tempfile import TemporaryFile
 from typing import IO
 
@@ -25,6 +26,8 @@ from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.object_files import check_objects_file, parsed, write_objects
 from seaclutter_cli.sinks.objects import COLUMNS, ObjectTable, TrackSummary
 from seaclutter_cli.text import count, printable, table
+from seaclutter_cli.tracking.follow import Follower
+from seaclutter_cli.water import Mounting
 
 _MOST_SHOWN = 20
 _TYPES = {str: object, int: np.int64, float: np.float64}
@@ -142,7 +145,14 @@ class ObjectsWork(RecordingWork[RecordedObjects]):
 
 def object_table(config: Config, rows: PackedRows) -> ObjectTable:
     """Return the sink that writes the objects of a recording to rows."""
-    return ObjectTable(rows.write, config.evaluation.cluster_tolerance_m, config.evaluation.min_cluster_points)
+    return ObjectTable(rows.write, follower_of(config))
+
+
+def follower_of(config: Config) -> "partial[Follower]":
+    """Return what makes followers of the objects that a configuration finds."""
+    params = config.evaluation
+    mounting = getattr(config.filter, "mounting", Mounting())
+    return partial(Follower, params.cluster_tolerance_m, params.min_cluster_points, mounting)
 
 
 def objects_config(options: ConfigOptions) -> Config:

@@ -25,6 +25,7 @@ from seaclutter_cli.runs.batch import prepared
 from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork, warn_once
 from seaclutter_cli.runs.methods import Variant, is_default, note_left_out, with_ideal
 from seaclutter_cli.runs.methods import variants as variants_of
+from seaclutter_cli.runs.objects import follower_of
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import Logs, ReadOptions, of_options
 from seaclutter_cli.runs.options.logs import ReportOptions, ViewOptions
@@ -93,7 +94,9 @@ class _Studied(FrameListener):
         methods = [Method(one.name, one.config.ring_edges, one.config.to_yaml()) for one in variants]
         self._config, labelled = variants[0].config, bool(options.labels)
         params, frames, picks = self._config.evaluation, options.shown, options.picks
-        self.collector = Collector(methods, params, labelled=labelled, frames=frames, picks=picks)
+        self.collector = Collector(
+            methods, params, follower_of(self._config), labelled=labelled, frames=frames, picks=picks
+        )
         self._finders: list[tuple[str, SuspectFinder]] = []
         self._found: list[dict[str, Any]] = []
 

@@ -1,6 +1,6 @@
 """Objects of frames as they are filtered, for messages in the filtered log."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from seaclutter_cli.frame import FilterResult
@@ -17,8 +17,8 @@ _COLORS = {CONFIRMED: "#f4a261", CANDIDATE: "#8d99ae", LOST: "#8d99ae"}
 class LiveObjects:
     """Objects of each frame, known without later frames; ids are those of `ObjectTable`, other values less exact."""
 
-    def __init__(self, tolerance_m: float, min_points: int) -> None:
-        self._new = partial(Follower, tolerance_m, min_points, _CONTEXT_S, live=True)
+    def __init__(self, new: Callable[..., Follower]) -> None:
+        self._new = partial(new, context_s=_CONTEXT_S, live=True)
         self._followers: dict[str, Follower] = {}
         self._navigation = Navigation()
         self._shown: dict[str, set[str]] = {}

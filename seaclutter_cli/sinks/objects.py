@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -58,9 +57,8 @@ class TrackSummary:
 class ObjectTable(Sink):
     """Sink that passes one line for each frame and object of a recording to a function."""
 
-    def __init__(self, write: Callable[[bytes], object], tolerance_m: float, min_points: int) -> None:
-        self._write = write
-        self._new = partial(Follower, tolerance_m, min_points)
+    def __init__(self, write: Callable[[bytes], object], new: Callable[[], Follower]) -> None:
+        self._write, self._new = write, new
         self._followers: dict[str, Follower] = {}
         self._recording, self._navigation = "", Navigation()
         self.indices: list[int] = []

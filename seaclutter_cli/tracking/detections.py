@@ -20,6 +20,7 @@ _MAX_CELL = 1 << 19
 _FLATTENED = np.array([[1], [1], [0.2]])
 _THINNED_M = np.array([[0.2], [0.2], [1]])
 _MAX_DETECTIONS = 2000
+_UP = np.array([0.0, 0.0, 1.0])
 _ANGLES = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
 _COS, _SIN = (part(_ANGLES)[:, None].astype(np.float32) for part in (np.cos, np.sin))
 
@@ -50,15 +51,16 @@ class Detections:
     """K objects of a frame, in the coordinates of its cloud.
 
     ``hulls``, shape (K, 36, 2), are the outermost points in 36 directions, seen from above; ``centers``, shape (K, 2),
-    the mean positions; ``spans``, shape (K, 2), the lowest and the highest z; ``points``, shape (K,), the numbers of
-    points. A detection is ``kept``, shape (K,), unless it consists of points of objects that were not confirmed.
-    ``cells``, shape (m, 2), are the mean positions in cells of 0.5 m, detection by detection, ``owner``, shape (m,),
-    the detection of each.
+    the mean positions; ``spans``, shape (K, 2), the lowest and the highest z; ``rises``, the same along the direction
+    that is up; ``points``, shape (K,), the numbers of points. A detection is ``kept``, shape (K,), unless it consists
+    of points of objects that were not confirmed. ``cells``, shape (m, 2), are the mean positions in cells of 0.5 m,
+    detection by detection, ``owner``, shape (m,), the detection of each.
     """
 
     hulls: Floats
     centers: Floats
     spans: Floats
+    rises: Floats
     points: Indices
     kept: NDArray[np.bool_]
     cells: Floats
@@ -73,7 +75,7 @@ class Detections:
         return replace(self, hulls=hulls, centers=centers, cells=cells)
 
     @classmethod
-    def of(cls, result: FilterResult, tolerance_m: float, min_points: int) -> "Detections":
+    def of(cls, result: FilterResult, tolerance_m: float, min_points: int, up: Floats = _UP) -> "Detections":
         """Return the clusters of the points that a filter kept, then those of points that it did not confirm.
 
         Vertical distances count a fifth, because beams far from each other meet one body at different heights. Of more
@@ -91,20 +93,23 @@ class Detections:
             numbers.append(cluster[order] + kept)
             kept = kept or int(cluster.max(initial=-1)) + 1
         kept *= bool(len(members[0]))
-        return cls.made(frame.coordinates.take(np.concatenate(members), axis=1), np.concatenate(numbers), kept)
+        return cls.made(frame.coordinates.take(np.concatenate(members), axis=1), np.concatenate(numbers), kept, up)
 
     @classmethod
-    def made(cls, xyz: Floats, cluster: Indices, kept: int) -> "Detections":
+    def made(cls, xyz: Floats, cluster: Indices, kept: int, up: Floats = _UP) -> "Detections":
         """Return the detections of points, shape (3, n), sorted by cluster; the first ``kept`` clusters are kept."""
         if not len(cluster):
             none = np.empty((0, 2))
             whole = np.empty(0, np.int64)
-            return cls(np.empty((0, DIRECTIONS, 2)), none, none, whole, np.empty(0, np.bool_), none, whole)
+            return cls(np.empty((0, DIRECTIONS, 2)), none, none, none, whole, np.empty(0, np.bool_), none, whole)
         starts = group_starts(cluster)
         count = group_sizes(starts, len(cluster))
         chosen = np.sort(np.argsort(-count, kind="stable")[:_MAX_DETECTIONS])
         xy = xyz[:2]
-        spans = np.stack([reduce.reduceat(xyz[2], starts) for reduce in (np.minimum, np.maximum)], axis=1)
+        spans, rises = (
+            np.stack([reduce.reduceat(z, starts) for reduce in (np.minimum, np.maximum)], axis=1)
+            for z in (xyz[2], up[0] * xyz[0] + up[1] * xyz[1] + up[2] * xyz[2])
+        )
         centers = (np.add.reduceat(xy, starts, axis=1) / count).T
         hulls = np.empty((len(chosen), DIRECTIONS, 2))
         for row, k in zip(hulls, chosen.tolist(), strict=True):
@@ -118,6 +123,7 @@ class Detections:
             hulls,
             centers[chosen],
             spans[chosen],
+            rises[chosen],
             count[chosen],
             chosen < kept,
             *_cells(xy[:, owner >= 0], owner[owner >= 0]),

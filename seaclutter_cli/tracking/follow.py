@@ -3,11 +3,12 @@
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.frame import FilterResult, WaterState
+from seaclutter_cli.frame import FilterResult, Frame, WaterState
 from seaclutter_cli.tracking.boxes import Shape, fit, smoothed
 from seaclutter_cli.tracking.detections import Detections, Pose
 from seaclutter_cli.tracking.tracker import Track, Tracker
@@ -55,6 +56,23 @@ class FrameObjects:
     over_ground: bool
 
 
+class _Water(NamedTuple):
+    """The plane of the water: its height where the lidar is, and its slope over x and y of the cloud, shape (2,)."""
+
+    level_m: float
+    slope: Floats
+
+    @classmethod
+    def of(cls, state: WaterState, mounting: Mounting) -> "_Water":
+        """Return the plane of a state, which is against the lidar as it is mounted."""
+        slope = np.array([np.tan(np.radians(state.pitch_deg)), -np.tan(np.radians(state.roll_deg))])
+        return cls(state.level_m, slope @ mounting.rotation[:2, :2])
+
+    def heights(self, xy: Floats, rises_m: Floats) -> Floats:
+        """Return the heights above the water at positions, shape (N, 2), of what rises by so much, shape (N,)."""
+        return np.asarray(rises_m - self.level_m - xy @ self.slope)
+
+
 @dataclass(frozen=True)
 class _Waiting:
     """A frame whose objects are not final yet: its detections, with the track of each that has one."""
@@ -65,7 +83,7 @@ class _Waiting:
     time_s: float
     pose: Pose
     over_ground: bool
-    water: WaterState | None
+    water: _Water | None
     found: Detections
     clear_m: Floats
     rows: Sequence[int]
@@ -80,11 +98,17 @@ class Follower:
     """
 
     def __init__(
-        self, tolerance_m: float, min_points: int, context_s: float = _CONTEXT_S, *, live: bool = False
+        self,
+        tolerance_m: float,
+        min_points: int,
+        mounting: Mounting = Mounting(),  # noqa: B008 - frozen
+        *,
+        context_s: float = _CONTEXT_S,
+        live: bool = False,
     ) -> None:
-        self._clustering = tolerance_m, min_points
+        self._clustering, self._mounting = (tolerance_m, min_points), mounting
         self._context_s, self._ahead_s = context_s, 0.0 if live else context_s
-        self._tracker, self._beams = Tracker(), Beams(Mounting())
+        self._tracker, self._beams = Tracker(), Beams(mounting)
         self._frames: deque[_Waiting] = deque()
         self._done = 0
         self._shapes: dict[Track, Shape] = {}
@@ -103,27 +127,29 @@ class Follower:
         if self._frames and over_ground != self._frames[-1].over_ground:
             yield from self.finish()
         pose = pose or Pose()
-        found = Detections.of(result, *self._clustering)
-        clear_m = self._clear_m(result, found)
+        found = Detections.of(result, *self._clustering, self._mounting.up)
+        water = _Water.of(result.water, self._mounting) if result.water else None
+        clear_m = self._clear_m(result.frame, water, found)
         found = found.moved(pose)
         tracks = self._tracker.step(found, time_s)
         rows = [row for row, track in enumerate(tracks) if track is not None]
         known = [track for track in tracks if track is not None]
         names = frame.index, frame.stamp_ns, frame.cloud.frame_id
-        self._frames.append(_Waiting(*names, time_s, pose, over_ground, result.water, found, clear_m, rows, known))
+        self._frames.append(_Waiting(*names, time_s, pose, over_ground, water, found, clear_m, rows, known))
         self._records += len(rows)
         if time_s - self._frames[self._done].time_s >= 2 * self._ahead_s or self._records > _MAX_WAITING:
             yield from self._complete(time_s - self._ahead_s)
 
-    def _clear_m(self, result: FilterResult, found: Detections) -> Floats:
+    def _clear_m(self, frame: Frame, water: _Water | None, found: Detections) -> Floats:
         """Return how far above the water beams pass below detections, shape (K,); 0 where the water is not known."""
-        if result.water is None or not len(found):
+        if water is None or not len(found):
             return np.zeros(len(found))
-        self._beams.add(result.frame.coordinates.compress(result.frame.valid, axis=1))
-        distance, low = np.hypot(*found.centers.T), found.spans[:, 0]
+        self._beams.add(self._mounting.levelled(frame.coordinates.compress(frame.valid, axis=1)))
+        upwards = 1 if self._mounting.up[2] >= 0 else -1
+        distance, low = np.hypot(*found.centers.T), (upwards * found.spans).min(axis=1)
         elevation = np.degrees(np.arctan2(low, distance))
         below, _ = self._beams.gaps(elevation, elevation)
-        return _above_water(result.water, found.centers, low - np.tan(np.radians(below)) * distance)
+        return water.heights(found.centers, found.rises[:, 0] - np.tan(np.radians(below)) * distance)
 
     def finish(self) -> Iterator[FrameObjects]:
         """Yield the objects of all frames that wait, and begin anew."""
@@ -159,6 +185,7 @@ def _smoothed(frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Tra
     shape = len(frames), len(tracks)
     places, deviations = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
     yaws, spans, points = np.full(shape, np.nan), np.full((*shape, 2), np.nan), np.zeros(shape, np.int64)
+    rises = np.full(shape, np.nan)
     kept, clear = np.zeros(shape, np.bool_), np.zeros(len(tracks), np.bool_)
     sizes = np.empty((len(tracks), 3))
     sensor = np.array([one.pose[:2] for one in frames])
@@ -169,10 +196,11 @@ def _smoothed(frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Tra
             shapes.setdefault(track, Shape()), hulls, sensor[seen], times_s[seen]
         )
         spans[seen, n] = [frames[f].found.spans[row] for f, row in records[track]]
+        rises[seen, n] = [frames[f].found.rises[row, 1] for f, row in records[track]]
         points[seen, n] = [frames[f].found.points[row] for f, row in records[track]]
         kept[seen, n] = [frames[f].found.kept[row] for f, row in records[track]]
         clear[n] = np.median([frames[f].clear_m[row] for f, row in records[track]]) > _CLEAR_M
-        for values in (yaws, spans[..., 0], spans[..., 1]):
+        for values in (yaws, spans[..., 0], spans[..., 1], rises):
             values[:, n] = np.interp(times_s, times_s[seen], values[seen, n])
         sizes[n, 2] = np.quantile(spans[seen, n, 1] - spans[seen, n, 0], 0.9)
     at, velocity = smoothed(places, deviations, times_s)
@@ -199,7 +227,7 @@ def _smoothed(frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Tra
             Pose(yaw=-one.pose.yaw).turned(velocity[f, there]),
             points[f, there],
             scores[there],
-            _above_water(one.water, xy, spans[f, there, 1]),
+            np.full(len(xy), np.nan) if one.water is None else one.water.heights(xy, rises[f, there]),
             np.stack((first[there], last[there]), axis=1),
             measured[there],
             one.over_ground,
@@ -221,11 +249,3 @@ def _are_parts(at: Floats, yaws: Floats, sizes: Floats) -> NDArray[np.bool_]:
     area = sizes[:, 0] * sizes[:, 1]
     smaller = (area[:, None] < _PART_SHARE * area) & (sizes[:, 0] <= _STRUCTURE_M)
     return np.asarray((smaller & (inside > _MOSTLY * np.maximum(together, 1))).any(axis=1))
-
-
-def _above_water(water: WaterState | None, xy: Floats, top_m: Floats) -> Floats:
-    """Return the heights above the water of the tops of objects."""
-    if water is None:
-        return np.full(len(xy), np.nan)
-    slope = np.array([np.tan(np.radians(water.pitch_deg)), -np.tan(np.radians(water.roll_deg))])
-    return np.asarray(top_m - water.level_m - xy @ slope)

@@ -3,6 +3,7 @@
 import io
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from seaclutter_cli.frame import Reason, WaterState
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import Collector, History, Method, ScoredFrame
+from seaclutter_cli.tracking.follow import Follower
 from seaclutter_cli.truth import Truth
 from tests.evaluation.scenes import boxes, frame_of, lump, told
 from tests.reporting.colors import difference
@@ -29,7 +31,7 @@ def collect(*, edges=EDGES, names=("joint", "none"), frames=FRAMES, labelled=Tru
     """Return the collected data of a scene with a target, and a wave in every other frame."""
     methods = [FILTERS[name](FILTERS[name].Params()) for name in names]
     kinds = [Method(name, edges if name != "none" else (), "") for name in names]
-    collected = Collector(kinds, EvaluationParams(), labelled=labelled, frames=6)
+    collected = Collector(kinds, EvaluationParams(), partial(Follower, 1.5, 5), labelled=labelled, frames=6)
     collected.begin("sea")
     truth = Truth(boxes((30.5, 3.0))) if labelled else None
     for index in range(frames):

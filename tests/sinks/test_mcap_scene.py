@@ -1,6 +1,7 @@
 """Boxes and clusters in a filtered MCAP file: ``filter --with-scene``."""
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from rosbags.highlevel import AnyReader
 
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.sinks.live_objects import LiveObjects
+from seaclutter_cli.tracking.follow import Follower
 from tests.commands.test_evaluate import make_labels, make_log
 from tests.logs import cloud_log
 from tests.paths import ROOT
@@ -74,7 +76,7 @@ def test_objects_keep_their_ids(tmp_path):
 
 
 def test_entities_of_objects_that_are_gone_are_deleted():
-    live = LiveObjects(1.5, 5)
+    live = LiveObjects(partial(Follower, 1.5, 5))
     box = np.stack(np.meshgrid(np.arange(0, 3, 0.3), np.arange(20, 21, 0.3), [0.0, 0.5]), axis=-1).reshape(-1, 3)
     results = []
     for k in range(20):

@@ -6,6 +6,7 @@ import pytest
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
 from seaclutter_cli.tracking.detections import Pose
 from seaclutter_cli.tracking.follow import CANDIDATE, CONFIRMED, LOST, Follower
+from seaclutter_cli.water import Mounting
 
 LENGTH_M, WIDTH_M = 8.0, 3.0
 SPEED_MS = 2.0
@@ -110,6 +111,22 @@ def test_a_gap_ends_all_tracks():
     results = [frame_of(k + (100 if k >= 20 else 0), hull(place(0), 0.3)) for k in range(40)]
     found = followed(results)
     assert [one.tracks for one in found] == [[1]] * 20 + [[2]] * 20
+
+
+@pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(8, 0), (180, 0), (0, -8), (175, 5)])
+def test_heights_do_not_depend_on_the_mounting(roll_deg, pitch_deg):
+    """Results know the water against the lidar as it is mounted, clouds are in its own axes."""
+    mounting = Mounting(roll_deg, pitch_deg)
+    tops = []
+    for one in (Mounting(), mounting):
+        results = []
+        for k in range(20):
+            level = frame_of(k, one.unlevelled(hull(place(k), 0.3).T).T)
+            results.append(FilterResult(level.frame, level.reason, water=WaterState(-1.5, 2.0, -1.0, 0.1)))
+        found = followed(results, mounting=one)
+        assert {name for frame in found for name in frame.states} == {CONFIRMED}
+        tops.append(np.median([frame.tops_m for frame in found]))
+    assert tops[1] == pytest.approx(tops[0], abs=0.4)  # a tilted box is not upright in the cloud
 
 
 @pytest.mark.parametrize(
