@@ -19,10 +19,9 @@ import numpy as np
 from seaclutter_cli.errors import ArrayError, ConfigError, FieldError, MethodError
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Filter, NoParams
-from seaclutter_cli.paths import open_regular
+from seaclutter_cli.paths import read_whole
 
 _IN_FILE = ".py:"
-_MAX_BYTES = 2**24
 _PACKAGE = Path(__file__).parent.name
 
 
@@ -55,8 +54,7 @@ def method_of(given: Any) -> str:
         return given
     path, _, name = given.rpartition(":")
     try:
-        with open_regular(Path(path)) as file:
-            source = file.read(_MAX_BYTES)
+        source = read_whole(Path(path))
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
     return _of_source(path, source, name)
@@ -128,17 +126,15 @@ def naming_method(method: Any, where: str) -> Iterator[None]:
     """Raise `MethodError` for an error of a method, or its class, that is not built in."""
     try:
         yield
-    except FieldError:
+    except (FieldError, MemoryError):  # they have meanings of their own
         raise
     except Exception as error:
         kind = method if isinstance(method, type) else type(method)
-        if kind.__module__.startswith("seaclutter_cli.filters"):
+        if kind.__module__.startswith(f"{_PACKAGE}.filters"):
             raise
         name = getattr(method, "name", kind.__name__)
-        places = [
-            at for at in traceback.extract_tb(error.__traceback__) if Path(__file__).parent.name not in at.filename
-        ]
-        at = f" ({Path(places[-1].filename).name}, line {places[-1].lineno})" if places else ""
+        outside = [at for at in traceback.extract_tb(error.__traceback__) if _PACKAGE not in Path(at.filename).parts]
+        at = f" ({Path(outside[-1].filename).name}, line {outside[-1].lineno})" if outside else ""
         raise MethodError(f"{name} failed on {where}: {type(error).__name__}: {error}{at}") from error
 
 

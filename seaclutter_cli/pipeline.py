@@ -22,6 +22,7 @@ from seaclutter_cli.selection import Selection, cloud_channels
 _MAX_UNFIT = 5
 _SLACK_NS = 100_000_000
 _MAX_HELD_BYTES = 128 << 20
+_IN_ORDER = "must return one result for each frame, in their order"
 
 T = TypeVar("T")
 
@@ -121,7 +122,7 @@ class RecordHolder:
             for number, method in enumerate(self._filters[topic]):
                 if self._waiting[topic][number]:
                     with naming_method(method, topic):
-                        raise ArrayError("must return one result for each frame, in their order")
+                        raise ArrayError(_IN_ORDER)
         yield from self._complete()
 
     def _filter(self, record: Record | None, frame: Frame) -> HeldRecord:
@@ -146,7 +147,7 @@ class RecordHolder:
         with naming_method(self._filters[topic][number], topic):
             for result in results:
                 if not waiting or result.frame is not waiting[0].frame or not len(result.counts):
-                    raise ArrayError("must return one result for each frame, in their order")
+                    raise ArrayError(_IN_ORDER)
                 waiting.popleft().results[number] = result
 
     def _flush(self, topic: str) -> None:

@@ -113,8 +113,8 @@ class PolarCells:
 
         Heights of N points above it, shape (N,), and weights of the cells in its fit, shape (C,).
         """
-        x, y, _ = xyz
-        used = np.flatnonzero((np.hypot(x, y) >= NEAREST_M) & (np.hypot(x, y) < FARTHEST_M))
+        distance = np.hypot(*xyz[:2])
+        used = np.flatnonzero((distance >= NEAREST_M) & (distance < FARTHEST_M))
         top = np.full(_OF_BODIES, -np.inf)
         np.maximum.at(top, _cell(xyz.take(used, axis=1)), height_m[used])
         below = np.count_nonzero(np.isfinite(top) & (top < -_BELOW_M))
