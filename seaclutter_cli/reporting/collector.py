@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from bisect import insort
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import astuple, dataclass
-from functools import cached_property
+from functools import cache
 from operator import itemgetter
 from typing import Generic, Literal, TypeVar
 
@@ -170,20 +170,7 @@ class Chosen(Generic[T]):
     item: T
 
 
-class _Item(Generic[T]):
-    """A frame and its data, created on first use."""
-
-    def __init__(self, row: int, make: Callable[[], T]) -> None:
-        self.row, self._make = row, make
-
-    @cached_property
-    def data(self) -> T:
-        made = self._make()
-        del self._make  # with the frame that it holds
-        return made
-
-
-_Ranked = tuple[float, int, _Item[T]]
+_Ranked = tuple[float, int, Chosen[T]]
 """A frame among the worst or the best; the smallest key comes first, equal keys in pseudo-random order."""
 
 
@@ -191,8 +178,7 @@ class Choice(Generic[T]):
     """Selection of the worst, the best and evenly spaced frames from a stream of unknown length.
 
     Half of the frames are the worst, a sixth the best. Every n-th frame is stored as evenly spaced; n doubles when
-    there are four times too many. The data of a frame is created some frames later: while frames get worse and worse,
-    each replaces the previous one and needs no data.
+    there are four times too many.
     """
 
     def __init__(self, frames: int) -> None:
@@ -200,58 +186,50 @@ class Choice(Generic[T]):
         self._even = frames - self._bad - self._good
         self._worst: list[_Ranked[T]] = []
         self._best: list[_Ranked[T]] = []
-        self._spread: dict[int, _Item[T]] = {}
+        self._spread: dict[int, T] = {}
         self._stride = 1
-        self._pending: list[_Item[T]] = []
 
     def offer(self, row: int, *, badness: float | None, merit: float | None, make: Callable[[], T]) -> None:
         """Offer a frame for selection; rows must be in ascending order.
 
         A frame with a badness of 0 or None is never among the worst, one with a merit of None never among the best.
-        ``make`` returns the data to store; it is called if the frame is still selected a few frames later.
+        ``make`` returns the data to store; it is called if the frame is selected.
         """
-        item = _Item(row, make)
-        self._pending.append(item)
+        make = cache(make)
         if badness:
-            _insert(self._worst, -badness, self._bad, item)
+            _insert(self._worst, -badness, self._bad, row, lambda: Chosen(row, "worst", make()))
         if merit is not None:
-            _insert(self._best, -merit, self._good, item)
+            _insert(self._best, -merit, self._good, row, lambda: Chosen(row, "best", make()))
         if row % self._stride == 0:
-            self._spread[row] = item
+            self._spread[row] = make()
             if len(self._spread) > 4 * self._even:
                 self._stride *= 2
-                self._spread = {kept: other for kept, other in self._spread.items() if kept % self._stride == 0}
-        # Frames that are old enough get their data; those that are no longer selected are dropped.
-        kept = {*(item for *_, item in (*self._worst, *self._best)), *self._spread.values()}
-        for item in kept.intersection(self._pending):
-            if row - item.row >= _MIN_SPACING:
-                item.data  # noqa: B018 - makes them
-        self._pending = [item for item in self._pending if item in kept and "data" not in vars(item)]
+                self._spread = {kept: item for kept, item in self._spread.items() if kept % self._stride == 0}
 
     def chosen(self) -> list[Chosen[T]]:
         """Return the selected frames, each once: the worst first, then the best, then the others by row."""
-        found = {item.row: Chosen(item.row, "worst", item.data) for *_, item in self._worst}
-        for *_, item in self._best:
-            found.setdefault(item.row, Chosen(item.row, "best", item.data))
-        others = [Chosen(row, "even", data) for row, data in self.spread() if row not in found]
+        found: dict[int, Chosen[T]] = {}
+        for *_, one in (*self._worst, *self._best):
+            found.setdefault(one.row, one)
+        others = [Chosen(row, "even", item) for row, item in self._spread.items() if row not in found]
         room = min(self._bad + self._good + self._even - len(found), len(others))
         return [*found.values(), *(others[number * len(others) // room] for number in range(room))]
 
-    def spread(self) -> list[tuple[int, T]]:
-        """Return all evenly spaced frames that are stored, with their rows."""
-        return [(row, self._spread[row].data) for row in sorted(self._spread)]
+    def spread(self) -> list[T]:
+        """Return all evenly spaced frames that are stored."""
+        return list(self._spread.values())
 
 
-def _insert(ranked: list[_Ranked[T]], key: float, size: int, item: _Item[T]) -> None:
+def _insert(ranked: list[_Ranked[T]], key: float, size: int, row: int, make: Callable[[], Chosen[T]]) -> None:
     """Insert a frame into a ranked list; it replaces a frame close to it, if there is one."""
-    entry = key, item.row * 2654435761 % 2**32, item  # spreads equal frames over the whole recording
-    close = next((number for number, (*_, one) in enumerate(ranked) if item.row - one.row < _MIN_SPACING), None)
+    keys = key, row * 2654435761 % 2**32  # spreads equal frames over the whole recording
+    close = next((number for number, (*_, one) in enumerate(ranked) if row - one.row < _MIN_SPACING), None)
     rival = close if close is not None else len(ranked) - 1 if len(ranked) == size else None
-    if not size or (rival is not None and entry[:2] >= ranked[rival][:2]):
+    if not size or (rival is not None and keys >= ranked[rival][:2]):
         return
     if rival is not None:
         del ranked[rival]
-    insort(ranked, entry, key=itemgetter(0, 1))
+    insort(ranked, (*keys, make()), key=itemgetter(0, 1))
 
 
 @dataclass(frozen=True)
@@ -336,7 +314,7 @@ class Collector(FrameListener):
     @property
     def spread(self) -> list[Sample]:
         """Evenly spaced frames that represent all frames."""
-        return [sample for _, sample in self._choice.spread()]
+        return self._choice.spread()
 
 
 def _judged(scored: ScoredFrame, *, labelled: bool) -> tuple[float | None, float | None]:
