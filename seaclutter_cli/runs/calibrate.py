@@ -22,7 +22,7 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.clutter import draw_clutter
-from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.plots.figure import render
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.calibrate_result import Calibrated, CalibrationResult, Candidate, Clutter, TradeOff
 from seaclutter_cli.runs.evaluate import EvaluateWork
@@ -68,8 +68,6 @@ def calibrate(options: CalibrateOptions) -> CalibrationResult:
     config = _starting_config(options)
     if (options.choose or options.trade_off) and not options.labels:
         raise UsageError(f"{'--choose' if options.choose else '--trade-off'}: filter rates are compared by --labels")
-    if options.plot_file:
-        check_target(options.plot_file)
     outputs = {"-o": options.output, "--plot": options.plot_file}
     pairs = prepared(options.logs, options, outputs, observer, [config])
     works = [_CalibrateWork(options.reading, *each, config, options) for each in pairs]

@@ -13,7 +13,7 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.clouds import draw_mask
-from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.plots.figure import render
 from seaclutter_cli.runs.batch import RecordingWork, prepared
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import MaskOptions
@@ -40,8 +40,6 @@ def find_mask(options: MaskOptions) -> "MaskResult":
     (60, True)
     """
     observer = options.watching
-    if options.plot_file:
-        check_target(options.plot_file)
     targets = {"-o": options.output, "--plot": options.plot_file}
     pairs = prepared(options.logs, options, targets, observer)
     search = StructureSearch(options.reach_m)

@@ -40,6 +40,7 @@ _COLUMNS = (
 """Of every manifest; those that a command does not know are empty."""
 
 _LABELS = "--labels"
+_FIGURES = ("--plot", "--plot-thresholds", "--figures")
 _PACKED_BYTES = 2**24
 _making_parents = ContextVar("making_parents", default=False)
 
@@ -124,8 +125,8 @@ def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
     New files in folders of inputs are refused, too, but allowed in those of ``labels``. Inputs that do not exist are
     names of built-in files. Existing files may be replaced if ``force``; a file to which the observer appends messages,
     its ``log_file``, may exist. ``root`` is what ``-o`` gives. Raise `UsageError` if two outputs are the same file, or
-    an output is an input, is inside an input folder, is a folder, is in a folder whose parent does not exist, or exists
-    and may not be replaced.
+    an output is an input, is inside an input folder, is a folder, is in a folder whose parent does not exist, exists
+    and may not be replaced, or is a figure in an unknown format.
 
     Unless ``dry``, folders below ``root``, and within `making_parents` all, are created. Incomplete files that killed
     runs left are removed, with a note to the observer.
@@ -213,6 +214,10 @@ def _check_distinct(targets: Sequence[_Target], known: Identities) -> None:
 
 def _check_place(target: _Target, *, force: bool) -> None:
     path = target.path
+    if target.option in _FIGURES:
+        from seaclutter_cli.plots.figure import check_target  # not needed otherwise
+
+        check_target(path)
     if target.exists and target.file.is_dir():
         if not target.marker:
             raise UsageError(f"{path}: is a folder; {target.option} takes a file")

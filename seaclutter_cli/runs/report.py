@@ -16,7 +16,6 @@ from seaclutter_cli.evaluation.scores import Summary
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import Filtered
-from seaclutter_cli.plots.figure import check_target
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.reporting.collector import Collector, FrameListener, Method, ScoredFrame
 from seaclutter_cli.reporting.page import render_page, report_data
@@ -64,10 +63,8 @@ def report(options: ReportOptions) -> "ReportResult":
     observer, folder = options.watching, options.figure_folder
     note_left_out(options, observer)
     figures = [folder / f"{name}.{options.figure_format}" for name in FIGURES] if folder else []
-    if folder:
-        if is_file(folder):
-            raise UsageError(f"{folder}: is a file; --figures takes a folder")
-        check_target(figures[-1])
+    if folder and is_file(folder):
+        raise UsageError(f"{folder}: is a file; --figures takes a folder")
     pairs = prepared(options.logs, options, {"-o": options.output, "--figures": figures}, observer)
     make = partial(_Studied, options=options)
     comparison, studied = filter_or_replay(pairs, options, options.reading, observer, make)

@@ -15,7 +15,7 @@ from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.plots.curves import draw_training
-from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.plots.figure import render
 from seaclutter_cli.reading import frames
 from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.observer import SILENT, Observer, Step
@@ -281,8 +281,6 @@ def train_scenes(logs: LabelledLogs, options: TrainSceneOptions, observer: Obser
     )
     if options.output.suffix.lower() != ".onnx":
         raise UsageError(f"{options.output}: the name of a model file must end in .onnx")
-    if options.plot_file:
-        check_target(options.plot_file)
     examples, damage = _read(labelled, options, observer)
     done: list[Epoch] = []
 

@@ -14,7 +14,7 @@ from seaclutter_cli.evaluation.matching import point_truth
 from seaclutter_cli.evaluation.scores import Parts, Summary, best, ideal_threshold
 from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.curves import draw_rates, draw_thresholds
-from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.plots.figure import render
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
 from seaclutter_cli.runs.batch import prepared, run_all, without_labels
 from seaclutter_cli.runs.evaluate import Evaluated, EvaluateWork
@@ -71,8 +71,6 @@ def tune(options: TuneOptions) -> "TuningResult":
 
 
 def _check_plots(options: TuneOptions, combinations: Sequence[Variant], recordings: int) -> None:
-    for path in filter(None, (options.curve_file, options.thresholds_file)):
-        check_target(path)
     several = len({one.method for one in combinations}) > 1
     if options.curve_file and (len(options.sweeps) != 1 or several):
         raise UsageError("--plot: needs a single --sweep of a single method")

@@ -268,16 +268,12 @@ class Mirror:
 
     def _require(self, files: Sequence[tuple[StoredObject, Path]]) -> None:
         """Raise `InputError` if there is no space for copies."""
-        size = sum(found.size for found, _ in files)
-        if self.free() < size:
+        size, free = sum(found.size for found, _ in files), shutil.disk_usage(self.path).free
+        if free < size:
             raise InputError(
                 f"{files[0][0].url}: needs {size / 1e9:.2f} GB in the scratch folder {self.path.parent}, which has "
-                f"{self.free() / 1e9:.2f} GB free; choose another with --scratch"
+                f"{free / 1e9:.2f} GB free; choose another with --scratch"
             )
-
-    def free(self) -> int:
-        """Return the number of free bytes."""
-        return shutil.disk_usage(self.path).free
 
     def fetch_ends(self, path: Path) -> None:
         """Copy the first and the last MiB of a file that is not copied."""

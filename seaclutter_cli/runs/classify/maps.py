@@ -14,7 +14,7 @@ from seaclutter_cli.airborne.map import IS_LAND, IS_OBJECT, map_of, shoreline_of
 from seaclutter_cli.airborne.objects import FoundObject, ObjectFindingParams, geodata_fields, unclassified_objects
 from seaclutter_cli.airborne.separation import SeaState, Separation
 from seaclutter_cli.errors import MissingExtraError, requiring
-from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import MapPart, aspect_of, draw_map
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.classifiers import MapOptions
@@ -68,10 +68,8 @@ def geopackage(layers: Mapping[str, Layer]) -> bytes:
 _PIXELS = 1000
 
 
-def check_maps(plot_file: Path | None, *, shoreline: bool, package: bool) -> None:
-    """Check the name of a picture and the libraries for maps before a run."""
-    if plot_file:
-        check_target(plot_file)
+def check_maps(*, shoreline: bool, package: bool) -> None:
+    """Check the libraries for maps before a run."""
     if shoreline:
         with requiring("the shoreline", "geo"):
             import contourpy  # noqa: F401 - availability check

@@ -76,7 +76,7 @@ def classify_tiles(
     inputs = {"--model": options.model, "-c": options.settings.file}
     heads = tiles_of(paths, None, observer)
     targets = plan_tiles(heads, output, others, inputs, force=options.force, observer=observer)
-    check_maps(plot_file, shoreline=package, package=package)
+    check_maps(shoreline=package, package=package)
     if plot_file and len(paths) > 1:
         raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
     model = _load(options, observer)

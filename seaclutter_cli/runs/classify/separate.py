@@ -80,7 +80,7 @@ def separate_tiles(
     raw["separation"] |= {key: plain(value) for key, value in given.items() if value is not None}
     settings = parse_settings(raw, "options")
     replaced = options.force or batch.resume
-    check_maps(maps.plot_file, shoreline=maps.wanted, package=maps.gpkg_file is not None)
+    check_maps(shoreline=maps.wanted, package=maps.gpkg_file is not None)
     heads = tiles_of(find_tiles(tiles), options.window_m, observer)
     others = {"--plot": maps.plot_file, "--geojson": maps.geojson_file, "--gpkg": maps.gpkg_file}
     others["--manifest"] = batch.manifest

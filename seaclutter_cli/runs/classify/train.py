@@ -15,7 +15,7 @@ from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.evaluation.confusion import Confusion
-from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import draw_confusion
 from seaclutter_cli.runs.classify.tiles import errors_of, warn_of_missing
 from seaclutter_cli.runs.observer import SILENT, Observer
@@ -45,8 +45,6 @@ def train_forest(tiles: Logs, options: TrainForestOptions, observer: Observer = 
     """
     settings = options.settings.load()
     paths = find_tiles(tiles)
-    if options.plot_file:
-        check_target(options.plot_file)
     targets = {"-o": options.output, "--plot": options.plot_file}
     inputs = {"TILE": paths, "-c": options.settings.file}
     prepare_outputs(targets, inputs, force=options.force, observer=observer)
