@@ -61,7 +61,7 @@ class Checks:
         if config.needs_height:
             self._waiting.append([_PlaneCheck(config.method)])
         if config.has_water:
-            self._waiting.append([_MountingCheck(config.filter)])
+            self._waiting += [[_MountingCheck(config.filter)], [_LandCheck(config.filter)]]
 
     def add(self, result: FilterResult) -> list[str]:
         """Add a frame; return the warnings that enough frames justify."""
@@ -251,6 +251,22 @@ class _MountingCheck:
         angles = (("roll", found.roll_deg, given.roll_deg), ("pitch", found.pitch_deg, given.pitch_deg))
         keys = [f"filter.mounting_{axis}_deg to {angle:g}" for axis, angle, was in angles if angle != was]
         return f"the lidar seems to be mounted {seems}; set {' and '.join(keys)}"
+
+
+class _LandCheck:
+    """Check whether what the method takes for water is land; it warns at the end."""
+
+    def __init__(self, params: "ConfirmedParams") -> None:
+        from seaclutter_cli.runs.surroundings import Ground
+
+        self._ground = Ground(params.mounting)
+
+    def add(self, result: FilterResult) -> None:
+        if result.water is not None:
+            self._ground.add(result.frame, result.water)
+
+    def warning(self) -> str | None:
+        return self._ground.warning()
 
 
 class FitChecks(Checks):

@@ -201,6 +201,8 @@ class Content(Described):
                 other = f"; use --intensity-field {cloud.other_intensity}" if cloud.other_intensity else ""
                 weak = f"intensities of {least:g} to {most:g} do not fit the default thresholds; use -c"
                 needs.append(f"{topic}: {weak if most else f'{cloud.intensity_name} is always 0{other}'}")
+        grounds = ((topic, cloud.around.ground) for topic, cloud in self.clouds.items() if cloud.around)
+        needs += [f"{topic}: {land}" for topic, ground in grounds if (land := ground.warning())]
         if not self.clouds:
             needs.append(f"there are no point clouds that can be read{hint_of(self.channels)}")
         return needs

@@ -157,6 +157,8 @@ class StructureSearch:
         self._water, self._planes = WaterTracker(), np.zeros(4)
         self.bodies: NDArray[np.intp] = np.empty(0, np.intp)
         """Points of the last frame that stand out of the water; none without water."""
+        self.surface: WaterSurface | None = None
+        """Water of the last frame."""
 
     def add(self, frame: Frame, *, finds_water: bool = True) -> None:
         """Add a frame; unless it ``finds_water`` itself, the water is what `see` is told."""
@@ -182,6 +184,7 @@ class StructureSearch:
 
     def see(self, surface: WaterSurface | None) -> None:
         """Receive the water of the frame added last, in the levelled frame."""
+        self.surface = surface
         if surface is not None:
             plane = surface.plane
             self._planes += (1, plane.slope_x, plane.slope_y, plane.level_m)

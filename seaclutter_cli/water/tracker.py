@@ -95,7 +95,7 @@ class WaterTracker:
         if lowest is None:
             return None
         flat = np.flatnonzero(~stands)
-        grid, band = GridCells.of(x, y), _band(self._sigma_m)
+        grid, band = GridCells.of(x, y), band_m(self._sigma_m)
         cells_of_flat, height = GridCells(grid.number[flat]), (z - lowest.height(x, y))[flat]
         swell = Swell.of(cells_of_flat, height, np.abs(height) <= band)
         swell = Swell.of(cells_of_flat, height, np.abs(height - swell.at(cells_of_flat)[0]) <= band)
@@ -105,7 +105,7 @@ class WaterTracker:
         known = self._plane is not None
         sigma, offset = self._known_sigma_m, 0.0
         for _ in range(1 if known else _START_PASSES):
-            offset, sigma = echoes.mean_level(_band(sigma))
+            offset, sigma = echoes.mean_level(band_m(sigma))
         plane = lowest.shifted(offset)
         if plane.level_m >= 0:  # water is below the lidar
             return
@@ -120,6 +120,6 @@ class WaterTracker:
         return _START_SIGMA_M if self._plane is None else self._sigma_m
 
 
-def _band(sigma_m: float) -> float:
+def band_m(sigma_m: float) -> float:
     """Return the height around the water within which echoes count as water."""
     return max(_MIN_BAND_M, _BAND_SIGMAS * sigma_m)

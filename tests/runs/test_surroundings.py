@@ -7,12 +7,14 @@ import pytest
 from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
-from seaclutter_cli.runs.surroundings import Surroundings, met_up_to_m, smallest
+from seaclutter_cli.frame import Frame, WaterState
+from seaclutter_cli.runs.surroundings import Ground, Surroundings, met_up_to_m, smallest
 from seaclutter_cli.simulation.lidar.models import LIDARS
 from tests.filters.seas import Body
 from tests.paths import ROOT
 from tests.structure.test_own_ship import MAST, sea
 
+SNOW = ROOT / "samples" / "snow.mcap"
 SAMPLE = ROOT / "samples" / "sea.mcap"
 BESIDE = Body(9, 6.5, vx=-2, length=2, width=1, height=0.9, points=40)
 
@@ -72,3 +74,40 @@ def test_a_filter_run_shows_them_in_its_summary(tmp_path):
     text = CliRunner().invoke(cli, [*line, "joint", "--force"]).stdout
     assert "% of the removed points are nearer than 10 m (filter.start_m)" in text
     assert "a buoy" not in text
+
+
+def flat(share, seed=0):
+    """Return a frame of a level surface 2 m below a lidar of 32 beams, which returns a share of the shots."""
+    random = np.random.default_rng(seed)
+    azimuth, elevation = np.meshgrid(np.radians(np.arange(0, 360, 0.25)), np.radians(np.linspace(-25, -3, 32)))
+    returned = random.random(azimuth.shape) < share
+    azimuth, elevation = azimuth[returned], elevation[returned]
+    distance = 2 / -np.tan(elevation) * random.normal(1, 0.005, azimuth.shape)
+    unit = np.cos(azimuth), np.sin(azimuth), np.tan(elevation)
+    return Frame.of_arrays(np.column_stack([distance * axis for axis in unit]))
+
+
+@pytest.mark.parametrize(("share", "is_land"), [(0.95, True), (0.6, True), (0.35, False), (0.1, False)])
+@pytest.mark.parametrize("wave_height_m", [0.1, 1.0])
+def test_land_returns_most_shots_at_grazing_angles(share, is_land, wave_height_m):
+    ground = Ground()
+    for seed in range(3):
+        ground.add(flat(share, seed), WaterState(-2.0, 0.0, 0.0, wave_height_m))
+    found = ground.warning()
+    assert bool(found) == (is_land and wave_height_m < 0.5), "what is rough is not asked"
+    if found:
+        stated = float(re.search(r"2\.0 m below the lidar.* returns (.*) % of the shots", found)[1])
+        assert stated == pytest.approx(100 * share, abs=5)
+
+
+def test_info_and_filter_say_what_is_land(tmp_path):
+    frames = tmp_path / "frames"
+    frames.mkdir()
+    for number in range(3):
+        points = flat(0.95, number).coordinates.T
+        np.save(frames / f"{number}.npy", np.column_stack((points, np.full(len(points), 40))))
+    output = str(tmp_path / "a.mcap")
+    for words in (["info", str(frames)], ["filter", str(frames), "-o", output, "-m", "confirmed"]):
+        result = CliRunner().invoke(cli, words)
+        assert "the surface 2.0 m below the lidar seems to be land: it returns 9" in result.output
+    assert "the surface 2.1 m below the lidar seems to be land" in CliRunner().invoke(cli, ["info", str(SNOW)]).output
