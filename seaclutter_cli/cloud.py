@@ -15,6 +15,9 @@ from seaclutter_cli.text import count
 FIELD_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 """Types of point fields that every supported message encoding has, as numpy codes."""
 
+RING_NAMES = ("ring", "channel", "line", "laser_id")
+"""Usual names of the field with the number of the beam, most likely first."""
+
 MAX_FIELDS = 1024
 """Number of fields that a cloud may have."""
 

@@ -14,14 +14,8 @@ from seaclutter_cli.records import Message
 from seaclutter_cli.text import printable
 
 INTENSITY_NAMES = (
-    "intensity",
-    "i",
-    "reflectivity",
-    "signal",
-    "remission",
-    "intensities",
-    "reflectance",
-    "scalar_intensity",
+    *("intensity", "i", "reflectivity", "signal"),
+    *("remission", "intensities", "reflectance", "scalar_intensity"),
 )
 """Usual names of the intensity field, most likely first; case is ignored."""
 

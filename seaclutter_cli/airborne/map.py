@@ -10,6 +10,7 @@ from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.surface import NEVER, WATER
 from seaclutter_cli.arrays import Floats
 from seaclutter_cli.errors import requiring
+from seaclutter_cli.grids.elevation import sliced
 
 UNKNOWN, IS_WATER, IS_LAND, IS_OBJECT = 0, 1, 2, 3
 """What is in a cell of a map."""
@@ -74,10 +75,8 @@ def map_of(parts: Iterable[Floats], found: Separation, cell_m: float) -> TileMap
     total = shape[0] * shape[1]
     sea, land, other = (np.zeros(total, np.int32) for _ in range(3))
     elevation = np.zeros(total)
-    start = 0
-    for xyz in parts:
-        code = found.classification[start : start + xyz.shape[1]]
-        start += xyz.shape[1]
+    for part, xyz in sliced(parts):
+        code = found.classification[part]
         used = code != NEVER
         column, row = np.floor(xyz[:2, used] / cell_m).astype(np.int64) - first[:, None]
         cell, code = column * shape[1] + row, code[used]
@@ -96,10 +95,8 @@ def map_of(parts: Iterable[Floats], found: Separation, cell_m: float) -> TileMap
 
 def _extent(parts: Iterable[Floats], found: Separation) -> tuple[Floats, Floats]:
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
-    start = 0
-    for xyz in parts:
-        used = found.classification[start : start + xyz.shape[1]] != NEVER
-        start += xyz.shape[1]
+    for part, xyz in sliced(parts):
+        used = found.classification[part] != NEVER
         if used.any():
             low = np.minimum(low, xyz[:2, used].min(axis=1))
             high = np.maximum(high, xyz[:2, used].max(axis=1))

@@ -15,6 +15,7 @@ from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.surface import OTHER
 from seaclutter_cli.arrays import Floats, Ints
 from seaclutter_cli.grids.cells import nearest
+from seaclutter_cli.grids.elevation import sliced
 from seaclutter_cli.params import Count, Positive, Share, key
 
 COLUMNS = (
@@ -175,10 +176,8 @@ def unclassified_objects(
 def _off_land(parts: Iterable[Floats], found: Separation) -> Floats:
     """Return the non-sea points that are not on land, shape (3, N)."""
     chosen = [np.empty((3, 0))]
-    start = 0
-    for xyz in parts:
-        own = xyz[:, found.classification[start : start + xyz.shape[1]] == OTHER]
-        start += xyz.shape[1]
+    for part, xyz in sliced(parts):
+        own = xyz[:, found.classification[part] == OTHER]
         chosen.append(own[:, ~found.land.contain(own[:2])])
     return np.concatenate(chosen, axis=1)
 

@@ -1,12 +1,13 @@
 """Strips of a tile: the passes of the aircraft, each of which shows the water at one moment."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Floats
+from seaclutter_cli.grids.elevation import sliced
 
 Column = Callable[[str], NDArray[Any] | None]
 """Returns an attribute of all points by its LAS name, shape (N,); None if the tile does not have it."""
@@ -72,27 +73,16 @@ def looks_of(strip: NDArray[np.uint8] | None, parts: Iterable[Floats], column: C
         return strip
     own = np.zeros(len(times), np.uint8) if strip is None else strip
     step = max(len(times) // _MANY_POINTS, 1)
-    place = np.concatenate([xyz[:2] for xyz in _every(parts, step)], axis=1)
+    place = np.concatenate([xyz[:2, -part.start % step :: step] for part, xyz in sliced(parts)], axis=1)
     late = np.zeros(len(times), np.bool_)
     for number in np.unique(own[::step]).tolist():
         some = np.isfinite(place).all(axis=0) & np.isfinite(times[::step]) & (own[::step] == number)
         plane = _between_looks(place[:, some], np.asarray(times[::step][some], np.float64))
         if plane is None:
             continue
-        start = 0
-        for xyz in parts:
-            part = slice(start, start + xyz.shape[1])
+        for part, xyz in sliced(parts):
             late[part] |= (own[part] == number) & (times[part] > _at(plane, xyz[:2]))
-            start = part.stop
     return 2 * own + late if late.any() else strip
-
-
-def _every(parts: Iterable[Floats], step: int) -> Iterator[Floats]:
-    """Yield every so many points of all parts together."""
-    start = 0
-    for xyz in parts:
-        yield xyz[:, -start % step :: step]
-        start += xyz.shape[1]
 
 
 def _between_looks(place: Floats, times_s: Floats) -> Floats | None:

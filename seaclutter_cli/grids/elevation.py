@@ -166,10 +166,8 @@ class GriddedPoints:
 
     def __iter__(self) -> Iterator[tuple[slice, Floats, NDArray[np.int32]]]:
         """Yield which points are in each part, their elevations and their cells."""
-        start = 0
-        for xyz, cell in zip(self.parts, self.cells, strict=True):
-            yield slice(start, start + len(cell)), xyz[2], cell
-            start += len(cell)
+        for (part, xyz), cell in zip(sliced(self.parts), self.cells, strict=True):
+            yield part, xyz[2], cell
 
     def chosen(self, own: Mask) -> "GriddedPoints":
         """Return the points of a mask, shape (N,), with a grid of their own."""
@@ -198,10 +196,14 @@ class _Changed:
     values: NDArray[Any]
 
     def __iter__(self) -> Iterator[Floats]:
-        start = 0
-        for xyz in self.parts:
-            yield self.change(xyz, self.values[start : start + xyz.shape[1]])
-            start += xyz.shape[1]
+        return (self.change(xyz, self.values[part]) for part, xyz in sliced(self.parts))
+
+
+def sliced(parts: Iterable[Floats]) -> Iterator[tuple[slice, Floats]]:
+    """Yield which of all points are in each part, and their coordinates, shape (3, n)."""
+    start = 0
+    for xyz in parts:
+        yield slice(start, start := start + xyz.shape[1]), xyz
 
 
 def _located(xyz: Floats) -> Mask | slice:

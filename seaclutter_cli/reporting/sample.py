@@ -17,8 +17,8 @@ from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
 
 _MAX_CLUSTERS = 400
 
-Described = dict[str, Any]
-BoxesAndClusters = tuple[list[Described], list[list[Described]]]
+Shown = dict[str, Any]
+BoxesAndClusters = tuple[list[Shown], list[list[Shown]]]
 _CLUSTERS = {
     "target": (palette.STATES["detected"], ""),
     "false": (palette.STATES["false alarm"], "false alarm"),
@@ -56,10 +56,10 @@ def find_boxes(
     targets = None if truth is None else targets_of(frame, truth, params)
     subsets = [mask for result in results if result is not None for mask in (result.keep, unconfirmed(result))]
     finder = finder_of(frame, subsets, params)
-    clusters: list[list[Described]] = []
+    clusters: list[list[Shown]] = []
     matched: list[Matches | None] = []
     for result in results:
-        found, matches = list[Described](), None
+        found, matches = list[Shown](), None
         if result is not None:
             kept, others = (
                 finder.clusters(points & frame.valid, params.min_cluster_points)
@@ -72,7 +72,7 @@ def find_boxes(
     return _boxes(truth, targets, matched), clusters
 
 
-def _clusters(frame: Frame, labels: NDArray[np.int64], matches: Matches | None, kind: str) -> list[Described]:
+def _clusters(frame: Frame, labels: NDArray[np.int64], matches: Matches | None, kind: str) -> list[Shown]:
     """Return the bounding boxes of the clusters, at most the `_MAX_CLUSTERS` largest, of a kind without matches."""
     members = np.flatnonzero(labels >= 0)
     if not len(members):
@@ -89,7 +89,7 @@ def _clusters(frame: Frame, labels: NDArray[np.int64], matches: Matches | None, 
     ]
 
 
-def _boxes(truth: Truth | None, targets: FrameTargets | None, matches: Sequence[Matches | None]) -> list[Described]:
+def _boxes(truth: Truth | None, targets: FrameTargets | None, matches: Sequence[Matches | None]) -> list[Shown]:
     if truth is None or targets is None:
         return []
     boxes = [{**box, "state": "ignored"} for box in _described(truth.ignored)]
@@ -99,7 +99,7 @@ def _boxes(truth: Truth | None, targets: FrameTargets | None, matches: Sequence[
     return boxes
 
 
-def _described(boxes: Boxes) -> list[Described]:
+def _described(boxes: Boxes) -> list[Shown]:
     rows = zip(boxes.tracks, boxes.classes, boxes.centers, boxes.sizes, boxes.yaws, strict=True)
     return [
         {"track": track, "class": kind, "center": _rounded(center), "size": _rounded(size), "yaw": float(yaw)}
@@ -138,7 +138,7 @@ def boxes_of(result: FilterResult, truth: Truth | None, params: EvaluationParams
     return {"clusters": found, "labels": [_box(one) for one in boxes]}
 
 
-def _box(one: Described) -> SceneBox:
+def _box(one: Shown) -> SceneBox:
     color, text = _BOXES[one["state"][0] if isinstance(one["state"], list) else one["state"]]
     return SceneBox(one["center"], one["size"], one["yaw"], color, text.format(one["class"]))
 
@@ -167,8 +167,8 @@ class Sample:
     reasons: NDArray[np.uint8]
     truth: NDArray[np.uint8]
     weight: NDArray[np.float32]
-    boxes: list[Described]
-    clusters: list[list[Described]]
+    boxes: list[Shown]
+    clusters: list[list[Shown]]
     water: WaterState | None = None
 
     @property

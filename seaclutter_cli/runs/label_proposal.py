@@ -134,10 +134,7 @@ class ProposedLabels(RecordedObjects):
     @property
     def classes(self) -> dict[str, int]:
         """Number of tracks by class."""
-        return dict(sorted(Counter(dict(self._kinds()).values()).items()))
-
-    def _kinds(self) -> list[tuple[str, str]]:
-        return [(one.labelled.track, one.labelled.kind) for one in self.found]
+        return dict(sorted(Counter({one.labelled.track: one.labelled.kind for one in self.found}.values()).items()))
 
     def as_text(self) -> str:
         """Return what was proposed, tracks with doubtful boxes first."""

@@ -234,13 +234,10 @@ def _changed_after(paths: Iterable[Path], output: Path) -> bool:
     """Return whether a local file, or one in a folder, was changed after an output was complete; not in the future."""
     if mirror_of(output):
         return False
-    written, now = (output.stat().st_mtime if output.is_file() else _latest(output)), time()
+    written = max((file.stat().st_mtime for file in ([output] if output.is_file() else output.iterdir())), default=0.0)
+    now = time()
     files = (file for path in paths if not mirror_of(path) for _, file in _files(path))
     return any(written < file.stat().st_mtime <= now for file in files)
-
-
-def _latest(folder: Path) -> float:
-    return max((file.stat().st_mtime for file in folder.iterdir()), default=0.0)
 
 
 def digest_of(value: Any) -> str:

@@ -15,11 +15,7 @@ from seaclutter_cli.text import harmless
 
 _REASONS = (Reason.INVALID, Reason.NEAR, Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.FAR, Reason.EXCLUDED)
 _COLUMNS = (
-    "recording",
-    "topic",
-    "frame",
-    "stamp_ns",
-    "points_in",
+    *("recording", "topic", "frame", "stamp_ns", "points_in"),
     *(reason.name.lower() for reason in _REASONS),
     "points_out",
 )

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Floats, Ints, Mask
+from seaclutter_cli.cloud import RING_NAMES
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.structure.mask import Sector, StructureMask, azimuth_deg, elevation_deg
@@ -32,7 +33,6 @@ _GOES_ON, _MOST_ONGOING = 0.15, 0.3
 _AZIMUTH_STEP_DEG = 1.0
 _COLUMNS = round(360 / _AZIMUTH_STEP_DEG)
 _ELEVATION_STEP_DEG = 1.0
-_RING_NAMES = ("ring", "channel", "line", "laser_id")
 _MAX_RINGS = 1024
 _MIN_BEAMS = 2
 _SAME_DEG = 0.02
@@ -334,7 +334,7 @@ def _sectors(grid: BeamGrid, cells: Mask) -> list[Sector]:
 def _numbered_beams(frame: Frame, elevation: Floats) -> Floats | None:
     """Return the elevations of the beams, ascending; None if no field numbers beams of constant elevation."""
     points = frame.cloud.points
-    name = next((name for name in _RING_NAMES if name in (points.dtype.names or ())), None)
+    name = next((name for name in RING_NAMES if name in (points.dtype.names or ())), None)
     if name is None or points.dtype[name].shape or points.dtype[name].kind not in "iu":
         return None
     rings, ring = np.unique(points[name][frame.valid], return_inverse=True)
