@@ -5,23 +5,20 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.tracking.detections import YAWS
 from seaclutter_cli.tracking.tracker import ahead
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_ANGLES = np.radians(np.arange(0, 180, 2))
-_QUARTER = len(_ANGLES) // 2
-_TOWARDS = np.stack((np.cos(_ANGLES), np.sin(_ANGLES))).astype(np.float32)
-_SKIN_M = 0.1
-_STEADY_S = 0.7
+_TURNING_S, _STEADY_S, _STEADY = 0.7, 5.0, 0.1
 _SIZE_QUANTILE = 0.9
 _OBLIQUE = np.sin(np.radians(10))
-_USUAL_BEAM = 0.3
+_USUAL_BEAM, _SHIP_BEAM = 0.3, 0.6
 _ROUND_M, _ROUND = 2.0, 0.9
 _ACCELERATIONS = (0.1, 1.0, 10.0)
 _GAIN = 30.0
-_NOISE_M, _HIDDEN_NOISE, _BETWEEN_NOISE = 0.08, 0.1, 0.4
+_NOISE_M, _HIDDEN_NOISE, _BETWEEN_NOISE = 0.08, 0.3, 0.4
 _SPEED_MS = 4.0
 _OUTLYING = 3.0
 _MAX_SIZES = 512
@@ -38,22 +35,29 @@ class Shape:
     yaw_s: float = 0.0
 
 
-def orientation(hulls: Floats, times_s: Floats) -> Floats:
-    """Return the yaws of the rectangles of least area around a track, shape (T,), smooth over time, modulo 90°."""
-    projected = hulls.astype(np.float32) @ _TOWARDS
-    widths = np.ptp(projected, axis=1) + np.float32(_SKIN_M)
-    cost = np.log(widths[:, :_QUARTER]) + np.log(widths[:, _QUARTER:])
-    total = np.cumsum(np.concatenate((np.zeros((1, _QUARTER)), cost)), axis=0)
-    first, last = (np.searchsorted(times_s, times_s + side * (_STEADY_S + 1e-6)) for side in (-1, 1))
-    mean = (total[last] - total[first]) / (last - first)[:, None]
+def orientation(misfits: Floats, times_s: Floats) -> Floats:
+    """Return the yaws of the rectangles that fit a track best, shape (T,), smooth over time, modulo 90°.
+
+    Misfits, shape (T, 45), are averaged over seconds where one yaw explains them nearly as well as several.
+    """
+    mean, wide = (_mean_over(misfits, times_s, half_s) for half_s in (_TURNING_S, _STEADY_S))
+    least = _mean_over(mean.min(axis=1, keepdims=True), times_s, _STEADY_S)
+    mean = np.where(wide.min(axis=1, keepdims=True) < least + _STEADY, wide, mean)
     best = mean.argmin(axis=1)
     rows = np.arange(len(mean))
-    # The cost has a kink where the sides are parallel: the lines on both sides of it meet there.
-    far_left, left, right, far_right = (mean[rows, (best + step) % _QUARTER] for step in (-2, -1, 1, 2))
+    # The misfit has a kink where the sides are parallel: the lines on both sides of it meet there.
+    far_left, left, right, far_right = (mean[rows, (best + step) % YAWS] for step in (-2, -1, 1, 2))
     fall, rise = left - far_left, far_right - right
     meet = (right - rise - left - fall) / np.minimum(fall - rise, -1e-9)
     offset = np.where(rise > fall, np.clip(meet, -1, 1), 0)
-    return np.unwrap((best + offset) * (_ANGLES[1] - _ANGLES[0]), period=np.pi / 2)
+    return np.unwrap((best + offset) * (np.pi / 2 / YAWS), period=np.pi / 2)
+
+
+def _mean_over(values: Floats, times_s: Floats, half_s: float) -> Floats:
+    """Return the means of values, shape (T, n), over the times around each."""
+    total = np.cumsum(np.concatenate((np.zeros_like(values[:1]), values)), axis=0)
+    first, last = (np.searchsorted(times_s, times_s + side * (half_s + 1e-6)) for side in (-1, 1))
+    return np.asarray((total[last] - total[first]) / (last - first)[:, None])
 
 
 def extents(hulls: Floats, yaws: Floats) -> tuple[Floats, Floats]:
@@ -64,14 +68,16 @@ def extents(hulls: Floats, yaws: Floats) -> tuple[Floats, Floats]:
     return axes.min(axis=1), axes.max(axis=1)
 
 
-def fit(shape: Shape, hulls: Floats, sensor: Floats, times_s: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+def fit(
+    shape: Shape, hulls: Floats, misfits: Floats, sensor: Floats, times_s: Floats
+) -> tuple[Floats, Floats, Floats, Floats]:
     """Return yaws, shape (T,), centres, (T, 2), their standard deviations, (T,), and the size, (2,), of a track.
 
     The frames are added to what is known of its shape. Of a side that was never seen, the length is that of a usual
     vessel, and what is shorter than two metres is taken to be nearly round. A face that is nearer than the rest of the
     rectangle is taken for the side of it.
     """
-    yaws = orientation(hulls, times_s)
+    yaws = orientation(misfits, times_s)
     if shape.yaw is not None:
         known = np.interp(shape.yaw_s, times_s, yaws)
         yaws += np.round((shape.yaw - known) / (np.pi / 2)) * (np.pi / 2)
@@ -92,7 +98,7 @@ def fit(shape: Shape, hulls: Floats, sensor: Floats, times_s: Floats) -> tuple[F
     if whole[0] <= _ROUND_M:  # such as a buoy, of which the far half is hidden
         whole[1] = max(whole[1], _ROUND * whole[0])
     elif not shape.oblique:
-        whole[1] = max(whole[1], _USUAL_BEAM * whole[0])
+        whole[1] = max(whole[1], min(_USUAL_BEAM * whole[0], _SHIP_BEAM * whole[0] ** (2 / 3)))
     middle, deviation = _placed(seen_from, low, high, whole)
     center = np.stack((middle[:, 0] * cos - middle[:, 1] * sin, middle[:, 0] * sin + middle[:, 1] * cos), axis=1)
     return yaws, center, deviation, whole

@@ -15,14 +15,20 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 DIRECTIONS = 36
+YAWS = 45
 _CELL_M = 0.5
 _MAX_CELL = 1 << 19
 _FLATTENED = np.array([[1], [1], [0.2]])
 _THINNED_M = np.array([[0.2], [0.2], [1]])
 _MAX_DETECTIONS = 2000
+_CRAFT_M, _CRAFT_WIDE_M = 15.0, 3.5
+_CLOSE, _NEAR = 0.45, 0.8
 _UP = np.array([0.0, 0.0, 1.0])
 _ANGLES = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
+_TOWARDS = np.array([part(np.arange(2 * YAWS) * (np.pi / 2 / YAWS)) for part in (np.cos, np.sin)], np.float32)
+_SKIN_M = 0.1
 _COS, _SIN = (part(_ANGLES)[:, None].astype(np.float32) for part in (np.cos, np.sin))
+_TURNED = np.column_stack((_COS, _SIN)).astype(np.float64)[: DIRECTIONS // 2]
 
 
 class Pose(NamedTuple):
@@ -73,6 +79,23 @@ class Detections:
         """Return the detections in the coordinates in which the lidar has a pose."""
         hulls, centers, cells = (pose.applied(points) for points in (self.hulls, self.centers, self.cells))
         return replace(self, hulls=hulls, centers=centers, cells=cells)
+
+    def misfits(self) -> Floats:
+        """Return how badly rectangles at yaws of 0°, 2°, … 88° fit the detections, shape (K, 45).
+
+        This is the logarithm of their area and of the mean distance of cells from the nearest side.
+        """
+        if not len(self):
+            return np.empty((0, YAWS))
+        hull = _projected(self.hulls - self.centers[:, None])
+        low, high = hull.min(axis=1), hull.max(axis=1)
+        cells = _projected(self.cells - self.centers[self.owner])
+        inside = np.minimum(cells - low[self.owner], high[self.owner] - cells)
+        starts = group_starts(self.owner)
+        depth = np.add.reduceat(np.minimum(inside[:, :YAWS], inside[:, YAWS:]), starts)
+        depth /= group_sizes(starts, len(self.owner))[:, None]
+        widths = high - low + _SKIN_M
+        return np.asarray(np.log(np.maximum(depth, 0) + _SKIN_M) + np.log(widths[:, :YAWS]) + np.log(widths[:, YAWS:]))
 
     @classmethod
     def of(cls, result: FilterResult, tolerance_m: float, min_points: int, up: Floats = _UP) -> "Detections":
@@ -131,17 +154,69 @@ class Detections:
 
 
 def _clusters(xyz: Floats, tolerance_m: float, min_points: int) -> Indices:
-    """Return the cluster of each point, shape (N,), by first points; -1 for small ones.
+    """Return the cluster of each point, shape (N,); -1 for small ones.
 
-    One point of each cell of 0.2 m by 0.2 m by 1 m is searched for neighbours.
+    What is larger than a small craft is divided at gaps of less than half the tolerance. One point of each cell of
+    0.2 m by 0.2 m by 1 m is searched for neighbours.
     """
     if not xyz.shape[1]:
         return np.empty(0, np.int64)
     column, row, level = np.clip(np.floor(xyz / _THINNED_M), -_MAX_CELL, _MAX_CELL - 1).astype(np.int64) + _MAX_CELL
     _, first, cell = np.unique((column * (2 * _MAX_CELL) + row) * (2 * _MAX_CELL) + level, True, True)
-    number = euclidean_clusters(xyz.take(first, axis=1) * _FLATTENED, tolerance_m, 1)[cell.ravel()]
+    thinned = xyz.take(first, axis=1)
+    number = euclidean_clusters(thinned * _FLATTENED, tolerance_m, 1)
+    wide = np.flatnonzero(~_are_small(*_widths(thinned[:2], number))[number])
+    if len(wide):
+        parts = euclidean_clusters(thinned.take(wide, axis=1) * _FLATTENED, _CLOSE * tolerance_m, 1)
+        number[wide] = number.max() + 1 + _joined(thinned[:2, wide], parts, tolerance_m)
+    number = number[cell.ravel()]
     large = np.bincount(number) >= min_points
     return np.asarray(np.where(large, np.cumsum(large) - 1, -1)[number])
+
+
+def _projected(points: Floats) -> NDArray[np.float32]:
+    """Return the coordinates of points, shape (…, 2), in directions at 0°, 2°, … 178°."""
+    x, y = (points[..., k, None].astype(np.float32) for k in (0, 1))
+    return np.asarray(x * _TOWARDS[0] + y * _TOWARDS[1])
+
+
+def _joined(xy: Floats, part: Indices, tolerance_m: float) -> Indices:
+    """Return the number of the whole of each point: parts that are near each other, up to the size of a small craft.
+
+    So boats beside each other or beside a quay are apart, and a boat that is seen in pieces is one.
+    """
+    from scipy.spatial import cKDTree  # slow to import
+
+    cells, owner = _cells(xy, part)
+    low, high = _widths(xy, part)
+    pairs = cKDTree(cells).query_pairs(_NEAR * tolerance_m, output_type="ndarray")
+    of = np.sort(owner[pairs], axis=1)
+    some = (of[:, 0] != of[:, 1]) & _are_small(low, high)[of].all(axis=1)
+    gap = np.linalg.norm(cells[pairs[some, 0]] - cells[pairs[some, 1]], axis=1)
+    of = of[some][np.lexsort((*of[some].T, gap))]
+    _, nearest = np.unique(of, axis=0, return_index=True)
+    whole = np.arange(low.shape[1])
+    for a, b in of[np.sort(nearest)].tolist():
+        one, other = whole[a], whole[b]
+        least, most = np.minimum(low[:, one], low[:, other]), np.maximum(high[:, one], high[:, other])
+        if _are_small(least, most):
+            whole[whole == other] = one
+            low[:, one], high[:, one] = least, most
+    return whole[part]
+
+
+def _widths(xy: Floats, number: Indices) -> tuple[Floats, Floats]:
+    """Return the least and the greatest coordinates of each cluster of points, in 18 directions, shape (18, K)."""
+    order = np.argsort(number, kind="stable")
+    starts = group_starts(number[order])
+    across = _TURNED @ xy[:, order]
+    return np.minimum.reduceat(across, starts, axis=1), np.maximum.reduceat(across, starts, axis=1)
+
+
+def _are_small(low: Floats, high: Floats) -> NDArray[np.bool_]:
+    """Return which clusters are not longer or wider than a small craft."""
+    widths = high - low
+    return np.asarray((widths.max(axis=0) <= _CRAFT_M) & (widths.min(axis=0) <= _CRAFT_WIDE_M))
 
 
 def _cells(xy: Floats, owner: Indices) -> tuple[Floats, Indices]:

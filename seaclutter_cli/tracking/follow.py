@@ -85,6 +85,7 @@ class _Waiting:
     over_ground: bool
     water: _Water | None
     found: Detections
+    misfits: Floats
     clear_m: Floats
     rows: Sequence[int]
     tracks: Sequence[Track]
@@ -135,7 +136,8 @@ class Follower:
         rows = [row for row, track in enumerate(tracks) if track is not None]
         known = [track for track in tracks if track is not None]
         names = frame.index, frame.stamp_ns, frame.cloud.frame_id
-        self._frames.append(_Waiting(*names, time_s, pose, over_ground, water, found, clear_m, rows, known))
+        misfits = found.misfits()
+        self._frames.append(_Waiting(*names, time_s, pose, over_ground, water, found, misfits, clear_m, rows, known))
         self._records += len(rows)
         if time_s - self._frames[self._done].time_s >= 2 * self._ahead_s or self._records > _MAX_WAITING:
             yield from self._complete(time_s - self._ahead_s)
@@ -192,8 +194,9 @@ def _smoothed(frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Tra
     for n, track in enumerate(tracks):
         seen = np.array([f for f, _ in records[track]])
         hulls = np.stack([frames[f].found.hulls[row] for f, row in records[track]])
+        misfits = np.stack([frames[f].misfits[row] for f, row in records[track]])
         yaws[seen, n], places[seen, n], deviations[seen, n], sizes[n, :2] = fit(
-            shapes.setdefault(track, Shape()), hulls, sensor[seen], times_s[seen]
+            shapes.setdefault(track, Shape()), hulls, misfits, sensor[seen], times_s[seen]
         )
         spans[seen, n] = [frames[f].found.spans[row] for f, row in records[track]]
         rises[seen, n] = [frames[f].found.rises[row, 1] for f, row in records[track]]

@@ -55,6 +55,36 @@ def test_box_and_velocity_are_measured():
         assert not one.over_ground
 
 
+def line(start, end, step=0.2):
+    """Return points from one place to another, at two heights."""
+    count = int(np.hypot(*np.subtract(end, start)) / step) + 1
+    xy = np.linspace(start, end, count)
+    return np.vstack([np.column_stack((xy, np.full(count, z))) for z in (-1.0, 0.5)])
+
+
+def test_boats_beside_each_other_and_a_quay_are_apart():
+    boats = [hull(np.array([x, 20.0]), np.pi / 2) for x in (-8.0, -4.0, 0.0)]
+    scene = np.vstack([*boats, line((-40, 25), (40, 25))])
+    (one,) = followed([frame_of(k, scene) for k in range(20)])[10:11]
+    assert len(one.tracks) == 4
+    assert max(one.sizes[:, 0].round()) == 80
+    for x in (-8.0, -4.0, 0.0):
+        assert np.hypot(*(one.centers[:, :2] - (x, 20.0)).T).min() < 0.3
+
+
+def test_a_boat_seen_in_pieces_beside_others_is_one():
+    pieces = [line((20, y), (20, y + 1.5)) for y in (0, 2.3, 4.6, 6.9)]
+    beside = [line((x, 0), (x, 9)) for x in (21.4, 22.8, 24.2)]
+    (one,) = followed([frame_of(k, np.vstack(pieces + beside)) for k in range(20)])[10:11]
+    assert sorted(one.sizes[:, 0].round(1)) == [8.4, 9, 9, 9]
+
+
+def test_the_beam_of_a_ship_of_which_one_side_is_seen_is_not_a_third_of_its_length():
+    found = followed([frame_of(k, line((-20, 20), (20, 20))) for k in range(20)])
+    assert not found[10].measured[0]
+    assert 6 < found[10].sizes[0, 1] < 9
+
+
 def test_ids_survive_two_seconds_without_the_object():
     hidden = range(15, 35)
     empty = np.array([[60.0, 60, 0]])
