@@ -62,7 +62,10 @@ class ZoneParams:
         "in the cloud's frame.",
     )
     mask: str = key(
-        "", "File of a mask of own structure by beam and azimuth, as seaclutter mask writes it; empty for none."
+        "",
+        "File of a mask of own structure: a table as seaclutter mask writes it, or a PNG image that is dark where "
+        "structure is, of the height and width of the clouds, or of rings, the uppermost first, by azimuths 180° to "
+        "-180°; empty for none.",
     )
 
     @property
@@ -188,9 +191,9 @@ class Exclusion:
         self._boxes, self._polygons = boxes, polygons
         self._mask = None
         if mask:
-            from seaclutter_cli.structure.mask import StructureMask  # most configurations have none
+            from seaclutter_cli.structure.mask import load_mask  # most configurations have none
 
-            self._mask = StructureMask.load(Path(mask))
+            self._mask = load_mask(Path(mask))
 
     def __bool__(self) -> bool:
         """Return whether anything is excluded."""
@@ -206,7 +209,7 @@ class Exclusion:
         for polygon in self._polygons:
             inside |= _in_polygon(xyz, polygon)
         if self._mask is not None:
-            inside |= self._mask.contains(xyz, frame.range_m)
+            inside |= self._mask.covers(frame)
         return inside
 
 

@@ -1,7 +1,8 @@
 """Masks of own ship's structure by beam and azimuth: directions, with the ranges at which the structure returns.
 
-A mask is a table (CSV) with a row for each sector. Elevation and azimuth are those of a point in the cloud's frame, so
-a mask fits every cloud of the same lidar in the same place, with or without a field for the beam.
+A mask is a table (CSV) with a row for each sector, or an image (PNG) of beams by columns. In tables, elevation and
+azimuth are those of a point in the cloud's frame, so a table fits every cloud of the same lidar in the same place, with
+or without a field for the beam.
 """
 
 import csv
@@ -14,13 +15,17 @@ from typing import Self
 import numpy as np
 
 from seaclutter_cli.arrays import Floats, Mask
-from seaclutter_cli.errors import ConfigError
+from seaclutter_cli.errors import ConfigError, FieldError, requiring
+from seaclutter_cli.frame import Frame
 from seaclutter_cli.paths import open_regular
 from seaclutter_cli.text import count
 
 _MAX_BYTES = 16 * 2**20
 _MAX_CELLS = 2**22
 _DECIMALS = 3
+_PNG, _DARK = b"\x89PNG\r\n\x1a\n", 128
+RING_NAMES = ("ring", "channel", "line", "laser_id")
+"""Names of fields that number the beams."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,29 +89,85 @@ class StructureMask:
         inside[near] = (range_m[near] >= self._nearest[cell]) & (range_m[near] < self._farthest[cell])
         return inside
 
+    def covers(self, frame: Frame) -> Mask:
+        """Return whether each point of a frame belongs to own structure, shape (N,)."""
+        return self.contains(frame.coordinates, frame.range_m)
+
     @classmethod
-    def load(cls, path: Path) -> Self:
-        """Return the mask in a file; `ConfigError` if it cannot be read or is not a mask, with its line."""
-        try:
-            with io.TextIOWrapper(open_regular(path), encoding="utf-8", newline="") as file:
-                text = file.read(_MAX_BYTES + 1)
-        except (OSError, UnicodeDecodeError) as error:
-            reason = getattr(error, "strerror", None) or "not UTF-8 text"
-            raise ConfigError(f"filter.mask: {path}: cannot be read ({reason})") from error
-        if len(text) > _MAX_BYTES:
-            raise ConfigError(f"filter.mask: {path}: has more than {_MAX_BYTES:,} characters")
-        try:
-            return cls(tuple(_sectors(text)))
-        except (ValueError, csv.Error) as error:
-            raise ConfigError(f"filter.mask: {path}: {error}") from error
+    def of_csv(cls, data: bytes) -> Self:
+        """Return the mask of a table; `ValueError` if it is none, with its line."""
+        return cls(tuple(_sectors(data.decode())))
 
     def as_csv(self) -> str:
-        """Return the text of a file for `load`."""
+        """Return the text of a file for `load_mask`."""
         out = io.StringIO()
         write = csv.writer(out, lineterminator="\n")
         write.writerow(COLUMNS)
         write.writerows([f"{value:.{_DECIMALS}f}" for value in astuple(one)] for one in self.sectors)
         return out.getvalue()
+
+
+@dataclass(frozen=True)
+class ImageMask:
+    """A mask drawn as an image of beams by columns, shape (rows, columns), True where own structure is, at any range.
+
+    Its pixels are those of clouds of the same height and width. In other clouds, a row is a beam by the field of the
+    ring, the uppermost beam first, and columns are azimuths from 180° on the left to -180°.
+    """
+
+    hidden: Mask
+    name: str
+
+    def covers(self, frame: Frame) -> Mask:
+        """Return whether each point of a frame belongs to own structure, shape (N,)."""
+        cloud, (rows, columns) = frame.cloud, self.hidden.shape
+        if (cloud.height, cloud.width) == (rows, columns):
+            return self.hidden.reshape(-1).copy()
+        name = next((name for name in RING_NAMES if name in (cloud.dtype.names or ())), "")
+        if not name or cloud.dtype[name].shape or cloud.dtype[name].kind not in "iu":
+            size = f"{cloud.height:,} by {cloud.width:,}"
+            need = f"clouds of {rows:,} by {columns:,} points, or with a field for the ring"
+            raise FieldError(f"filter.mask: {self.name} needs {need}; these have {size} and none")
+        found, valid = np.zeros(frame.size, np.bool_), np.flatnonzero(frame.valid)
+        ring, xyz = cloud.points[name][valid].astype(np.int64), frame.coordinates[:, valid]
+        if len(ring) and not 0 <= ring.min() <= ring.max() < rows:
+            raise FieldError(f"filter.mask: {self.name} has {rows:,} rows, but the rings are up to {ring.max():,}")
+        upwards = len(ring) > 0 and np.cov(ring, elevation_deg(xyz, frame.range_m[valid]), bias=True)[0, 1] > 0
+        column = np.clip((180 - azimuth_deg(xyz)) * (columns / 360), 0, columns - 1).astype(np.int64)
+        found[valid] = self.hidden[rows - 1 - ring if upwards else ring, column]
+        return found
+
+    @classmethod
+    def of_png(cls, data: bytes, name: str) -> Self:
+        """Return the mask of an image, in which dark pixels are own structure; `ValueError` if it is damaged."""
+        with requiring("Masks that are images", "plot"):
+            from PIL import Image
+        try:
+            with Image.open(io.BytesIO(data), formats=("PNG",)) as image:
+                if image.width * image.height > _MAX_CELLS:
+                    raise ValueError(f"{image.width:,} by {image.height:,} pixels are too many")
+                over = Image.new("RGBA", image.size, "white")
+                over.alpha_composite(image.convert("RGBA"))
+                return cls(np.asarray(over.convert("L")) < _DARK, name)
+        except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+            raise ValueError(f"cannot be decoded ({error})") from error
+
+
+def load_mask(path: Path) -> StructureMask | ImageMask:
+    """Return the mask in a file, CSV or PNG; `ConfigError` if it cannot be read or is none."""
+    try:
+        with open_regular(path) as file:
+            data = file.read(_MAX_BYTES + 1)
+    except OSError as error:
+        raise ConfigError(f"filter.mask: {path}: cannot be read ({error.strerror})") from error
+    if len(data) > _MAX_BYTES:
+        raise ConfigError(f"filter.mask: {path}: has more than {_MAX_BYTES:,} bytes")
+    try:
+        return ImageMask.of_png(data, str(path)) if data.startswith(_PNG) else StructureMask.of_csv(data)
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"filter.mask: {path}: neither UTF-8 text nor PNG") from error
+    except (ValueError, csv.Error) as error:
+        raise ConfigError(f"filter.mask: {path}: {error}") from error
 
 
 def _sectors(text: str) -> Iterator[Sector]:
