@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ EXTENT_KEY = "seaclutter.extent_m"
 
 _IMAGE_SHAPE = [1, IMAGE_SIZE, IMAGE_SIZE]
 _MAX_BYTES = 2**26
-_MOST_S = 60.0
+_MOST_S, _MOST_WORK_BYTES = 60.0, 2**29
 
 
 def top_view(xyz: NDArray[np.float64], extent_m: float) -> NDArray[np.uint8]:
@@ -89,8 +90,10 @@ class SceneModel:
         with requiring("the scene classifier", "scene"):
             import onnxruntime as runtime
         data = _read(name)
+        _limit_memory()
         self._options = runtime.RunOptions
         options = runtime.SessionOptions()
+        options.add_session_config_entry("session.use_env_allocators", "1")
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 4  # errors are raised instead
         try:
@@ -160,6 +163,15 @@ class SceneModel:
 
     def _error(self, why: str) -> ModelError:
         return ModelError(f"{self.name}: not a seaclutter scene classifier; {printable(why)}")
+
+
+@cache
+def _limit_memory() -> None:
+    """Limit the memory of all values that models compute, which their files can declare as they like."""
+    import onnxruntime as runtime
+
+    place = runtime.OrtMemoryInfo("Cpu", runtime.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, runtime.OrtMemType.DEFAULT)
+    runtime.create_and_register_allocator(place, runtime.OrtArenaCfg({"max_mem": _MOST_WORK_BYTES}))
 
 
 def builtin_models() -> dict[str, Path]:

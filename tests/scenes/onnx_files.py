@@ -71,6 +71,7 @@ def model_bytes(
     metadata=None,
     threshold=0.02,
     endless=False,
+    huge=False,
 ):
     """Return a classifier that predicts the second class if more than ``threshold`` of the cells contain a point.
 
@@ -79,11 +80,13 @@ def model_bytes(
     scale = [-500.0, 500.0, *([0.0] * outputs)][:outputs]
     bias = [500.0 * threshold, -500.0 * threshold, *([0.0] * outputs)][:outputs]
     loop, yes = _endless("share", "looped")
+    size = _number(1, 4) + _number(2, INT64) + _part(8, "size") + _part(9, struct.pack("<4q", 1, 1, 16384, 16384))
     nodes = [
         _node("Cast", ["image"], "maps", to=FLOAT),
         _node("GlobalAveragePool", ["maps"], "share"),
         *([loop] if endless else []),
-        _node("Flatten", ["looped" if endless else "share"], "flat"),
+        *([_node("Expand", ["share", "size"], "huge"), _node("GlobalAveragePool", ["huge"], "again")] if huge else []),
+        _node("Flatten", ["looped" if endless else "again" if huge else "share"], "flat"),
         _node("Gemm", ["flat", "scale", "bias"], "scores"),
         _node(last, ["scores"], "probability", **({"axis": 1} if last == "Softmax" else {})),
     ]
@@ -94,6 +97,7 @@ def model_bytes(
             _part(5, _weights("scale", (1, outputs), scale)),
             _part(5, _weights("bias", (outputs,), bias)),
             *([_part(5, yes)] if endless else []),
+            *([_part(5, size)] if huge else []),
             _part(11, _value("image", kind, shape)),
             _part(12, _value("probability", FLOAT, ("N", outputs))),
         )

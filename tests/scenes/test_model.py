@@ -40,6 +40,11 @@ def test_a_model_that_does_not_end_is_an_error(tmp_path, monkeypatch):
         SceneModel(write(tmp_path, model_bytes(endless=True)))
 
 
+def test_a_model_that_needs_much_memory_is_an_error(tmp_path):
+    with pytest.raises(ModelError, match=r"it does not run: .*Expand"):  # an image of 1 GiB
+        SceneModel(write(tmp_path, model_bytes(huge=True)))
+
+
 def test_the_same_image_gives_the_same_bits(tmp_path):
     image = (np.random.default_rng(1).random((224, 224)) < 0.02).astype(np.uint8)
     first, second = (SceneModel(write(tmp_path, VALID)).probabilities(image) for _ in range(2))
