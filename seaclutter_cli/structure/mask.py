@@ -15,6 +15,7 @@ from typing import Self
 import numpy as np
 
 from seaclutter_cli.arrays import Floats, Mask
+from seaclutter_cli.cloud import RING_NAMES
 from seaclutter_cli.errors import ConfigError, FieldError, requiring
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.paths import open_regular
@@ -24,8 +25,6 @@ _MAX_BYTES = 16 * 2**20
 _MAX_CELLS = 2**22
 _DECIMALS = 3
 _PNG, _DARK = b"\x89PNG\r\n\x1a\n", 128
-RING_NAMES = ("ring", "channel", "line", "laser_id")
-"""Names of fields that number the beams."""
 
 
 @dataclass(frozen=True, slots=True)

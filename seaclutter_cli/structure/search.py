@@ -10,7 +10,7 @@ from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.cloud import RING_NAMES
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.structure.mask import RING_NAMES, Sector, StructureMask, azimuth_deg, elevation_deg
+from seaclutter_cli.structure.mask import Sector, StructureMask, azimuth_deg, elevation_deg
 from seaclutter_cli.water import Faces, Mounting, WaterSurface, WaterTracker
 
 MIN_FRAMES = 20
