@@ -2,13 +2,13 @@
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from heapq import merge
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.records import Channel, Message, Record
+from seaclutter_cli.records import Channel, Damage, Message, Record
 from seaclutter_cli.sources.shared.chunked import in_order
 
 _TRANSFORMS = "TFMessage"
@@ -58,6 +58,13 @@ class MergedSource(Source):
 
     def _topic(self, number: int, topic: str) -> str:
         return f"/{self._prefixes[number]}/{topic.removeprefix('/')}" if topic in self._several else topic
+
+    def restore_damage(self, damage: Iterable[Damage]) -> None:
+        """Forget all other damage than this, so that the next reading adds it."""
+        known = list(damage)
+        for source in self._sources:
+            source.restore_damage([one for one in source.damage if one in known])
+        super().restore_damage(known)
 
     def _gather(self) -> None:
         """Take damage, warnings and facts from the sources."""

@@ -110,6 +110,7 @@ class SplitSource(Source):
         read = 0
         for file in self._relabelled:
             source = self._source(file)
+            source.restore_damage(self._of_current)
             try:
                 for record in source.records(start_ns, end_ns):
                     if isinstance(record, Message):
@@ -151,7 +152,7 @@ class SplitSource(Source):
             return self._current[1]
         self.close()
         source = self._stack.enter_context(closing(self._open_file(file)))
-        self._current = (file, source)
+        self._current, self._of_current = (file, source), list(source.damage)
         return source
 
     def _message(self, file: Path, message: Message) -> Message:
