@@ -6,6 +6,7 @@ split and assemble logs, for invalid logs that no writer produces.
 
 import base64
 import json
+import math
 import struct
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
@@ -260,7 +261,7 @@ def _ros_message(kind: str, points: np.ndarray, stamp_ns: int, changes: Mapping[
     types = store.types
     names = points.dtype.fields
     fields = [
-        types["sensor_msgs/msg/PointField"](name, offset, _ROS_TYPES[dtype.str[1:]], 1)
+        types["sensor_msgs/msg/PointField"](name, offset, _ROS_TYPES[dtype.base.str[1:]], math.prod(dtype.shape))
         for name, (dtype, offset) in names.items()
     ]
     stamp = types["builtin_interfaces/msg/Time"](*divmod(stamp_ns, 10**9))

@@ -53,7 +53,8 @@ def with_columns(cloud: Cloud, columns: Mapping[str, NDArray[Any]]) -> Cloud:
 def _write_pcd(stream: BinaryIO, cloud: Cloud) -> Lost:
     """Write a binary PCD file with all fields; an organised cloud keeps its height and width."""
     packed, lost = _packed(cloud)
-    names = list(_distinct("".join("_" if c.isspace() else c for c in field.name) for field in packed.fields))
+    names = _words(field.name for field in packed.fields)
+    lost += Lost({NAMES: int(names != [field.name for field in packed.fields])})
     rows = {
         "FIELDS": names,
         "SIZE": [field.type[1] for field in packed.fields],
@@ -72,9 +73,9 @@ def _write_pcd(stream: BinaryIO, cloud: Cloud) -> Lost:
 def _write_ply(stream: BinaryIO, cloud: Cloud) -> Lost:
     """Write a binary PLY file of a packed cloud; each value of a field with several values becomes a property."""
     lines = ["ply", "format binary_little_endian 1.0", f"element vertex {cloud.size}"]
-    for field in cloud.fields:
-        names = [field.name] if field.count <= 1 else [f"{field.name}_{number}" for number in range(field.count)]
-        lines += [f"property {_PLY_NAMES[field.type]} {name}" for name in names]
+    for name, field in zip(_words(field.name for field in cloud.fields), cloud.fields, strict=True):
+        names = [name] if field.count <= 1 else [f"{name}_{number}" for number in range(field.count)]
+        lines += [f"property {_PLY_NAMES[field.type]} {each}" for each in names]
     stream.write("\n".join([*lines, "end_header", ""]).encode(errors="replace"))
     stream.write(cloud.data)
     return Lost()
@@ -188,6 +189,7 @@ def _las_columns(laspy: Any, header: Any, points: NDArray[Any]) -> tuple[dict[st
     standard = {dimension.name: dimension for dimension in header.point_format.standard_dimensions}
     columns: dict[str, NDArray[Any]] = {}
     extra: dict[str, NDArray[Any]] = {}
+    wished = set[str]()
     for name in points.dtype.names or ():
         values = points[name]
         if name in ("x", "y", "z"):
@@ -197,12 +199,14 @@ def _las_columns(laspy: Any, header: Any, points: NDArray[Any]) -> tuple[dict[st
         if name in standard and name not in _PACKED and _fits(values, standard[name]):
             columns[name] = values
         elif values.ndim == 1:
-            extra[_free(f"original_{name}" if name in (*standard, *_PACKED) else name, extra)] = values
+            wished.add(new := f"original_{name}" if name in (*standard, *_PACKED) else name)
+            extra[_free(new, extra)] = values
         else:
-            parts = values.reshape(len(values), int(np.prod(values.shape[1:]))).T
-            extra |= {_free(f"{name}_{number}", extra): part for number, part in enumerate(parts)}
+            for number, part in enumerate(values.reshape(len(values), int(np.prod(values.shape[1:]))).T):
+                wished.add(new := f"{name}_{number}")
+                extra[_free(new, extra)] = part
     header.add_extra_dims([laspy.ExtraBytesParams(name, values.dtype.str[1:]) for name, values in extra.items()])
-    return columns | extra, any(len(name.encode()) > _LAS_NAME_BYTES for name in points.dtype.names or ())
+    return columns | extra, not wished.issuperset(extra)
 
 
 def _fits(values: NDArray[Any], dimension: Any) -> bool:
@@ -237,13 +241,15 @@ def _utf8(text: str) -> str:
     return text.encode(errors="replace").decode()
 
 
-def _distinct(names: Iterable[str]) -> Iterator[str]:
-    taken = set[str]()
+def _words(names: Iterable[str]) -> list[str]:
+    """Return names as distinct words; a single underscore is padding in PCD files."""
+    words = {"_": None}
     for name in names:
-        while name in taken:
-            name += "_"  # noqa: PLW2901 - as a cloud does
-        taken.add(name)
-        yield name
+        word = "".join("_" if c.isspace() else c for c in name)
+        while word in words:
+            word += "_"
+        words[word] = None
+    return list(words)[1:]
 
 
 FRAME_WRITERS: Mapping[str, Callable[[BinaryIO, Cloud], Lost]] = {

@@ -353,7 +353,7 @@ def cloud(change=None, **fields):
             points[name] = 7
         if change:
             change(points)
-        data = logs.cloud_message("ros2", points, logs.START_NS)
+        data = logs.cloud_message("ros2", points, logs.START_NS).replace(b"h#he", "höhe".encode("latin-1"))
         return logs.write_log(
             folder / "log.mcap", [logs.cloud_topic("/points")], [logs.Entry("/points", logs.START_NS, data)]
         )
@@ -365,6 +365,7 @@ def wild(points):
     points["x"][3] = 1e9
 
 
+FULL = "full names of fields"
 LASSES = "Clouds of drivers have fields of any name, which a survey format may use for something else."
 WRITTEN = [
     Case(
@@ -382,6 +383,51 @@ WRITTEN = [
         to=("las",),
         also=lambda out: has_fields(out, "xy", "yz", "xyz"),
     ),
+    *(
+        Case(
+            name=f"{kind} of a field in {form.upper()}",
+            source=LASSES,
+            build=cloud(**{name: "<f4"}),
+            frames=[frame(40)],
+            to=(form,),
+            also=lambda out, kept=kept: has_fields(out, *kept),
+            says=dict.fromkeys(("filter", "convert"), said and f"{form.upper()} files cannot keep: {said}"),
+        )
+        for form, kind, name, kept, said in (
+            ("las", "long name", "q" * 40, ["q" * 32], FULL),
+            ("laz", "long name", "q" * 40, ["q" * 32], FULL),
+            ("las", "umlauts in the name", "ä" * 20, ["ä" * 16], FULL),
+            ("las", "wrong bytes in the name", "h#he", ["h?he"], FULL),
+            ("npz", "wrong bytes in the name", "h#he", ["h?he"], FULL),
+            ("pcd", "wrong bytes in the name", "h#he", ["h?he"], FULL),
+            ("pcd", "name with a space", "a b", ["a_b"], FULL),
+            ("pcd", "padding as the name", "_", ["__"], FULL),
+            ("pcd", "long name", "q" * 400, ["q" * 400], ""),
+            ("las", "dimension with another type", "classification", ["original_classification"], ""),
+        )
+    ),
+    *(
+        Case(
+            name=f"more than LAS has room for: {kind}",
+            source=LASSES,
+            build=cloud(**fields),
+            refused="LAS has room for .* values of a point.* write npz or pcd",
+            refused_by=("filter", "convert"),
+            to=("las",),
+        )
+        for kind, fields in {
+            "fields": {f"f{number}": "<f4" for number in range(500)},
+            "values": {"beams": ("<f4", (400,))},
+        }.items()
+    ),
+    Case(
+        name="many values in NPZ",
+        source=LASSES,
+        build=cloud(beams=("<f4", (400,))),
+        frames=[frame(40)],
+        to=("npz", "pcd"),
+        also=lambda out: has_fields(out, "beams"),
+    ),
     Case(
         name="a wild point in LAS",
         source="One echo at a billion metres must not coarsen the resolution of all others.",
@@ -398,7 +444,7 @@ WRITTEN = [
 def has_fields(out, *names):
     with seaclutter.open_log(out) as log:
         found = next(iter(log.frames())).cloud.points
-    assert all((found[name] == 7).all() for name in names)
+    assert all((found[name] == 7).all() for name in names), found.dtype.names
 
 
 CASES = [*HEADERLESS, *TABLES, *PCDS, *SURVEYS, *WRITTEN]

@@ -104,7 +104,8 @@ def test_refused(tmp_path, case, command):
     """What cannot be read is refused with a reason, and nothing is written."""
     (tmp_path / "in").mkdir()
     out = target(case, tmp_path, case.to[0])
-    words = {"info": (), "filter": ("-o", out, "-m", "none"), "convert": ("-o", out)}[command]
+    written = ("-o", out, "--to", case.to[0])
+    words = {"info": (), "filter": (*written, "-m", "none"), "convert": written}[command]
     result = run(case, command, case.build(tmp_path / "in"), *words, code=None)
     assert result.exit_code == 1 or (result.exit_code, command) == (3, "info"), "of other parts"
     assert re.search(case.refused, " ".join(result.output.split())), result.output
