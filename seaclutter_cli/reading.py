@@ -14,7 +14,7 @@ from seaclutter_cli.errors import CloudError, MissingExtraError, UnsupportedClou
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import declares_latched, find_codec
-from seaclutter_cli.records import Channel, Message, Record
+from seaclutter_cli.records import Channel, Message, Record, StampClock
 from seaclutter_cli.selection import Selection, Window, cloud_channels
 
 if TYPE_CHECKING:
@@ -86,26 +86,25 @@ class _Stamps:
     """
 
     def __init__(self) -> None:
-        self._last: dict[str, dict[str, tuple[int, int]]] = {}
+        self._clocks: dict[str, dict[str, StampClock]] = {}
 
     def checked(self, frame: Frame, source: Source) -> Frame:
         """Return the next frame, with a stamp that is later than the one before if its log time is; warn once."""
         cloud, message, topic = frame.cloud, frame.message, frame.topic
         if cloud.has_wrong_rows:
             source.warn(f"{topic} has a wrong row_step: rows are read as {cloud.width} x {cloud.point_step} bytes")
-        known = self._last.setdefault(topic, {})
+        known = self._clocks.setdefault(topic, {})
         if not cloud.stamp_ns or message is None:
             return frame
         if cloud.frame_id not in known and known:
             source.warn(f"{topic} has frames of several sensors (frame ids {next(iter(known))!r} and others)")
             if len(known) >= _MAX_SENSORS:
                 known.popitem()
-        before_ns, log_ns = known.get(cloud.frame_id, (0, 0))
-        if cloud.stamp_ns != before_ns:
-            known[cloud.frame_id] = cloud.stamp_ns, message.log_time_ns
+        stamp_ns, is_same = known.setdefault(cloud.frame_id, StampClock()).next(cloud.stamp_ns, message.log_time_ns)
+        if not is_same:
             return frame
-        source.warn(f"{topic} has frames with the stamp of the one before; times between them are those of the log")
-        return replace(frame, stamp_ns=max(before_ns + message.log_time_ns - log_ns, before_ns))
+        source.warn(StampClock.WARNING.format(topic))
+        return replace(frame, stamp_ns=stamp_ns)
 
 
 def with_attitudes(

@@ -123,3 +123,20 @@ class Damage:
         if self.lost_bytes:
             amounts.append(count(self.lost_bytes, "byte"))
         return printable(f"{position}: {self.problem}{'; left out: ' * bool(amounts)}{', '.join(amounts)}")
+
+
+class StampClock:
+    """Stamps of the clouds of one sensor; those that stand still go on with the log."""
+
+    WARNING = "{} has frames with the stamp of the one before; times between them are those of the log"
+
+    def __init__(self) -> None:
+        self._last = 0, 0
+
+    def next(self, stamp_ns: int, log_ns: int) -> tuple[int, bool]:
+        """Return the time of the next cloud, and whether its stamp is that of the one before."""
+        before_ns, since_ns = self._last
+        if stamp_ns == before_ns:
+            return max(before_ns + log_ns - since_ns, before_ns), True
+        self._last = stamp_ns, log_ns
+        return stamp_ns, False

@@ -3,6 +3,7 @@
 import json
 from functools import partial
 
+import numpy as np
 import yaml
 import zstandard
 
@@ -24,6 +25,12 @@ def entries(numbers=range(3), **changes):
         Entry("/points", time_ns, cloud_message("ros2", structured(sea(number)), time_ns, **changes))
         for number, time_ns in times.items()
     ]
+
+
+def stuck(folder):
+    """Write a log of six clouds of 0.1 s, all with the stamp of the first."""
+    rows = [entry._replace(data=entries((0,))[0].data) for entry in entries(range(6))]
+    return write_log(folder / "log.mcap", [cloud_topic("/points")], rows)
 
 
 def log(folder, definition=TEXT, name=TYPE, **changes):
@@ -139,6 +146,21 @@ CASES = [
             to=("mcap", "bag"),
         )
         for name, numbers in {"port": (0, 2), "starboard": (1,)}.items()
+    ),
+    Case(
+        name="stamps that stand still",
+        source="https://github.com/ros-drivers/velodyne/issues: stamps of a lidar without GPS, or of a stopped clock",
+        build=stuck,
+        frames=[SEA[0]] * 6,
+        says=dict.fromkeys(("info", "filter"), "frames with the stamp of the one before"),
+    ),
+    Case(
+        name="stamps that stand still, joined",
+        source="https://github.com/Livox-SDK/livox_ros_driver2/issues: all scans have the time at which it started",
+        build=stuck,
+        frames=[np.concatenate([SEA[0]] * 2)] * 3,
+        words=("--integrate", "200"),
+        says=dict.fromkeys(("info", "filter", "convert"), "frames with the stamp of the one before"),
     ),
     Case(
         name="wrong row_step",

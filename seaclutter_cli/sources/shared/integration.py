@@ -12,7 +12,7 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.limits import limits
 from seaclutter_cli.messages import CODECS, find_codec, has_fixed_fields, main_clouds
 from seaclutter_cli.messages.definitions import points_channel
-from seaclutter_cli.records import Channel, Message, Record
+from seaclutter_cli.records import Channel, Message, Record, StampClock
 from seaclutter_cli.sources.shared import SourceWrapper
 
 _RELATIVE = ("offset_time", "t", "time")
@@ -30,6 +30,7 @@ class _Window:
     size: int = 0
     first_ns: int | None = None
     frames: int = 0
+    clock: StampClock = field(default_factory=StampClock)
 
 
 class Integrated(SourceWrapper):
@@ -89,7 +90,10 @@ class Integrated(SourceWrapper):
 
     def _add(self, message: Message, cloud: Cloud, window: _Window) -> Iterator[Message]:
         """Add a cloud, and yield the joined cloud of the window before if it begins another one."""
-        stamp_ns = cloud.stamp_ns or message.log_time_ns
+        stamp_ns = message.log_time_ns
+        if cloud.stamp_ns:
+            stamp_ns, is_same = window.clock.next(cloud.stamp_ns, stamp_ns)
+            self.warn(*[StampClock.WARNING.format(message.channel.topic)] * is_same)
         if window.first_ns is None or stamp_ns < window.first_ns + (window.number - 1) * self._window_ns:
             yield from self._join(message.channel, window, (message.log_time_ns, message.publish_time_ns))
             window.first_ns, window.number = stamp_ns, 0  # the first cloud, or a clock that was set back
