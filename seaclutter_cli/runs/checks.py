@@ -128,6 +128,7 @@ class _ThresholdCheck:
         self._ring_least, self._ring_most = np.full(rings, np.inf), np.full(rings, -np.inf)
         self._least, self._most = np.inf, -np.inf
         self._warned = False
+        self._other: str | None = None
 
     def add(self, result: FilterResult) -> str | None:
         if self._warned or result.rings is None or not result.rings.points.any():
@@ -140,6 +141,8 @@ class _ThresholdCheck:
         frame = result.frame
         intensity = frame.intensity[frame.valid]
         self._least, self._most = min(self._least, intensity.min()), max(self._most, intensity.max())
+        if not self._most and not self._other:
+            self._other = next(iter(frame.other_intensities()), None)
         ring = np.searchsorted(self._edges, frame.range_m[frame.valid], side="right") - 1
         inside = (ring >= 0) & (ring < len(self._points))
         ring, intensity = ring[inside], intensity[inside]
@@ -155,6 +158,9 @@ class _ThresholdCheck:
         self._warned = self._frames >= _FRAMES
         least, most = float(self._thresholds.min()), float(self._thresholds.max())
         ranges = f"intensities are {self._least:g} to {self._most:g}, thresholds {least:g} to {most:g}"
+        if not self._most:
+            other = f"; use --intensity-field {self._other}" if self._other else ""
+            return f"no point can pass: the intensities are always 0{other}"
         if self._most > self._top:
             return (
                 f"the thresholds are for {self._sensor}, whose intensities end at {self._top:g}, but those of the log "

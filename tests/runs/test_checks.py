@@ -109,3 +109,11 @@ def test_the_shipped_configuration_is_the_default_and_names_its_sensor():
     assert shipped.sensor == default.threshold_sensor
     assert shipped.sensor.model == "RS-LiDAR-32"
     assert shipped.sensor.intensity == "calibrated by the sensor (mode 3)"
+
+
+@pytest.mark.parametrize(("name", "remedy"), [("signal", "; use --intensity-field signal"), ("noise", "")])
+def test_intensities_that_are_always_zero_are_said_with_the_field_that_works(name, remedy):
+    points = np.zeros(400, [*POINT.descr, (name, "f4")])
+    points["x"], points[name] = np.linspace(10, 70, 400), 40
+    dark = Frame(from_array(points, stamp_ns=10**9))
+    assert f"no point can pass: the intensities are always 0{remedy}" in warnings([dark])
