@@ -158,16 +158,15 @@ class _ThresholdCheck:
         self._warned = self._frames >= _FRAMES
         least, most = float(self._thresholds.min()), float(self._thresholds.max())
         ranges = f"intensities are {self._least:g} to {self._most:g}, thresholds {least:g} to {most:g}"
-        if not self._most:
-            other = f"; use --intensity-field {self._other}" if self._other else ""
-            return f"no point can pass: the intensities are always 0{other}"
         if self._most > self._top:
             return (
                 f"the thresholds are for {self._sensor}, whose intensities end at {self._top:g}, but those of the log "
                 f"reach {self._most:g}; find thresholds for this sensor with: seaclutter calibrate"
             )
         if self._most < least:
-            return f"no point can pass: {ranges}; find thresholds for this sensor with: seaclutter calibrate"
+            other = f"; use --intensity-field {self._other}" if self._other else ""
+            fitting = f"{ranges}; find thresholds for this sensor with: seaclutter calibrate"
+            return f"no point can pass: {fitting if self._most else f'the intensities are always 0{other}'}"
         if not self._low.any() and self._points.sum() >= _MIN_POINTS:
             return f"no point is below its threshold: {ranges}; {_REMEDY}"
         many = self._points >= _MIN_RING_POINTS
