@@ -23,6 +23,7 @@ _THINNED_M = np.array([[0.2], [0.2], [1]])
 _MAX_DETECTIONS = 2000
 _CRAFT_M, _CRAFT_WIDE_M = 15.0, 3.5
 _CLOSE, _NEAR = 0.45, 0.8
+_SPREAD, _APART = 0.015, 1e4
 _UP = np.array([0.0, 0.0, 1.0])
 _ANGLES = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
 _TOWARDS = np.array([part(np.arange(2 * YAWS) * (np.pi / 2 / YAWS)) for part in (np.cos, np.sin)], np.float32)
@@ -156,8 +157,8 @@ class Detections:
 def _clusters(xyz: Floats, tolerance_m: float, min_points: int) -> Indices:
     """Return the cluster of each point, shape (N,); -1 for small ones.
 
-    What is larger than a small craft is divided at gaps of less than half the tolerance. One point of each cell of
-    0.2 m by 0.2 m by 1 m is searched for neighbours.
+    What is larger than a small craft is divided at gaps of half the tolerance, far off at wider ones. One point of each
+    cell of 0.2 m by 0.2 m by 1 m is searched for neighbours.
     """
     if not xyz.shape[1]:
         return np.empty(0, np.int64)
@@ -165,9 +166,16 @@ def _clusters(xyz: Floats, tolerance_m: float, min_points: int) -> Indices:
     _, first, cell = np.unique((column * (2 * _MAX_CELL) + row) * (2 * _MAX_CELL) + level, True, True)
     thinned = xyz.take(first, axis=1)
     number = euclidean_clusters(thinned * _FLATTENED, tolerance_m, 1)
-    wide = np.flatnonzero(~_are_small(*_widths(thinned[:2], number))[number])
+    is_small = _are_small(*_widths(thinned[:2], number))
+    nearest_m = np.full(len(is_small), np.inf)
+    np.minimum.at(nearest_m, number, np.hypot(*thinned[:2]))
+    tight_m = np.minimum(np.maximum(_CLOSE * tolerance_m, _SPREAD * nearest_m), tolerance_m)
+    wide = np.flatnonzero(~is_small[number] & (tight_m < tolerance_m)[number])
     if len(wide):
-        parts = euclidean_clusters(thinned.take(wide, axis=1) * _FLATTENED, _CLOSE * tolerance_m, 1)
+        # Clusters of different tolerances are searched at once, far above each other.
+        scaled = thinned.take(wide, axis=1) * _FLATTENED / tight_m[number[wide]]
+        scaled[2] += _APART * number[wide]
+        parts = euclidean_clusters(scaled, 1.0, 1)
         number[wide] = number.max() + 1 + _joined(thinned[:2, wide], parts, tolerance_m)
     number = number[cell.ravel()]
     large = np.bincount(number) >= min_points

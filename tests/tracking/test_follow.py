@@ -79,6 +79,12 @@ def test_a_boat_seen_in_pieces_beside_others_is_one():
     assert sorted(one.sizes[:, 0].round(1)) == [8.4, 9, 9, 9]
 
 
+@pytest.mark.parametrize(("distance_m", "objects"), [(20, 4), (90, 1)])
+def test_far_objects_have_wider_gaps(distance_m, objects):
+    faces = np.vstack([line((x, distance_m), (x + 9, distance_m)) for x in (-20, -10, 0, 10)])
+    assert len(followed([frame_of(k, faces) for k in range(20)])[10].tracks) == objects
+
+
 def test_the_beam_of_a_ship_of_which_one_side_is_seen_is_not_a_third_of_its_length():
     found = followed([frame_of(k, line((-20, 20), (20, 20))) for k in range(20)])
     assert not found[10].measured[0]
