@@ -62,7 +62,8 @@ class Confirmed(Filter):
     For each frame, in order, in the levelled frame of the mounting:
 
     1. *Water*: the surface and its deviation :math:`\sigma`, from the echoes of the water itself (`WaterTracker`).
-    2. *Band*: points higher above the water than :math:`\max(0.2\,\mathrm{m}, 4\sigma)` stand out.
+    2. *Band*: points higher above the water than :math:`\max(0.2\,\mathrm{m}, 4\sigma)` stand out; bright ones from
+       :math:`4\sigma`.
     3. *Candidates*: points in faces, which are echoes above each other in one direction at nearly one range (`Faces`);
        points that stand out, if two others do within 2.5 % of their range; in the band, bright points with enough
        candidates around them, as in the adaptive radius filter, and echoes beside each other in one beam, where the
@@ -253,7 +254,10 @@ class Confirmed(Filter):
         return heights.height_m[points] + np.tan(np.radians(above)) * echoes.range_m[points]
 
     def _expected(self, echoes: Echoes, heights: Heights, cells: Floats) -> list[DetectedObject]:
-        """Return objects of points below the thresholds around cells where well-known objects are expected."""
+        """Return objects of points below the thresholds around cells where low objects are expected.
+
+        They have these cells, so that an object in foam does not grow.
+        """
         points = np.flatnonzero((heights.bright | heights.grows) & ~echoes.is_near)
         if not len(cells) or not len(points):
             return []
@@ -261,7 +265,12 @@ class Confirmed(Filter):
         among = np.zeros(echoes.size, np.bool_)
         among[points[distance <= _EXPECTED_M]] = True
         found = find_objects(echoes, among, heights, self._sea.beams, self._params, near=False)
-        return [replace(one, evidence=min(one.evidence, 0.0)) for one in found]
+        reached = [cells[nearest(one.cells, cells)[1] <= _EXPECTED_M] for one in found]
+        return [
+            replace(one, evidence=min(one.evidence, 0.0), cells=own, center=own.mean(axis=0))
+            for one, own in zip(found, reached, strict=True)
+            if len(own)
+        ]
 
     def _reasons(
         self, by_zone: NDArray[np.uint8], echoes: Echoes, heights: Heights, objects: Sequence[DetectedObject]

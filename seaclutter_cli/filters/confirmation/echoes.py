@@ -140,8 +140,9 @@ class Sea:
             height, deviation, shown = water.above(x, y, z, water.cells)
         level, sigma = z - height, 0.0 if water is None else water.sigma_m
         beyond = _RISE_PER_M * np.maximum(echoes.range_m - _RISE_FROM_M, 0)
-        rise = np.maximum(self._params.min_rise_m, self._params.rise_sigmas * deviation) + beyond
         reached, brightness = _brightness(echoes, threshold)
+        least = np.where(reached, 0.0, self._params.min_rise_m)
+        rise = np.maximum(least, self._params.rise_sigmas * deviation) + beyond
         linked, loose = faces.neighbors(height > rise)
         solid = ~_in_volume(linked, loose, water)
         upright = faces.stands(level, sigma) & (height >= -mirrored_below_m(deviation)) & solid

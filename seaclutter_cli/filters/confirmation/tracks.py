@@ -33,7 +33,7 @@ _IN_SIGHT = 0.5
 _CONTACT_M = 2.0
 _COAST_S, _NEW_COAST_S = 2.0, 0.5
 _NEIGHBOR_STEPS = 1.1
-_EXPECTED_MEMORY, _MAX_EXPECTED_TOP_M = 1.0, 1.5
+_MAX_EXPECTED_TOP_M = 1.5
 _SLACK_S = 1e-6
 _CONTINUED_SHARE = 0.25
 _MAX_CELLS, _SAME_RANGE_M = 256, 1.0
@@ -220,15 +220,15 @@ class Tracker:
         return result
 
     def expected(self, found: Association, time_s: float) -> Floats:
-        """Return where low objects with much evidence are expected but not found, shape (m, 2).
+        """Return where low objects are expected but not found, shape (m, 2).
 
-        Waves can hide low objects, but not tall ones.
+        Waves can hide low objects, but not tall ones. The lower an object, the less evidence it needs.
         """
         missing = ~found.votes.any(axis=0) & ~found.covered
         cells = [
             track.expected(time_s)
             for track, is_missing in zip(self._tracks, missing, strict=True)
-            if is_missing and track.memory > _EXPECTED_MEMORY and track.top_m < _MAX_EXPECTED_TOP_M
+            if is_missing and track.top_m < _MAX_EXPECTED_TOP_M * min(track.memory, 1.0) and track.memory > 0
         ]
         return np.concatenate(cells) if cells else np.empty((0, 2))
 
