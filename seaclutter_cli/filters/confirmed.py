@@ -17,6 +17,7 @@ from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distances, wi
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
 from seaclutter_cli.interfaces import Filter
+from seaclutter_cli.structure.search import MIN_FRAMES
 from seaclutter_cli.water.beams import Sight
 
 Floats = NDArray[np.float64]
@@ -62,8 +63,8 @@ class Confirmed(Filter):
     For each frame, in order, in the levelled frame of the mounting:
 
     1. *Water*: the surface and its deviation :math:`\sigma`, from the echoes of the water itself (`WaterTracker`).
-    2. *Band*: points higher above the water than :math:`\max(0.2\,\mathrm{m}, 4\sigma)` stand out; bright ones from
-       :math:`4\sigma`.
+    2. *Band*: points higher above the water than :math:`\max(0.2\,\mathrm{m}, 4\sigma)` stand out, bright
+       ones from half of the 0.2 m.
     3. *Candidates*: points in faces, which are echoes above each other in one direction at nearly one range (`Faces`);
        points that stand out, if two others do within 2.5 % of their range; in the band, bright points with enough
        candidates around them, as in the adaptive radius filter, and echoes beside each other in one beam, where the
@@ -88,7 +89,8 @@ class Confirmed(Filter):
     earlier where more than 1.5 million points would wait.
 
     Within own ship, which ends at ``start_m`` or, with auto, where constant returns end (`OwnShip`), only objects are
-    kept that were confirmed outside. The first 20 frames, or all at rest, do not show where that is: it is 10 m then.
+    kept that were confirmed outside. The first 20 frames wait until they show where that is. At rest they do not, and
+    more than 1.5 million points do not wait, nor any with ``causal``: it is 10 m then.
 
     **State**: own ship, the water and its echoes, the elevations of the beams, the tracks, and the frames that wait.
 
@@ -110,7 +112,9 @@ class Confirmed(Filter):
 
     @property
     def look_ahead_s(self) -> float:  # type: ignore[override] # constant in the base
-        """Time after a frame from which its objects are confirmed, in seconds."""
+        """Time after a frame on which its result depends, in seconds: longer while own ship is searched."""
+        if self._is_beginning and self._zones.own_ship:
+            return _MAX_GAP_S
         return 0.0 if self._params.causal else self._params.look_ahead_s
 
     @property
@@ -122,6 +126,8 @@ class Confirmed(Filter):
         """Forget own ship, the water, the beams, the tracks and the frames that wait."""
         self._zones.reset()
         self._sea, self._tracker = Sea(self._params), Tracker(self._params)
+        self._first: deque[Frame] = deque()
+        self._is_beginning = not self._params.causal
         self._undecided: deque[_Undecided] = deque()
         self._time_s: float | None = None
 
@@ -130,9 +136,35 @@ class Confirmed(Filter):
         _ = frame.valid  # errors come before any change
         if self._params.use_intensity:
             self._require_intensity(frame)
+        self._first.append(frame)
+        return [] if self._searches_own_ship() else self._receive_first()
+
+    def _searches_own_ship(self) -> bool:
+        """Return whether the first frames, the last of which is new, wait until they show where own ship ends."""
+        own_ship = self._zones.own_ship
+        if not self._is_beginning or own_ship is None:
+            return False
+        own_ship.add(self._first[-1])
+        self._first[-1].release()
+        sizes = [one.size for one in self._first]
+        self._is_beginning = len(sizes) < MIN_FRAMES and sum(sizes) + sizes[-1] <= _MAX_WAITING
+        return self._is_beginning
+
+    def _receive_first(self) -> list[FilterResult]:
+        """Return the results that are complete after the frames that waited for own ship."""
+        own_ship = self._zones.own_ship
+        if own_ship is not None and own_ship.outline_m is None and len(self._first) > 1:
+            own_ship.reset()  # it sees these frames again
+        complete = []
+        while self._first:
+            complete += self._receive(self._first.popleft())
+        return complete
+
+    def _receive(self, frame: Frame) -> list[FilterResult]:
+        """Receive a frame and return the results that are complete."""
         time_s = self._steady(frame.stamp_ns / 1e9)
         jumped = self._time_s is not None and not 0 <= time_s - self._time_s <= _MAX_GAP_S
-        complete = self.flush() if jumped else []
+        complete = self._decide_all() if jumped else []
         if jumped:
             self._tracker = Tracker(self._params)
         self._undecided.append(self._examine(frame, time_s))
@@ -160,6 +192,11 @@ class Confirmed(Filter):
 
     def flush(self) -> list[FilterResult]:
         """Return the results of all frames that wait."""
+        self._is_beginning = False
+        return [*self._receive_first(), *self._decide_all()]
+
+    def _decide_all(self) -> list[FilterResult]:
+        """Return the results of the frames whose objects wait for later frames."""
         complete = [self._decide(one) for one in self._undecided]
         self._undecided.clear()
         return complete

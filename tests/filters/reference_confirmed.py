@@ -16,6 +16,7 @@ from seaclutter_cli.filters import confirmed
 from seaclutter_cli.filters.zones import LEAST_M
 from seaclutter_cli.frame import Frame, Reason
 from seaclutter_cli.structure.own_ship import OwnShip
+from seaclutter_cli.structure.search import MIN_FRAMES
 from seaclutter_cli.water import WaterSurface
 from seaclutter_cli.water.plane import Plane
 from tests.filters.reference_faces import faces_of
@@ -79,8 +80,14 @@ class ConfirmedObjects:
         return self.answer(self.scans[-1])
 
     def log(self, frames: Iterable[Frame]) -> list[Answer]:
-        """Return the answers to all frames of a log."""
+        """Return the answers to all frames of a log, the first of which show where own ship ends."""
         ahead = 0.0 if self.params.causal else self.params.look_ahead_s
+        frames = list(frames)
+        if self.own_ship and not self.params.causal:
+            for frame in frames[:MIN_FRAMES]:
+                self.own_ship.add(frame)
+            if self.own_ship.outline_m is None:
+                self.own_ship.reset()
         for frame in frames:
             self.receive(frame, ahead)
         self.decide(math.inf)
@@ -149,9 +156,10 @@ class ConfirmedObjects:
             for echo in echoes
             if (echo.bright or echo.grows) and not echo.near and nearest(echo.xy, missing) <= confirmed._EXPECTED_M
         ]
-        weak = self.things(expected, sigma, near=False)
-        weak = [replace(thing, evidence=min(thing.evidence, 0.0)) for thing in weak]
-        things += sorted(weak, key=lambda thing: thing.center)
+        for thing in sorted(self.things(expected, sigma, near=False), key=lambda thing: thing.center):
+            reached = [place for place in missing if nearest(place, places_of(thing.cells)) <= confirmed._EXPECTED_M]
+            if reached:
+                things.append(replace(thing, evidence=min(thing.evidence, 0.0), expected=[(float(x), float(y)) for x, y in reached]))
         reasons = [self.by_zone(point, ring) for point, ring in zip(points, rings, strict=True)]
         mark(reasons, echoes, things, Reason.LOW_INTENSITY if self.params.use_intensity else Reason.UNCONFIRMED)
         tracks = self.tracks.step(things, time_s, lambda place, top: self.beams.meets(place, top, water))

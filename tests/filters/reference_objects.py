@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -163,9 +163,10 @@ def echo_of(number: int, point: Point, ring: int, water: Surface | None, params:
     if water is not None:
         height, deviation, shown = water.above(*point.xyz)
     beyond = heights._RISE_PER_M * max(point.range_m - heights._RISE_FROM_M, 0)
-    rise = max(params.min_rise_m, params.rise_sigmas * deviation) + beyond
     threshold = [*params.initial_thresholds, -math.inf][max(ring, 0)]
     reached = params.use_intensity and point.intensity >= threshold
+    least = params.min_rise_m * (heights._BRIGHT_RISES if reached else 1)
+    rise = max(least, params.rise_sigmas * deviation) + beyond
     return Echo(
         number,
         point,
@@ -224,10 +225,13 @@ class Thing:
     echoes: list[Echo]
     evidence: float
     near: bool
+    expected: list[XY] = field(default_factory=list)
 
     @property
     def cells(self) -> list[XY]:
-        """Mean position of the points in each cell of half a metre."""
+        """Mean position of the points in each cell of half a metre, or where the object was expected."""
+        if self.expected:
+            return self.expected
         members: dict[tuple[int, int], list[XY]] = {}
         for echo in self.echoes:
             cell = math.floor(echo.point.x / objects._CELL_M), math.floor(echo.point.y / objects._CELL_M)
@@ -244,7 +248,8 @@ class Thing:
 
     @property
     def center(self) -> XY:
-        x, y = (mean(values) for values in zip(*(echo.xy for echo in self.echoes), strict=True))
+        places = self.expected or [echo.xy for echo in self.echoes]
+        x, y = (mean(values) for values in zip(*places, strict=True))
         return x, y
 
 

@@ -142,13 +142,13 @@ class Tracks:
         return any(math.hypot(*place) < start_m + tracks._CONTACT_M for place in places)
 
     def missing(self, things: Sequence[Thing], time_s: float) -> list[XY]:
-        """Return where low objects with much evidence are expected but not found."""
+        """Return where low objects are expected but not found; the lower one is, the less evidence it needs."""
         votes, covered = self.matches(things, time_s)
         places: list[XY] = []
         for number, track in enumerate(self.tracks):
             found = covered[number] or any(own[number] for own in votes)
-            is_low = track.top < tracks._MAX_EXPECTED_TOP_M
-            if not found and is_low and track.memory > tracks._EXPECTED_MEMORY:
+            is_low = track.top < tracks._MAX_EXPECTED_TOP_M * min(track.memory, 1.0)
+            if not found and is_low and track.memory > 0:
                 places += track.expected(time_s)
         return places
 

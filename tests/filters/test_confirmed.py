@@ -118,8 +118,8 @@ class TestInterruptions:
 
     def test_a_jump_ahead_starts_anew(self):
         log = sea_log(1, [replace(BOAT, seen=(0, 1))], [*times(10), *times(10, start_s=6.5)])
-        results = run(log)
-        assert reasons(results[:10]) == reasons(run(log[:10]))
+        results = run(log, start_m=10.0)
+        assert reasons(results[:10]) == reasons(run(log[:10], start_m=10.0))
         assert results[9].water is not None
         assert results[10].water is not None
 
@@ -219,11 +219,27 @@ class TestRates:
         assert reasons([method.step(frame) for frame in log]) == reasons(run(log, **params))
 
     def test_a_result_is_complete_once_the_log_is_long_enough(self):
-        method, log = make(look_ahead_s=0.3), sea_log(1, [], times(8))
+        method, log = make(look_ahead_s=0.3, start_m=10.0), sea_log(1, [], times(8))
         found = [[result.frame.index for result in method.process(frame)] for frame in log]
         assert found == [[], [], [], [0], [1], [2], [3], [4]]
         assert [result.frame.index for result in method.flush()] == [5, 6, 7]
         assert list(method.flush()) == []
+
+    def test_the_first_frames_wait_for_own_ship(self):
+        log = sea_log(1, [], times(22))
+        method = make(look_ahead_s=0.3)
+        found = [[result.frame.index for result in method.process(frame)] for frame in log]
+        assert found == [*[[]] * 19, [*range(17)], [17], [18]]
+        assert [result.frame.index for result in method.flush()] == [19, 20, 21]
+        causal = make(causal=True)
+        assert [len(causal.process(frame)) for frame in log] == [1] * 22
+
+    def test_a_buoy_alongside_is_kept_from_the_first_frames(self):
+        boat = Body(7.5, 1.0, 0, 1.0)
+        log = sea_log(1, [boat], times(40))
+        kept = shares(run(log), boat)
+        assert min(kept[:30]) > 0.6
+        assert max(shares(run(log, start_m=10.0), boat)) == 0
 
     def test_few_points_wait(self, monkeypatch):
         log = sea_log(1, [], times(8))

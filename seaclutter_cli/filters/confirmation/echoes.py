@@ -18,6 +18,7 @@ Mask = NDArray[np.bool_]
 
 _RISE_PER_M = 0.006
 _RISE_FROM_M = 30.0
+_BRIGHT_RISES = 0.5
 _WAVE_SIGMAS = 6.0
 _GROWTH_SIGMAS = 1.5
 _UNSEEN_M = 100.0
@@ -141,7 +142,7 @@ class Sea:
         level, sigma = z - height, 0.0 if water is None else water.sigma_m
         beyond = _RISE_PER_M * np.maximum(echoes.range_m - _RISE_FROM_M, 0)
         reached, brightness = _brightness(echoes, threshold)
-        least = np.where(reached, 0.0, self._params.min_rise_m)
+        least = np.where(reached, _BRIGHT_RISES, 1) * self._params.min_rise_m
         rise = np.maximum(least, self._params.rise_sigmas * deviation) + beyond
         linked, loose = faces.neighbors(height > rise)
         solid = ~_in_volume(linked, loose, water)
