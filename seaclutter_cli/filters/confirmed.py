@@ -72,8 +72,9 @@ class Confirmed(Filter):
        neighbours lie on one surface.
     4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. Their shape is evidence
        from -0.5 (flat on the water) to 1: the face that a quarter of their points reach, or a surface higher than any
-       wave. Where the beams are too far apart to show the shape, persistent brightness is some evidence, and so are
-       many echoes beside each other, unless the water has echoes around them and in other directions at their range.
+       wave; unless it is dim and most echoes in its cells are the water's, as of wash. Where the beams are too far
+       apart to show the shape, persistent brightness is some evidence, and so are many echoes beside each other, unless
+       the water has echoes around them and in other directions at their range.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
        most tracks have in common. The score of a track is its mean evidence within ``look_ahead_s``
        of the frame, plus what it collected before. Evidence adds up over the time in which the water becomes

@@ -328,8 +328,23 @@ class Beams:
         return any(low <= one <= high for one in self.seen)
 
 
-def evidence_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any) -> float:
-    """Return the evidence of an object's shape."""
+def own_share(echoes: Sequence[Echo], others: Sequence[Echo], params: Any) -> float:
+    """Return how much more an object shows than the water in its cells, from 0 to 1; 1 if it is bright."""
+
+    def cell(echo: Echo) -> tuple[int, int]:
+        return math.floor(echo.point.x / objects._CELL_M), math.floor(echo.point.y / objects._CELL_M)
+
+    cells, reach = {cell(echo) for echo in echoes}, objects._REACH_CELLS
+    beside = [other for other in others if abs(other.height) <= other.rise and cell(other) in cells]
+    water = sum(all(-reach < part < reach for part in cell(other)) for other in beside)
+    share = len(echoes) / (len(echoes) + water)
+    median = sorted(echo.brightness for echo in echoes)[len(echoes) // 2] if params.use_intensity else 0.0
+    own = (share - objects._LEAST_OWN) / (objects._MOSTLY_OWN - objects._LEAST_OWN)
+    return min(max(own, math.log2(max(median, 1.0))), 1.0)
+
+
+def evidence_of(echoes: Sequence[Echo], others: Sequence[Echo], sigma: float, lidar: Beams, params: Any) -> float:
+    """Return the evidence of an object's shape; ``others`` are the echoes in no object."""
     count = len(echoes)
     top = sorted(echo.height for echo in echoes)[count - min(max(count // 4, 1), 3)]
     face = sorted(echo.face for echo in echoes)[count - 1 - count // 4]
@@ -337,10 +352,11 @@ def evidence_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any)
     below, above = lidar.beside(echoes)
     linked, loose = sum(echo.linked for echo in echoes), sum(echo.loose for echo in echoes)
     solid = min(max((linked + 1) / (linked + loose + 1) / objects._LOOSE_SHARE - 1, 0.0), 1.0)
-    stands = solid * face / max(params.min_extent_m, params.extent_sigmas * sigma)
+    own = own_share(echoes, others, params)
+    stands = own * solid * face / max(params.min_extent_m, params.extent_sigmas * sigma)
     surface = min(max(2 * linked / max(linked + loose, 1) - 1, 0.0), 1.0)
     seen = min(max(top - wave, objects._POSSIBLE * top), face + below)
-    share = max(stands, seen / rise, surface * (top - wave) / rise)
+    share = max(stands, own * max(seen, surface * (top - wave)) / rise)
     shape = min(max(share, 0.0), objects._MAX_SHARE) - objects._FLAT
     if shape >= 0:
         return shape

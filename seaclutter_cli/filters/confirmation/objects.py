@@ -21,6 +21,8 @@ _FLAT = 0.5
 _MAX_SHARE = 1.5
 _POSSIBLE = 0.7
 _LOOSE_SHARE = 0.2
+_LEAST_OWN, _MOSTLY_OWN = 0.15, 0.45
+_REACH_CELLS = 120
 _BRIGHT_EVIDENCE, _UNBROKEN_EVIDENCE = 0.4, 0.8
 _DIM_SHARE = 0.25
 _BRIGHT_OCTAVES = 2.0
@@ -166,22 +168,43 @@ def _evidence(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams
     linked, loose = clusters.sum(heights.linked), clusters.sum(heights.loose)
     # A body has a face, but for what is between the beams. Where few neighbours lie on one surface, a face is chance.
     solid = np.clip((linked + 1) / (linked + loose + 1) / _LOOSE_SHARE - 1, 0, 1)
-    stands = solid * face / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m)
+    # A body hides the water. Where most echoes are of the water, what stands out is wash, unless it is bright.
+    (brightness,) = clusters.ranked(heights.brightness, clusters.count // 2)
+    octaves = np.log2(np.maximum(brightness, 1))
+    own = np.clip((_own_share(echoes, clusters, heights) - _LEAST_OWN) / (_MOSTLY_OWN - _LEAST_OWN), octaves, 1)
+    stands = own * solid * face / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m)
     # What is higher than any wave is no water, if its face or its surface shows that it is a body.
     surface = np.clip(2 * linked / np.maximum(linked + loose, 1) - 1, 0, 1)
     tall = np.maximum(np.minimum(np.maximum(top - wave, _POSSIBLE * top), face + below), surface * (top - wave))
-    shape = np.clip(np.maximum(stands, tall / rise), 0, _MAX_SHARE) - _FLAT
+    shape = np.clip(np.maximum(stands, own * tall / rise), 0, _MAX_SHARE) - _FLAT
     # Where the next beam passes above all but tall bodies, a flat cluster is no evidence. Brightness decides, or echoes
     # that are beside each other; unless the water has echoes all around, since it is bright at times.
     hidden = np.where(shape < 0, np.clip((top + above) / rise - 1, 0, 1), 0.0)
     unseen, alone = clusters.mean(heights.unseen), clusters.mean(heights.alone)
     if not (hidden * alone).any():
         return np.asarray(shape)
-    (brightness,) = clusters.ranked(heights.brightness, clusters.count // 2)
-    octaves = np.clip(np.log2(np.maximum(brightness, 1)) / _BRIGHT_OCTAVES, 0, 1)
-    bright = np.where(brightness >= 1, _BRIGHT_EVIDENCE * (_DIM_SHARE + (1 - _DIM_SHARE) * octaves), 0.0)
+    brighter = np.minimum(octaves / _BRIGHT_OCTAVES, 1)
+    bright = np.where(brightness >= 1, _BRIGHT_EVIDENCE * (_DIM_SHARE + (1 - _DIM_SHARE) * brighter), 0.0)
     unbroken = _UNBROKEN_EVIDENCE * np.clip((clusters.mean(heights.run) - SHORT_RUN) / _LONG_RUN, 0, 1)
     return np.asarray((1 - hidden * alone) * shape + hidden * np.maximum(unseen * bright, alone * unbroken))
+
+
+def _own_share(echoes: Echoes, clusters: Clusters, heights: Heights) -> Floats:
+    """Return the share of each cluster in the echoes that are in its cells, shape (K,), others near the water counted.
+
+    Beyond 60 m, none are.
+    """
+    side = 2 * _REACH_CELLS + 1
+    place = np.clip(np.floor(echoes.xyz[:2] / _CELL_M) + _REACH_CELLS, 0, side - 1).astype(np.int32)
+    number = place[0] * np.int32(side) + place[1]
+    within = (np.abs(place - _REACH_CELLS) < _REACH_CELLS).all(axis=0)
+    of_water = within & (np.abs(heights.height_m) <= heights.rise_m)
+    of_water[clusters.points] = False
+    water = np.bincount(number[of_water], minlength=side * side)
+    pairs = np.unique(np.repeat(np.arange(len(clusters)), clusters.count) * side * side + number[clusters.points])
+    cluster, cell = np.divmod(pairs, side * side)
+    beside = np.bincount(cluster, weights=water[cell], minlength=len(clusters))
+    return np.asarray(clusters.count / (clusters.count + beside))
 
 
 def _beside(echoes: Echoes, clusters: Clusters, beams: Beams) -> tuple[Floats, Floats]:
