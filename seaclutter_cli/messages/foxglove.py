@@ -201,7 +201,9 @@ class JsonPointCloud:
 def _stamp_ns(timestamp: Any) -> int:
     """Return a JSON time in nanoseconds: an object with seconds and nanoseconds, or text in RFC 3339 format."""
     if isinstance(timestamp, dict):
-        return int(timestamp.get("sec") or 0) * NANO + int(timestamp.get("nsec") or timestamp.get("nanos") or 0)
+        seconds, part = timestamp.get("sec") or 0, int(timestamp.get("nsec") or timestamp.get("nanos") or 0)
+        whole = int(seconds)
+        return whole * NANO + part + (round((seconds - whole) * NANO) if isinstance(seconds, float) else 0)
     if not timestamp:
         return 0
     whole, fraction, zone = re.findall(r"^(.*?)(?:\.(\d+))?(Z|[+-]\d\d:\d\d)?$", str(timestamp))[0]

@@ -326,7 +326,8 @@ def test_an_interrupted_run_has_a_manifest(logs, tmp_path, monkeypatch, jobs):
     assert result.exit_code == 130
     with manifest.open(newline="") as file:
         rows = {row["recording"]: (row["status"], row["error"]) for row in csv.DictReader(file)}
-    assert len(files) == sum(status == "done" for status, _ in rows.values()) == 1
+    assert sum(status == "done" for status, _ in rows.values()) == 1
+    assert 1 <= len(files) <= int(jobs)  # the other process may have completed its recording
     assert sorted(rows) == ["a", "b", "c", "d", "e"]
     assert sum(error == "not processed" for _, error in rows.values()) == 4
 
