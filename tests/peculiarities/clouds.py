@@ -228,12 +228,12 @@ TABLES = [
 ]
 
 
-def pcd(fields, body, encoding="binary", *, points=40, names=("0.pcd",)):
+def pcd(fields, body, encoding="binary", *, points=40, names=("0.pcd",), viewpoint="0 0 0 1 0 0 0"):
     """Return a function that writes a PCD file, with rows of name, type letter, size and count, under some names."""
     columns = [" ".join(map(str, column)) for column in zip(*fields, strict=True)]
     rows = zip(("FIELDS", "TYPE", "SIZE", "COUNT"), columns, strict=True)
     head = "".join(f"{key} {values}\n" for key, values in rows)
-    head += f"WIDTH {points}\nHEIGHT 1\nPOINTS {points}\nDATA {encoding}\n"
+    head += f"WIDTH {points}\nHEIGHT 1\nVIEWPOINT {viewpoint}\nPOINTS {points}\nDATA {encoding}\n"
 
     def build(folder):
         for name in names:
@@ -250,6 +250,13 @@ WINDOWS = "\n".join(f"{x} {y} {z} {i}" for x, y, z, i in frame(38).tolist()).enc
 EXPORTER = "https://github.com/ros-perception/perception_pcl: pcl_ros wrote SEC.NSEC without leading zeros until 2025."
 LATE = [1741286117 * 10**9 + ns for ns in (11_149_430, 111_149_431, 911_149_430)]
 PCDS = [
+    Case(
+        name="viewpoint of a PCD file",
+        source="The PCD format: a pose of the sensor, with which the Point Cloud Library moves no points",
+        build=pcd(FOUR, frame(40).tobytes(), viewpoint="1 2 3 1 0 0 0"),
+        frames=[frame(40)],
+        says=dict.fromkeys(("info", "filter", "convert"), "the points are not moved to its VIEWPOINT"),
+    ),
     Case(
         name="a field without values",
         source="PCL writes padding as fields named _, and some drivers give them the count 0.",

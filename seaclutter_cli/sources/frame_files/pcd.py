@@ -21,6 +21,7 @@ _DATA_LINE = re.compile(rb"^DATA[ \t]+(\w+)[ \t]*\r?(?:\n|\Z)", re.MULTILINE)
 _MAX_HEADER = 2**16
 _MAX_POINT_BYTES = 2**16
 _MAX_RATIO = 100  # LZF expands 3 bytes to at most 264.
+_NO_VIEWPOINT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 _GAP = "_ "  # Field names cannot contain a space.
 _BYTES_HEADER = (
     "VERSION 0.7\nFIELDS byte\nSIZE 1\nTYPE U\nCOUNT 1\nWIDTH {0}\nHEIGHT 1\nPOINTS {0}\nDATA binary_compressed\n"
@@ -33,14 +34,30 @@ def read_pcd(path: Path) -> Cloud:
     match = _DATA_LINE.search(content[:_MAX_HEADER])
     if match is None:
         raise CloudError("no PCD header with a DATA line")
-    lines = (line.split() for line in content[: match.start()].decode("utf-8", "replace").splitlines())
-    header = {words[0]: words[1:] for words in lines if words and not words[0].startswith("#")}
+    header = _header(content[: match.start()])
     dtype, (height, width) = _layout(header), _shape(header)
     points = np.empty(0, dtype)
     if height * width:
         points = _decode(content, match, dtype, height * width)
     kept = [name for name in dtype.names or () if not name.startswith(_GAP)]
     return from_array(points if len(kept) == len(dtype.names or ()) else points[kept], height=max(height, 1))
+
+
+def has_viewpoint(path: Path) -> bool:
+    """Return whether a PCD file has a viewpoint, which readers of points leave alone, other than the origin."""
+    with path.open("rb") as file:
+        content = file.read(_MAX_HEADER)
+    match = _DATA_LINE.search(content)
+    words = _header(content[: match.start()]).get("VIEWPOINT") if match else None
+    try:
+        return words is not None and tuple(map(float, words)) != _NO_VIEWPOINT
+    except ValueError:
+        return True
+
+
+def _header(content: bytes) -> dict[str, list[str]]:
+    lines = (line.split() for line in content.decode("utf-8", "replace").splitlines())
+    return {words[0]: words[1:] for words in lines if words and not words[0].startswith("#")}
 
 
 def _layout(header: dict[str, list[str]]) -> np.dtype[np.void]:
