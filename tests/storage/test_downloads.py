@@ -149,7 +149,8 @@ def test_an_error_of_another_recording_that_is_fetched_ahead(mirror, recordings)
 
 
 def test_nothing_is_fetched_ahead_without_space(mirror, recordings, monkeypatch):
-    monkeypatch.setattr(Mirror, "free", lambda self: 1000 - 600 * len(self._complete))
+    free = property(lambda self: 1000 - 600 * len(mirror._complete))
+    monkeypatch.setattr(mirrors.shutil, "disk_usage", lambda path: type("Usage", (), {"free": free})())
     mirror.fetch(recordings[:1])
     assert mirror._next is None
     mirror.remove(recordings[0])
