@@ -15,8 +15,19 @@ from seaclutter_cli.text import count
 FIELD_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 """Types of point fields that every supported message encoding has, as numpy codes."""
 
-RING_NAMES = ("ring", "channel", "line", "laser_id")
-"""Usual names of the field with the number of the beam, most likely first."""
+INTENSITY_NAMES = (
+    "intensity",
+    "i",
+    "reflectivity",
+    "signal",
+    "remission",
+    "intensities",
+    "reflectance",
+    "scalar_intensity",
+)
+"""Usual names of the intensity field, most likely first; case is ignored."""
+
+_RING_NAMES = ("ring", "channel", "line", "laser_id")
 
 MAX_FIELDS = 1024
 """Number of fields that a cloud may have."""
@@ -128,6 +139,11 @@ class Cloud:
     def size(self) -> int:
         """Number of points."""
         return self.height * self.width
+
+    @property
+    def ring_name(self) -> str | None:
+        """Name of the field with the number of the beam; None without one."""
+        return next((name for name in _RING_NAMES if name in (self.dtype.names or ())), None)
 
     @property
     def dtype(self) -> np.dtype[np.void]:

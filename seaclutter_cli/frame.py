@@ -8,16 +8,10 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.cloud import Cloud, from_array
+from seaclutter_cli.cloud import INTENSITY_NAMES, Cloud, from_array
 from seaclutter_cli.errors import ArrayError, FieldError
 from seaclutter_cli.records import Message
 from seaclutter_cli.text import printable
-
-INTENSITY_NAMES = (
-    *("intensity", "i", "reflectivity", "signal"),
-    *("remission", "intensities", "reflectance", "scalar_intensity"),
-)
-"""Usual names of the intensity field, most likely first; case is ignored."""
 
 
 class Reason(IntEnum):

@@ -148,14 +148,17 @@ class Confirmed(Filter):
         own_ship.add(self._first[-1])
         self._first[-1].release()
         sizes = [one.size for one in self._first]
-        self._is_beginning = len(sizes) < MIN_FRAMES and sum(sizes) + sizes[-1] <= _MAX_WAITING
+        if len(sizes) == MIN_FRAMES or sum(sizes) + sizes[-1] > _MAX_WAITING:
+            self._end_beginning()
         return self._is_beginning
+
+    def _end_beginning(self) -> None:
+        self._is_beginning = False
+        if self._first and self._zones.own_ship and self._zones.own_ship.outline_m is None:
+            self._zones.own_ship.reset()  # it sees these frames again
 
     def _receive_first(self) -> list[FilterResult]:
         """Return the results that are complete after the frames that waited for own ship."""
-        own_ship = self._zones.own_ship
-        if own_ship is not None and own_ship.outline_m is None and len(self._first) > 1:
-            own_ship.reset()  # it sees these frames again
         complete = []
         while self._first:
             complete += self._receive(self._first.popleft())
@@ -193,7 +196,8 @@ class Confirmed(Filter):
 
     def flush(self) -> list[FilterResult]:
         """Return the results of all frames that wait."""
-        self._is_beginning = False
+        if self._is_beginning:
+            self._end_beginning()
         return [*self._receive_first(), *self._decide_all()]
 
     def _decide_all(self) -> list[FilterResult]:

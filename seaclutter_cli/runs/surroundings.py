@@ -31,8 +31,8 @@ class Ground:
     """Count of the shots that a flat surface, taken for water, returns at grazing angles of 5° to 9°.
 
     There, land returns most shots that nothing in front of it stops, water a third at most. The shots in a column of 1°
-    of a beam follow from the smallest steps between echoes. Rough surfaces are not asked: they are waves, or fog. Nor
-    are frames that do not show the beams.
+    of a beam follow from the smallest steps between echoes. Rough surfaces, which are waves or fog, do not count, nor
+    do frames that do not show the beams.
     """
 
     def __init__(self, mounting: Mounting | None = None) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seaclutter_cli.cloud import RING_NAMES, PointField
+from seaclutter_cli.cloud import PointField
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.records import SensorFacts
@@ -63,7 +63,7 @@ class TopicStatistics:
                 self.around.add(frame)
         except FieldError as error:
             self.problem = str(error)
-        name = next((name for name in RING_NAMES if name in (cloud.dtype.names or ())), None)
+        name = cloud.ring_name
         if name and cloud.dtype[name].kind in "fiu":
             rings = cloud.points[name][np.isfinite(cloud.points[name])].astype(np.float64)
             _extend(self._rings, rings)

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.cloud import INTENSITY_NAMES
 from seaclutter_cli.errors import CloudError, InputError, UsageError, requiring
-from seaclutter_cli.frame import INTENSITY_NAMES
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.las import CHUNK_POINTS, open_las, parts_of, with_records
 from seaclutter_cli.sources.frame_files.reading import reading

@@ -15,7 +15,6 @@ from typing import Self
 import numpy as np
 
 from seaclutter_cli.arrays import Floats, Mask
-from seaclutter_cli.cloud import RING_NAMES
 from seaclutter_cli.errors import ConfigError, FieldError, requiring
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.paths import open_regular
@@ -94,7 +93,7 @@ class StructureMask:
 
     @classmethod
     def of_csv(cls, data: bytes) -> Self:
-        """Return the mask of a table; `ValueError` if it is none, with its line."""
+        """Return the mask of a table; `ValueError`, with the line, if it is not a mask."""
         return cls(tuple(_sectors(data.decode())))
 
     def as_csv(self) -> str:
@@ -122,8 +121,8 @@ class ImageMask:
         cloud, (rows, columns) = frame.cloud, self.hidden.shape
         if (cloud.height, cloud.width) == (rows, columns):
             return self.hidden.reshape(-1).copy()
-        name = next((name for name in RING_NAMES if name in (cloud.dtype.names or ())), "")
-        if not name or cloud.dtype[name].shape or cloud.dtype[name].kind not in "iu":
+        name = cloud.ring_name
+        if name is None or cloud.dtype[name].shape or cloud.dtype[name].kind not in "iu":
             size = f"{cloud.height:,} by {cloud.width:,}"
             need = f"clouds of {rows:,} by {columns:,} points, or with a field for the ring"
             raise FieldError(f"filter.mask: {self.name} needs {need}; these have {size} and none")
@@ -153,7 +152,7 @@ class ImageMask:
 
 
 def load_mask(path: Path) -> StructureMask | ImageMask:
-    """Return the mask in a file, CSV or PNG; `ConfigError` if it cannot be read or is none."""
+    """Return the mask in a file, CSV or PNG; `ConfigError` if it cannot be read or is not a mask."""
     try:
         with open_regular(path) as file:
             data = file.read(_MAX_BYTES + 1)

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Floats, Ints, Mask
-from seaclutter_cli.cloud import RING_NAMES
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.structure.mask import Sector, StructureMask, azimuth_deg, elevation_deg
@@ -333,8 +332,7 @@ def _sectors(grid: BeamGrid, cells: Mask) -> list[Sector]:
 
 def _numbered_beams(frame: Frame, elevation: Floats) -> Floats | None:
     """Return the elevations of the beams, ascending; None if no field numbers beams of constant elevation."""
-    points = frame.cloud.points
-    name = next((name for name in RING_NAMES if name in (points.dtype.names or ())), None)
+    points, name = frame.cloud.points, frame.cloud.ring_name
     if name is None or points.dtype[name].shape or points.dtype[name].kind not in "iu":
         return None
     rings, ring = np.unique(points[name][frame.valid], return_inverse=True)

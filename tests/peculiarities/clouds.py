@@ -255,7 +255,7 @@ PCDS = [
         source="The PCD format: a pose of the sensor, with which the Point Cloud Library moves no points",
         build=pcd(FOUR, frame(40).tobytes(), viewpoint="1 2 3 1 0 0 0"),
         frames=[frame(40)],
-        says=dict.fromkeys(("info", "filter", "convert"), "the points are not moved to its VIEWPOINT"),
+        says=dict.fromkeys(("info", "filter", "convert"), "its VIEWPOINT is not applied to the points"),
     ),
     Case(
         name="a field without values",

@@ -190,9 +190,9 @@ def _evidence(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams
 
 
 def _own_share(echoes: Echoes, clusters: Clusters, heights: Heights) -> Floats:
-    """Return the share of each cluster in the echoes that are in its cells, shape (K,), others near the water counted.
+    """Return the share of its own echoes among those in the cells of each cluster, shape (K,).
 
-    Beyond 60 m, none are.
+    Other echoes count if they are near the water and within 60 m.
     """
     side = 2 * _REACH_CELLS + 1
     place = np.clip(np.floor(echoes.xyz[:2] / _CELL_M) + _REACH_CELLS, 0, side - 1).astype(np.int32)

@@ -39,8 +39,8 @@ def reader_of(
 ) -> Callable[[Path], Cloud]:
     """Return the reader of frame files of one format and layout; `CloudError` if they do not show their layout.
 
-    ``columns`` describe it, if the files have no names of columns. ``warn`` receives a doubt about it, or what a
-    reader leaves alone.
+    ``columns`` describe it, if the files have no names of columns. ``warn`` receives a doubt about it, or what the
+    reader ignores.
     """
     suffix = files[0].suffix.lower()
     read = FRAME_READERS[suffix]
@@ -48,7 +48,7 @@ def reader_of(
         from seaclutter_cli.sources.frame_files.pcd import has_viewpoint
 
         if has_viewpoint(files[0]):
-            warn(f"{files[0].name}: the points are not moved to its VIEWPOINT")
+            warn(f"{files[0].name}: its VIEWPOINT is not applied to the points")
     if suffix not in (".bin", ".npy", ".csv") or (columns is None and suffix != ".bin"):
         return read
     from seaclutter_cli.sources.frame_files.headerless import parse_columns, recognise, title

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.limits import above, limits
-from seaclutter_cli.paths import read_whole
+from seaclutter_cli.paths import open_regular, read_whole
 from seaclutter_cli.sources.frame_files.reading import check_size, parse_rows
 from seaclutter_cli.text import count
 
@@ -44,8 +44,8 @@ def read_pcd(path: Path) -> Cloud:
 
 
 def has_viewpoint(path: Path) -> bool:
-    """Return whether a PCD file has a viewpoint, which readers of points leave alone, other than the origin."""
-    with path.open("rb") as file:
+    """Return whether a PCD file has a viewpoint other than the origin; the reader does not apply it."""
+    with open_regular(path) as file:
         content = file.read(_MAX_HEADER)
     match = _DATA_LINE.search(content)
     words = _header(content[: match.start()]).get("VIEWPOINT") if match else None

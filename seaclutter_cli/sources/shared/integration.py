@@ -93,7 +93,8 @@ class Integrated(SourceWrapper):
         stamp_ns = message.log_time_ns
         if cloud.stamp_ns:
             stamp_ns, is_same = window.clock.next(cloud.stamp_ns, stamp_ns)
-            self.warn(*[StampClock.WARNING.format(message.channel.topic)] * is_same)
+            if is_same:
+                self.warn(StampClock.WARNING.format(message.channel.topic))
         if window.first_ns is None or stamp_ns < window.first_ns + (window.number - 1) * self._window_ns:
             yield from self._join(message.channel, window, (message.log_time_ns, message.publish_time_ns))
             window.first_ns, window.number = stamp_ns, 0  # the first cloud, or a clock that was set back
