@@ -1,14 +1,19 @@
 """Checks to pass before a commit: lint, format, types, doctests and tests. Run as ``python -m tests``.
 
-``python -m tests --quick`` runs fewer tests, see ``conftest.py``. Other arguments are passed to pytest.
+``python -m tests --quick`` runs fewer tests, see ``conftest.py``. Other arguments are passed to pytest. Types are
+checked beside the tests, which do not keep all cores busy. Tests of a file stay together where they can, because they
+share what they prepare.
 """
 
 import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
+BESIDE = ("mypy",)
+"""Check whose output comes after that of the tests."""
 
 
 def checks(arguments: list[str]) -> tuple[tuple[str, ...], ...]:
@@ -17,8 +22,7 @@ def checks(arguments: list[str]) -> tuple[tuple[str, ...], ...]:
     return (
         ("ruff", "check", "."),
         ("ruff", "format", "--check", "."),
-        ("mypy",),
-        ("pytest", "-q", "-n", "auto", "-m", "not slow", *quick, *arguments),
+        ("pytest", "-q", "-n", "auto", "--dist", "worksteal", "-m", "not slow", *quick, *arguments),
     )
 
 
@@ -27,13 +31,17 @@ def main() -> int:
     environment = dict(os.environ)
     if environment.pop("PYTHONDONTWRITEBYTECODE", None):  # bytecode halves the time, and need not be beside the sources
         environment["PYTHONPYCACHEPREFIX"] = str(ROOT / ".pytest_cache" / "bytecode")
-    failed = []
+    python: dict[str, Any] = {"cwd": ROOT, "env": environment}
+    beside = subprocess.Popen(
+        [sys.executable, "-m", *BESIDE], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, **python
+    )
+    statuses = {}
     for check in checks(sys.argv[1:]):
         print(f"== {' '.join(check)}", flush=True)  # noqa: T201
-        status = subprocess.run([sys.executable, "-m", *check], cwd=ROOT, env=environment, check=False).returncode
-        if status:
-            name = " ".join(word for word in check[:2] if not word.startswith("-"))
-            failed.append(f"{name} (exit status {status})")
+        statuses[check] = subprocess.run([sys.executable, "-m", *check], check=False, **python).returncode
+    print(f"== {' '.join(BESIDE)}\n{beside.communicate()[0].decode()}", end="")  # noqa: T201
+    statuses[BESIDE] = beside.returncode
+    failed = [f"{' '.join(check[:2])} (exit status {status})" for check, status in statuses.items() if status]
     print(f"== failed: {', '.join(failed)}" if failed else "== all checks passed", flush=True)  # noqa: T201
     return 1 if failed else 0
 

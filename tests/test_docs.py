@@ -1,10 +1,12 @@
 """The documentation builds without warnings, every page is reachable, and the commands that it shows are accepted."""
 
+import json
 import os
 import re
 import shutil
 import subprocess
 import sys
+from html import unescape
 from pathlib import Path
 
 import click
@@ -57,9 +59,18 @@ def test_the_reference_has_every_public_name(site):
     assert set(seaclutter.__all__) - {"__version__"} <= documented
 
 
-def test_the_notebook_has_its_figures(site):
+def test_the_notebook_runs_on_the_sample_and_gives_the_documented_results(site):
     html = (site / "first_steps" / "index.html").read_text(encoding="utf-8")
-    assert html.count('src="data:image/png;base64,') == 2
+    page = unescape(re.sub("<style.*?</style>", "", html, flags=re.DOTALL))
+    assert page.count('src="data:image/png;base64,') == 2
+    assert "application/vnd.jupyter.stderr" not in page
+    last = page.rpartition("jp-OutputArea-output")[2]
+    assert "{'joint': (14, 8), 'ring_intensity': (32, 0), 'none': (60, 0), 'ideal': (0, 0)}" in last
+
+
+def test_the_notebook_has_no_outputs_in_the_repository():
+    notebook = json.loads((DOCS / "first_steps.ipynb").read_text(encoding="utf-8"))
+    assert not any(cell.get("outputs") for cell in notebook["cells"])
 
 
 def test_the_site_needs_no_other_host(site):

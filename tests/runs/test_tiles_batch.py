@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -21,16 +22,24 @@ def _no_progress(monkeypatch):
     monkeypatch.setattr(console, "_LINE_SECONDS", math.inf)
 
 
-@pytest.fixture
-def tiles(tmp_path):
+@pytest.fixture(scope="module")
+def tiles(tmp_path_factory):
     """Return a folder with three tiles of every sixth point of the sample."""
-    folder = tmp_path / "tiles"
-    folder.mkdir()
+    folder = tmp_path_factory.mktemp("tiles")
     tile = read(ROOT / "samples" / "tile.laz")
     tile.points = tile.points[np.arange(0, len(tile.points), 6)]
     for name in "abc":
         tile.write(folder / f"{name}.laz")
     return folder
+
+
+@pytest.fixture(scope="module")
+def model(tiles):
+    """Return a model that was trained on one of the tiles."""
+    pytest.importorskip("skops")
+    path = tiles.parent / "model.skops"
+    invoke("classify", "train", tiles / "a.laz", "-s", "forest.trees=5", "-o", path, "--force", code=0)
+    return path
 
 
 def contents(folder):
@@ -50,17 +59,7 @@ def test_separation(tiles, tmp_path):
     assert sorted(found[0][0]) == ["a.laz", "b.laz", "c.laz"]
 
 
-def test_the_progress_is_of_tiles(tiles, tmp_path, monkeypatch):
-    monkeypatch.setattr(console, "_LINE_SECONDS", 0.0)
-    result = invoke("classify", "separate", tiles, "-o", f"{tmp_path / 'out'}/", "-j", 1)
-    assert "3 tiles: tile 3 of 3\n" in result.stderr
-    assert "recording" not in result.stderr
-
-
-def test_classification(tiles, tmp_path):
-    pytest.importorskip("skops")
-    model = tmp_path / "model.skops"
-    invoke("classify", "train", tiles / "a.laz", "-s", "forest.trees=5", "-o", model, code=0)
+def test_classification(tiles, model, tmp_path):
     found = []
     for jobs in (1, 2):
         folder = tmp_path / str(jobs)
@@ -71,10 +70,9 @@ def test_classification(tiles, tmp_path):
     assert found[0] == found[1]
 
 
-def test_an_error_in_one_tile_leaves_no_classified_tile(tiles, tmp_path):
-    pytest.importorskip("skops")
-    model = tmp_path / "model.skops"
-    invoke("classify", "train", tiles / "a.laz", "-s", "forest.trees=5", "-o", model, code=0)
+def test_an_error_in_one_tile_leaves_no_classified_tile(tiles, model, tmp_path):
+    shutil.copytree(tiles, tmp_path / "in")
+    tiles = tmp_path / "in"
     (tiles / "b.laz").write_bytes((tiles / "a.laz").read_bytes()[:1000])
     result = invoke("classify", "predict", tiles, "--model", model, "-o", f"{tmp_path / 'out'}/", "-j", 2, code=1)
     assert next(line for line in result.stderr.splitlines() if line.startswith("Error: ")).startswith(
@@ -83,11 +81,14 @@ def test_an_error_in_one_tile_leaves_no_classified_tile(tiles, tmp_path):
     assert not list((tmp_path / "out").iterdir())
 
 
-def test_existing_outputs_are_not_replaced(tiles, tmp_path):
+def test_existing_outputs_are_not_replaced(tiles, tmp_path, monkeypatch):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "b.laz").write_bytes(b"important")
-    line = ("classify", "separate", tiles, "-o", f"{tmp_path / 'out'}/", "-j", 2)
-    invoke(*line, code=2)
+    line = ("classify", "separate", tiles, "-o", f"{tmp_path / 'out'}/")
+    invoke(*line, "-j", 2, code=2)
     assert contents(tmp_path / "out") == {"b.laz": b"important"}
-    invoke(*line, "--force", code=0)
+    monkeypatch.setattr(console, "_LINE_SECONDS", 0.0)
+    result = invoke(*line, "-j", 1, "--force", code=0)
+    assert "3 tiles: tile 3 of 3\n" in result.stderr
+    assert "recording" not in result.stderr
     assert len(contents(tmp_path / "out")["b.laz"]) > 1000
