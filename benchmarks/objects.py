@@ -4,7 +4,7 @@ For each log: HOTA (mean over overlaps of 5 to 95 %) and MOTA (at 50 %) of the v
 TrackEval, without boxes in areas to ignore or at targets that are not visible; ids for each target; medians of the
 errors of position, of speed beyond the first second (against relative motion), and of the length of targets seen from
 two sides; the share of visible targets with a box (at 50 %) that is not doubtful; and, in a hundred frames, such boxes
-at no target (*false*), and second ones at a target (*parts*). What is as large as a quay is an area to ignore.
+at no target (*false*), and second ones at a target (*parts*). Structures at no target are areas to ignore.
 """
 
 import sys
@@ -21,14 +21,13 @@ import seaclutter
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import overlaps, targets_of
 from seaclutter_cli.labels import open_labels
-from seaclutter_cli.labels.boxes import IGNORE
-from seaclutter_cli.labels.proposals import guessed_class
+from seaclutter_cli.tracking.boxes import STRUCTURE
 from seaclutter_cli.truth import Boxes
 
 Rows = NDArray[Any]
 Compared = tuple[float, Boxes, Rows, Rows, Boxes]
 ALPHAS = np.arange(0.05, 0.99, 0.05)
-WAIT_S, NEAR_M = 1.0, 2.0
+WAIT_S, NEAR_M, HALF = 1.0, 2.0, 0.5
 
 
 def boxes_of(rows: Rows) -> Boxes:
@@ -56,6 +55,7 @@ def frames_of(log: Path) -> Iterator[Compared]:
                 flat = Boxes(areas.tracks, areas.classes, areas.centers, areas.sizes + np.array([0, 0, 99]), areas.yaws)
                 out |= flat.covers(places, 0.5)
             targets = truth.targets.chosen(np.flatnonzero(visible))
+            out |= (rows["class"] == STRUCTURE) & (overlaps(targets, boxes_of(rows)).max(axis=0, initial=0) < HALF)
             yield frame.stamp_ns / 1e9, targets, rows[~out], overlaps(targets, boxes_of(rows[~out])), truth.targets
 
 
@@ -98,12 +98,10 @@ def errors(frames: Sequence[Compared]) -> tuple[Any, ...]:
         apart = np.linalg.norm(targets.centers[:, None, :2] - np.column_stack((rows["x_m"], rows["y_m"])), axis=2)
         score = overlap + 0.01 * (apart < NEAR_M)
         pairs = [(m, n) for m, n in zip(*linear_sum_assignment(-score), strict=True) if score[m, n] > 0]
-        good = [(m, n) for m, n in pairs if overlap[m, n] >= 0.5]
+        good = [(m, n) for m, n in pairs if overlap[m, n] >= HALF]
         hits += len(good)
         wrong += len(rows) - len(good)
-        sizes = zip(rows["length_m"], rows["width_m"], strict=True)
-        areas = np.flatnonzero([guessed_class(*size) == IGNORE for size in sizes])
-        single = np.setdiff1d(np.arange(len(rows)), [*areas, *(n for _, n in pairs)]).astype(np.int64)
+        single = np.setdiff1d(np.arange(len(rows)), [n for _, n in pairs]).astype(np.int64)
         here = targets.contains(np.column_stack([rows[name] for name in ("x_m", "y_m", "z_m")]).T, NEAR_M).any(axis=0)
         at_target = (overlap > 0).any(axis=0) | here
         parts += np.count_nonzero(at_target[single])

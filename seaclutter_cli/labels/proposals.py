@@ -1,10 +1,9 @@
 """Proposed labels from tracks of objects, and their files."""
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, BinaryIO
-
-import numpy as np
 
 from seaclutter_cli.labels.boxes import IGNORE, Labelled, Proposal
 from seaclutter_cli.labels.csv import COLUMNS, PROPOSED
@@ -15,20 +14,6 @@ FOLDER_FORMS: Mapping[str, JsonForm] = {"sustechpoints": SUSTECHPOINTS, "seepers
 
 SURE, DOUBTFUL = "sure", "doubtful"
 _LEAST_FRAMES = 3
-_BUOY_M, _SMALL_CRAFT_M, _STRUCTURE_M, _WIDE_M = 2.0, 12.0, 50.0, 25.0
-
-
-def guessed_class(length_m: float, width_m: float) -> str:
-    """Return the class that the size of an object suggests; areas to ignore are quays and land.
-
-    Examples
-    --------
-    >>> [guessed_class(*size) for size in ((0.8, 0.7), (7, 2.5), (24, 6), (80, 3))]
-    ['buoy', 'small craft', 'vessel', 'ignore']
-    """
-    if length_m > _STRUCTURE_M or width_m > _WIDE_M:
-        return IGNORE
-    return "buoy" if length_m <= _BUOY_M else "small craft" if length_m <= _SMALL_CRAFT_M else "vessel"
 
 
 def proposals(rows: Iterable[Mapping[str, Any]]) -> list[Proposal]:
@@ -44,7 +29,8 @@ def proposals(rows: Iterable[Mapping[str, Any]]) -> list[Proposal]:
     for number, own in tracks.items():
         if sum(row["state"] != "lost" for row in own) < _LEAST_FRAMES:
             continue
-        kind = guessed_class(*(float(np.median([row[name] for row in own])) for name in ("length_m", "width_m")))
+        ((kind, _),) = Counter(row["class"] for row in own).most_common(1)
+        kind = IGNORE if kind == "structure" else kind
         for row in own:
             center, size = (row["x_m"], row["y_m"], row["z_m"]), (row["length_m"], row["width_m"], row["height_m"])
             labelled = Labelled(str(number), kind, center, size, row["yaw_rad"], proposed=True)

@@ -14,7 +14,7 @@ from seaclutter_cli.tracking.follow import CONFIRMED
 
 _ROWS_AT_ONCE = 20_000
 _STEP_NS = 1_000_000_000
-_PROPERTIES = ("recording", "topic", "track_id", "length_m", "width_m", "height_m")
+_PROPERTIES = ("recording", "topic", "track_id", "class", "length_m", "width_m", "height_m")
 
 Write = Callable[[BinaryIO, Iterable[bytes]], None]
 

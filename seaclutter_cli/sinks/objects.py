@@ -28,6 +28,7 @@ COLUMNS = {
     "score": float,
     "top_m": float,
     "sides": int,
+    "class": str,
     "first_ns": int,
     "last_ns": int,
     **dict.fromkeys(("latitude_deg", "longitude_deg"), float),
@@ -128,9 +129,13 @@ def rows_of(frame: FrameObjects, fix: Fix | None) -> Iterable[Sequence[object]]:
         frame.scores.round(3).tolist(),
         tops,
         (1 + frame.measured).tolist(),
+        frame.kinds,
         frame.spans_ns.tolist(),
         places,
         strict=True,
     )
-    for track, state, values, points, score, top, sides, span, place in each:
-        yield (frame.index, frame.stamp_ns, track, state, *values, velocity, points, score, top, sides, *span, *place)
+    for track, state, values, points, score, top, sides, kind, span, place in each:
+        yield (
+            *(frame.index, frame.stamp_ns, track, state, *values, velocity),
+            *(points, score, top, sides, kind, *span, *place),
+        )

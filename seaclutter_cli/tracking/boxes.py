@@ -11,11 +11,14 @@ from seaclutter_cli.tracking.tracker import ahead
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+STRUCTURE = "structure"
 _TURNING_S, _STEADY_S, _STEADY = 0.7, 5.0, 0.1
 _SIZE_QUANTILE = 0.9
 _OBLIQUE = np.sin(np.radians(10))
 _USUAL_BEAM, _SHIP_BEAM = 0.3, 0.6
 _ROUND_M, _ROUND = 2.0, 0.9
+_SMALL_CRAFT_M, _STRUCTURE_M, _WIDE_M = 12.0, 50.0, 25.0
+_LEAST_WALL_M, _STRAIGHT, _UPRIGHT = 6.0, 1 / 40, 0.5
 _ACCELERATIONS = (0.1, 1.0, 10.0)
 _GAIN = 30.0
 _NOISE_M, _HIDDEN_NOISE, _BETWEEN_NOISE = 0.08, 0.3, 0.4
@@ -26,13 +29,35 @@ _MAX_SIZES = 512
 
 @dataclass
 class Shape:
-    """What is known of the shape of a track: extents along and across in frames so far, and its last yaw."""
+    """What is known of the shape of a track: extents along and across in frames so far, and its last yaw.
+
+    ``depth_m`` is the width that was seen.
+    """
 
     along: list[float] = field(default_factory=list)
     across: list[float] = field(default_factory=list)
+    depth_m: float = 0.0
     oblique: bool = False
     yaw: float | None = None
     yaw_s: float = 0.0
+
+
+def guessed_class(size: Floats, depth_m: float) -> str:
+    """Return the class that the size of an object suggests, shape (3,), and the width of it that was seen.
+
+    Quays and land are structures: larger than most vessels, or walls, which are straight where hulls curve.
+
+    Examples
+    --------
+    >>> sizes = (0.8, 0.7, 1), (7, 2.5, 1), (24, 6, 4), (80, 9, 2), (49, 8, 2.5)
+    >>> [guessed_class(np.array(size), depth_m) for size, depth_m in zip(sizes, (0.7, 2.5, 5, 1, 0.2))]
+    ['buoy', 'small craft', 'vessel', 'structure', 'structure']
+    """
+    length_m, width_m, height_m = size.tolist()
+    is_wall = length_m > _LEAST_WALL_M and depth_m < min(_STRAIGHT * length_m, _UPRIGHT * height_m)
+    if is_wall or length_m > _STRUCTURE_M or width_m > _WIDE_M:
+        return STRUCTURE
+    return "buoy" if length_m <= _ROUND_M else "small craft" if length_m <= _SMALL_CRAFT_M else "vessel"
 
 
 def orientation(misfits: Floats, times_s: Floats) -> Floats:
@@ -92,6 +117,7 @@ def fit(
     shape.along, shape.across = along[-_MAX_SIZES:], across[-_MAX_SIZES:]
     shape.yaw, shape.yaw_s = float(yaws[-1]), float(times_s[-1])
     whole = np.array([np.quantile(values, _SIZE_QUANTILE) for values in (along, across)])
+    shape.depth_m = float(whole[1])
     cos, sin = np.cos(yaws), np.sin(yaws)
     seen_from = np.stack((sensor[:, 0] * cos + sensor[:, 1] * sin, sensor[:, 1] * cos - sensor[:, 0] * sin), axis=1)
     shape.oblique |= bool(_is_oblique(seen_from, low, high, whole).any())

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.frame import FilterResult, Frame, WaterState
-from seaclutter_cli.tracking.boxes import Shape, fit, smoothed
+from seaclutter_cli.tracking.boxes import STRUCTURE, Shape, fit, guessed_class, smoothed
 from seaclutter_cli.tracking.detections import Detections, Pose
 from seaclutter_cli.tracking.tracker import Track, Tracker
 from seaclutter_cli.water import Mounting
@@ -23,7 +23,7 @@ _MAX_GAP_S = 5.0
 _MAX_WAITING = 50_000
 _SURE, _CLEAR_M = 0.5, 0.5
 _MOST_COMPARED, _MOSTLY = 20, 0.8
-_PART_SHARE, _STRUCTURE_M = 0.5, 50.0
+_PART_SHARE = 0.5
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class FrameObjects:
     and ``sizes``, shape (N, 3), ``yaws`` and ``velocities``, shape (N, 2), describe boxes; velocities are over ground
     if ``over_ground``. ``tops_m`` are heights above the water, NaN where it is unknown. ``spans_ns``, shape (N, 2), are
     the first and the last time of the track, as far as it is known ten seconds later. A box is ``measured`` if two of
-    its sides were seen; otherwise its width is at least that of a usual vessel.
+    its sides were seen; otherwise its width is at least that of a usual vessel. ``kinds`` are guesses of their classes.
     """
 
     index: int
@@ -53,6 +53,7 @@ class FrameObjects:
     tops_m: Floats
     spans_ns: NDArray[np.int64]
     measured: NDArray[np.bool_]
+    kinds: Sequence[str]
     over_ground: bool
 
 
@@ -206,8 +207,10 @@ def _smoothed(frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Tra
         for values in (yaws, spans[..., 0], spans[..., 1], rises):
             values[:, n] = np.interp(times_s, times_s[seen], values[seen, n])
         sizes[n, 2] = np.quantile(spans[seen, n, 1] - spans[seen, n, 0], 0.9)
+    kinds = [guessed_class(size, shapes[track].depth_m) for track, size in zip(tracks, sizes, strict=True)]
     at, velocity = smoothed(places, deviations, times_s)
-    at[:, _are_parts(at[start:end], yaws[start:end], sizes)] = np.nan
+    bodies = np.array([kind != STRUCTURE for kind in kinds], np.bool_)
+    at[:, _are_parts(at[start:end], yaws[start:end], sizes, bodies)] = np.nan
     scores = np.array([track.score for track in tracks])
     measured = np.array([shapes[track].oblique for track in tracks], np.bool_)
     first = np.array([round(track.first_s * 1e9) for track in tracks], np.int64)
@@ -233,14 +236,15 @@ def _smoothed(frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Tra
             np.full(len(xy), np.nan) if one.water is None else one.water.heights(xy, rises[f, there]),
             np.stack((first[there], last[there]), axis=1),
             measured[there],
+            [kinds[n] for n in there.tolist()],
             one.over_ground,
         )
 
 
-def _are_parts(at: Floats, yaws: Floats, sizes: Floats) -> NDArray[np.bool_]:
+def _are_parts(at: Floats, yaws: Floats, sizes: Floats, bodies: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return which of N tracks are parts of others, such as a mast: small, and almost always inside a larger box.
 
-    Boxes of quays contain water, so nothing is a part of these.
+    Boxes of quays contain water, so only ``bodies``, shape (N,), have parts.
     """
     inside, together = (np.zeros((len(sizes), len(sizes))) for _ in range(2))
     half = sizes[:, :2] / 2
@@ -250,5 +254,5 @@ def _are_parts(at: Floats, yaws: Floats, sizes: Floats) -> NDArray[np.bool_]:
         inside += (np.abs(x * cos + y * sin) <= half[:, 0]) & (np.abs(y * cos - x * sin) <= half[:, 1])
         together += np.isfinite(x)
     area = sizes[:, 0] * sizes[:, 1]
-    smaller = (area[:, None] < _PART_SHARE * area) & (sizes[:, 0] <= _STRUCTURE_M)
+    smaller = (area[:, None] < _PART_SHARE * area) & bodies
     return np.asarray((smaller & (inside > _MOSTLY * np.maximum(together, 1))).any(axis=1))

@@ -82,10 +82,11 @@ def test_edited_boxes_are_no_longer_proposed(tmp_path):
     assert (first.proposed > 0, second.proposed) == (True, 0)
 
 
-def test_doubtful_tracks_come_first_and_short_ones_are_left_out():
+def test_doubtful_tracks_come_first_short_ones_are_left_out_and_structures_are_ignored():
     size = {"x_m": 0.0, "y_m": 0.0, "z_m": 0.0, "length_m": 1.0, "width_m": 1.0, "height_m": 1.0, "yaw_rad": 0.0}
+    kinds = {1: "structure", 2: "buoy", 3: "buoy"}
     rows = [
-        {**size, "frame": frame, "track_id": track, "score": score, "state": state}
+        {**size, "frame": frame, "track_id": track, "score": score, "state": state, "class": kinds[track]}
         for track, score, state, frames in (
             (1, 1.0, "confirmed", 4),
             (2, 0.3, "candidate", 3),
@@ -96,6 +97,7 @@ def test_doubtful_tracks_come_first_and_short_ones_are_left_out():
     found = proposals(rows)
     assert [one.labelled.track for one in found] == ["2"] * 3 + ["1"] * 4
     assert [one.mark for one in found] == ["doubtful"] * 3 + ["sure"] * 4
+    assert [one.labelled.kind for one in found] == ["buoy"] * 3 + ["ignore"] * 4
 
 
 def test_frames_without_objects_are_labelled_as_empty(tmp_path):

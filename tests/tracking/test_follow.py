@@ -91,6 +91,13 @@ def test_the_beam_of_a_ship_of_which_one_side_is_seen_is_not_a_third_of_its_leng
     assert 6 < found[10].sizes[0, 1] < 9
 
 
+@pytest.mark.parametrize(("curve_m", "kind"), [(0, "structure"), (2, "vessel")])
+def test_walls_are_straight_and_hulls_curve(curve_m, kind):
+    face = line((-15, 20), (15, 20))
+    face[:, 1] += curve_m * (face[:, 0] / 15) ** 4
+    assert followed([frame_of(k, face) for k in range(20)])[10].kinds == [kind]
+
+
 def test_ids_survive_two_seconds_without_the_object():
     hidden = range(15, 35)
     empty = np.array([[60.0, 60, 0]])
