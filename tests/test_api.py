@@ -87,28 +87,6 @@ print(*({{f"seaclutter_cli.{{part}}" for part in {parts}}} | {{"rosbags", "async
     assert done.stdout.strip() == ""
 
 
-def test_names_are_typed(tmp_path):
-    code = """
-import numpy as np
-import seaclutter
-with seaclutter.open_log("log.mcap") as log:
-    for frame in log.frames("/points"):
-        reveal_type(frame.xyz)
-        reveal_type(seaclutter.filter_points(frame.xyz, frame.intensity).keep)
-reveal_type(seaclutter.evaluate("log.mcap", "labels.csv").totals())
-seaclutter.filter_log("log.mcap", 5)
-"""
-    (tmp_path / "user.py").write_text(code)
-    options = ["--strict", "--no-error-summary", "--cache-dir", str(ROOT / ".mypy_cache" / "user")]
-    environment = {"PYTHONPATH": str(ROOT), "PATH": "", "MYPY_FORCE_COLOR": "0"}
-    check = [sys.executable, "-m", "mypy", *options, str(tmp_path / "user.py")]
-    output = subprocess.run(check, capture_output=True, text=True, check=False, env=environment, cwd=ROOT).stdout
-    assert output.count("ndarray[") >= 2, output
-    assert "Summary" in output
-    assert output.count("error:") == 1, output
-    assert 'incompatible type "int"' in output
-
-
 def test_frames_are_arrays():
     with seaclutter.open_log(SEA) as log:
         assert (log.name, log.format, log.topics, log.damage) == ("sea", "MCAP", ("/points",), [])

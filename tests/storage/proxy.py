@@ -76,6 +76,7 @@ class _Handler(BaseHTTPRequestHandler):
     proxy: Proxy
     port: int
     protocol_version = "HTTP/1.1"
+    disable_nagle_algorithm = True  # or the content would wait 40 ms for the head to be acknowledged
 
     def _handle(self) -> None:
         body = self.rfile.read(int(self.headers.get("Content-Length", 0)))

@@ -82,7 +82,7 @@ def test_a_listing_has_an_end(bucket, monkeypatch):
 def test_a_server_that_does_not_answer_is_an_error(bucket, proxy, monkeypatch):
     monkeypatch.setattr(objects, "_ANSWER_S", 0.1)
     go_on = threading.Event()
-    proxy.rule = lambda _: go_on.wait(20)
+    proxy.rule = lambda _: go_on.wait(20) and None
     for ask in (find_object, list_folder, lambda url: list(list_objects(url))):
         with pytest.raises(InputError, match="the server gives no complete answer within"):
             ask(bucket / "log.mcap")

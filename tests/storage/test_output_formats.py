@@ -40,7 +40,7 @@ def test_outputs_appear_in_a_bucket_and_are_read_from_it(bucket, form):
 
 
 @pytest.mark.usefixtures("log")
-@pytest.mark.parametrize("form", ["pcd", "rosbag2-mcap"])
+@pytest.mark.parametrize("form", ["pcd", "npz", "rosbag2-mcap"])
 def test_a_folder_in_a_bucket_is_replaced_as_a_whole(bucket, form):
     line = f"convert a.mcap -o {bucket}/out/ --to {form}"
     run(f"{line} -n 3")

@@ -9,6 +9,12 @@ from tests.jobs.cluster.clusters import Certificates, Cluster, wait_for
 NAMES = ("one", "two", "three")
 
 
+@pytest.fixture(autouse=True)
+def _often(monkeypatch):
+    """Let the engine look for workers more often than once a second."""
+    monkeypatch.setattr("seaclutter_cli.jobs.cluster.engine._LOOK_S", 0.1)
+
+
 def _require_system():
     pytest.importorskip("distributed")
     if sys.platform == "win32":
