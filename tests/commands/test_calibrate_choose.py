@@ -101,12 +101,12 @@ def test_thresholds_come_from_other_frames_than_those_judged(tmp_path):
         assert row["N_FP"] == 20, "the dark half is without alarms, the bright half never"
 
 
-@pytest.mark.parametrize("frames", range(5, 200))
-def test_halves_and_their_training_frames_are_apart(frames):
-    first, last = training_frames(frames)
-    assert len(first) == len(last) >= 0.4 * frames - 1
-    assert first.stop <= 0.48 * frames
-    assert last.start >= 0.52 * frames
+def test_halves_and_their_training_frames_are_apart():
+    for frames in range(5, 200):
+        first, last = training_frames(frames)
+        assert len(first) == len(last) >= 0.4 * frames - 1
+        assert first.stop <= 0.48 * frames
+        assert last.start >= 0.52 * frames
 
 
 def test_in_a_tie_the_first_candidate_is_best():
