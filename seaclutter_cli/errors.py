@@ -185,14 +185,17 @@ def requiring(feature: str, extra: str) -> Iterator[None]:
 
 
 @contextmanager
-def opening(path: object, kind: type[SeaclutterError] = InputError) -> Iterator[None]:
-    """Raise an error of a kind that names a file if it cannot be read in the context, or is not a valid cloud."""
+def opening(path: object, kind: type[SeaclutterError] = InputError, problem: str = "") -> Iterator[None]:
+    """Raise an error of a kind that names a file, and a problem, if the system cannot do what the context does with it.
+
+    That a file is not a valid cloud is an error of this kind, too.
+    """
     try:
         yield
     except CloudError as error:
         raise kind(f"{path}: {error}") from error
     except OSError as error:
-        raise kind(f"{path}: {error.strerror}") from error
+        raise kind(f"{path}: {problem} ({error.strerror})" if problem else f"{path}: {error.strerror}") from error
 
 
 class UsageError(SeaclutterError):

@@ -16,7 +16,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from seaclutter_cli.errors import ArrayError, ConfigError, FieldError, MethodError
+from seaclutter_cli.errors import ArrayError, ConfigError, FieldError, MethodError, opening
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Filter, NoParams
 from seaclutter_cli.paths import read_whole
@@ -53,10 +53,8 @@ def method_of(given: Any) -> str:
     if isinstance(given, Method) or _IN_FILE not in given:
         return given
     path, _, name = given.rpartition(":")
-    try:
+    with opening(path, ConfigError, "cannot be read"):
         source = read_whole(Path(path))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from error
     return _of_source(path, source, name)
 
 

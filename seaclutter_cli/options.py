@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Generic, ParamSpec, TypeVar, dataclass_transform
 
 from seaclutter_cli.errors import UsageError
+from seaclutter_cli.registry import imported
 from seaclutter_cli.text import named_folder
 from seaclutter_cli.urls import PathLike, Url, is_url, place
 
@@ -160,21 +161,21 @@ class Place(Kind):
 
 @dataclass(frozen=True)
 class Parsed(Kind):
-    """Values that a function makes of a text; others are checked by another kind, if there is one."""
+    """Values that a function, or one that is `imported`, makes of a text; another kind may check others."""
 
-    of_text: Callable[[str], Any]
+    of_text: Callable[[str], Any] | str
     others: Kind | None = None
 
     def parse(self, text: str) -> Any:
         """Return what the function makes of a text."""
-        return self.of_text(text)
+        return (imported(self.of_text) if isinstance(self.of_text, str) else self.of_text)(text)
 
     def check(self, value: Any, name: str) -> Any:
         """Return a value that is no text, or what the function makes of a text."""
         if not isinstance(value, str):
             return self.others.check(value, name) if self.others else value
         try:
-            return self.of_text(value)
+            return self.parse(value)
         except ValueError as error:
             raise UsageError(f"{name}: {error}") from error
 

@@ -8,6 +8,7 @@ installed is imported.
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, cached_property
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar
 
@@ -49,19 +50,26 @@ def warn_here() -> None:
             one.added  # noqa: B018 - what it warns of
 
 
+def imported(name: str) -> Any:
+    """Return an object of the program by its module and name, such as ``sinks.log.LogSink``; the start stays fast."""
+    module, _, own = name.rpartition(".")
+    return getattr(import_module(f"seaclutter_cli.{module}"), own)
+
+
 class Registry(Mapping[K, V]):
-    """Built-in items, and after them those of plug-ins of a kind.
+    """Built-in items, and after them those of plug-ins of a kind; built-in ones may be named, in their package.
 
     ``adapt`` returns the items that the object of an entry point adds under its name, or raises an error with what is
     wrong with it. A plug-in that cannot be used, or whose name is taken, is a warning.
     """
 
-    def __init__(self, kind: str, built_in: Mapping[K, V], adapt: Callable[[str, Any], Mapping[K, V]]) -> None:
+    def __init__(self, kind: str, built_in: Mapping[K, V | str], adapt: Callable[[str, Any], Mapping[K, V]]) -> None:
         self._kind, self.built_in, self._adapt = kind, built_in, adapt
         _REGISTRIES.append(self)
 
     def __getitem__(self, name: K) -> V:
-        return self.built_in[name] if name in self.built_in else self.added[name]
+        found = self.built_in[name] if name in self.built_in else self.added[name]
+        return imported(f"{self._kind}.{found}") if isinstance(found, str) else found
 
     def __contains__(self, name: object) -> bool:
         return name in self.built_in or name in self.added

@@ -67,6 +67,14 @@ def parse_moment(text: str) -> Moment:
     else.
     """
     try:
+        return _moment(text)
+    except (ValueError, OverflowError) as error:
+        expected = "seconds from the start, a time such as 2026-05-01T12:30:00Z, or seconds since 1970"
+        raise ValueError(f"expected {expected}") from error
+
+
+def _moment(text: str) -> Moment:
+    try:
         number = float(text)
     except ValueError:
         return _in_utc(datetime.fromisoformat(text.strip()))

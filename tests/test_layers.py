@@ -51,7 +51,7 @@ ALLOWED = {
     "urls": {"errors"},
     "storage": {"errors", "parts", "threads", "urls"},
     "buckets": {"errors", "options", "storage", "urls"},
-    "options": {"text", "errors", "urls"},
+    "options": {"text", "errors", "registry", "urls"},
     "records": {"text"},
     "limits": {"errors"},
     "threads": {"errors"},

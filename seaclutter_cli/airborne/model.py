@@ -15,7 +15,7 @@ import numpy as np
 from seaclutter_cli import __version__
 from seaclutter_cli.airborne.settings import TileSettings, parse_settings
 from seaclutter_cli.documents import load_json
-from seaclutter_cli.errors import ConfigError, InputError, RenamedKeyWarning, requiring
+from seaclutter_cli.errors import ConfigError, InputError, RenamedKeyWarning, opening, requiring
 from seaclutter_cli.paths import read_whole
 
 _FORMAT = 1
@@ -65,10 +65,8 @@ def load_model(path: Path) -> ObjectModel:
     Raise `InputError` if the file is not such a model, or the model was trained with features that this version does
     not compute, and `MissingExtraError` if scikit-learn or skops is not installed.
     """
-    try:
+    with opening(path, problem="cannot be read"):
         data = read_whole(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     skops = _skops()
     try:
         _check_size(data)

@@ -8,7 +8,7 @@ from seaclutter_cli.runs.options import ReadOptions, classifiers
 _SCENE = [
     command(
         "scene train",
-        "runs.scenes:train_scenes",
+        "runs.scenes.train_scenes",
         {"logs": classifiers.LabelledLogs, "options": classifiers.TrainSceneOptions},
         """Train a classifier on logs with known scenes, and write it as an ONNX file.
 
@@ -21,7 +21,7 @@ _SCENE = [
     ),
     command(
         "scene evaluate",
-        "runs.scenes:evaluate_scenes",
+        "runs.scenes.evaluate_scenes",
         {"logs": classifiers.LabelledLogs, "options": classifiers.ClassifierOptions, "reading": ReadOptions},
         """Evaluate a classifier on logs with known scenes: confusion matrix, precision and recall of each class.
 
@@ -32,7 +32,7 @@ _SCENE = [
     ),
     command(
         "scene predict",
-        "runs.scenes:predict_scenes",
+        "runs.scenes.predict_scenes",
         {
             "logs": option("LOGS...", "Logs.", kind=Anything()),
             "options": classifiers.ClassifierOptions,
@@ -56,7 +56,7 @@ _OUTPUT = option(
 _CLASSIFY = [
     command(
         "classify separate",
-        "runs.classify.separate:separate_tiles",
+        "runs.classify.separate.separate_tiles",
         {"tiles": _TILES, "output": _OUTPUT, "options": classifiers.SeparateTilesOptions},
         """Separate each TILE into sea and non-sea points by morphological opening; on rough water, follow the waves.
 
@@ -69,7 +69,7 @@ _CLASSIFY = [
     ),
     command(
         "classify train",
-        "runs.classify.train:train_forest",
+        "runs.classify.train.train_forest",
         {"tiles": _TILES, "options": classifiers.TrainForestOptions},
         """Train a random forest on labelled TILEs to classify objects.
 
@@ -81,7 +81,7 @@ _CLASSIFY = [
     ),
     command(
         "classify predict",
-        "runs.classify.predict:classify_tiles",
+        "runs.classify.predict.classify_tiles",
         {"tiles": _TILES, "output": _OUTPUT, "options": classifiers.ClassifyTilesOptions},
         """Classify the non-sea points of each TILE with a trained model, and find the objects.
 

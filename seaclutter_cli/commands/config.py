@@ -60,13 +60,6 @@ def _check(_: Console, files: Sequence[str]) -> None:
         context.exit(ConfigError.exit_code)
 
 
-def _list(console: Console, kinds: Sequence[str], text: str) -> None:
-    """Print lists of built-in items."""
-    from seaclutter_cli.runs.builtin import list_builtin
-
-    console.finish(list_builtin().only(kinds or _KINDS, text))
-
-
 _CONFIG = [
     command(
         "config show",
@@ -84,7 +77,7 @@ _CONFIG = [
     ),
     command(
         "config list",
-        _list,
+        "runs.builtin.list_builtin",
         _ListOptions,
         """List built-in items, by default of every KIND.
 

@@ -21,6 +21,7 @@ from seaclutter_cli.errors import (
     PluginWarning,
     RenamedKeyWarning,
     SeaclutterError,
+    opening,
 )
 from seaclutter_cli.options import OptionalPath, Options, Place, option
 from seaclutter_cli.parts import SCRATCH
@@ -228,7 +229,7 @@ def show_each_warning_once() -> Callable[..., None]:
 
 def _begin_log(path: Path) -> None:
     """Make a log file, unless there is one; raise `OutputError` if it is another file, or cannot be written."""
-    try:
+    with opening(path, OutputError, "cannot be written"):
         known = b""
         if path.is_file():
             with path.open("rb") as file:
@@ -238,5 +239,3 @@ def _begin_log(path: Path) -> None:
         path.parent.mkdir(exist_ok=True)  # as for other outputs: the last folder
         with path.open("ab") as file:
             file.write(b"" if known else _LOG_HEAD)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror})") from error

@@ -34,7 +34,7 @@ def _effective(arguments: Sequence[str]) -> list[str]:
 _LABELS = [
     command(
         "labels check",
-        "runs.labels:check_labels",
+        "runs.labels.check_labels",
         logs.LabelCheckOptions,
         """Compare labels with the points of LOGS, and name probable mistakes with their remedies.
 
@@ -47,7 +47,7 @@ _LABELS = [
     ),
     command(
         "labels propose",
-        "runs.label_proposal:propose_labels",
+        "runs.label_proposal.propose_labels",
         objects.ProposeOptions,
         """Label the objects in LOGS with boxes, for a person to correct.
 
@@ -60,7 +60,7 @@ _LABELS = [
     ),
     command(
         "labels compare",
-        "runs.labels:compare_labels",
+        "runs.labels.compare_labels",
         objects.CompareOptions,
         """Show what differs between labels A and B of the same frames: what a person corrected, how good A was.
 
@@ -73,7 +73,7 @@ _LABELS = [
 COMMANDS = (
     command(
         "info",
-        "runs.info:info",
+        "runs.info.info",
         logs.InfoOptions,
         """Show the content of LOGS: topics, frames, fields, extents, and the settings that a filter run needs.
 
@@ -83,7 +83,7 @@ COMMANDS = (
     ),
     command(
         "filter",
-        "runs.filter:filter_log",
+        "runs.filter.filter_log",
         logs.FilterOptions,
         """Filter each frame of LOGS and write filtered logs, by default MCAP files.
 
@@ -92,11 +92,11 @@ COMMANDS = (
         the input. What another format cannot keep is named in a warning. A ROS 2 recording is a folder; PCD, LAS, LAZ
         and NPZ are folders with a file for each frame.
         """,
-        plan="runs.plan:plan_filter",
+        plan="runs.plan.plan_filter",
     ),
     command(
         "convert",
-        "runs.convert:convert_log",
+        "runs.convert.convert_log",
         logs.ConvertOptions,
         """Convert LOGS to another format, without filtering.
 
@@ -105,11 +105,11 @@ COMMANDS = (
         named in a warning. A ROS 2 recording is a folder. PCD, LAS, LAZ and NPZ are folders with a file for each frame
         of one topic, or a file if the recording has one frame.
         """,
-        plan="runs.plan:plan_convert",
+        plan="runs.plan.plan_convert",
     ),
     command(
         "objects",
-        "runs.objects:find_objects",
+        "runs.objects.find_objects",
         objects.ObjectsOptions,
         """Follow the objects in LOGS over time: where they are, how large, and how they move.
 
@@ -122,7 +122,7 @@ COMMANDS = (
     ),
     command(
         "suspects",
-        "runs.suspects:find_suspects",
+        "runs.suspects.find_suspects",
         objects.SuspectsOptions,
         """List what a filter removed from LOGS that may have been a target, and what it kept that may be clutter.
 
@@ -135,7 +135,7 @@ COMMANDS = (
     ),
     command(
         "mask",
-        "runs.mask:find_mask",
+        "runs.mask.find_mask",
         logs.MaskOptions,
         """Find own ship's masts, rails and roofs in LOGS, and write a mask of them.
 
@@ -148,7 +148,7 @@ COMMANDS = (
     ),
     command(
         "view",
-        "runs.report:view_logs",
+        "runs.report.view_logs",
         {"logs": option("LOGS...", "Logs.", kind=Anything()), "options": logs.ViewOptions},
         """Show LOGS in the Rerun viewer: raw, removed and kept points, boxes, clusters and threshold curves.
 
@@ -159,7 +159,7 @@ COMMANDS = (
     ),
     command(
         "calibrate",
-        "runs.calibrate:calibrate",
+        "runs.calibrate.calibrate",
         logs.CalibrateOptions,
         """Find the threshold of each range ring and the far limit of clutter in LOGS, and write a configuration.
 
@@ -170,7 +170,7 @@ COMMANDS = (
     ),
     command(
         "evaluate",
-        "runs.evaluate:evaluate",
+        "runs.evaluate.evaluate",
         logs.EvaluateOptions,
         """Filter LOGS, cluster the remaining points and compare the clusters with labels.
 
@@ -180,7 +180,7 @@ COMMANDS = (
     ),
     command(
         "tune",
-        "runs.tune:tune",
+        "runs.tune.tune",
         logs.TuneOptions,
         """Filter LOGS with every combination of methods and parameter values, and report the best one.
 
@@ -192,7 +192,7 @@ COMMANDS = (
     ),
     command(
         "report",
-        "runs.report:report",
+        "runs.report.report",
         logs.ReportOptions,
         """Write a page that shows the effect of a filter on LOGS and, with labels, its quality.
 
@@ -205,7 +205,7 @@ COMMANDS = (
     CommandGroup("labels", _LABELS),
     command(
         "simulate",
-        "runs.simulate:simulate",
+        "runs.simulate.simulate",
         logs.SimulationOptions,
         """Simulate a labelled lidar recording of SCENE: a scene file (YAML), or the name of a built-in scene or layout.
 

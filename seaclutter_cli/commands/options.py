@@ -6,7 +6,6 @@ import math
 import re
 import sys
 from dataclasses import MISSING
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +15,7 @@ from click.core import ParameterSource
 from seaclutter_cli.commands.console import DEBUG, NOTES, Console
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.options import Choice, Flag, Group, Kind, Number, Option, Options, Whole, declared, option
+from seaclutter_cli.registry import imported
 from seaclutter_cli.runs.options.methods import WORKING_CONFIG, ConfigFile, MethodName
 
 if TYPE_CHECKING:
@@ -208,9 +208,9 @@ def command(  # noqa: PLR0913 - what makes a command
 ) -> click.Command:
     """Return a command that calls a function and prints its result; ``name`` has that of its group, too.
 
-    The function is ``module:name`` in the package ``seaclutter_cli``, which is imported when it is called; or one of
-    the console, which prints. It takes the options of a class, or several objects, and ``others``, by functions that
-    return them; ``plan`` is the one for ``--dry-run``. ``messages`` are options of the console that the command has.
+    The function is `imported` by its name when it is called; or it is one of the console, which prints. It takes the
+    options of a class, or several objects, and ``others``, by functions that return them; ``plan`` is the one for
+    ``--dry-run``. ``messages`` are options of the console that the command has.
     """
     given = declared(takes) if isinstance(takes, type) else takes
     options = {key: option(kind=Group(one)) if isinstance(one, type) else one for key, one in given.items()}
@@ -228,8 +228,7 @@ def command(  # noqa: PLR0913 - what makes a command
         taken |= {key: make() for key, make in others.items()}
         if "keep_going" in options:
             taken["keep_going"] = True
-        module, _, called = (plan if plan and console.dry_run else function).partition(":")
-        console.finish(getattr(import_module(f"seaclutter_cli.{module}"), called)(**taken, observer=console))
+        console.finish(imported(plan if plan and console.dry_run else function)(**taken, observer=console))
 
     for parameter in parameters:
         if isinstance(parameter, click.Option) and parameter.expose_value:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from seaclutter_cli.errors import LabelError
+from seaclutter_cli.errors import LabelError, opening
 from seaclutter_cli.interfaces import Labels
 from seaclutter_cli.labels import csv, point_labels
 from seaclutter_cli.labels.boxes import LabelOptions
@@ -67,7 +67,7 @@ def open_labels(path: Path, options: LabelOptions = LabelOptions()) -> Labels:  
     The labels must receive the frames of one topic in order. The truth of a frame can be requested repeatedly.
     `LabelError` if the path does not exist, has no known format or several formats, or cannot be read.
     """
-    try:
+    with opening(path, LabelError):
         if not path.exists():
             raise LabelError(f"{path}: no such file or folder")
         places = {name: known.find(path) for name, known in LABELS.items()}
@@ -77,8 +77,6 @@ def open_labels(path: Path, options: LabelOptions = LabelOptions()) -> Labels:  
         if len(found) == 1:
             ((known, place),) = found.items()
             return known.open(place, options)
-    except OSError as error:
-        raise LabelError(f"{path}: {error.strerror}") from error
     if found:
         raise LabelError(f"{path}: labels in several formats ({_listed(found)}); give the folder or file of one format")
     raise LabelError(f"{path}: no labels in a known format; known formats: {_listed(LABELS.values())}")

@@ -7,6 +7,7 @@ from typing import Any
 
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.registry import package, plugins
+from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.sensors.catalog import SENSORS, SensorModel
 from seaclutter_cli.simulation.airborne.scene import builtin_tiles
@@ -19,8 +20,12 @@ from seaclutter_cli.text import table
 from seaclutter_cli.validation import builtin_files
 
 
-def list_builtin() -> "Builtin":
-    """Return the names of all built-in items."""
+def list_builtin(kinds: Collection[str], text: str, observer: Observer) -> "Builtin":  # noqa: ARG001
+    """Return built-in items of some kinds, or of all, whose names or descriptions contain a text, in any case."""
+
+    def fits(kind: str, *texts: str) -> bool:
+        return (not kinds or kind in kinds) and any(text.casefold() in one.casefold() for one in texts)
+
     methods = {name: (kind.__doc__ or "").partition("\n")[0] for name, kind in FILTERS.items()}
     lists = {
         "formats": [form.title for form in SOURCES.values()] + [f"*{suffix}" for suffix in FRAME_READERS],
@@ -31,7 +36,11 @@ def list_builtin() -> "Builtin":
         "lidars": list(LIDARS),
         "plugins": [f"{one.name} ({kind}, {package(one)})" for kind, points in plugins().items() for one in points],
     }
-    return Builtin(SENSORS, methods, lists)
+    return Builtin(
+        {name: model for name, model in SENSORS.items() if fits("sensors", name, model.maker)},
+        {name: summary for name, summary in methods.items() if fits("methods", name, summary)},
+        {kind: [name for name in lists[kind] if fits(kind, name)] for kind in lists if not kinds or kind in kinds},
+    )
 
 
 @dataclass(frozen=True)
@@ -41,17 +50,6 @@ class Builtin(Result):
     sensors: Mapping[str, SensorModel]
     methods: Mapping[str, str]
     lists: Mapping[str, Sequence[str]]
-
-    def only(self, kinds: Collection[str], text: str) -> "Builtin":
-        """Return the items of some kinds whose names or descriptions contain a text, in upper or lower case."""
-
-        def fits(*texts: str) -> bool:
-            return any(text.casefold() in one.casefold() for one in texts)
-
-        sensors = {name: model for name, model in self.sensors.items() if fits(name, model.maker)}
-        methods = {name: summary for name, summary in self.methods.items() if fits(name, summary)}
-        lists = {kind: list(filter(fits, names)) for kind, names in self.lists.items() if kind in kinds}
-        return Builtin(sensors if "sensors" in kinds else {}, methods if "methods" in kinds else {}, lists)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the lists as JSON-compatible data."""

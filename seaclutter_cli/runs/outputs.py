@@ -17,7 +17,7 @@ from tempfile import SpooledTemporaryFile
 from typing import IO, TYPE_CHECKING, Any
 
 from seaclutter_cli.buckets import look, mirror_of, shown
-from seaclutter_cli.errors import OutputError, UsageError
+from seaclutter_cli.errors import OutputError, UsageError, opening
 from seaclutter_cli.parts import remove_stale, take_back
 from seaclutter_cli.paths import Identities, Identity, files_in
 from seaclutter_cli.runs.observer import SILENT, Observer
@@ -247,11 +247,9 @@ def _prepare_folders(targets: Sequence[_Target], root: Root | None, observer: Ob
         if not (at_any_depth or mirror_of(path) or os.path.lexists(above) or os.path.lexists(above.parent)):
             raise UsageError(f"{path}: there is no folder {path.parent.parent}; --parents creates it")
     for folder, path in () if dry else sorted(folders.items()):
-        try:
-            if at_any_depth or top in folder.parents:
+        if at_any_depth or top in folder.parents:
+            with opening(path, OutputError, "cannot be written"):
                 folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
         if removed := remove_stale(folder, names[folder]):
             observer.note(f"{folder}: removed {count(removed, 'incomplete file')} of runs that were killed")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from time import sleep
 
 from seaclutter_cli.buckets import mirror_of
-from seaclutter_cli.errors import OutputError
+from seaclutter_cli.errors import OutputError, opening
 from seaclutter_cli.jobs.engine import Report, Task
 from seaclutter_cli.parts import part_path, release, remove_stale
 
@@ -37,11 +37,9 @@ def shared_files(reads: Iterable[Path], writes: Iterable[Path]) -> Iterator[Task
 @contextmanager
 def _marked(folder: Path, names: frozenset[str]) -> Iterator[Path]:
     mark = part_path(folder / "seaclutter")
-    try:
+    with opening(folder, OutputError, "cannot be written"):
         folder.mkdir(exist_ok=True)
         mark.touch()
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be written ({error.strerror})") from error
     try:
         yield mark
     finally:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.records import SensorFacts
+from seaclutter_cli.text import suggestion
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,14 @@ class RecognisedSensor:
         """Return whether two topics are known to be of different sensors, or to have different intensity modes."""
         known = bool(self.models and other.models)
         return (known and not self.possible & other.possible) or self.is_other_than(None, other.intensity)
+
+
+def known_sensor(name: str) -> str:
+    """Return the name of a sensor in its usual spelling; `ValueError` if there is none of this name."""
+    names = {known.casefold(): known for known in SENSORS}
+    if name.casefold() not in names:
+        raise ValueError(f"unknown sensor {name}; {suggestion(name, SENSORS)}choose from: {', '.join(SENSORS)}")
+    return names[name.casefold()]
 
 
 def recognise(

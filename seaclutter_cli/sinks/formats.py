@@ -2,13 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.messages.metadata import SIDECAR
-from seaclutter_cli.registry import Registry
+from seaclutter_cli.registry import Registry, imported
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.options import ROSBAG2_METADATA, McapOptions
 
@@ -54,10 +53,7 @@ class OutputFormat:
             return FrameSink(path, options, group, write_frame=write, suffix=self.suffix, as_is=as_is)
         from seaclutter_cli.sinks.log import LogSink
 
-        output = self.writer
-        if isinstance(output, str):
-            module, _, name = output.partition(".")
-            output = getattr(import_module(f"seaclutter_cli.sinks.{module}"), name)
+        output = imported(f"sinks.{self.writer}") if isinstance(self.writer, str) else self.writer
         return LogSink(path, options, group, output=output, as_is=as_is)
 
 

@@ -3,14 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from seaclutter_cli.errors import InputError
+from seaclutter_cli.errors import InputError, opening
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.paths import open_regular
-from seaclutter_cli.registry import Registry
+from seaclutter_cli.registry import Registry, imported
 from seaclutter_cli.sensors.catalog import ADVICE
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily
 from seaclutter_cli.sources.frame_files import FRAME_READERS
@@ -36,10 +35,7 @@ class Format:
 
     def open(self, path: Path, decoding: DecoderOptions) -> Source:
         """Open a file of the format."""
-        make: Any = self.source
-        if isinstance(make, str):
-            module, _, name = make.rpartition(".")
-            make = getattr(import_module(f"seaclutter_cli.sources.{module}"), name)
+        make: Any = imported(f"sources.{self.source}") if isinstance(self.source, str) else self.source
         source: Source = make(path, decoding) if self.decodes else make(path)
         return source
 
@@ -99,11 +95,8 @@ def open_file(path: Path, decoding: DecoderOptions | None = None) -> Source:
 
 def _form_of(path: Path) -> Format | None:
     """Return the format that the first bytes of a file show."""
-    try:
-        with open_regular(path) as file:
-            head = file.read(_HEAD_BYTES)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
+    with opening(path), open_regular(path) as file:
+        head = file.read(_HEAD_BYTES)
     return next((form for form in SOURCES.values() if head.startswith(form.magics)), None)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from threading import Thread
 from typing import IO
 
-from seaclutter_cli.errors import InputError, SeaclutterError
+from seaclutter_cli.errors import InputError, SeaclutterError, opening
 from seaclutter_cli.storage.objects import StoredObject, explained, range_options, store_of
 
 _RANGE = 32 * 2**20
@@ -78,8 +78,5 @@ class Download:
 
 @contextmanager
 def _opened(found: StoredObject, path: Path, mode: str) -> Iterator[IO[bytes]]:
-    try:
-        with path.open(mode) as file:
-            yield file
-    except OSError as error:
-        raise InputError(f"{found.url}: the copy in the scratch folder failed ({error.strerror})") from error
+    with opening(found.url, problem="the copy in the scratch folder failed"), path.open(mode) as file:
+        yield file

@@ -14,7 +14,7 @@ from itertools import pairwise, takewhile
 from pathlib import Path
 from typing import BinaryIO
 
-from seaclutter_cli.errors import InputError, OutputError, SeaclutterError, UsageError
+from seaclutter_cli.errors import InputError, OutputError, SeaclutterError, UsageError, opening
 from seaclutter_cli.parts import SCRATCH, part_path, release, remove_stale
 from seaclutter_cli.storage.downloads import Download
 from seaclutter_cli.storage.objects import (
@@ -49,14 +49,12 @@ class Mirror:
 
     def __init__(self) -> None:
         root = Path(os.environ.get(SCRATCH) or tempfile.gettempdir()).absolute()
-        try:
+        with opening(root, OutputError, "the scratch folder cannot be used"):
             root.mkdir(exist_ok=True)
             root = root.resolve()  # errors of libraries name files by their resolved paths
             remove_stale(root, ["seaclutter"])
             self.path = part_path(root / "seaclutter")
             self.path.mkdir(mode=0o700)
-        except OSError as error:
-            raise OutputError(f"{root}: the scratch folder cannot be used ({error.strerror})") from error
         self._remove = weakref.finalize(self, _remove, self.path)
         self._objects: dict[Path, StoredObject] = {}
         self._known_below: set[Path] = set()
@@ -182,13 +180,12 @@ class Mirror:
             if kind[1] in _TOLD_BY_CONTENT and kind not in told and not sized:
                 told.add(kind)
                 head = read_range(found, 0, _HEAD_BYTES)
-            try:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(head)
-            except (FileExistsError, NotADirectoryError, IsADirectoryError):
-                continue  # some tools mark folders by empty objects
-            except OSError as error:
-                raise InputError(f"{found.url}: the scratch folder cannot be used ({error.strerror})") from error
+            with opening(found.url, problem="the scratch folder cannot be used"):
+                try:
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    path.write_bytes(head)
+                except (FileExistsError, NotADirectoryError, IsADirectoryError):
+                    continue  # some tools mark folders by empty objects
             self._objects[path] = found
             self._complete.discard(path)
             if sized:

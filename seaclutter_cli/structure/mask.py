@@ -15,7 +15,7 @@ from typing import Self
 import numpy as np
 
 from seaclutter_cli.arrays import Floats, Mask
-from seaclutter_cli.errors import ConfigError, FieldError, requiring
+from seaclutter_cli.errors import ConfigError, FieldError, opening, requiring
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.paths import open_regular
 from seaclutter_cli.text import count
@@ -153,11 +153,8 @@ class ImageMask:
 
 def load_mask(path: Path) -> StructureMask | ImageMask:
     """Return the mask in a file, CSV or PNG; `ConfigError` if it cannot be read or is not a mask."""
-    try:
-        with open_regular(path) as file:
-            data = file.read(_MAX_BYTES + 1)
-    except OSError as error:
-        raise ConfigError(f"filter.mask: {path}: cannot be read ({error.strerror})") from error
+    with opening(f"filter.mask: {path}", ConfigError, "cannot be read"), open_regular(path) as file:
+        data = file.read(_MAX_BYTES + 1)
     if len(data) > _MAX_BYTES:
         raise ConfigError(f"filter.mask: {path}: has more than {_MAX_BYTES:,} bytes")
     try:

@@ -17,7 +17,7 @@ from seaclutter_cli.airborne.model import ObjectModel, load_model
 from seaclutter_cli.airborne.objects import FoundObject, as_csv
 from seaclutter_cli.airborne.plausibility import doubts_about_objects
 from seaclutter_cli.airborne.surface import WATER
-from seaclutter_cli.errors import OutputError, UsageError
+from seaclutter_cli.errors import OutputError, UsageError, opening
 from seaclutter_cli.parts import part_path, release
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
@@ -141,11 +141,9 @@ def _staging(target: Path) -> Iterator[Path]:
     """Return a folder for complete files in the folder of the outputs; it is removed at the end."""
     part, folder = part_path(target), target.parent
     try:
-        try:
+        with opening(folder, OutputError, "cannot be written"):
             folder.mkdir(exist_ok=True)
             part.mkdir()
-        except OSError as error:
-            raise OutputError(f"{folder}: cannot be written ({error.strerror})") from error
         yield part
     finally:
         shutil.rmtree(part, ignore_errors=True)

@@ -23,7 +23,6 @@ from seaclutter_cli.options import (
     with_sections,
 )
 from seaclutter_cli.runs.observer import SILENT, Observer, raising
-from seaclutter_cli.text import suggestion
 from seaclutter_cli.urls import PathLike, place
 
 if TYPE_CHECKING:
@@ -36,17 +35,6 @@ R = TypeVar("R")
 
 Logs = PathLike | Sequence[PathLike]
 """One or several logs: files, folders or globs, or URLs of objects (``s3://``, ``gs://``, ``az://``, ``https://``)."""
-
-
-def _moment(text: str) -> Moment:
-    """Return a point in time, as `parse_moment` does."""
-    from seaclutter_cli.selection import parse_moment
-
-    try:
-        return parse_moment(text)
-    except (ValueError, OverflowError) as error:
-        expected = "seconds from the start, a time such as 2026-05-01T12:30:00Z, or seconds since 1970"
-        raise ValueError(f"expected {expected}") from error
 
 
 class Places(Anything):
@@ -66,21 +54,7 @@ class _Time(Kind):
         return value if hasattr(value, "utcoffset") else Number().check(value, name)
 
 
-def _known_sensor(name: str) -> str:
-    """Return the name of a sensor in its usual spelling."""
-    from seaclutter_cli.sensors.catalog import SENSORS
-
-    names = {known.casefold(): known for known in SENSORS}
-    if name.casefold() not in names:
-        raise ValueError(f"unknown sensor {name}; {suggestion(name, SENSORS)}choose from: {', '.join(SENSORS)}")
-    return names[name.casefold()]
-
-
-def _known_columns(text: str) -> str:
-    """Return columns of a file without names of them in their usual spelling."""
-    from seaclutter_cli.sources.frame_files.headerless import parse_columns, title
-
-    return title(parse_columns(text))
+_TIME = Parsed("selection.parse_moment", _Time())
 
 
 class Decoding(Options):
@@ -93,14 +67,17 @@ class Decoding(Options):
         "--calibration", "Angles or metadata of the sensor, for packets that lack them.", default=None, kind=Place()
     )
     sensor: str | None = option(
-        "--sensor MODEL", "Sensor model, for packets that do not identify it.", default=None, kind=Parsed(_known_sensor)
+        "--sensor MODEL",
+        "Sensor model, for packets that do not identify it.",
+        default=None,
+        kind=Parsed("sensors.catalog.known_sensor"),
     )
     columns: str | None = option(
         "--columns NAMES",
         "Columns of files that do not name theirs (BIN, NPY, CSV), such as x,y,z,intensity,ring; types after colons, "
         "as in x,y,z:f8,intensity:u2. [default: of BIN, the only known layout that fits]",
         default=None,
-        kind=Parsed(_known_columns),
+        kind=Parsed("sources.frame_files.headerless.known_columns"),
     )
     integrate_ms: float | None = option(
         "--integrate MS",
@@ -133,9 +110,9 @@ class ReadOptions(Decoding):
         "--start TIME",
         "Start at TIME: seconds from the start of the recording, ISO 8601 (UTC), or seconds since 1970.",
         default=None,
-        kind=Parsed(_moment, _Time()),
+        kind=_TIME,
     )
-    end_s: Moment | None = option("--end TIME", "Stop before TIME.", default=None, kind=Parsed(_moment, _Time()))
+    end_s: Moment | None = option("--end TIME", "Stop before TIME.", default=None, kind=_TIME)
     frames: int | None = option("-n --frames", "Stop after N frames of each topic.", default=None, kind=Whole(1))
     intensity_field: str | None = option(
         "--intensity-field NAME", "Intensity field, if it has no usual name.", default=None

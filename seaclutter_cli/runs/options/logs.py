@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from seaclutter_cli.errors import UsageError
@@ -20,6 +20,7 @@ from seaclutter_cli.options import (
     grouped,
     option,
 )
+from seaclutter_cli.registry import imported
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import (
     LABELS_HELP,
@@ -43,12 +44,6 @@ _RANGE = re.compile(r"\s*(\d{1,9})(?:\s*(?:\.\.|-)\s*(\d{1,9}))?\s*")
 _MAX_SEEDS = 100_000
 
 
-def _formats_of_plugins() -> Iterable[str]:
-    from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
-
-    return OUTPUT_FORMATS.added
-
-
 class WritingLogs(Replacing, OfLogs):
     """Options of functions that write a log for each recording."""
 
@@ -62,7 +57,7 @@ class WritingLogs(Replacing, OfLogs):
         "--to",
         "Format of the output. [default: by the suffix of OUT, or mcap]",
         default=None,
-        kind=Choice(FORMATS, _formats_of_plugins),
+        kind=Choice(FORMATS, lambda: imported("sinks.formats.OUTPUT_FORMATS").added),
     )
     written: Grouped[McapOptions] = grouped(default=McapOptions())
     batch: Grouped[BatchOptions] = grouped(default=BatchOptions())
@@ -200,12 +195,6 @@ class LabelCheckOptions(OfLabelledLogs):
     batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
 
 
-def _sweep(text: str) -> Sweep:
-    from seaclutter_cli.runs.methods import parse_sweep
-
-    return parse_sweep(text)
-
-
 class _Sweeps(Parsed):
     """Sweeps in the form of the command line, or keys and values."""
 
@@ -225,7 +214,7 @@ class TuneOptions(Replacing, OfLabelledLogs, MethodOptions):
         "Filter key and values to try: V1,V2,... or START:STOP:STEP. Repeatable, for all combinations. Of several "
         "methods, those that have the key; METHOD.KEY for one.",
         default=(),
-        kind=_Sweeps(_sweep),
+        kind=_Sweeps("runs.methods.parse_sweep"),
         kw_only=False,
     )
     method: Converted[MethodLike | Sequence[MethodLike] | None, tuple[str, ...]] = option(

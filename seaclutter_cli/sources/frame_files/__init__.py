@@ -2,34 +2,34 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from seaclutter_cli.cloud import Cloud
+from seaclutter_cli.registry import imported
 from seaclutter_cli.sources.frame_files.reading import reading
 
 
-def _reader(kind: str, module: str, function: str) -> Callable[..., Cloud]:
+def _reader(kind: str, name: str) -> Callable[..., Cloud]:
     """Return a reader that is imported when it reads its first file, so that the start of a run is fast."""
 
     def read(path: Path, **options: Any) -> Cloud:
         with reading(kind):
-            cloud: Cloud = getattr(import_module(f"{__name__}.{module}"), function)(path, **options)
+            cloud: Cloud = imported(f"sources.frame_files.{name}")(path, **options)
             return cloud
 
     return read
 
 
 FRAME_READERS: Mapping[str, Callable[..., Cloud]] = {
-    ".pcd": _reader("PCD", "pcd", "read_pcd"),
-    ".ply": _reader("PLY", "ply", "read_ply"),
-    ".las": _reader("LAS", "las", "read_las"),
-    ".laz": _reader("LAS", "las", "read_las"),
-    ".bin": _reader("BIN", "arrays", "read_bin"),
-    ".npy": _reader("NPY", "arrays", "read_npy"),
-    ".npz": _reader("NPZ", "arrays", "read_npz"),
-    ".csv": _reader("CSV", "csv", "read_csv"),
+    ".pcd": _reader("PCD", "pcd.read_pcd"),
+    ".ply": _reader("PLY", "ply.read_ply"),
+    ".las": _reader("LAS", "las.read_las"),
+    ".laz": _reader("LAS", "las.read_las"),
+    ".bin": _reader("BIN", "arrays.read_bin"),
+    ".npy": _reader("NPY", "arrays.read_npy"),
+    ".npz": _reader("NPZ", "arrays.read_npz"),
+    ".csv": _reader("CSV", "csv.read_csv"),
 }
 """Readers by file suffix in lower case; they raise `CloudError` for a damaged file. Add a new format here."""
 

@@ -98,6 +98,11 @@ def title(layout: np.dtype[np.void]) -> str:
     return ",".join(f"{name}:{kind}" if end else name for name, kind, end in zip(names, kinds, ends, strict=True))
 
 
+def known_columns(text: str) -> str:
+    """Return a list of columns in its usual spelling."""
+    return title(parse_columns(text))
+
+
 def recognise(files: Sequence[Path]) -> tuple[np.dtype[np.void], bool]:
     """Return the only layout that the bytes of files can have, judged by the largest, and whether it is proven.
 
