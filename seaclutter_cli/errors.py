@@ -185,6 +185,16 @@ def requiring(feature: str, extra: str) -> Iterator[None]:
 
 
 @contextmanager
+def about(subject: object, kind: type[Exception], caught: type[Exception] | None = None) -> Iterator[None]:
+    """Raise errors of a kind again with what they are about before their text; or others, as errors of this kind."""
+    others = caught or kind
+    try:
+        yield
+    except others as error:
+        raise kind(f"{subject}: {error}") from error
+
+
+@contextmanager
 def opening(path: object, kind: type[SeaclutterError] = InputError, problem: str = "") -> Iterator[None]:
     """Raise an error of a kind that names a file, and a problem, if the system cannot do what the context does with it.
 

@@ -20,7 +20,7 @@ from functools import wraps
 from pathlib import Path
 from typing import Any, ClassVar, Generic, ParamSpec, TypeVar, dataclass_transform
 
-from seaclutter_cli.errors import UsageError
+from seaclutter_cli.errors import UsageError, about
 from seaclutter_cli.registry import imported
 from seaclutter_cli.text import named_folder
 from seaclutter_cli.urls import PathLike, Url, is_url, place
@@ -174,10 +174,8 @@ class Parsed(Kind):
         """Return a value that is no text, or what the function makes of a text."""
         if not isinstance(value, str):
             return self.others.check(value, name) if self.others else value
-        try:
+        with about(name, UsageError, ValueError):
             return self.parse(value)
-        except ValueError as error:
-            raise UsageError(f"{name}: {error}") from error
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import yaml
 
 from seaclutter_cli.documents import MAX_DEPTH, MAX_YAML_CHARACTERS, DocumentError, load_yaml
-from seaclutter_cli.errors import ConfigError, RenamedKeyWarning
+from seaclutter_cli.errors import ConfigError, RenamedKeyWarning, about
 from seaclutter_cli.params import OneOf
 from seaclutter_cli.paths import open_regular
 from seaclutter_cli.text import count, printable, suggestion
@@ -59,10 +59,8 @@ def read_yaml(path: Path, sections: Sequence[str]) -> Any:
 
 def parse_yaml(text: str, where: str, sections: Sequence[str] = ()) -> Any:
     """Return the content of a text, a mapping if it has ``sections``; raise `ConfigError` that names ``where``."""
-    try:
+    with about(where, ConfigError, DocumentError):
         raw = load_yaml(text)
-    except DocumentError as error:
-        raise ConfigError(f"{where}: {error}") from error
     if sections and raw is not None and not isinstance(raw, dict):
         raise ConfigError(f"{where}: must contain sections ({', '.join(sections)}), got {kind_of(raw)}")
     return {} if sections and raw is None else raw

@@ -13,7 +13,7 @@ from typing import NamedTuple, TextIO
 
 import numpy as np
 
-from seaclutter_cli.errors import LabelError
+from seaclutter_cli.errors import LabelError, about
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels.boxes import IGNORE, MAX_OBJECTS, Labelled, LabelOptions, checked, truth_of
 from seaclutter_cli.labels.point_labels import point_labels
@@ -179,10 +179,8 @@ class CsvLabels:
             key: int | None = (number := self._number(frame))
             self._last = max(self._last, number)
         else:
-            try:
+            with about(self._path, LabelError):
                 key = self._matcher.match(frame.index, frame.stamp_ns)
-            except LabelError as error:
-                raise LabelError(f"{self._path}: {error}") from error
         rows = None if key is None else self._frames.get(key)
         if rows is None:
             return None

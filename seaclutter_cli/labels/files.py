@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Sequence
 from decimal import Decimal
 from pathlib import Path
 
-from seaclutter_cli.errors import LabelError, opening
+from seaclutter_cli.errors import LabelError, about, opening
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels.boxes import LabelOptions
 from seaclutter_cli.paths import natural_order
@@ -95,11 +95,8 @@ class FileLabels:
                 files = count(len(self._files), "file")
                 raise LabelError(f"{self._folder}: no label file for frame {number} of the log, only {files}")
             return None
-        with opening(file, LabelError):
-            try:
-                truth = self._read(file, frame)
-            except LabelError as error:
-                raise LabelError(f"{file}: frame {number}: {error}") from error
+        with opening(file, LabelError), about(f"{file}: frame {number}", LabelError):
+            truth = self._read(file, frame)
         self._labelled |= truth is not None
         return truth
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from seaclutter_cli.documents import MAX_JSON_BYTES, DocumentError, load_json
-from seaclutter_cli.errors import LabelError
+from seaclutter_cli.errors import LabelError, about
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels.boxes import Labelled, LabelOptions, Proposal, checked, truth_of
 from seaclutter_cli.labels.files import FileLabels, files_in, label_folder
@@ -123,10 +123,8 @@ def truth_from(items: Iterable[Any], parse: Callable[[Any], Labelled]) -> Truth:
     """Return the truth of a frame from the JSON of its objects; `LabelError` names the number of an invalid one."""
     objects = []
     for number, item in enumerate(items):
-        try:
+        with about(f"object {number}", LabelError):
             objects.append(checked(parse(item)))
-        except LabelError as error:
-            raise LabelError(f"object {number}: {error}") from error
     return truth_of(objects)
 
 
@@ -228,10 +226,8 @@ class AutoferryLabels:
         truth, detections = map(_read, files)
         if not (isinstance(truth, list) and isinstance(detections, list) and len(truth) == len(detections)):
             raise LabelError(f"{self._path}: must be a list with an entry for each detection in {other.name}")
-        try:
+        with about(other, LabelError):
             keys = [(int(number(item, "sensorID")), round(number(item, "time") * 1e6) * 1000) for item in detections]
-        except LabelError as error:
-            raise LabelError(f"{other}: {error}") from error
         # MATLAB writes a list of one target as the target itself.
         targets = [[item] if isinstance(item, Mapping) else item for item in truth]
         self._targets = dict(zip(keys, zip(detections, targets, strict=True), strict=True))
@@ -253,10 +249,8 @@ class AutoferryLabels:
 
 
 def _read(path: Path) -> Any:
-    try:
+    with about(path, LabelError):
         return read_json(path)
-    except LabelError as error:
-        raise LabelError(f"{path}: {error}") from error
 
 
 def find_scenario(path: Path) -> tuple[Path, Path] | None:

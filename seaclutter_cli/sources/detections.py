@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.documents import DocumentError, load_json, read_document
-from seaclutter_cli.errors import InputError
+from seaclutter_cli.errors import InputError, about
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Message
@@ -86,10 +86,8 @@ class DetectionSource(TimedSource):
 
 
 def _items(path: Path) -> list[Any]:
-    try:
+    with about(path, InputError, DocumentError):
         items = load_json(read_document(path))
-    except DocumentError as error:
-        raise InputError(f"{path}: {error}") from error
     if not isinstance(items, list):
         raise InputError(f"{path}: must be a list of detections, as in the Autoferry sensor fusion data set")
     return items

@@ -17,7 +17,7 @@ from seaclutter_cli.airborne.model import ObjectModel, load_model
 from seaclutter_cli.airborne.objects import FoundObject, as_csv
 from seaclutter_cli.airborne.plausibility import doubts_about_objects
 from seaclutter_cli.airborne.surface import WATER
-from seaclutter_cli.errors import OutputError, UsageError, opening
+from seaclutter_cli.errors import InputError, OutputError, UsageError, about, opening
 from seaclutter_cli.parts import part_path, release
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
@@ -26,7 +26,6 @@ from seaclutter_cli.runs.classify.maps import MappedTile, check_maps, geojson_of
 from seaclutter_cli.runs.classify.tiles import (
     TileOutcome,
     TileWork,
-    errors_of,
     jobs_for,
     plan_tiles,
     tiles_of,
@@ -109,7 +108,7 @@ class _PredictWork(TileWork["ClassifiedTile"]):
         """Write the classified tile; an error ends the whole run."""
         started, tile = perf_counter(), open_tile(self.path)
         warn_of_missing(tile, self.model.settings, observer)
-        with errors_of(self.path):
+        with about(self.path, InputError):
             found = classify_points(tile, self.model)
         warn_of_doubts(tile, found.tile.separation, observer)
         for text in doubts_about_objects(found.objects):

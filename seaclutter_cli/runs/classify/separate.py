@@ -13,7 +13,7 @@ from seaclutter_cli.airborne.separation import SeaState, Separation, separate
 from seaclutter_cli.airborne.settings import TileSettings, parse_settings
 from seaclutter_cli.airborne.surface import NEVER, WATER
 from seaclutter_cli.documents import load_json
-from seaclutter_cli.errors import CloudError, SelectionError, UsageError
+from seaclutter_cli.errors import CloudError, InputError, SelectionError, UsageError, about
 from seaclutter_cli.grids.land_cells import LandCells
 from seaclutter_cli.runs.batch import run_batch
 from seaclutter_cli.runs.classify.maps import MappedTile, check_maps, map_files, mapped, pixel_of
@@ -21,7 +21,6 @@ from seaclutter_cli.runs.classify.tiles import (
     LAS,
     TileOutcome,
     TileWork,
-    errors_of,
     jobs_for,
     margins_of,
     plan_tiles,
@@ -155,7 +154,7 @@ class _SeparateWork(TileWork["SeparatedTile"]):
         if self.tile.window and not tile.size:
             raise SelectionError(f"{self.path}: no points in this window")
         warn_of_missing(tile, self.settings, observer, intensity=False)
-        with errors_of(self.path):
+        with about(self.path, InputError):
             points = points_of(tile, self.margin, observer)
             found = separate(points, self.settings.separation, points.column).first(tile.size)
         warn_of_doubts(tile, found, observer)

@@ -1,7 +1,6 @@
 """What all commands for tiles share: tiles and their margins, warnings, output files, and work on each tile."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.plausibility import doubts_about_sea
 from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.settings import TileSettings
-from seaclutter_cli.errors import InputError, UsageError
+from seaclutter_cli.errors import InputError, UsageError, about
 from seaclutter_cli.interfaces import TilePoints
 from seaclutter_cli.jobs.processes import default_jobs
 from seaclutter_cli.runs.batch import Work
@@ -56,7 +55,7 @@ def tiles_of(paths: Sequence[Path], window_m: float | None, observer: Observer) 
         return in_threads(read_head, paths) if len(paths) > 1 else [TileHead(path, Crs(), None) for path in paths]
     heads: list[TileHead] = []
     for path in paths:
-        with errors_of(path):
+        with about(path, InputError):
             heads += windows_of(path, window_m) if is_indexed(path) else [read_head(path)]
     whole = [head.path.name for head in heads if not head.window]
     if len(whole) == len(heads):
@@ -91,15 +90,6 @@ def points_of(tile: LasTile | CloudTile, margin: Margin | None, observer: Observ
     for path, reason in failed.items():
         observer.warn(f"{tile.path.stem}: no margin from {path.name}, which cannot be read ({reason})")
     return PointsWithMargin(tile, found)
-
-
-@contextmanager
-def errors_of(path: Path) -> Iterator[None]:
-    """Prefix errors caused by the points of a tile with its path."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 def warn_of_missing(

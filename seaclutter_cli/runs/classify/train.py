@@ -13,11 +13,11 @@ from seaclutter_cli.airborne.forest import Samples, class_name, join, predict, s
 from seaclutter_cli.airborne.model import ObjectModel
 from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.clustering import euclidean_clusters
-from seaclutter_cli.errors import InputError
+from seaclutter_cli.errors import InputError, about
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import draw_confusion
-from seaclutter_cli.runs.classify.tiles import errors_of, warn_of_missing
+from seaclutter_cli.runs.classify.tiles import warn_of_missing
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import Logs, of_options
 from seaclutter_cli.runs.options.classifiers import TrainForestOptions
@@ -76,7 +76,7 @@ def _samples(
         found = ", ".join(tile.names)
         raise InputError(f"{path}: no field {class_field!r} with ground truth; the tile has {found}")
     warn_of_missing(tile, settings, observer)
-    with errors_of(path):
+    with about(path, InputError):
         found_points = tile_features(tile, settings)
     truth = tile.columns((class_field, object_field))
     other = found_points.separation.other
