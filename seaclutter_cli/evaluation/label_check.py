@@ -10,7 +10,7 @@ import numpy as np
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.label_fit import DEGREES, LARGEST_M, FrameSample, LabelFit
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.text import count, printable
+from seaclutter_cli.text import count, listed, printable
 from seaclutter_cli.truth import Truth
 
 _FEW = 0.1
@@ -113,7 +113,7 @@ class LabelCheck:
             text = f"yaws of {self._of(self._over_full_turn)} exceed 2 pi; they seem to be in degrees"
             yield Finding("yaw", f"{text}: convert them to radians")
         if self._duplicates:
-            first = ", ".join(map(str, sorted(self._duplicates)[:3])) + (", …" if len(self._duplicates) > 3 else "")
+            first = listed([str(frame) for frame in sorted(self._duplicates)])
             text = f"{self._of(self._duplicates.total())} repeat another one and count twice (frame {first})"
             yield Finding("duplicate", f"{text}: delete them")
         # Positions alone are labels too if the margin has been chosen for them.

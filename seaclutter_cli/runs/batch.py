@@ -34,7 +34,7 @@ from seaclutter_cli.runs.recordings import (
 )
 from seaclutter_cli.selection import cloud_channels, recorded_of
 from seaclutter_cli.sources.recordings import Recording
-from seaclutter_cli.text import count
+from seaclutter_cli.text import count, listed
 
 if TYPE_CHECKING:  # imports all filters, which tiles do not need
     from seaclutter_cli.config import Config
@@ -280,8 +280,8 @@ def run_all(
 def without_labels(works: Sequence[RecordingWork[O]], observer: Observer) -> list[O | None]:
     """Return the outcome of recordings without labels, which are skipped, with a warning; None for all others."""
     if names := [work.recording.name for work in works if not work.labels]:
-        listed = ", ".join(names[:MAX_NAMED]) + (", …" if len(names) > MAX_NAMED else "")
-        observer.warn(f"{count(len(names), 'recording')} of {len(works):,} skipped, without labels: {listed}")
+        skipped = f"{count(len(names), 'recording')} of {len(works):,} skipped"
+        observer.warn(f"{skipped}, without labels: {listed(names, MAX_NAMED)}")
     return [None if work.labels else work.skipped(NO_LABELS) for work in works]
 
 

@@ -42,7 +42,7 @@ from seaclutter_cli.sinks.options import McapOptions, matches, part_path, parts_
 from seaclutter_cli.sources.formats import is_log_name
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.recordings import Recording
-from seaclutter_cli.text import count, data_size, named_folder, printable
+from seaclutter_cli.text import count, data_size, listed, named_folder, printable
 from seaclutter_cli.threads import in_threads
 from seaclutter_cli.urls import PathLike
 
@@ -146,10 +146,9 @@ class LogWork(RecordingWork[L], Generic[L, O]):
         ):
             frames = self.stream(source, selection, outcome, sink, observer)
             require_frames(source, frames, selection)
-        outcome.lost = lost = list(sink.lost)
-        if lost:
-            more = f" and {len(lost) - _MAX_LOSSES} more" if len(lost) > _MAX_LOSSES else ""
-            observer.warn(f"{self.output}: {made.title} cannot keep: {', '.join(lost[:_MAX_LOSSES])}{more}")
+        outcome.lost = list(sink.lost)
+        if outcome.lost:
+            observer.warn(f"{self.output}: {made.title} cannot keep: {listed(outcome.lost, _MAX_LOSSES)}")
 
     def written(self, options: McapOptions, labels: Labels | None) -> McapOptions:  # noqa: ARG002 - for subclasses
         """Return the options of the output, given those that all outputs have."""

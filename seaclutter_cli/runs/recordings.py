@@ -31,7 +31,7 @@ from seaclutter_cli.sources.recordings import (
     require_one,
 )
 from seaclutter_cli.sources.shared.integration import Integrated
-from seaclutter_cli.text import count, duration, printable
+from seaclutter_cli.text import count, duration, listed, printable
 
 if TYPE_CHECKING:
     from seaclutter_cli.labels import LabelOptions
@@ -306,8 +306,7 @@ def _in_folder(recordings: Sequence[Recording], folder: Path, *, partly: bool) -
         return []
     if missing and not (partly and known):
         some = "some" if known else "all"
-        names = ", ".join(missing[:MAX_NAMED]) + (", …" if len(missing) > MAX_NAMED else "")
-        raise UsageError(f"{folder}: labels of {some} recordings are missing: {names}")
+        raise UsageError(f"{folder}: labels of {some} recordings are missing: {listed(missing, MAX_NAMED)}")
     if len(set(known)) < len(known):
         raise UsageError(f"{folder}: two recordings have the same name and would share labels; give --labels for each")
     return found
