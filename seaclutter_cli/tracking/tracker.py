@@ -108,14 +108,14 @@ class Tracker:
         splits = np.split(found.cells, np.flatnonzero(np.diff(found.owner)) + 1) if len(found) else []
         sizes = np.hypot(*np.ptp(found.hulls, axis=1).T) if len(found) else np.empty(0)
         result: list[Track | None] = [None] * len(found)
-        pairs, covered = self._pairs(found, time_s, interval_s)
+        pairs = self._pairs(found, time_s, interval_s)
         for t, d in pairs:
             track = self._tracks[t]
             track.update(found.centers[d], splits[d], time_s, _JITTER_M + _JITTER_SHARE * sizes[d])
             result[d] = track
         seen = {t for t, _ in pairs}
         for t, track in enumerate(self._tracks):
-            track.misses += t not in seen and not covered[t]
+            track.misses += t not in seen
         new_coast_s = _NEW_COAST_S + interval_s + _SLACK_S
         self._tracks = [one for one in self._tracks if time_s - one.seen_s <= (new_coast_s if one.is_new else _COAST_S)]
         for d in np.flatnonzero(found.kept).tolist():
@@ -129,16 +129,14 @@ class Tracker:
         self._tracks.append(Track(self._born, center, cells, time_s, time_s, np.zeros(2), variance, jitter_m))
         return self._tracks[-1]
 
-    def _pairs(
-        self, found: Detections, time_s: float, interval_s: float
-    ) -> tuple[list[tuple[int, int]], NDArray[np.bool_]]:
-        """Return which track each detection continues, and which tracks lie in detections at all, shape (T,).
+    def _pairs(self, found: Detections, time_s: float, interval_s: float) -> list[tuple[int, int]]:
+        """Return which track each detection continues.
 
         The pairs with the most common cells and the nearest centres are taken first, kept detections before others.
         """
         tracks = self._tracks
         if not tracks or not len(found):
-            return [], np.zeros(len(tracks), np.bool_)
+            return []
         from scipy.spatial import cKDTree  # slow to import
 
         moved = [one.velocity * (time_s - one.seen_s) for one in tracks]
@@ -169,8 +167,7 @@ class Tracker:
                 taken_rows.add(t)
                 taken_columns.add(d)
                 pairs.append((t, d))
-        covered = np.bincount(owner, weights=met) / counts[0] >= 0.5
-        return pairs, covered
+        return pairs
 
     def forget(self) -> None:
         """Forget all tracks; numbers go on."""
