@@ -19,10 +19,11 @@ YAWS = 45
 _CELL_M = 0.5
 _MAX_CELL = 1 << 19
 _FLATTENED = np.array([[1], [1], [0.2]])
-_THINNED_M = np.array([[0.2], [0.2], [1]])
+_THINNED_M = np.array([[0.1], [0.1], [1]])
 _MAX_DETECTIONS = 2000
 _CRAFT_M, _CRAFT_WIDE_M = 15.0, 3.5
-_CLOSE, _NEAR = 0.45, 0.8
+_CLOSE, _CLOSE_ACROSS, _NEAR = 0.45, 0.2, 0.8
+_LEAST_SHARE = 0.4
 _SPREAD, _APART = 0.015, 1e4
 _UP = np.array([0.0, 0.0, 1.0])
 _ANGLES = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
@@ -157,8 +158,8 @@ class Detections:
 def _clusters(xyz: Floats, tolerance_m: float, min_points: int) -> Indices:
     """Return the cluster of each point, shape (N,); -1 for small ones.
 
-    What is larger than a small craft is divided at gaps of half the tolerance, far off at wider ones. One point of each
-    cell of 0.2 m by 0.2 m by 1 m is searched for neighbours.
+    What is larger than a small craft is divided at gaps of half the tolerance, a fifth across the line of sight, far
+    off at wider ones. One point of each cell of 0.1 m by 0.1 m by 1 m is searched for neighbours.
     """
     if not xyz.shape[1]:
         return np.empty(0, np.int64)
@@ -172,14 +173,16 @@ def _clusters(xyz: Floats, tolerance_m: float, min_points: int) -> Indices:
     tight_m = np.minimum(np.maximum(_CLOSE * tolerance_m, _SPREAD * nearest_m), tolerance_m)
     wide = np.flatnonzero(~is_small[number] & (tight_m < tolerance_m)[number])
     if len(wide):
-        # Clusters of different tolerances are searched at once, far above each other.
-        scaled = thinned.take(wide, axis=1) * _FLATTENED / tight_m[number[wide]]
-        scaled[2] += _APART * number[wide]
+        across_m = np.minimum(np.maximum(_CLOSE_ACROSS * tolerance_m, _SPREAD * nearest_m), tight_m)
+        scaled = _along_and_across(thinned.take(wide, axis=1), number[wide]) * _FLATTENED
+        scaled /= np.stack((tight_m, across_m / np.maximum(nearest_m, _CELL_M), tight_m))[:, number[wide]]
+        scaled[2] += _APART * number[wide]  # clusters are searched at once, far above each other
         parts = euclidean_clusters(scaled, 1.0, 1)
-        number[wide] = number.max() + 1 + _joined(thinned[:2, wide], parts, tolerance_m)
+        joined = _joined(thinned[:2, wide], parts, tolerance_m)
+        number[wide] = np.where(joined < 0, -1, number.max() + 1 + joined)
     number = number[cell.ravel()]
-    large = np.bincount(number) >= min_points
-    return np.asarray(np.where(large, np.cumsum(large) - 1, -1)[number])
+    large = np.bincount(number + 1)[1:] >= min_points
+    return np.append(np.where(large, np.cumsum(large) - 1, -1), -1)[number]
 
 
 def _projected(points: Floats) -> NDArray[np.float32]:
@@ -188,10 +191,21 @@ def _projected(points: Floats) -> NDArray[np.float32]:
     return np.asarray(x * _TOWARDS[0] + y * _TOWARDS[1])
 
 
+def _along_and_across(xyz: Floats, number: Indices) -> Floats:
+    """Return the distance, the bearing from that of the middle of its cluster, and z of each point, shape (3, N).
+
+    A gap across the line of sight is open water; along it, it may be hidden by what is in front.
+    """
+    x, y, z = xyz
+    to_x, to_y = (np.bincount(number, values)[number] for values in (x, y))
+    return np.stack((np.hypot(x, y), np.arctan2(to_x * y - to_y * x, to_x * x + to_y * y), z))
+
+
 def _joined(xy: Floats, part: Indices, tolerance_m: float) -> Indices:
     """Return the number of the whole of each point: parts that are near each other, up to the size of a small craft.
 
-    So boats beside each other or beside a quay are apart, and a boat that is seen in pieces is one.
+    So boats beside each other or beside a quay are apart, and a boat that is seen in pieces is one. What is small
+    beside the largest part is of none, -1, because it may be of a pontoon or a neighbour.
     """
     from scipy.spatial import cKDTree  # slow to import
 
@@ -210,7 +224,9 @@ def _joined(xy: Floats, part: Indices, tolerance_m: float) -> Indices:
         if _are_small(least, most):
             whole[whole == other] = one
             low[:, one], high[:, one] = least, most
-    return whole[part]
+    size, largest = np.bincount(owner), np.zeros(len(whole), np.int64)
+    np.maximum.at(largest, whole, size)
+    return np.where(size < _LEAST_SHARE * largest[whole], -1, whole)[part]
 
 
 def _widths(xy: Floats, number: Indices) -> tuple[Floats, Floats]:
