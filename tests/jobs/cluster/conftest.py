@@ -11,8 +11,9 @@ NAMES = ("one", "two", "three")
 
 @pytest.fixture(autouse=True)
 def _often(monkeypatch):
-    """Let the engine look for workers more often than once a second."""
+    """Let the engine look for workers more often than once a second, and warn of none only where a test says so."""
     monkeypatch.setattr("seaclutter_cli.jobs.cluster.engine._LOOK_S", 0.1)
+    monkeypatch.setattr("seaclutter_cli.jobs.cluster.engine._WARN_S", 600.0)
 
 
 def _require_system():
