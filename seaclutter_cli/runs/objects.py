@@ -113,7 +113,7 @@ class RecordedObjects(Outcome):
         ]
         head = f"{printable(self.recording)}: {self.figures()}"
         if self.candidates:
-            head += f"; {count(self.candidates, 'candidate')}, seen only for a short time"
+            head += f"; {count(self.candidates, 'candidate')}, seen briefly, in part, or above the water"
         if not rows:
             return head
         names = "topic", "id", "frames", "length m", "width m", "height m", "nearest m", "speed m/s", "score"
