@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.echoes import ALONE, Echoes, Heights, Sea
-from seaclutter_cli.filters.confirmation.objects import SHORT_RUN, DetectedObject, find_objects
+from seaclutter_cli.filters.confirmation.objects import DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distances, within
 from seaclutter_cli.filters.zones import Zones
@@ -27,11 +27,12 @@ Indices = NDArray[np.intp]
 _RADIUS_RATIO = 0.025
 _MIN_NEIGHBORS, _MIN_IN_ONE_BEAM = 7, 3
 _COMPANY = 2
-_FLAT = -0.4
+_SHORT_RUN = 3
+_FLAT = -1.2
 _ONE_BEAM_RISES, _HIDDEN_RISES = 2.0, 0.5
 _EXPECTED_M = 0.8
 _GROWTH_RATIO = 0.01
-_SURE = 0.5
+_SURE = 1.5
 """Score above which most objects are targets; from 0 to this, about as many are as are not."""
 _MAX_GAP_S, _MAX_STEP_BACK_S = 5.0, 0.1
 _SLACK_S = 1e-6
@@ -70,23 +71,21 @@ class Confirmed(Filter):
        candidates around them, as in the adaptive radius filter, and echoes beside each other in one beam, where the
        next beam passes above low objects. Echoes in a volume, such as spray, rain and fog, are none: few of their
        neighbours lie on one surface.
-    4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. Their shape is evidence
-       from -0.5 (flat on the water) to 1: the face that a quarter of their points reach, or a surface higher than any
-       wave; unless it is dim and most echoes in its cells are the water's, as of wash. Where the beams are too far
-       apart to show the shape, persistent brightness is some evidence, and so are many echoes beside each other, unless
-       the water has echoes around them and in other directions at their range.
+    4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. The evidence of a frame
+       is the logarithm of the odds that the shape of an object is that of a target: the sum of one curve for each of
+       eleven features (`FEATURES`), learned from simulated logs of two independent simulators.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
        most tracks have in common. The score of a track is its mean evidence within ``look_ahead_s``
-       of the frame, plus what it collected before. Evidence adds up over the time in which the water becomes
-       independent of what it was, about a second, and is forgotten over ``memory_s``. Frames before an object appeared
-       are frames without evidence, except with ``causal``. An object is missed only where a beam would have met it, an
+       of the frame, plus what it collected before, as in the track score of Sittler [1]_: independent looks add up, one
+       in the time in which the water becomes independent of what it was, about a second. Evidence is forgotten over
+       ``memory_s``. Frames before an object appeared
+       have the least evidence, except with ``causal``. An object is missed only where a beam would have met it, an
        upright one only where the water has echoes, since far ones are not seen in every frame. If a low object is
        expected but not found, it may also consist of points below the thresholds.
     6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
        and all where the water has no echoes.
 
-    Confirmation over scans is the M-of-N logic of radar trackers with graded instead of binary detections, as in the
-    track score of Sittler [1]_. The result of a frame is complete ``look_ahead_s`` later, at once with ``causal``, and
+    The result of a frame is complete ``look_ahead_s`` later, at once with ``causal``, and
     earlier where more than 1.5 million points would wait.
 
     Within own ship, which ends at ``start_m`` or, with auto, where constant returns end (`OwnShip`), only objects are
@@ -269,7 +268,7 @@ class Confirmed(Filter):
 
     def _unbroken(self, echoes: Echoes, heights: Heights) -> Mask:
         """Return the points in runs near the water, where it has hardly any echoes, and the next beam passes above."""
-        found = (heights.run >= SHORT_RUN) & (heights.alone > ALONE) & (np.abs(heights.height_m) <= heights.rise_m)
+        found = (heights.run >= _SHORT_RUN) & (heights.alone > ALONE) & (np.abs(heights.height_m) <= heights.rise_m)
         runs = np.flatnonzero(found)
         found[runs] = self._next_beam_m(echoes, heights, runs) >= heights.rise_m[runs]
         return found

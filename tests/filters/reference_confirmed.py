@@ -145,9 +145,9 @@ class ConfirmedObjects:
         self.background.mark(echoes, time_s)
         candidates = candidates_of(echoes, self.beams)
         sigma = 0.0 if water is None else water.sigma
-        things = self.things([one for one in candidates if not one.near], echoes, sigma, near=False)
+        things = self.things([one for one in candidates if not one.near], sigma, near=False)
         if self.tracks.approach(self.params.own_ship_m, time_s):
-            things += self.things([one for one in candidates if one.near], echoes, sigma, near=True)
+            things += self.things([one for one in candidates if one.near], sigma, near=True)
         things.sort(key=lambda thing: thing.center)
         self.tracks.turn(things, time_s)
         missing = places_of(self.tracks.missing(things, time_s))
@@ -156,7 +156,7 @@ class ConfirmedObjects:
             for echo in echoes
             if (echo.bright or echo.grows) and not echo.near and nearest(echo.xy, missing) <= confirmed._EXPECTED_M
         ]
-        for thing in sorted(self.things(expected, echoes, sigma, near=False), key=lambda thing: thing.center):
+        for thing in sorted(self.things(expected, sigma, near=False), key=lambda thing: thing.center):
             reached = [place for place in missing if nearest(place, places_of(thing.cells)) <= confirmed._EXPECTED_M]
             if reached:
                 things.append(
@@ -196,11 +196,9 @@ class ConfirmedObjects:
             return Reason.FAR if self.params.far == "drop" else Reason.KEPT
         return Reason.KEPT
 
-    def things(self, candidates: Sequence[Echo], echoes: Sequence[Echo], sigma: float, *, near: bool) -> list[Thing]:
+    def things(self, candidates: Sequence[Echo], sigma: float, *, near: bool) -> list[Thing]:
         clusters = clusters_of(candidates, self.beams, self.params)
-        taken = {echo.number for own in clusters for echo in own}
-        others = [echo for echo in echoes if echo.number not in taken]
-        return [Thing(own, evidence_of(own, others, sigma, self.beams, self.params), near) for own in clusters]
+        return [Thing(own, evidence_of(own, sigma, self.beams, self.params), near) for own in clusters]
 
     def confirm(self, scan: Scan) -> None:
         """Keep the objects of a frame that are confirmed, and what belongs to them."""

@@ -1,15 +1,17 @@
 """Points, objects and their evidence in the method ``confirmed`` as plain loops, for `reference_confirmed`."""
 
+import json
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from seaclutter_cli.filters import confirmed
-from seaclutter_cli.filters.confirmation import background, objects
+from seaclutter_cli.filters.confirmation import background, evidence, objects
 from seaclutter_cli.filters.confirmation import echoes as heights
 from seaclutter_cli.water import beams
 from seaclutter_cli.water import surface as water_surface
@@ -84,10 +86,6 @@ class Echo:
     @property
     def near(self) -> bool:
         return self.ring < 0
-
-    @property
-    def brightness(self) -> float:
-        return self.point.intensity / self.threshold if self.threshold > 0 else 1.0
 
 
 def elevation_of(z: float, place: XY) -> float:
@@ -206,7 +204,7 @@ def candidates_of(echoes: Sequence[Echo], lidar: "Beams") -> list[Echo]:
         if not chosen and echo.high:
             chosen = (distances(echo.xyz, company) <= reach).sum() - 1 >= confirmed._COMPANY
         next_m = echo.height + math.tan(math.radians(lidar.above(echo.elevation_bin))) * echo.range_m
-        if abs(echo.height) <= echo.rise <= next_m and echo.run >= objects.SHORT_RUN:
+        if abs(echo.height) <= echo.rise <= next_m and echo.run >= confirmed._SHORT_RUN:
             chosen = chosen or echo.alone > heights.ALONE
         if not chosen and echo.bright:
             in_one_beam = echo.unseen > 0 and next_m >= confirmed._ONE_BEAM_RISES * echo.rise
@@ -328,50 +326,49 @@ class Beams:
         return any(low <= one <= high for one in self.seen)
 
 
-def own_share(echoes: Sequence[Echo], others: Sequence[Echo], params: Any) -> float:
-    """Return how much more an object shows than the water in its cells, from 0 to 1; 1 if it is bright."""
-
-    def cell(echo: Echo) -> tuple[int, int]:
-        return math.floor(echo.point.x / objects._CELL_M), math.floor(echo.point.y / objects._CELL_M)
-
-    cells, reach = {cell(echo) for echo in echoes}, objects._REACH_CELLS
-    beside = [other for other in others if abs(other.height) <= other.rise and cell(other) in cells]
-    water = sum(all(-reach < part < reach for part in cell(other)) for other in beside)
-    share = len(echoes) / (len(echoes) + water)
-    median = sorted(echo.brightness for echo in echoes)[len(echoes) // 2] if params.use_intensity else 0.0
-    own = (share - objects._LEAST_OWN) / (objects._MOSTLY_OWN - objects._LEAST_OWN)
-    return min(max(own, math.log2(max(median, 1.0))), 1.0)
+def evidence_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any) -> float:
+    """Return the evidence of an object's shape: one curve for each of its features."""
+    stored = json.loads(Path(evidence.__file__).with_name("evidence.json").read_text("utf-8"))
+    features = features_of(echoes, sigma, lidar, params)
+    assert set(features) == set(stored["curves"])
+    odds = stored["offset"] + math.fsum(on_curve(stored["curves"][name], value) for name, value in features.items())
+    return min(max(odds, evidence.LEAST), evidence.MOST)
 
 
-def evidence_of(echoes: Sequence[Echo], others: Sequence[Echo], sigma: float, lidar: Beams, params: Any) -> float:
-    """Return the evidence of an object's shape; ``others`` are the echoes in no object."""
+def on_curve(curve: dict[str, list[float]], value: float) -> float:
+    """Return the value of a curve of straight pieces, level beyond its ends."""
+    known, odds = curve["value"], curve["log_odds"]
+    if value <= known[0]:
+        return odds[0]
+    for (left, right), (low, high) in zip(pairwise(known), pairwise(odds), strict=True):
+        if value <= right:
+            return low + (high - low) * (value - left) / (right - left)
+    return odds[-1]
+
+
+def features_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any) -> dict[str, float]:
+    """Return the features of an object's shape by name."""
     count = len(echoes)
-    top = sorted(echo.height for echo in echoes)[count - min(max(count // 4, 1), 3)]
+    ordered = sorted(echo.height for echo in echoes)
+    top = ordered[count - min(max(count // 4, 1), 3)]
     face = sorted(echo.face for echo in echoes)[count - 1 - count // 4]
     rise, wave = mean([echo.rise for echo in echoes]), mean([echo.wave for echo in echoes])
-    below, above = lidar.beside(echoes)
     linked, loose = sum(echo.linked for echo in echoes), sum(echo.loose for echo in echoes)
-    solid = min(max((linked + 1) / (linked + loose + 1) / objects._LOOSE_SHARE - 1, 0.0), 1.0)
-    own = own_share(echoes, others, params)
-    stands = own * solid * face / max(params.min_extent_m, params.extent_sigmas * sigma)
     surface = min(max(2 * linked / max(linked + loose, 1) - 1, 0.0), 1.0)
-    seen = min(max(top - wave, objects._POSSIBLE * top), face + below)
-    share = max(stands, own * max(seen, surface * (top - wave)) / rise)
-    shape = min(max(share, 0.0), objects._MAX_SHARE) - objects._FLAT
-    if shape >= 0:
-        return shape
-    hidden = min(max((top + above) / rise - 1, 0.0), 1.0)
-    unseen, alone = mean([echo.unseen for echo in echoes]), mean([echo.alone for echo in echoes])
-    unbroken = min(max((mean([echo.run for echo in echoes]) - objects.SHORT_RUN) / objects._LONG_RUN, 0.0), 1.0)
-    found = max(unseen * evidence_of_brightness(echoes, params), alone * objects._UNBROKEN_EVIDENCE * unbroken)
-    return (1 - hidden * alone) * shape + hidden * found
-
-
-def evidence_of_brightness(echoes: Sequence[Echo], params: Any) -> float:
-    if not params.use_intensity:
-        return 0.0
-    median = sorted(echo.brightness for echo in echoes)[len(echoes) // 2]
-    if median < 1:
-        return 0.0
-    share = min(math.log2(median) / objects._BRIGHT_OCTAVES, 1.0)
-    return objects._BRIGHT_EVIDENCE * (objects._DIM_SHARE + (1 - objects._DIM_SHARE) * share)
+    extent = ordered[-1] - ordered[count // 10]
+    spacing = max(sum(lidar.beside(echoes)) / 2, 0.01)
+    azimuth = math.atan2(*(mean([echo.xy[axis] for echo in echoes]) for axis in (1, 0)))
+    across = [math.cos(azimuth) * echo.point.y - math.sin(azimuth) * echo.point.x for echo in echoes]
+    return {
+        "height_m": top,
+        "echoes": math.log2(count),
+        "density": math.log2(count * (mean([echo.range_m for echo in echoes]) / 10) ** 2),
+        "echoes_beside": math.log2(max(linked + loose, 0.01) / count),
+        "lowest": ordered[count // 10] / rise,
+        "middle": ordered[count // 2] / rise,
+        "above_waves": surface * (top - wave) / rise,
+        "face": face / max(params.min_extent_m, params.extent_sigmas * sigma),
+        "face_share": face / max(top, 0.05),
+        "beams": math.log2(max(extent / spacing, 0.0) + 1),
+        "slenderness": math.log2((max(across) - min(across) + 0.05) / max(extent, 0.05)),
+    }

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from seaclutter_cli.filters.confirmation import tracks
+from seaclutter_cli.filters.confirmation import evidence, tracks
 from tests.filters.reference_objects import XY, Thing, distances, nearest, places_of
 
 SLACK_S = 1e-6
@@ -147,7 +147,7 @@ class Tracks:
         places: list[XY] = []
         for number, track in enumerate(self.tracks):
             found = covered[number] or any(own[number] for own in votes)
-            is_low = track.top < tracks._MAX_EXPECTED_TOP_M * min(track.memory, 1.0)
+            is_low = track.top < tracks._MAX_EXPECTED_TOP_M * min(track.memory / evidence.MOST, 1.0)
             if not found and is_low and track.memory > 0:
                 places += track.expected(time_s)
         return places
@@ -176,7 +176,7 @@ class Tracks:
             places = track.expected(time_s)
             met = sum(meets(place, max(track.top, self.params.min_rise_m)) for place in places)
             if not hidden and (track.is_new or not track.lone) and met >= tracks._IN_SIGHT * len(places):
-                said = (0.0, 0.0) if track.lone else (tracks._MISS, tracks._MISS_MEMORY)
+                said = tracks._HIDDEN if track.lone else tracks._MISSED
                 track.collect(*said, time_s, self.params.memory_s)
         self.tracks = [track for track, _ in lost if time_s - track.seen_s <= track.patience(interval_s)] + result
         self.times.append(time_s)
@@ -187,7 +187,7 @@ class Tracks:
         track = begun(thing, time_s)
         for earlier_s in [] if self.params.causal else self.times:
             if time_s - self.params.look_ahead_s - SLACK_S <= earlier_s < time_s:
-                track.collect(0.0, 0.0, earlier_s, self.params.memory_s)
+                track.collect(*tracks._ABSENT, earlier_s, self.params.memory_s)
         return track
 
     def inherit(
@@ -196,7 +196,7 @@ class Tracks:
         """Return the tracks of the objects that continue a track: the first goes on with it, the others begin."""
         if not heirs:
             return []
-        first = max(heirs, key=lambda k: (round(2 * things[k].evidence), votes[k]))
+        first = max(heirs, key=lambda k: (round(things[k].evidence / 2), votes[k]))
         track.follow(things[first], time_s)
         found = [(first, track)]
         for k in heirs:

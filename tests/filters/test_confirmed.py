@@ -89,7 +89,7 @@ class TestInterruptions:
     def test_a_boat_hidden_for_a_second_is_known_when_it_returns(self):
         """Without its past, one frame is not enough for this threshold: the first frame of all shows it."""
         boat = replace(BOAT, seen=(0, 2, 3))
-        kept = shares(run(sea_log(1, [boat], times(40)), causal=True, score_threshold=0.6), boat)
+        kept = shares(run(sea_log(1, [boat], times(40)), causal=True, score_threshold=1.8), boat)
         assert kept == [0.0] + [1.0] * 29
 
     @pytest.mark.parametrize(("lasts_s", "kept"), [(0.45, 0.0), (0.8, 1.0)])
@@ -103,7 +103,7 @@ class TestInterruptions:
 
     def test_a_boat_hidden_for_longer_begins_anew(self):
         boat = replace(BOAT, seen=(0, 2, 4.5))
-        kept = shares(run(sea_log(1, [boat], times(55)), causal=True, score_threshold=0.6), boat)
+        kept = shares(run(sea_log(1, [boat], times(55)), causal=True, score_threshold=1.8), boat)
         assert [number for number, share in enumerate(kept) if share == 0.0] == [0, 20]
 
     @pytest.mark.parametrize("back_s", [0.05, 1.0, 1000.0])

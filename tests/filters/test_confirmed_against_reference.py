@@ -26,7 +26,7 @@ OTHER_PARAMS = [
     {"start_m": 1.0, "end_m": 61.0},
     {"far": "drop", "end_m": 40.0, "initial_thresholds": (30, 16)},
     {"exclude_boxes": [(-20, 20, 0, 30, -3, 0), (30, 60, -60, 60, -5, 5)]},
-    {"look_ahead_s": 1.2, "memory_s": 1.0, "score_threshold": 0.8},
+    {"look_ahead_s": 1.2, "memory_s": 1.0, "score_threshold": 2.4},
     {"look_ahead_s": 0.0},
     {"cluster_tolerance_m": 0.6, "min_cluster_points": 1, "growth_m": 0.0, "growth_height_m": 0.4},
     {"min_rise_m": 0.05, "rise_sigmas": 1.0, "min_extent_m": 1.5, "extent_sigmas": 4.0},

@@ -48,8 +48,8 @@ class ConfirmedParams(RingIntensityParams):
     )
     cluster_tolerance_m: Positive = key(1.5, "Distance below which points belong to one object, in metres.")
     min_cluster_points: Count = key(3, "Minimum number of points of an object.")
-    score_threshold: Annotated[float, Interval(ge=-1, le=3)] = key(
-        0.45, "Score at which an object is confirmed; 1 is an upright object in all frames, -0.5 flat water."
+    score_threshold: Annotated[float, Interval(ge=-3, le=9)] = key(
+        0.0, "Score above which an object is confirmed: the logarithm of the odds that it is a target."
     )
     memory_s: Positive = key(5.0, "Time in which the evidence of earlier frames decays to 1/e, in seconds.")
     growth_m: NotNegative = key(

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.echoes import ALONE, Echoes, Heights
+from seaclutter_cli.filters.confirmation.evidence import log_odds
 from seaclutter_cli.groups import group_sizes, group_starts
 from seaclutter_cli.water.beams import Beams
 
@@ -17,16 +18,8 @@ Indices = NDArray[np.intp]
 _CELL_M = 0.5
 _BEAMS_IN_REACH = 2.0
 _MAX_CELL = 1 << 19
-_FLAT = 0.5
-_MAX_SHARE = 1.5
-_POSSIBLE = 0.7
-_LOOSE_SHARE = 0.2
-_LEAST_OWN, _MOSTLY_OWN = 0.15, 0.45
-_REACH_CELLS = 120
-_BRIGHT_EVIDENCE, _UNBROKEN_EVIDENCE = 0.4, 0.8
-_DIM_SHARE = 0.25
-_BRIGHT_OCTAVES = 2.0
-SHORT_RUN, _LONG_RUN = 3, 5.0
+_DENSITY_AT_M = 10.0
+_LEAST_M, _LEAST_SPACING_M, _FEW = 0.05, 0.01, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,56 +148,46 @@ def find_objects(
     clusters = Clusters.among(echoes, candidates, beams, params)
     if not len(clusters):
         return []
-    evidence = _evidence(echoes, clusters, heights, beams, params)
+    evidence = log_odds(features_of(echoes, clusters, heights, beams, params))
     return clusters.objects(echoes, heights, evidence, near=near)
 
 
-def _evidence(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams, params: ConfirmedParams) -> Floats:
-    """Return the evidence of each cluster, shape (K,), from -0.5 (flat on the water) to 1 (upright)."""
-    (top,) = clusters.ranked(heights.height_m, clusters.count - np.clip(clusters.count // 4, 1, 3))
-    (face,) = clusters.ranked(heights.face_m, clusters.count - 1 - clusters.count // 4)
-    rise, wave = clusters.mean(heights.rise_m), clusters.mean(heights.wave_m)
-    below, above = _beside(echoes, clusters, beams)
+def features_of(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams, params: ConfirmedParams) -> Floats:
+    """Return the features of each cluster, shape (F, K), in the order of `FEATURES`."""
+    count = clusters.count
+    (top,) = clusters.ranked(heights.height_m, count - np.clip(count // 4, 1, 3))
+    (face,) = clusters.ranked(heights.face_m, count - 1 - count // 4)
+    lowest, middle = clusters.ranked(heights.height_m, count // 10, count // 2)
+    rise, wave, range_m = (clusters.mean(values) for values in (heights.rise_m, heights.wave_m, echoes.range_m))
     linked, loose = clusters.sum(heights.linked), clusters.sum(heights.loose)
-    # A body has a face, but for what is between the beams. Where few neighbours lie on one surface, a face is chance.
-    solid = np.clip((linked + 1) / (linked + loose + 1) / _LOOSE_SHARE - 1, 0, 1)
-    # A body hides the water. Where most echoes are of the water, what stands out is wash, unless it is bright.
-    (brightness,) = clusters.ranked(heights.brightness, clusters.count // 2)
-    octaves = np.log2(np.maximum(brightness, 1))
-    own = np.clip((_own_share(echoes, clusters, heights) - _LEAST_OWN) / (_MOSTLY_OWN - _LEAST_OWN), octaves, 1)
-    stands = own * solid * face / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m)
-    # What is higher than any wave is no water, if its face or its surface shows that it is a body.
     surface = np.clip(2 * linked / np.maximum(linked + loose, 1) - 1, 0, 1)
-    tall = np.maximum(np.minimum(np.maximum(top - wave, _POSSIBLE * top), face + below), surface * (top - wave))
-    shape = np.clip(np.maximum(stands, own * tall / rise), 0, _MAX_SHARE) - _FLAT
-    # Where the next beam passes above all but tall bodies, a flat cluster is no evidence. Brightness decides, or echoes
-    # that are beside each other; unless the water has echoes all around, since it is bright at times.
-    hidden = np.where(shape < 0, np.clip((top + above) / rise - 1, 0, 1), 0.0)
-    unseen, alone = clusters.mean(heights.unseen), clusters.mean(heights.alone)
-    if not (hidden * alone).any():
-        return np.asarray(shape)
-    brighter = np.minimum(octaves / _BRIGHT_OCTAVES, 1)
-    bright = np.where(brightness >= 1, _BRIGHT_EVIDENCE * (_DIM_SHARE + (1 - _DIM_SHARE) * brighter), 0.0)
-    unbroken = _UNBROKEN_EVIDENCE * np.clip((clusters.mean(heights.run) - SHORT_RUN) / _LONG_RUN, 0, 1)
-    return np.asarray((1 - hidden * alone) * shape + hidden * np.maximum(unseen * bright, alone * unbroken))
+    extent = clusters.greatest(heights.height_m) - lowest
+    spacing = np.maximum(sum(_beside(echoes, clusters, beams)) / 2, _LEAST_SPACING_M)
+    width = _width_m(echoes, clusters)
+    return np.array(
+        (
+            top,
+            np.log2(count),
+            np.log2(count * (range_m / _DENSITY_AT_M) ** 2),
+            np.log2(np.maximum(linked + loose, _FEW) / count),
+            lowest / rise,
+            middle / rise,
+            surface * (top - wave) / rise,
+            face / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m),
+            face / np.maximum(top, _LEAST_M),
+            np.log2(np.maximum(extent / spacing, 0) + 1),
+            np.log2((width + _LEAST_M) / np.maximum(extent, _LEAST_M)),
+        )
+    )
 
 
-def _own_share(echoes: Echoes, clusters: Clusters, heights: Heights) -> Floats:
-    """Return the share of its own echoes among those in the cells of each cluster, shape (K,).
-
-    Other echoes count if they are near the water and within 60 m.
-    """
-    side = 2 * _REACH_CELLS + 1
-    place = np.clip(np.floor(echoes.xyz[:2] / _CELL_M) + _REACH_CELLS, 0, side - 1).astype(np.int32)
-    number = place[0] * np.int32(side) + place[1]
-    within = (np.abs(place - _REACH_CELLS) < _REACH_CELLS).all(axis=0)
-    of_water = within & (np.abs(heights.height_m) <= heights.rise_m)
-    of_water[clusters.points] = False
-    water = np.bincount(number[of_water], minlength=side * side)
-    pairs = np.unique(np.repeat(np.arange(len(clusters)), clusters.count) * side * side + number[clusters.points])
-    cluster, cell = np.divmod(pairs, side * side)
-    beside = np.bincount(cluster, weights=water[cell], minlength=len(clusters))
-    return np.asarray(clusters.count / (clusters.count + beside))
+def _width_m(echoes: Echoes, clusters: Clusters) -> Floats:
+    """Return the width of each cluster across the line of sight to its centre, shape (K,)."""
+    x, y, _ = echoes.xyz
+    azimuth = np.repeat(np.arctan2(clusters.mean(y), clusters.mean(x)), clusters.count)
+    across = np.zeros(echoes.size)
+    across[clusters.points] = np.cos(azimuth) * y[clusters.points] - np.sin(azimuth) * x[clusters.points]
+    return clusters.greatest(across) - clusters.least(across)
 
 
 def _beside(echoes: Echoes, clusters: Clusters, beams: Beams) -> tuple[Floats, Floats]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.confirmation import ConfirmedParams
+from seaclutter_cli.filters.confirmation.evidence import LEAST, MOST
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
 from seaclutter_cli.filters.neighbors import nearest
 from seaclutter_cli.water.beams import Sight
@@ -17,9 +18,8 @@ from seaclutter_cli.water.beams import Sight
 Floats = NDArray[np.float64]
 
 _DECORRELATION_S = 1.0
-_LEAST_MEMORY, _MOST_MEMORY = -1.0, 3.0
-_MISS, _MISS_MEMORY = -0.5, -0.3
-_ABSENT = 0.0
+_LEAST_MEMORY, _MOST_MEMORY = -3.0, 9.0
+_MISSED, _HIDDEN, _ABSENT = (-2.0, -1.2), (0.0, 0.0), (LEAST, LEAST)
 _DOUBT_S = 0.1
 _MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
 _KNOWN_AFTER_S = 0.5
@@ -192,9 +192,9 @@ class Tracker:
         Where the water has no echoes, upright objects are not missed, since far ones are not in every frame; new ones
         have evidence 0 then, as spray has.
 
-        An object that continues no track has evidence 0 in the frames before, as far as ``look_ahead_s`` back, so that
-        spray, which stays for less than that, is not confirmed. With ``causal``, these frames do not count: upright
-        objects are kept at once.
+        An object that continues no track has the least evidence in the frames before, as far as ``look_ahead_s`` back,
+        so that spray, which stays for less than that, is not confirmed. With ``causal``, these
+        frames do not count: upright objects are kept at once.
         """
         objects, votes, covered = found.objects, found.votes, found.covered
         interval = self._interval_s(time_s)
@@ -204,7 +204,7 @@ class Tracker:
         tracks: list[Track | None] = [None] * len(objects)
         known = np.array([1 + max(track.memory, 0.0) for track in self._tracks])
         for t, candidates in _by_track(votes, known).items():
-            first = max(candidates, key=lambda k: (round(2 * objects[k].evidence), votes[k, t]))
+            first = max(candidates, key=lambda k: (round(objects[k].evidence / 2), votes[k, t]))
             for k in sorted(candidates, key=lambda k: k != first):
                 tracks[k] = self._continued(self._tracks[t], objects[k], time_s, is_first=k == first)
         result = [track or self._begun(one, time_s) for track, one in zip(tracks, objects, strict=True)]
@@ -213,7 +213,7 @@ class Tracker:
         missing = [one for one, hidden in zip(self._tracks, covered, strict=True) if id(one) not in seen and not hidden]
         for track in missing if sight is None else _in_sight(missing, sight, time_s):
             if track.is_new or not track.lone:
-                self._collect(track, time_s, _ABSENT if track.lone else None)
+                self._collect(track, time_s, *(_HIDDEN if track.lone else _MISSED))
         unseen = [one for one in self._tracks if id(one) not in seen and time_s - one.seen_s <= one.coast_s(interval)]
         self._tracks = unseen + result
         self._recent_s.append(time_s)
@@ -228,7 +228,7 @@ class Tracker:
         cells = [
             track.expected(time_s)
             for track, is_missing in zip(self._tracks, missing, strict=True)
-            if is_missing and track.top_m < _MAX_EXPECTED_TOP_M * min(track.memory, 1.0) and track.memory > 0
+            if is_missing and track.top_m < _MAX_EXPECTED_TOP_M * min(track.memory / MOST, 1.0) and track.memory > 0
         ]
         return np.concatenate(cells) if cells else np.empty((0, 2))
 
@@ -255,7 +255,7 @@ class Tracker:
         if not is_first:
             return self._begun(found, time_s, track)
         track.move(found, time_s)
-        self._collect(track, time_s, found.evidence)
+        self._collect(track, time_s, found.evidence, found.evidence)
         return track
 
     def _begun(self, found: DetectedObject, time_s: float, parent: Track | None = None) -> Track:
@@ -267,8 +267,8 @@ class Tracker:
             track.from_outside = parent.from_outside
         elif not self._params.causal:
             for earlier_s in self._recent_s:
-                self._collect(track, earlier_s, _ABSENT)
-        self._collect(track, time_s, found.evidence)
+                self._collect(track, earlier_s, *_ABSENT)
+        self._collect(track, time_s, found.evidence, found.evidence)
         return track
 
     def _recognise(self, objects: Sequence[DetectedObject], tracks: Sequence[Track], votes: NDArray[np.int64]) -> None:
@@ -282,13 +282,13 @@ class Tracker:
             _, distance = nearest(parts, objects[k].cells)
             tracks[k].from_outside |= bool(distance.min() < _CONTACT_M)
 
-    def _collect(self, track: Track, time_s: float, evidence: float | None) -> None:
-        """Add the evidence of a frame; None if the object was not found."""
+    def _collect(self, track: Track, time_s: float, evidence: float, to_memory: float) -> None:
+        """Add the evidence of a frame, and what is remembered of it."""
         step = min(time_s - track.history[-1].time_s, _MAX_STEP_S) if track.history else _FIRST_STEP_S
-        gained = (_MISS_MEMORY if evidence is None else evidence) * step / _DECORRELATION_S
+        gained = to_memory * step / _DECORRELATION_S
         remembered = track.memory * math.exp(-step / self._params.memory_s)
         track.memory = min(max(remembered + gained, _LEAST_MEMORY), _MOST_MEMORY)
-        track.history.append(Evidence(time_s, _MISS if evidence is None else evidence, max(step, 1e-3), track.memory))
+        track.history.append(Evidence(time_s, evidence, max(step, 1e-3), track.memory))
         reach = max(self._params.look_ahead_s, _NEIGHBOR_STEPS * _MAX_STEP_S)
         oldest = self._since_s - reach - _MAX_STEP_S
         while len(track.history) > 1 and track.history[1].time_s < oldest:

@@ -1,0 +1,162 @@
+"""The curves of evidence of the method ``confirmed``, learned from labelled logs (``evidence.json``).
+
+Run as ``python benchmarks/train_evidence.py FOLDER … -o evidence.json``: each folder has the logs of one simulator, at
+any depth, and labels beside them, as of ``simulate random --physics wide``. All folders have equal weight, and so do
+all logs of one. It prints the loss in nats per object, with each folder left out in turn and with each third of the
+logs of all.
+"""
+
+import argparse
+import json
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
+
+import seaclutter
+from seaclutter_cli.filters import confirmed
+from seaclutter_cli.filters.confirmation.evidence import FEATURES
+from seaclutter_cli.filters.confirmation.objects import Clusters, features_of
+from seaclutter_cli.labels import open_labels
+
+Floats = NDArray[np.float64]
+
+KNOTS, SMOOTHNESS, SHRINKAGE = 9, 1e-4, 0.05
+STEPS = 20
+
+
+@dataclass
+class Looks:
+    """Objects in single frames: features, shape (F, K), whether they are targets and their weights, shape (K,)."""
+
+    features: Floats
+    target: NDArray[np.bool_]
+    weight: Floats
+
+    @classmethod
+    def joined(cls, parts: Sequence["Looks"]) -> "Looks":
+        """Return the objects of all parts, each of which has the same weight."""
+        return cls(
+            np.concatenate([one.features for one in parts], axis=1),
+            np.concatenate([one.target for one in parts]),
+            np.concatenate([one.weight / one.weight.sum() / len(parts) for one in parts]),
+        )
+
+
+class Recorder(confirmed.Confirmed):
+    """The method, which notes the features of all objects and the share of their points that is of targets."""
+
+    def __init__(self, labels: Any) -> None:
+        super().__init__(self.Params())
+        self.labels, self.seen = labels, []
+
+    def _examine(self, frame: Any, time_s: float) -> Any:
+        truth, find = self.labels.truth(frame), confirmed.find_objects
+        is_target = None if truth is None or truth.points is None else truth.points > 0
+
+        def noted(echoes: Any, among: Any, heights: Any, beams: Any, params: Any, *, near: bool) -> Any:
+            clusters = Clusters.among(echoes, among, beams, params)
+            if is_target is not None and len(clusters):
+                share = clusters.mean(is_target[echoes.index].astype(float))
+                self.seen.append((features_of(echoes, clusters, heights, beams, params), share > 0.5))
+            return find(echoes, among, heights, beams, params, near=near)
+
+        confirmed.find_objects = noted
+        try:
+            return super()._examine(frame, time_s)
+        finally:
+            confirmed.find_objects = find
+
+
+def looks(path: Path) -> Looks | None:
+    """Return the objects of a log; None without any."""
+    method = Recorder(open_labels(path.with_name(f"{path.stem}.labels.csv")))
+    with seaclutter.open_log(path) as log:
+        for frame in log.frames():
+            method.process(frame)
+    method.flush()
+    if not method.seen:
+        return None
+    features, target = (np.concatenate(part, axis=-1) for part in zip(*method.seen, strict=True))
+    return Looks(features, target, np.ones(len(target)))
+
+
+class Curves:
+    """One curve of straight pieces for each feature, fitted by logistic regression with smoothness as penalty [1]_.
+
+    .. [1] Hastie, Tibshirani (1986). "Generalized additive models". Statistical Science 1(3).
+    """
+
+    def __init__(self, seen: Looks) -> None:
+        quantiles = np.linspace(0.01, 0.99, KNOTS)
+        self.knots = [np.unique(np.quantile(values, quantiles).round(3)) for values in seen.features]
+        basis, weight = self._basis(seen.features), seen.weight / seen.weight.sum()
+        penalty = np.zeros((basis.shape[1], basis.shape[1]))
+        for start, knots in self._spans():
+            bend = np.diff(np.eye(len(knots)), 2, axis=0)
+            own = slice(start, start + len(knots))
+            penalty[own, own] = SMOOTHNESS * (bend.T @ bend + SHRINKAGE * np.eye(len(knots)))
+        self.values = np.zeros(basis.shape[1])
+        for _ in range(STEPS):
+            odds = expit(basis @ self.values)
+            gradient = basis.T @ (weight * (seen.target - odds)) - penalty @ self.values
+            curvature = (basis * (weight * np.maximum(odds * (1 - odds), 1e-4))[:, None]).T @ basis + penalty
+            self.values += np.linalg.solve(curvature + 1e-9 * np.eye(len(curvature)), gradient)
+
+    def loss(self, seen: Looks) -> float:
+        """Return the mean loss in nats."""
+        signed = np.where(seen.target, 1, -1) * (self._basis(seen.features) @ self.values)
+        return float((seen.weight * np.logaddexp(0, -signed)).sum() / seen.weight.sum())
+
+    def table(self) -> dict[str, Any]:
+        """Return what the method reads."""
+        curves = {
+            name: {"value": knots.tolist(), "log_odds": self.values[start : start + len(knots)].round(3).tolist()}
+            for name, (start, knots) in zip(FEATURES, self._spans(), strict=True)
+        }
+        return {"version": 1, "offset": round(float(self.values[0]), 3), "curves": curves}
+
+    def _spans(self) -> Iterator[tuple[int, Floats]]:
+        start = 1
+        for knots in self.knots:
+            yield start, knots
+            start += len(knots)
+
+    def _basis(self, features: Floats) -> Floats:
+        hats = [
+            np.stack([np.interp(x, k, row) for row in np.eye(len(k))])
+            for x, k in zip(features, self.knots, strict=True)
+        ]
+        return np.concatenate([np.ones((1, features.shape[1])), *hats]).T
+
+
+def main() -> None:
+    """Learn the curves, print how they do on what was left out, and write them."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("folders", nargs="+", type=Path, help="folders of logs with labels, one for each simulator")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="file of the curves")
+    given = parser.parse_args()
+    with ProcessPoolExecutor(2) as pool:
+        found = [list(pool.map(looks, sorted(folder.rglob("*.mcap")))) for folder in given.folders]
+    logs = [[one for one in some if one is not None] for some in found]
+    every = Looks.joined([Looks.joined(some) for some in logs])
+    print(f"{sum(map(len, logs))} logs, {len(every.target):,} objects, {every.target.mean():.0%} of targets")
+    for number, folder in enumerate(given.folders if len(logs) > 1 else ()):
+        others = Looks.joined([Looks.joined(some) for other, some in enumerate(logs) if other != number])
+        print(f"without {folder.name}: {Curves(others).loss(Looks.joined(logs[number])):.4f} on its logs")
+    for third in range(3):
+        rest = Looks.joined([Looks.joined([one for k, one in enumerate(some) if k % 3 != third]) for some in logs])
+        out = Looks.joined([Looks.joined(some[third::3]) for some in logs])
+        print(f"third {third + 1} of all logs left out: {Curves(rest).loss(out):.4f}")
+    curves = Curves(every)
+    print(f"all: {curves.loss(every):.4f}")
+    given.output.write_text(json.dumps(curves.table(), indent=1) + "\n", "utf-8")
+
+
+if __name__ == "__main__":
+    main()

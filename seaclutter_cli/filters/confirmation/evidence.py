@@ -1,0 +1,56 @@
+"""The evidence of one frame that an object is a target: one curve for each feature of its shape."""
+
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.documents import load_json
+
+Floats = NDArray[np.float64]
+
+FEATURES = (
+    "height_m",
+    "echoes",
+    "density",
+    "echoes_beside",
+    "lowest",
+    "middle",
+    "above_waves",
+    "face",
+    "face_share",
+    "beams",
+    "slenderness",
+)
+"""Names of the features, in the order of `features_of`; logarithms are to base 2.
+
+Height of the top in metres; logarithm of the number of echoes, of that times the square of the range in tens of metres,
+and of the echoes beside each in one frame; heights of the 10th percentile and the median, and what the surface rises
+above all waves, in heights at which points stand out; the upright face in extents of upright objects, and in heights
+of the top; logarithm of the number of beams that its height spans, and of its width across the line of sight by its
+height.
+"""
+LEAST, MOST = -3.0, 3.0
+
+
+def log_odds(features: Floats) -> Floats:
+    """Return the logarithm of the odds that objects are targets, shape (K,), from their features, shape (F, K).
+
+    The odds are those of the frames from which the curves were learned, in which targets and clutter have equal weight.
+    They are at least 1 to 20 and at most 20 to 1: what was not among these frames must not outweigh what others say.
+    """
+    offset, curves = _curves()
+    pairs = zip(features, curves, strict=True)
+    odds: Floats = offset + np.sum([np.interp(values, *curve) for values, curve in pairs], axis=0)
+    return np.clip(odds, LEAST, MOST)
+
+
+@cache
+def _curves() -> tuple[float, list[tuple[Floats, Floats]]]:
+    """Return the offset, and values of each feature with the log-odds that belong to them."""
+    stored = load_json((files("seaclutter_cli.filters.confirmation") / "evidence.json").read_bytes())
+    curves = stored["curves"]
+    return stored["offset"], [
+        (np.array(curves[name]["value"]), np.array(curves[name]["log_odds"])) for name in FEATURES
+    ]
