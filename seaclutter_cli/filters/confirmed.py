@@ -73,7 +73,7 @@ class Confirmed(Filter):
        neighbours lie on one surface.
     4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. The evidence of a frame
        is the logarithm of the odds that the shape of an object is that of a target: the sum of one curve for each of
-       eleven features (`FEATURES`), learned from simulated logs of two independent simulators.
+       thirteen features (`FEATURES`), learned from simulated logs of two independent simulators.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
        most tracks have in common. The score of a track is its mean evidence within ``look_ahead_s``
        of the frame, plus what it collected before, as in the track score of Sittler [1]_: independent looks add up, one

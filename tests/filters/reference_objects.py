@@ -87,6 +87,10 @@ class Echo:
     def near(self) -> bool:
         return self.ring < 0
 
+    @property
+    def brightness(self) -> float:
+        return self.point.intensity / self.threshold if self.threshold > 0 else 1.0
+
 
 def elevation_of(z: float, place: XY) -> float:
     """Return the elevation of a point in degrees."""
@@ -358,6 +362,7 @@ def features_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any)
     extent = ordered[-1] - ordered[count // 10]
     spacing = max(sum(lidar.beside(echoes)) / 2, 0.01)
     azimuth = math.atan2(*(mean([echo.xy[axis] for echo in echoes]) for axis in (1, 0)))
+    brightness = sorted(echo.brightness for echo in echoes)[count // 2] if params.use_intensity else 0.0
     across = [math.cos(azimuth) * echo.point.y - math.sin(azimuth) * echo.point.x for echo in echoes]
     return {
         "height_m": top,
@@ -371,4 +376,6 @@ def features_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any)
         "face_share": face / max(top, 0.05),
         "beams": math.log2(max(extent / spacing, 0.0) + 1),
         "slenderness": math.log2((max(across) - min(across) + 0.05) / max(extent, 0.05)),
+        "brightness": mean([echo.unseen for echo in echoes]) * math.log2(max(brightness, 1.0)),
+        "row": mean([echo.alone for echo in echoes]) * math.log2(mean([echo.run for echo in echoes])),
     }

@@ -80,6 +80,8 @@ class Heights:
     high, bright, low, upright, grows, mirrored : ndarray, bool
         Whether a point stands out; is near the water and reaches its threshold; does not reach it; belongs to a face
         that water does not have; may return to a confirmed object; is below the water under a body.
+    brightness : ndarray, float64
+        Intensity divided by the threshold; 0 without thresholds.
     unseen : ndarray, float64
         1 where the water has no echoes but those that an object itself may have, 0 where echoes show it all around.
     alone : ndarray, float64
@@ -103,6 +105,7 @@ class Heights:
     upright: Mask
     grows: Mask
     mirrored: Mask
+    brightness: Floats
     unseen: Floats
     alone: Floats
     run: NDArray[np.int32]
@@ -138,7 +141,7 @@ class Sea:
             height, deviation, shown = water.above(x, y, z, water.cells)
         level, sigma = z - height, 0.0 if water is None else water.sigma_m
         beyond = _RISE_PER_M * np.maximum(echoes.range_m - _RISE_FROM_M, 0)
-        bright = np.zeros(echoes.size, np.bool_) if echoes.intensity is None else echoes.intensity >= threshold
+        bright, brightness = _brightness(echoes, threshold)
         least = np.where(bright, _BRIGHT_RISES, 1) * self._params.min_rise_m
         rise = np.maximum(least, self._params.rise_sigmas * deviation) + beyond
         linked, loose = faces.neighbors(height > rise)
@@ -166,6 +169,7 @@ class Sea:
             upright,
             grows,
             mirrored,
+            brightness,
             unseen,
             alone,
             faces.run,
@@ -182,3 +186,12 @@ def _in_volume(linked: NDArray[np.int32], loose: NDArray[np.int32], water: Water
     volume = apart > _VOLUME * joined + 1
     volume[BEYOND:] = False
     return np.asarray(volume[cell])
+
+
+def _brightness(echoes: Echoes, threshold: Floats) -> tuple[Mask, Floats]:
+    """Return which points reach their threshold, and intensity divided by threshold."""
+    if echoes.intensity is None:
+        return np.zeros(echoes.size, np.bool_), np.zeros(echoes.size)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(threshold > 0, echoes.intensity / threshold, 1.0)
+    return echoes.intensity >= threshold, ratio

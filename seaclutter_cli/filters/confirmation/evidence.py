@@ -22,6 +22,8 @@ FEATURES = (
     "face_share",
     "beams",
     "slenderness",
+    "brightness",
+    "row",
 )
 """Names of the features, in the order of `features_of`; logarithms are to base 2.
 
@@ -29,7 +31,8 @@ Height of the top in metres; logarithm of the number of echoes, of that times th
 and of the echoes beside each in one frame; heights of the 10th percentile and the median, and what the surface rises
 above all waves, in heights at which points stand out; the upright face in extents of upright objects, and in heights
 of the top; logarithm of the number of beams that its height spans, and of its width across the line of sight by its
-height.
+height. Where the water has no echoes: logarithm of the intensity in thresholds, and of the number of echoes beside each
+other in one beam.
 """
 LEAST, MOST = -3.0, 3.0
 

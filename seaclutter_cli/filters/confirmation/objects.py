@@ -164,6 +164,8 @@ def features_of(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Bea
     extent = clusters.greatest(heights.height_m) - lowest
     spacing = np.maximum(sum(_beside(echoes, clusters, beams)) / 2, _LEAST_SPACING_M)
     width = _width_m(echoes, clusters)
+    (brightness,) = clusters.ranked(heights.brightness, count // 2)
+    unseen, alone = clusters.mean(heights.unseen), clusters.mean(heights.alone)
     return np.array(
         (
             top,
@@ -177,6 +179,8 @@ def features_of(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Bea
             face / np.maximum(top, _LEAST_M),
             np.log2(np.maximum(extent / spacing, 0) + 1),
             np.log2((width + _LEAST_M) / np.maximum(extent, _LEAST_M)),
+            unseen * np.log2(np.maximum(brightness, 1)),
+            alone * np.log2(clusters.mean(heights.run)),
         )
     )
 
