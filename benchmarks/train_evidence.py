@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
@@ -23,11 +24,13 @@ from seaclutter_cli.filters import confirmed
 from seaclutter_cli.filters.confirmation.evidence import FEATURES
 from seaclutter_cli.filters.confirmation.objects import Clusters, features_of
 from seaclutter_cli.labels import open_labels
+from seaclutter_cli.truth import IGNORED
 
 Floats = NDArray[np.float64]
 
 KNOTS, SMOOTHNESS, SHRINKAGE = 9, 1e-4, 0.05
 STEPS = 20
+MARGIN_M = 0.3
 
 
 @dataclass
@@ -57,13 +60,19 @@ class Recorder(confirmed.Confirmed):
 
     def _examine(self, frame: Any, time_s: float) -> Any:
         truth, find = self.labels.truth(frame), confirmed.find_objects
-        is_target = None if truth is None or truth.points is None else truth.points > 0
+        points = None if truth is None else truth.points
+        ignored = points is not None and (points == IGNORED) | truth.ignored.covers(frame.coordinates, MARGIN_M)
 
         def noted(echoes: Any, among: Any, heights: Any, beams: Any, params: Any, *, near: bool) -> Any:
             clusters = Clusters.among(echoes, among, beams, params)
-            if is_target is not None and len(clusters):
-                share = clusters.mean(is_target[echoes.index].astype(float))
-                self.seen.append((features_of(echoes, clusters, heights, beams, params), share > 0.5))
+            if points is not None and len(clusters):
+                target, unclear = (
+                    clusters.mean(one[echoes.index].astype(float))
+                    for one in ((points > 0) & (points != IGNORED), ignored)
+                )
+                sure = (target > 0.5) | (unclear < 0.5)  # no quays and land
+                features = features_of(echoes, clusters, heights, beams, params)
+                self.seen.append((features[:, sure], target[sure] > 0.5))
             return find(echoes, among, heights, beams, params, near=near)
 
         confirmed.find_objects = noted
@@ -135,11 +144,26 @@ class Curves:
         return np.concatenate([np.ones((1, features.shape[1])), *hats]).T
 
 
+def picture(table: dict[str, Any], path: Path) -> None:
+    """Draw all curves."""
+    plt.rcParams["svg.hashsalt"] = "evidence"
+    figure, axes = plt.subplots(3, 5, figsize=(11, 6), sharey=True, layout="constrained")
+    for axis, name in zip(axes.flat, table["curves"], strict=False):
+        axis.axhline(0, color="0.8")
+        axis.plot(*table["curves"][name].values(), marker=".")
+        axis.set_title(name, fontsize=9)
+    for axis in axes.flat[len(table["curves"]) :]:
+        axis.set_axis_off()
+    figure.supylabel("log-odds of a target")
+    figure.savefig(path, metadata={"Date": None})
+
+
 def main() -> None:
     """Learn the curves, print how they do on what was left out, and write them."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("folders", nargs="+", type=Path, help="folders of logs with labels, one for each simulator")
     parser.add_argument("-o", "--output", type=Path, required=True, help="file of the curves")
+    parser.add_argument("--plot", type=Path, help="picture of the curves")
     given = parser.parse_args()
     with ProcessPoolExecutor(2) as pool:
         found = [list(pool.map(looks, sorted(folder.rglob("*.mcap")))) for folder in given.folders]
@@ -156,6 +180,8 @@ def main() -> None:
     curves = Curves(every)
     print(f"all: {curves.loss(every):.4f}")
     given.output.write_text(json.dumps(curves.table(), indent=1) + "\n", "utf-8")
+    if given.plot:
+        picture(curves.table(), given.plot)
 
 
 if __name__ == "__main__":

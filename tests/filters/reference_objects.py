@@ -372,7 +372,7 @@ def features_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any)
         "lowest": ordered[count // 10] / rise,
         "middle": ordered[count // 2] / rise,
         "above_waves": surface * (top - wave) / rise,
-        "face": face / max(params.min_extent_m, params.extent_sigmas * sigma),
+        "face": min(face / max(params.min_extent_m, params.extent_sigmas * sigma), 2.0),
         "face_share": face / max(top, 0.05),
         "beams": math.log2(max(extent / spacing, 0.0) + 1),
         "slenderness": math.log2((max(across) - min(across) + 0.05) / max(extent, 0.05)),

@@ -29,10 +29,10 @@ FEATURES = (
 
 Height of the top in metres; logarithm of the number of echoes, of that times the square of the range in tens of metres,
 and of the echoes beside each in one frame; heights of the 10th percentile and the median, and what the surface rises
-above all waves, in heights at which points stand out; the upright face in extents of upright objects, and in heights
-of the top; logarithm of the number of beams that its height spans, and of its width across the line of sight by its
-height. Where the water has no echoes: logarithm of the intensity in thresholds, and of the number of echoes beside each
-other in one beam.
+above all waves, in heights at which points stand out; the upright face in extents of upright objects, at most two, and
+in heights of the top; logarithm of the number of beams that its height spans, and of its width across the line of sight
+by its height. Where the water has no echoes: logarithm of the intensity in thresholds, and of the number of echoes
+beside each other in one beam.
 """
 LEAST, MOST = -3.0, 3.0
 

@@ -18,7 +18,7 @@ Indices = NDArray[np.intp]
 _CELL_M = 0.5
 _BEAMS_IN_REACH = 2.0
 _MAX_CELL = 1 << 19
-_DENSITY_AT_M = 10.0
+_DENSITY_AT_M, _MOST_EXTENTS = 10.0, 2.0
 _LEAST_M, _LEAST_SPACING_M, _FEW = 0.05, 0.01, 0.01
 
 
@@ -175,7 +175,7 @@ def features_of(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Bea
             lowest / rise,
             middle / rise,
             surface * (top - wave) / rise,
-            face / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m),
+            np.minimum(face / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m), _MOST_EXTENTS),
             face / np.maximum(top, _LEAST_M),
             np.log2(np.maximum(extent / spacing, 0) + 1),
             np.log2((width + _LEAST_M) / np.maximum(extent, _LEAST_M)),
