@@ -146,7 +146,7 @@ class Curves:
 
 def picture(table: dict[str, Any], path: Path) -> None:
     """Draw all curves."""
-    plt.rcParams["svg.hashsalt"] = "evidence"
+    plt.rcParams.update({"svg.hashsalt": "evidence", "svg.fonttype": "none"})
     figure, axes = plt.subplots(3, 5, figsize=(11, 6), sharey=True, layout="constrained")
     for axis, name in zip(axes.flat, table["curves"], strict=False):
         axis.axhline(0, color="0.8")

@@ -73,20 +73,20 @@ class Confirmed(Filter):
        neighbours lie on one surface.
     4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. The evidence of a frame
        is the logarithm of the odds that the shape of an object is that of a target: the sum of one curve for each of
-       thirteen features (`FEATURES`), learned from simulated logs of two independent simulators.
+       thirteen features (`FEATURES`), learned from logs of two simulators.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
        most tracks have in common. The score of a track is its mean evidence within ``look_ahead_s``
        of the frame, plus what it collected before, as in the track score of Sittler [1]_: independent looks add up, one
        in the time in which the water becomes independent of what it was, about a second. Evidence is forgotten over
-       ``memory_s``. Frames before an object appeared
-       have the least evidence, except with ``causal``. An object is missed only where a beam would have met it, an
-       upright one only where the water has echoes, since far ones are not seen in every frame. If a low object is
-       expected but not found, it may also consist of points below the thresholds.
+       ``memory_s``. Frames before an object appeared have the least evidence, except with ``causal``. An object is
+       missed only where a beam would have met it, an upright one only where the water has echoes, since far ones are
+       not seen in every frame. If a low object is expected but not found, it may also consist of points below the
+       thresholds.
     6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
        and all where the water has no echoes.
 
-    The result of a frame is complete ``look_ahead_s`` later, at once with ``causal``, and
-    earlier where more than 1.5 million points would wait.
+    The result of a frame is complete ``look_ahead_s`` later, at once with ``causal``, and earlier where more than 1.5
+    million points would wait.
 
     Within own ship, which ends at ``start_m`` or, with auto, where constant returns end (`OwnShip`), only objects are
     kept that were confirmed outside. The first 20 frames wait until they show where that is. At rest they do not, and

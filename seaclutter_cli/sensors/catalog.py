@@ -124,7 +124,7 @@ class RecognisedSensor:
 
 
 def known_sensor(name: str) -> str:
-    """Return the name of a sensor in its usual spelling; `ValueError` if there is none of this name."""
+    """Return the name of a sensor in its usual spelling; raise `ValueError` if no sensor has it."""
     names = {known.casefold(): known for known in SENSORS}
     if name.casefold() not in names:
         raise ValueError(f"unknown sensor {name}; {suggestion(name, SENSORS)}choose from: {', '.join(SENSORS)}")

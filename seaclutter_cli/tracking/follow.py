@@ -179,10 +179,7 @@ class Follower:
 
 def _smoothed(frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Track, Shape]) -> Iterator[FrameObjects]:
     """Yield the objects of frames from ``start`` to ``end``; the others are their context."""
-    records: dict[Track, list[tuple[int, int]]] = {}
-    for f, one in enumerate(frames):
-        for row, track in zip(one.rows, one.tracks, strict=True):
-            records.setdefault(track, []).append((f, row))
+    records = _records(frames)
     tracks = list(records)
     times_s = np.array([one.time_s for one in frames])
     shape = len(frames), len(tracks)
@@ -239,6 +236,15 @@ def _smoothed(frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Tra
             [kinds[n] for n in there.tolist()],
             one.over_ground,
         )
+
+
+def _records(frames: Sequence[_Waiting]) -> dict[Track, list[tuple[int, int]]]:
+    """Return the frames in which each track was seen, and its row in each."""
+    records: dict[Track, list[tuple[int, int]]] = {}
+    for f, one in enumerate(frames):
+        for row, track in zip(one.rows, one.tracks, strict=True):
+            records.setdefault(track, []).append((f, row))
+    return records
 
 
 def _are_parts(at: Floats, yaws: Floats, sizes: Floats, bodies: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -101,9 +101,9 @@ def sea(seed, **kwargs):
 @pytest.mark.parametrize("seed", range(5))
 def test_random_seas(seed):
     log = sea(seed, size=120 + 20 * (seed % 4), amplitude_m=AMPLITUDES_M[seed % 5], mirrors=30 * (seed % 3))
-    results = assert_same(Params(), log)
+    results = assert_same(Params(score_threshold=1.0), log)
     counts = sum(result.counts for result in results)
-    assert min(counts[[Reason.KEPT, Reason.OUTLIER, Reason.UNCONFIRMED]]) > 0, "every outcome occurs"
+    assert min(counts[[Reason.KEPT, Reason.OUTLIER, Reason.UNCONFIRMED]]) > 50, "every outcome occurs"
 
 
 def test_a_long_log():
