@@ -173,6 +173,8 @@ _MEMS_ID = bytes.fromhex("55aa5aa5")
 _HESAI_MARK = b"\xee\xff"
 
 _KINDS: Sequence[tuple[str, bytes, int | None]] = (
+    ("RoboSense RS-M1", _MEMS_ID, 1210),
+    ("RoboSense RS-E1", _MEMS_ID, 1200),
     ("RoboSense RS-M2", _MEMS_ID, 1342),
     ("RoboSense RS-M3", _MEMS_ID, 1448),
     ("RoboSense RS-MX", _MEMS_ID, 1404),

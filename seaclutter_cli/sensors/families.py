@@ -7,12 +7,10 @@ from seaclutter_cli.sensors.hesai.decoder import Hesai
 from seaclutter_cli.sensors.ouster.decoder import Ouster
 from seaclutter_cli.sensors.packets import PacketFamily
 from seaclutter_cli.sensors.robosense.decoder import RoboSense
-from seaclutter_cli.sensors.robosense.solid import RoboSenseSolid
 from seaclutter_cli.sensors.velodyne.decoder import Velodyne
 
 _BUILT_IN: Mapping[str, PacketFamily] = {
     "robosense": RoboSense(),
-    "robosense_solid": RoboSenseSolid(),
     "velodyne": Velodyne(),
     "hesai": Hesai(),
     "ouster": Ouster(),

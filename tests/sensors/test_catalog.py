@@ -110,6 +110,8 @@ def test_every_model_of_a_decoder_is_a_known_sensor(name):
 
 
 PACKETS = {
+    "RoboSense RS-M1": bytes.fromhex("55aa5aa5").ljust(1210, b"\0"),
+    "RoboSense RS-E1": bytes.fromhex("55aa5aa5").ljust(1200, b"\0"),
     "RoboSense RS-M2": bytes.fromhex("55aa5aa5").ljust(1342, b"\0"),
     "Hesai ATX (protocol 4.7)": b"\xee\xff\x04\x07".ljust(1127, b"\0"),
     "Hesai AT128 (protocol 4.1)": b"\xee\xff\x04\x01".ljust(1118, b"\0"),

@@ -58,7 +58,7 @@ _UDP_FRAMES = tuple(
 DRIVER_MESSAGES: Mapping[str, DriverMessage] = {
     "velodyne_msgs/msg/VelodyneScan": DriverMessage(("velodyne",), (Layout(length=1206),)),
     "pandar_msgs/msg/PandarScan": DriverMessage(_HESAI, (Layout(length=1500, sized=True),)),
-    "rslidar_msg/msg/RslidarPacket": DriverMessage(("robosense", "robosense_solid"), (_SINGLE, _FIXED)),
+    "rslidar_msg/msg/RslidarPacket": DriverMessage(("robosense",), (_SINGLE, _FIXED)),
     "rslidar_msg/msg/RslidarScan": DriverMessage(
         ("robosense",), (Layout(length=1248),), ("rslidar_msg/msg/RslidarPacket", "difop")
     ),
@@ -72,7 +72,7 @@ DRIVER_MESSAGES: Mapping[str, DriverMessage] = {
     "ouster_ros/msg/PacketMsg": _OUSTER,
     "ouster_sensor_msgs/msg/PacketMsg": _OUSTER,
     "hesai_lidar/msg/PandarScan": DriverMessage(_HESAI, (Layout(sized=True), Layout(length=1500, sized=True))),
-    "nebula_msgs/msg/NebulaPackets": DriverMessage(("robosense", "robosense_solid", "velodyne", "hesai"), (Layout(),)),
+    "nebula_msgs/msg/NebulaPackets": DriverMessage(("robosense", "velodyne", "hesai"), (Layout(),)),
     "hesai_ros_driver/msg/UdpFrame": DriverMessage(_HESAI, _UDP_FRAMES, ("std_msgs/msg/UInt8MultiArray", "correction")),
 }
 """Messages of drivers by their ROS 2 type. Add new ones here."""

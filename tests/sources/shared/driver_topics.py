@@ -14,7 +14,6 @@ from tests.sensors.hesai.mirrors import correction_file
 from tests.sensors.hesai.mirrors import make_packets as make_at128_packets
 from tests.sensors.ouster import test_decoder as ouster
 from tests.sensors.robosense.test_decoder import angles_of, columns_of
-from tests.sensors.robosense.test_solid import make_packets as make_m1_packets
 from tests.sensors.velodyne.test_decoder import make_packets as velodyne_packets
 from tests.sources.pcap import captures
 from tests.sources.shared.packet_bags import DEFINITIONS, Types, array, write
@@ -124,10 +123,6 @@ def _plain(make):
     return lambda types, packets, _: make(types, packets)
 
 
-def m1_packets():
-    return pairs(make_m1_packets("M1", [*range(1, 41)] * 3))
-
-
 def ruby_48_packets():
     """Return packets whose device information, in their middle, is shorter than data."""
     model = MODELS["RS-Ruby-48"]
@@ -142,7 +137,6 @@ DRIVERS = {
     "rslidar_sdk, RS-Ruby-48": Driver(
         ruby_48_packets, _plain(sdk_messages), 6699, lambda _: {}, {"model": "RS-Ruby-48"}
     ),
-    "rslidar_sdk, RS-M1": Driver(m1_packets, _plain(sdk_messages), 6699),
     "rslidar_sdk": Driver(robosense_packets, _plain(sdk_messages), 6699),
     "rslidar": Driver(robosense_packets, _plain(old_messages), 6699),
     "ouster_ros": _ouster(OUSTER_1, b"\0"),
