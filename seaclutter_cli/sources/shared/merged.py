@@ -2,19 +2,19 @@
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from heapq import merge
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.records import Channel, Damage, Message, Record
-from seaclutter_cli.sources.shared.chunked import in_order
+from seaclutter_cli.sources.shared.split import JoinedSource
 
 _TRANSFORMS = "TFMessage"
 
 
-class MergedSource(Source):
+class MergedSource(JoinedSource[int]):
     """The records of several sources by log time; `UsageError` if one has no times.
 
     A topic of more than one gets the name of its recording before its own, as in ``/port/points``; transforms do not,
@@ -24,8 +24,8 @@ class MergedSource(Source):
     channels: Sequence[Channel] = ()
 
     def __init__(self, sources: Sequence[Source], name: str) -> None:
-        super().__init__()
-        self._sources, self.name = sources, name
+        super().__init__(name)
+        self._sources = sources
         if untimed := next((source.name for source in sources if not source.has_times), None):
             raise UsageError(f"{untimed}: its frames have no times, by which --merge could put them in order")
         self.format = ", ".join(dict.fromkeys(source.format for source in sources))
@@ -35,26 +35,25 @@ class MergedSource(Source):
         topics = Counter(topic for source in sources for topic in {c.topic for c in source.channels})
         self._several = {topic for topic, number in topics.items() if number > 1}
         self._prefixes = _prefixes([source.name for source in sources])
-        self._channels: dict[tuple[int, Channel], Channel] = {}
         for number, source in enumerate(sources):
+            self._known[number] = {}
             for channel in source.channels:
-                self._channel(number, channel)
+                self._add(number, channel)
         self._gather()
         spans = [span for source in sources if (span := source.span_ns)]
         if spans and max(first for first, _ in spans) > min(last for _, last in spans):
             self.warn("the merged logs have no time in common")
 
-    def _channel(self, number: int, channel: Channel) -> Channel:
-        """Return the channel of the whole for one of a source."""
-        key = number, channel
-        if key not in self._channels:
-            is_transform = channel.schema is not None and channel.schema.name.endswith(_TRANSFORMS)
-            topic = channel.topic if is_transform else self._topic(number, channel.topic)
-            metadata = tuple(pair for pair in channel.metadata if pair[0] != "topic" or topic == channel.topic)
-            new = replace(channel, id=len(self._channels) + 1, topic=topic, metadata=metadata)
-            self._channels[key] = new
-            self.channels = [*self.channels, new]
-        return self._channels[key]
+    def _source(self, key: int) -> Source:
+        return self._sources[key]
+
+    def _whole(self, key: int, channel: Channel) -> Channel:
+        is_transform = channel.schema is not None and channel.schema.name.endswith(_TRANSFORMS)
+        topic = channel.topic if is_transform else self._topic(key, channel.topic)
+        metadata = tuple(pair for pair in channel.metadata if pair[0] != "topic" or topic == channel.topic)
+        new = replace(channel, id=len(self.channels) + 1, topic=topic, metadata=metadata)
+        self.channels = [*self.channels, new]
+        return new
 
     def _topic(self, number: int, topic: str) -> str:
         return f"/{self._prefixes[number]}/{topic.removeprefix('/')}" if topic in self._several else topic
@@ -73,25 +72,6 @@ class MergedSource(Source):
         self.facts = {self._topic(number, topic): fact for number, topic, fact in facts}
         self.warn(*(f"{source.name}: {text}" for source in self._sources for text in source.warnings))
 
-    @property
-    def counts(self) -> dict[int, int]:
-        """Number of messages for each channel id, where known before reading."""
-        return self._numbers([source.counts for source in self._sources])
-
-    def skipped(self, start_ns: int) -> Mapping[int, int]:
-        """Return the number of messages that `records` omits before ``start_ns``, by channel id."""
-        return self._numbers([source.skipped(start_ns) for source in self._sources])
-
-    def _numbers(self, parts: Sequence[Mapping[int, int]]) -> dict[int, int]:
-        found = ((new, parts[number].get(old.id)) for (number, old), new in self._channels.items())
-        return {new.id: messages for new, messages in found if messages is not None}
-
-    @property
-    def span_ns(self) -> tuple[int, int] | None:
-        """Log times of the first and the last message, where known before reading."""
-        spans = [span for source in self._sources if (span := source.span_ns)]
-        return (min(first for first, _ in spans), max(last for _, last in spans)) if spans else None
-
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
         """Yield the records of all sources in log time order, metadata and attachments first."""
         parts = [self._records(number, start_ns, end_ns) for number in range(len(self._sources))]
@@ -103,18 +83,6 @@ class MergedSource(Source):
     def _records(self, number: int, start_ns: int | None, end_ns: int | None) -> Iterator[Record]:
         for record in self._sources[number].records(start_ns, end_ns):
             yield self._message(number, record) if isinstance(record, Message) else record
-
-    def _message(self, number: int, message: Message) -> Message:
-        return replace(message, channel=self._channel(number, message.channel))
-
-    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
-        """Return the last message before a log time of each of some channels, by their ids, in log time order."""
-        found = dict[int, Message]()
-        for number, source in enumerate(self._sources):
-            wanted = [old.id for (of, old), new in self._channels.items() if of == number and new.id in channels]
-            messages = [self._message(number, message) for message in source.latest(wanted, before_ns)]
-            found |= {message.channel.id: message for message in messages}
-        return in_order(found)
 
     def close(self) -> None:
         """Close all sources."""

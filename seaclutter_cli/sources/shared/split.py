@@ -4,12 +4,14 @@ Recorders begin a new file, with the next number, when one has reached a limit.
 """
 
 import re
+from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Generic, TypeVar
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
@@ -26,6 +28,8 @@ MAX_OVERLAP_S = 1.0
 
 _NANO = 1_000_000_000
 
+K = TypeVar("K", Path, int)
+
 _NUMBER, _SUFFIXES = "(0|[1-9][0-9]{0,8})", r"(?P<suffix>\.mcap|\.db3|\.bag)(\.zstd|\.active)?"
 _TIME = r"_[0-9]{4}_[0-9]{2}_[0-9]{2}-[0-9]{2}_[0-9]{2}_[0-9]{2}"
 _NUMBERED = [
@@ -35,7 +39,67 @@ _NUMBERED = [
 """Names of numbered files: ``2_run_2026_05_01-12_30_00.mcap``, as rosbag2 names them since 2026, and ``run_2.mcap``."""
 
 
-class SplitSource(Source):
+class JoinedSource(Source, Generic[K]):
+    """Several sources with keys of kind ``K`` as one; each of their channels becomes one of the whole."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.name = name
+        self._known: dict[K, dict[int, Channel]] = {}
+        """Channels of the whole by source and by their ids in it."""
+
+    @abstractmethod
+    def _source(self, key: K) -> Source:
+        """Return a source."""
+
+    @abstractmethod
+    def _whole(self, key: K, channel: Channel) -> Channel:
+        """Return the channel of the whole for a channel of a source that is not known yet."""
+
+    @cached_property
+    def counts(self) -> dict[int, int]:
+        """Messages per channel id, as far as known before reading."""
+        return dict(self._sum(lambda source: source.counts))
+
+    def skipped(self, start_ns: int) -> Mapping[int, int]:
+        """Return the number of messages per channel id that `records` leaves out before ``start_ns``."""
+        return self._sum(lambda source: source.skipped(start_ns))
+
+    def _sum(self, counts_of: Callable[[Source], Mapping[int, int]]) -> Counter[int]:
+        counts = Counter[int]()
+        for key, channels in self._known.items():
+            for channel, messages in counts_of(self._source(key)).items():
+                if channel in channels:
+                    counts[channels[channel].id] += messages
+        return counts
+
+    @property
+    def span_ns(self) -> tuple[int, int] | None:
+        """Log times of the first and the last message of all sources that state them."""
+        spans = [span for key in self._known if (span := self._source(key).span_ns)]
+        return (min(first for first, _ in spans), max(last for _, last in spans)) if spans else None
+
+    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
+        """Return the last message before a time of each of some channels, from the last source that has one."""
+        found: dict[int, Message] = {}
+        for key, numbers in reversed(self._known.items()):
+            wanted = [number for number, channel in numbers.items() if channel.id in set(channels) - set(found)]
+            messages = self._source(key).latest(wanted, before_ns) if wanted else []
+            keep_latest(found, [self._message(key, message) for message in messages], channels, before_ns)
+        return in_order(found)
+
+    def _message(self, key: K, message: Message) -> Message:
+        """Return a message with its channel of the whole recording."""
+        own = message.channel
+        channel = self._known[key].get(own.id) or self._add(key, own)
+        return message if (channel.id, channel.topic) == (own.id, own.topic) else replace(message, channel=channel)
+
+    def _add(self, key: K, channel: Channel) -> Channel:
+        self._known[key][channel.id] = whole = self._whole(key, channel)
+        return whole
+
+
+class SplitSource(JoinedSource[Path]):
     """Several storage files in time order as one `Source`; one file is open at a time.
 
     Equal channels of different files become one. ``damage`` is what is already known, ``expected`` the file that
@@ -52,15 +116,13 @@ class SplitSource(Source):
         damage: Sequence[Damage] = (),
         expected: tuple[Path, int] | None = None,
     ) -> None:
-        self.name = name or joined_name(files)
-        super().__init__()
+        super().__init__(name or joined_name(files))
         self.damage += damage
         self._open_file = open_file
         self._expected = expected
         self._stack = ExitStack()
         self._current: tuple[Path, Source] | None = None
         self._merged: dict[tuple[Channel, int], Channel] = {}
-        self._relabelled: dict[Path, dict[int, Channel]] = {}
         self._look_at(files)
         self._at_opening = len(self.damage)
 
@@ -72,14 +134,14 @@ class SplitSource(Source):
             except InputError as error:
                 self.damage.append(Damage(file, None, str(error).removeprefix(f"{file}: ")))
                 continue
-            if not self._relabelled:
+            if not self._known:
                 self.format, self.profile, self.compression = source.format, source.profile, source.compression
                 self.metadata = source.metadata
-            self._relabelled[file] = {}
+            self._known[file] = {}
             for channel in source.channels:
-                self._relabel(file, channel)
+                self._add(file, channel)
             self.warn(*source.warnings)
-        if not self._relabelled:
+        if not self._known:
             raise InputError("; ".join(f"{damage.path}: {damage.problem}" for damage in self.damage))
 
     @property
@@ -87,28 +149,11 @@ class SplitSource(Source):
         """Channels of all files."""
         return list(self._merged.values())
 
-    @cached_property
-    def counts(self) -> dict[int, int]:
-        """Messages per channel id, as far as known before reading."""
-        return dict(self._sum(lambda source: source.counts))
-
-    def skipped(self, start_ns: int) -> Mapping[int, int]:
-        """Return the number of messages per channel id that `records` leaves out before ``start_ns``."""
-        return self._sum(lambda source: source.skipped(start_ns))
-
-    def _sum(self, counts_of: Callable[[Source], Mapping[int, int]]) -> Counter[int]:
-        counts = Counter[int]()
-        for file, channels in self._relabelled.items():
-            for channel, messages in counts_of(self._source(file)).items():
-                if channel in channels:
-                    counts[channels[channel].id] += messages
-        return counts
-
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Record]:
         """Yield the records of one file after another, late messages in the file to which the recorder wrote them."""
         self.restore_damage(self.damage[: self._at_opening])
         read = 0
-        for file in self._relabelled:
+        for file in self._known:
             source = self._source(file)
             source.restore_damage(self._of_current)
             try:
@@ -126,51 +171,28 @@ class SplitSource(Source):
             problem = f"{count(expected, 'message')} listed here, but the files contain {read:,}"
             self.damage.append(Damage(path, None, problem, lost_messages=expected - read - known))
 
-    @property
-    def span_ns(self) -> tuple[int, int] | None:
-        """Log times of the first and the last message of all files that state them."""
-        spans = [span for file in self._relabelled if (span := self._source(file).span_ns)]
-        return (min(first for first, _ in spans), max(last for _, last in spans)) if spans else None
-
-    def latest(self, channels: Collection[int], before_ns: int) -> list[Message]:
-        """Return the last message before a time of each of some channels, from the last file that has one."""
-        found: dict[int, Message] = {}
-        for file, numbers in reversed(self._relabelled.items()):
-            wanted = [number for number, channel in numbers.items() if channel.id in set(channels) - set(found)]
-            messages = self._source(file).latest(wanted, before_ns) if wanted else []
-            keep_latest(found, [self._message(file, message) for message in messages], channels, before_ns)
-        return in_order(found)
-
     def close(self) -> None:
         """Close the open file."""
         self._current = None
         self._stack.close()
 
-    def _source(self, file: Path) -> Source:
+    def _source(self, key: Path) -> Source:
         """Return the opened source of a file, and close the previous one."""
-        if self._current is not None and self._current[0] == file:
+        if self._current is not None and self._current[0] == key:
             return self._current[1]
         self.close()
-        source = self._stack.enter_context(closing(self._open_file(file)))
-        self._current, self._of_current = (file, source), list(source.damage)
+        source = self._stack.enter_context(closing(self._open_file(key)))
+        self._current, self._of_current = (key, source), list(source.damage)
         return source
 
-    def _message(self, file: Path, message: Message) -> Message:
-        """Return a message with its channel of the whole recording."""
-        channel = self._relabelled[file].get(message.channel.id) or self._relabel(file, message.channel)
-        return message if channel.id == message.channel.id else replace(message, channel=channel)
-
-    def _relabel(self, file: Path, channel: Channel) -> Channel:
-        """Return the channel of the whole recording that corresponds to a channel of a file."""
-        known = self._relabelled[file]
+    def _whole(self, key: Path, channel: Channel) -> Channel:
         unnumbered = replace(channel, id=0)
-        occurrence = sum(replace(other, id=0) == unnumbered for other in known.values())
+        occurrence = sum(replace(other, id=0) == unnumbered for other in self._known[key].values())
         merged = self._merged.get((unnumbered, occurrence))
         if merged is None:
             taken = {other.id for other in self._merged.values()}
             merged = replace(channel, id=max(taken) + 1) if channel.id in taken else channel
             self._merged[unnumbered, occurrence] = merged
-        known[channel.id] = merged
         return merged
 
 
