@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from glob import glob, has_magic
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -237,16 +236,8 @@ def find_tiles(tiles: PathLike | Iterable[PathLike]) -> list[Path]:
 
 def _reason(pattern: str, files: Iterable[Path]) -> str:
     """Return why a pattern refers to no tile, and what to do."""
-    ept = next((str(file) for file in files if file.name == _EPT), pattern)
-    if ept.startswith("ept://") or ept.endswith(_EPT):
-        return f"Entwine point tiles (EPT) are not read; {_advice('readers.ept', ept)}"
+    if pattern.startswith("ept://") or pattern.endswith(_EPT) or any(file.name == _EPT for file in files):
+        return "Entwine point tiles (EPT) are not read; write a part of them to a file, as with pdal translate"
     if is_url(pattern):
-        part = f", or {_advice('readers.copc', pattern)}" if pattern.endswith(".copc.laz") else ""
-        return f"tiles are read from local files; download it{part}"
+        return "tiles are read from local files; download it, or a part of it, as with pdal translate"
     return f"no tile found; supported suffixes: {', '.join(FRAME_READERS)}"
-
-
-def _advice(reader: str, source: str) -> str:
-    bounds = "'([WEST, EAST], [SOUTH, NORTH])'"
-    command = f"pdal translate -r {reader} {quote(source)} part.laz --{reader}.bounds={bounds}"
-    return f"write a part of it to a file with PDAL: {command}"

@@ -1,6 +1,5 @@
 """Tiles that names, folders and globs refer to."""
 
-import shlex
 from pathlib import Path
 
 import pytest
@@ -42,28 +41,19 @@ def test_names_of_no_tile(tmp_path, name, reason):
         find_tiles([tmp_path / name])
 
 
-def advice(name):
+def refused(name):
     with pytest.raises(InputError) as caught:
         find_tiles([str(name)])
-    reason, _, command = str(caught.value).partition("with PDAL: ")
-    return reason, shlex.split(command)
+    return str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["", "ept.json"])
-def test_entwine_point_tiles_are_refused_with_a_command_that_makes_a_tile_of_a_part(tmp_path, name):
-    folder = tmp_path / "my survey"
-    (folder / "ept-data").mkdir(parents=True)
-    (folder / "ept.json").write_text("{}")
-    reason, command = advice(folder / name)
-    assert "Entwine point tiles (EPT) are not read" in reason
-    expected = ["pdal", "translate", "-r", "readers.ept", str(folder / "ept.json"), "part.laz"]
-    assert command == [*expected, "--readers.ept.bounds=([WEST, EAST], [SOUTH, NORTH])"]
+def test_entwine_point_tiles_are_refused(tmp_path, name):
+    (tmp_path / "ept-data").mkdir()
+    (tmp_path / "ept.json").write_text("{}")
+    assert "Entwine point tiles (EPT) are not read" in refused(tmp_path / name)
 
 
 def test_urls_are_refused():
-    reason, command = advice("https://example.org/harbour.copc.laz")
-    assert "tiles are read from local files; download it, or" in reason
-    assert command[3:5] == ["readers.copc", "https://example.org/harbour.copc.laz"]
-    assert advice("https://example.org/harbour/ept.json")[1][3] == "readers.ept"
-    reason = "s3://bucket/harbour.laz: tiles are read from local files; download it"
-    assert advice("s3://bucket/harbour.laz") == (reason, [])
+    assert refused("s3://bucket/harbour.laz").startswith("s3://bucket/harbour.laz: tiles are read from local files")
+    assert "EPT" in refused("https://example.org/harbour/ept.json")
