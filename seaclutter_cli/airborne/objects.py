@@ -66,16 +66,15 @@ class FoundObject:
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """Attributes in geodata, those of `geodata_fields`: lengths in metres, the area in square metres."""
-        known = {
+        """Attributes in geodata: lengths in metres, the area in square metres; no class of unclassified objects."""
+        return {
             "object": self.number,
-            "class": self.name,
+            **({} if self.code is None else {"class": self.name}),
             "probability": round(self.probability, 3),
             "points": self.points,
             "height": round(self.height_m, 2),
             "area_m2": round(self.area_m2, 1),
         }
-        return {name: known[name] for name in geodata_fields(classified=self.code is not None)}
 
     def placed(self, unit_m: float) -> Self:
         """Return the object with its centre in another unit of length, given in metres."""
@@ -95,12 +94,6 @@ class FoundObject:
         half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * size / (2 * unit_m)
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         return np.asarray(half @ np.array([[c, s], [-s, c]]) + self.center)
-
-
-def geodata_fields(*, classified: bool) -> dict[str, type]:
-    """Return the types of the attributes of objects in geodata by their names, with or without a classification."""
-    classes: dict[str, type] = {"class": str} if classified else {}
-    return {"object": int, **classes, "probability": float, "points": int, "height": float, "area_m2": float}
 
 
 def find_objects(

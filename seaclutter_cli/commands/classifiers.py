@@ -87,7 +87,7 @@ _CLASSIFY = [
 
         Each point gets the additional dimensions predicted_class (0 for none, otherwise as in train), probability and
         predicted_object, and the same classification as by separate. The CSV table has the coordinates of the tile;
-        GeoJSON and GeoPackage are in WGS 84 if the tile states its coordinate reference system.
+        GeoJSON is in WGS 84 if the tile states its coordinate reference system.
         """,
         short_help="Classify points and objects with a trained model.",
     ),

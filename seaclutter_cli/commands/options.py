@@ -28,7 +28,7 @@ _GROUPS = {
     "Input": "rate calibration sensor integrate intensity-field join recursive scratch clutter-ids ignore-ids",
     "Method": "keep-end clustering epochs batch learning-rate",
     "Output": "parents to keep-raw with-removed keep-organized diagnostics compression split include exclude latched "
-    "csv objects suspects with-scene plot plot-thresholds ring figures figure-format pictures show pick geojson gpkg",
+    "csv objects suspects with-scene plot plot-thresholds ring figures figure-format pictures show pick geojson",
     "Many recordings": "fail-fast resume manifest cluster cluster-insecure",
     "Messages": "json quiet verbose log-file debug",
 }

@@ -1,4 +1,4 @@
-"""Maps of a run over tiles: pictures, and the shoreline as GeoJSON and GeoPackage."""
+"""Maps of a run over tiles: pictures, and the shoreline as GeoJSON."""
 
 import json
 from functools import partial
@@ -13,7 +13,6 @@ from tests.running import execute
 
 laspy = pytest.importorskip("laspy")
 pyproj = pytest.importorskip("pyproj")
-pytest.importorskip("fudgeo")
 pytest.importorskip("matplotlib")
 ORIGIN = (500_000.0, 5_760_000.0)
 
@@ -49,7 +48,7 @@ def tiles(tmp_path_factory):
 @pytest.fixture(scope="module")
 def mapped(tiles, tmp_path_factory):
     out = tmp_path_factory.mktemp("maps")
-    maps = ("--plot", out / "map.png", "--geojson", out / "shore.geojson", "--gpkg", out / "shore.gpkg")
+    maps = ("--plot", out / "map.png", "--geojson", out / "shore.geojson")
     run("separate", tiles, "-o", f"{out / 'tiles'}/", *maps, "-j", 1, code=0)
     return out
 
@@ -84,20 +83,9 @@ def test_the_shoreline_of_a_survey_is_in_wgs_84(mapped):
     assert lines[1][:, 0].max() == pytest.approx(120, abs=1)
 
 
-def test_gdal_reads_the_same_lines(mapped):
-    pyogrio = pytest.importorskip("pyogrio")
-    features = json.loads((mapped / "shore.geojson").read_text())["features"]
-    _, _, shapes, (names, lengths) = pyogrio.raw.read(mapped / "shore.gpkg", layer="shoreline")
-    assert names.tolist() == [one["properties"]["tile"] for one in features]
-    assert lengths.tolist() == [one["properties"]["length_m"] for one in features]
-    for shape, one in zip(shapes, features, strict=True):
-        found = np.frombuffer(shape, "<f8", offset=9).reshape(-1, 2)
-        np.testing.assert_allclose(found, one["geometry"]["coordinates"], atol=1e-8)
-
-
 def test_objects_of_a_survey(ships, tmp_path):
-    geojson, package, out = tmp_path / "ships.geojson", tmp_path / "ships.gpkg", f"{tmp_path / 'out'}/"
-    run("separate", ships, "-o", out, "--geojson", geojson, "--gpkg", package, "-j", 1, code=0)
+    geojson, out = tmp_path / "ships.geojson", f"{tmp_path / 'out'}/"
+    run("separate", ships, "-o", out, "--geojson", geojson, "-j", 1, code=0)
     features = json.loads(geojson.read_text())["features"]
     assert [one["geometry"]["type"] for one in features] == ["Polygon"] * 2
     boxes = metres([one["geometry"]["coordinates"][0] for one in features])
@@ -107,20 +95,10 @@ def test_objects_of_a_survey(ships, tmp_path):
     found = [one["properties"] for one in features]
     assert [(one["tile"], one["object"], one["points"]) for one in found] == [("east", 1, 120), ("west", 1, 120)]
     assert [one["height"] for one in found] == pytest.approx([2.5, 4.0], abs=0.01)
-    before = geojson.read_bytes(), package.read_bytes()
-    again = run("separate", ships, "-o", out, "--geojson", geojson, "--gpkg", package, "--resume", "-j", 1)
+    before = geojson.read_bytes()
+    again = run("separate", ships, "-o", out, "--geojson", geojson, "--resume", "-j", 1)
     assert "2 skipped" in again.stdout
-    assert (geojson.read_bytes(), package.read_bytes()) == before
-
-
-def test_the_geopackage_has_the_same_objects(ships, tmp_path):
-    pyogrio = pytest.importorskip("pyogrio")
-    maps = ("--geojson", tmp_path / "ships.geojson", "--gpkg", tmp_path / "ships.gpkg")
-    run("separate", ships, "-o", f"{tmp_path / 'out'}/", *maps, "-j", 1, code=0)
-    features = json.loads((tmp_path / "ships.geojson").read_text())["features"]
-    info, _, _, columns = pyogrio.raw.read(tmp_path / "ships.gpkg", layer="objects")
-    for name, values in zip(info["fields"], columns, strict=True):
-        assert values.tolist() == [one["properties"][name] for one in features]
+    assert geojson.read_bytes() == before
 
 
 def test_the_search_for_objects_has_settings(ships, tmp_path):
@@ -141,9 +119,9 @@ def test_the_picture_shows_water_land_and_shoreline(mapped):
 
 
 def test_the_number_of_processes_does_not_matter(tiles, mapped, tmp_path):
-    maps = ("--plot", tmp_path / "map.png", "--geojson", tmp_path / "shore.geojson", "--gpkg", tmp_path / "shore.gpkg")
+    maps = ("--plot", tmp_path / "map.png", "--geojson", tmp_path / "shore.geojson")
     run("separate", tiles, "-o", f"{tmp_path / 'tiles'}/", *maps, "-j", 2, code=0)
-    for name in ("map.png", "shore.geojson", "shore.gpkg"):
+    for name in ("map.png", "shore.geojson"):
         assert (tmp_path / name).read_bytes() == (mapped / name).read_bytes()
 
 
@@ -157,35 +135,34 @@ def test_a_map_changes_no_tile(tiles, mapped, tmp_path):
 
 def test_tiles_without_a_known_crs(tmp_path):
     write(tmp_path / "tile.laz", island(), epsg=None)
-    maps = ("--geojson", tmp_path / "shore.geojson", "--gpkg", tmp_path / "shore.gpkg")
+    maps = "--geojson", tmp_path / "shore.geojson"
     result = run("separate", tmp_path / "tile.laz", "-o", tmp_path / "out.laz", *maps, code=0)
     assert "GeoJSON is in the coordinates of the tile, not in WGS 84" in result.stderr
-    assert "left out of the GeoPackage" in result.stderr
     (feature,) = json.loads((tmp_path / "shore.geojson").read_text())["features"]
     assert feature["properties"]["coordinates"] == "tile"
     center = np.array(feature["geometry"]["coordinates"]).mean(axis=0)
     np.testing.assert_allclose(center, np.add(ORIGIN, (120, 90)), atol=2)
 
 
-def test_several_tiles_without_a_known_crs_have_one_warning_for_each_file(tmp_path):
+def test_several_tiles_without_a_known_crs_have_one_warning(tmp_path):
     (tmp_path / "tiles").mkdir()
     for name in "abcd":
         write(tmp_path / "tiles" / f"{name}.laz", island(), epsg=None)
-    maps = ("--geojson", tmp_path / "shore.geojson", "--gpkg", tmp_path / "shore.gpkg")
+    maps = "--geojson", tmp_path / "shore.geojson"
     result = run("separate", tmp_path / "tiles", "-o", f"{tmp_path / 'out'}/", *maps, "-j", 1)
     warnings = [line for line in result.stderr.splitlines() if "its CRS is unknown" in line]
-    assert [line.split(": ")[1] for line in warnings] == ["a, b, c and 1 more"] * 2
+    assert [line.split(": ")[1] for line in warnings] == ["a, b, c and 1 more"]
 
 
 def test_a_resumed_run_has_the_maps_of_all_tiles(tiles, mapped, tmp_path):
     """The complete tile is not separated again, but its part of the maps is the same."""
-    maps = ("--plot", tmp_path / "map.png", "--geojson", tmp_path / "shore.geojson", "--gpkg", tmp_path / "shore.gpkg")
+    maps = ("--plot", tmp_path / "map.png", "--geojson", tmp_path / "shore.geojson")
     out = tmp_path / "tiles"
     run("separate", tiles, "-o", f"{out}/", "-j", 1, code=0)
     (out / "east.laz").unlink()
     result = run("separate", tiles, "-o", f"{out}/", *maps, "--resume", "-j", 1)
     assert (result.exit_code, "1 done, 1 skipped" in result.stdout) == (0, True), result.output
-    for name in ("map.png", "shore.geojson", "shore.gpkg", "tiles/east.laz", "tiles/west.laz"):
+    for name in ("map.png", "shore.geojson", "tiles/east.laz", "tiles/west.laz"):
         assert (tmp_path / name).read_bytes() == (mapped / name).read_bytes(), name
 
 
@@ -204,20 +181,6 @@ def test_names_of_maps(tiles, tmp_path):
     result = run("separate", tiles, "-o", f"{tmp_path / 'out'}/", "--plot", tmp_path / "map.gif")
     assert (result.exit_code, "must end in .png or .svg" in result.stderr) == (2, True)
     assert not list(tmp_path.iterdir())
-
-
-def test_predict_adds_objects(tmp_path):
-    pytest.importorskip("skops")
-    pyogrio = pytest.importorskip("pyogrio")
-    from tests.paths import ROOT
-
-    tile, model = ROOT / "samples" / "tile.laz", tmp_path / "m.skops"
-    run("train", tile, "-s", "forest.trees=5", "-o", model, code=0)
-    line = ("predict", tile, "--model", model, "-o", tmp_path / "out.laz", "--gpkg", tmp_path / "x.gpkg")
-    run(*line, "--geojson", tmp_path / "x.geojson", code=0)
-    boxes = json.loads((tmp_path / "x.geojson").read_text())["features"]
-    known = boxes[0]["properties"]["coordinates"] == "WGS 84"
-    assert pyogrio.read_info(tmp_path / "x.gpkg", layer="objects")["features"] == (len(boxes) if known else 0)
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,8 @@
-"""Maps of tiles: pictures, and shoreline and objects as GeoJSON and GeoPackage."""
+"""Maps of tiles: pictures, and shoreline and objects as GeoJSON."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.map import IS_LAND, IS_OBJECT, map_of, shoreline_of, total_length_m
-from seaclutter_cli.airborne.objects import FoundObject, ObjectFindingParams, geodata_fields, unclassified_objects
+from seaclutter_cli.airborne.objects import FoundObject, ObjectFindingParams, unclassified_objects
 from seaclutter_cli.airborne.separation import SeaState, Separation
-from seaclutter_cli.errors import MissingExtraError, requiring
+from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import MapPart, aspect_of, draw_map
 from seaclutter_cli.runs.observer import Observer
@@ -22,59 +21,7 @@ from seaclutter_cli.sources.extents import TileHead
 from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile, ToLongitudeLatitude
 from seaclutter_cli.text import listed
 
-_WGS84 = 4326
-_NEVER_CHANGED = "1970-01-01T00:00:00.000Z"
-_TYPES = {str: "TEXT", int: "INTEGER", float: "DOUBLE"}
-
-
-Feature = tuple[Sequence[tuple[float, float]], Sequence[Any]]
-"""Longitudes and latitudes of a line, or of the outline of a polygon, and its attributes."""
-
-
-Layer = tuple[Mapping[str, type], Sequence[Feature]]
-"""Layer of a GeoPackage: the type of each attribute, str, int or float, and its features."""
-
-_SHAPES = {"shoreline": "LINESTRING", "objects": "POLYGON"}
-
-
-def geopackage(layers: Mapping[str, Layer]) -> bytes:
-    """Return a GeoPackage with some of the layers in `_SHAPES`, the same bytes for the same layers.
-
-    `MissingExtraError` if fudgeo is not installed.
-    """
-    with requiring("GeoPackage", "geo"):
-        from fudgeo.geometry import LineString, Polygon
-        from fudgeo.geopkg import Field, MemoryGeoPackage
-    package = MemoryGeoPackage.create(flavor="EPSG")
-    try:
-        system = package.spatial_references[_WGS84]
-        for layer, (types, features) in layers.items():
-            fields = [Field(name, _TYPES[kind]) for name, kind in types.items()]
-            package.create_feature_class(
-                layer, system, shape_type=_SHAPES[layer], fields=fields, geom_name="geom", spatial_index=True
-            )
-            make = LineString if layer == "shoreline" else lambda ring, srs_id: Polygon([ring], srs_id=srs_id)
-            columns = ", ".join(f'"{name}"' for name in ("geom", *types))
-            marks = ", ".join("?" * (1 + len(types)))
-            rows = [(make(list(ring), srs_id=_WGS84), *values) for ring, values in features]
-            package.connection.executemany(f'INSERT INTO "{layer}" ({columns}) VALUES ({marks})', rows)  # noqa: S608 - own names
-        package.connection.execute("UPDATE gpkg_contents SET last_change = ?", (_NEVER_CHANGED,))
-        package.connection.commit()
-        return bytes(package.connection.serialize())
-    finally:
-        package.connection.close()
-
-
 _PIXELS = 1000
-
-
-def check_maps(*, shoreline: bool, package: bool) -> None:
-    """Check the libraries for maps before a run."""
-    if shoreline:
-        with requiring("the shoreline", "geo"):
-            import contourpy  # noqa: F401 - availability check
-    if package:
-        geopackage({})
 
 
 def pixel_of(tiles: Sequence[TileHead]) -> float:
@@ -101,11 +48,6 @@ class MappedTile:
     sea: SeaState | None = None
 
 
-def shoreline_in(tile: LasTile | CloudTile, found: Separation) -> list[NDArray[np.float64]]:
-    """Return the shoreline of a separated tile in metres."""
-    return shoreline_of(map_of(tile, found, found.land.cell_m))
-
-
 def mapped(
     tile: LasTile | CloudTile, found: Separation, name: str, pixel_m: float, params: ObjectFindingParams | None
 ) -> MappedTile:
@@ -130,12 +72,10 @@ def map_files(options: MapOptions, tiles: Sequence[MappedTile], observer: Observ
     files: dict[Path, bytes] = {}
     if not tiles:
         return files
-    if not any(tile.shoreline for tile in tiles) and (options.geojson_file or options.gpkg_file):
-        observer.note("no shoreline: water and land do not meet in these tiles")
     if options.geojson_file:
+        if not any(tile.shoreline for tile in tiles):
+            observer.note("no shoreline: water and land do not meet in these tiles")
         files[options.geojson_file] = geojson_of(tiles, observer)
-    if options.gpkg_file:
-        files[options.gpkg_file] = geopackage_of(tiles, observer, classified=False)
     if options.plot_file:
         systems = {tile.crs.by_code for tile in tiles}
         if len(systems) > 1:
@@ -163,7 +103,7 @@ def _range(values: Sequence[float], digits: int) -> str:
     return low if low == high else f"{low.removesuffix(' m')} to {high}"
 
 
-def _conversions(tiles: Sequence[MappedTile], what: str, observer: Observer) -> list[ToLongitudeLatitude | None]:
+def _conversions(tiles: Sequence[MappedTile], observer: Observer) -> list[ToLongitudeLatitude | None]:
     """Return the conversion of each tile's positions to WGS 84; warn of the tiles for which there is none."""
     found: list[ToLongitudeLatitude | None] = []
     without: dict[str, list[str]] = {}
@@ -176,55 +116,31 @@ def _conversions(tiles: Sequence[MappedTile], what: str, observer: Observer) -> 
             without.setdefault(reason, []).append(tile.name)
         found.append(conversion)
     for reason, names in without.items():
-        observer.warn(f"{listed(names)}: {what}: {reason}")
+        observer.warn(f"{listed(names)}: GeoJSON is in the coordinates of the tile, not in WGS 84: {reason}")
     return found
-
-
-_Feature = tuple[str, NDArray[np.float64], dict[str, Any]]
-"""Layer, ``objects`` or ``shoreline``, with positions of shape (N, 2), those of objects closed, and attributes."""
-
-
-def _features(tile: MappedTile, convert: ToLongitudeLatitude | None) -> Iterator[_Feature]:
-    """Yield objects and shorelines in the coordinates of a tile, or converted."""
-    for one in tile.objects:
-        corners = one.corners_in(tile.crs.unit_m)
-        ring = np.concatenate((corners, corners[:1]))
-        yield "objects", ring if convert is None else convert(ring), one.attributes
-    for line in tile.shoreline:
-        places = line / tile.crs.unit_m
-        length = {"length_m": round(total_length_m([line]), 1)}
-        yield "shoreline", places if convert is None else convert(places), length
 
 
 def geojson_of(tiles: Sequence[MappedTile], observer: Observer) -> bytes:
     """Return objects, then shorelines, as GeoJSON: in WGS 84, or in the coordinates of a tile without a known CRS."""
-    features = []
-    ways = _conversions(tiles, "GeoJSON is in the coordinates of the tile, not in WGS 84", observer)
-    for tile, convert in zip(tiles, ways, strict=True):
-        digits, known = (3, "tile") if convert is None else (8, "WGS 84")
-        for layer, positions, values in _features(tile, convert):
-            places = [[round(x, digits), round(y, digits)] for x, y in positions.tolist()]
-            geometry = {"type": "Polygon", "coordinates": [places]}
-            properties = {"coordinates": known, "tile": tile.name, **values}
-            if layer == "shoreline":
-                geometry = {"type": "LineString", "coordinates": places}
-                properties = {"coordinates": known, "tile": tile.name, "kind": layer, **values}
-            features.append((layer, {"type": "Feature", "geometry": geometry, "properties": properties}))
-    ordered = [feature for _, feature in sorted(features, key=itemgetter(0))]
-    return json.dumps({"type": "FeatureCollection", "features": ordered}).encode()
+    objects: list[dict[str, Any]] = []
+    shorelines: list[dict[str, Any]] = []
+    for tile, convert in zip(tiles, _conversions(tiles, observer), strict=True):
+        origin = {"coordinates": "WGS 84" if convert else "tile", "tile": tile.name}
+        for one in tile.objects:
+            corners = one.corners_in(tile.crs.unit_m)
+            ring = _places(np.concatenate((corners, corners[:1])), convert)
+            objects.append(_feature("Polygon", [ring], {**origin, **one.attributes}))
+        for line in tile.shoreline:
+            length_m = round(total_length_m([line]), 1)
+            places = _places(line / tile.crs.unit_m, convert)
+            shorelines.append(_feature("LineString", places, {**origin, "kind": "shoreline", "length_m": length_m}))
+    return json.dumps({"type": "FeatureCollection", "features": [*objects, *shorelines]}).encode()
 
 
-def geopackage_of(tiles: Sequence[MappedTile], observer: Observer, *, classified: bool) -> bytes:
-    """Return shorelines and objects as layers of a GeoPackage in WGS 84; tiles without a known CRS are left out.
+def _feature(kind: str, places: Any, properties: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "Feature", "geometry": {"type": kind, "coordinates": places}, "properties": properties}
 
-    ``classified`` is whether the objects have classes.
-    """
-    layers: dict[str, tuple[dict[str, type], list[Feature]]] = {
-        "shoreline": ({"tile": str, "length_m": float}, []),
-        "objects": ({"tile": str, **geodata_fields(classified=classified)}, []),
-    }
-    ways = _conversions(tiles, "left out of the GeoPackage, which is in WGS 84", observer)
-    for tile, convert in zip(tiles, ways, strict=True):
-        for layer, positions, values in _features(tile, convert) if convert else ():
-            layers[layer][1].append((positions.tolist(), (tile.name, *values.values())))
-    return geopackage(layers)
+
+def _places(positions: NDArray[np.float64], convert: ToLongitudeLatitude | None) -> list[list[float]]:
+    found, digits = (convert(positions), 8) if convert else (positions, 3)
+    return [[round(x, digits), round(y, digits)] for x, y in found.tolist()]

@@ -4,7 +4,7 @@ import shutil
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -22,7 +22,7 @@ from seaclutter_cli.parts import part_path, release
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
 from seaclutter_cli.runs.batch import run_all
-from seaclutter_cli.runs.classify.maps import MappedTile, check_maps, geojson_of, geopackage_of, shoreline_in
+from seaclutter_cli.runs.classify.maps import MappedTile, geojson_of
 from seaclutter_cli.runs.classify.tiles import (
     TileOutcome,
     TileWork,
@@ -67,15 +67,13 @@ def classify_tiles(
     >>> tile.points, len(tile.objects) > 3
     (161374, True)
     """
-    paths, plot_file, package = find_tiles(tiles), options.plot_file, options.gpkg_file is not None
+    paths, plot_file = find_tiles(tiles), options.plot_file
     if options.model.is_dir():
         raise UsageError(f"{options.model}: is a directory; --model takes a file")
     others = {"--csv": options.csv_file, "--geojson": options.geojson_file, "--plot": plot_file}
-    others["--gpkg"] = options.gpkg_file
     inputs = {"--model": options.model, "-c": options.settings.file}
     heads = tiles_of(paths, None, observer)
     targets = plan_tiles(heads, output, others, inputs, force=options.force, observer=observer)
-    check_maps(shoreline=package, package=package)
     if plot_file and len(paths) > 1:
         raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
     model = _load(options, observer)
@@ -84,7 +82,7 @@ def classify_tiles(
         staged = [folder / target.name for target in targets]
         pairs = zip(heads, targets, staged, strict=True)
         suffix = plot_file.suffix if plot_file else ""
-        works = [_PredictWork(*each, model, suffix, with_shoreline=package) for each in pairs]
+        works = [_PredictWork(*each, model, suffix) for each in pairs]
         found = run_all(works, jobs_for(options.batch, len(works)), observer, together=True)
         with OutputGroup(files) as written:
             for part, target in zip(staged, targets, strict=True):
@@ -102,7 +100,6 @@ class _PredictWork(TileWork["ClassifiedTile"]):
     staged: Path
     model: ObjectModel
     plot_suffix: str
-    with_shoreline: bool
 
     def run(self, observer: Observer) -> "ClassifiedTile":
         """Write the classified tile; an error ends the whole run."""
@@ -122,14 +119,13 @@ class _PredictWork(TileWork["ClassifiedTile"]):
             write_tile(tile, self.staged, columns, _DIMENSIONS)
         except OutputError as error:
             raise OutputError(str(error).replace(str(self.staged), str(self.target))) from error
-        lines = shoreline_in(tile, found.tile.separation) if self.with_shoreline else []
         objects = [one.placed(tile.crs.unit_m) for one in found.objects]
         return ClassifiedTile(
             recording=self.recording.name,
             points=tile.size,
             clusters_left_out=int(found.left_out.max(initial=0)),
             points_left_out=int(np.count_nonzero(found.left_out)),
-            map=MappedTile(self.path.stem, tile.crs, lines, objects),
+            map=MappedTile(self.path.stem, tile.crs, objects=objects),
             picture=_picture(tile, found, self.plot_suffix) if self.plot_suffix else b"",
             seconds=perf_counter() - started,
         )
@@ -154,9 +150,7 @@ def _tables(tiles: Sequence["ClassifiedTile"], options: ClassifyTilesOptions, ob
     if options.csv_file:
         tables[options.csv_file] = as_csv([(tile.recording, tile.objects) for tile in tiles]).encode()
     if options.geojson_file:
-        tables[options.geojson_file] = geojson_of([replace(tile.map, shoreline=()) for tile in tiles], observer)
-    if options.gpkg_file:
-        tables[options.gpkg_file] = geopackage_of([tile.map for tile in tiles], observer, classified=True)
+        tables[options.geojson_file] = geojson_of([tile.map for tile in tiles], observer)
     return tables
 
 
@@ -186,7 +180,7 @@ def _picture(tile: LasTile | CloudTile, found: ClassifiedPoints, suffix: str) ->
 
 @dataclass(kw_only=True)
 class ClassifiedTile(TileOutcome):
-    """Outcome of the classification of one tile: its objects and, if they are wanted, its shoreline and picture.
+    """Outcome of the classification of one tile: its objects and, if it is wanted, its picture.
 
     Clusters that are too unlikely to be objects are left out.
     """

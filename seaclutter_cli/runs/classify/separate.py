@@ -13,10 +13,10 @@ from seaclutter_cli.airborne.separation import SeaState, Separation, separate
 from seaclutter_cli.airborne.settings import TileSettings, parse_settings
 from seaclutter_cli.airborne.surface import NEVER, WATER
 from seaclutter_cli.documents import load_json
-from seaclutter_cli.errors import CloudError, InputError, SelectionError, UsageError, about
+from seaclutter_cli.errors import CloudError, InputError, SelectionError, UsageError, about, requiring
 from seaclutter_cli.grids.land_cells import LandCells
 from seaclutter_cli.runs.batch import run_batch
-from seaclutter_cli.runs.classify.maps import MappedTile, check_maps, map_files, mapped, pixel_of
+from seaclutter_cli.runs.classify.maps import MappedTile, map_files, mapped, pixel_of
 from seaclutter_cli.runs.classify.tiles import (
     LAS,
     TileOutcome,
@@ -79,10 +79,11 @@ def separate_tiles(
     raw["separation"] |= {key: plain(value) for key, value in given.items() if value is not None}
     settings = parse_settings(raw, "options")
     replaced = options.force or batch.resume
-    check_maps(shoreline=maps.wanted, package=maps.gpkg_file is not None)
+    if maps.wanted:
+        with requiring("the shoreline", "geo"):
+            import contourpy  # noqa: F401 - availability check
     heads = tiles_of(find_tiles(tiles), options.window_m, observer)
-    others = {"--plot": maps.plot_file, "--geojson": maps.geojson_file, "--gpkg": maps.gpkg_file}
-    others["--manifest"] = batch.manifest
+    others = {"--plot": maps.plot_file, "--geojson": maps.geojson_file, "--manifest": batch.manifest}
     targets = plan_tiles(heads, output, others, {"-c": options.settings.file}, force=replaced, observer=observer)
     margins = margins_of(heads, options.margin_m, observer)
     several, pixel_m = len(heads) > 1, pixel_of(heads) if maps.wanted else None
@@ -174,7 +175,7 @@ class _SeparateWork(TileWork["SeparatedTile"]):
         vars(outcome).update(figures, seconds=perf_counter() - started)
 
     def _mapped(self, tile: LasTile | CloudTile, found: Separation) -> MappedTile | None:
-        objects = self.settings.objects if self.options.maps.with_geodata else None
+        objects = self.settings.objects if self.options.maps.geojson_file else None
         return None if self.pixel_m is None else mapped(tile, found, self.tile.name, self.pixel_m, objects)
 
     def identity(self) -> RunIdentity:

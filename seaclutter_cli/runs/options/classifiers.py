@@ -183,19 +183,11 @@ class MapOptions(Options):
     geojson_file: OptionalPath = option(
         "--geojson", "Also write the shoreline and the boxes of objects as GeoJSON.", default=None, kw_only=False
     )
-    gpkg_file: OptionalPath = option(
-        "--gpkg", "Also write the shoreline and the boxes of objects as GeoPackage.", default=None, kw_only=False
-    )
 
     @property
     def wanted(self) -> bool:
         """Whether there are any."""
-        return any((self.plot_file, self.geojson_file, self.gpkg_file))
-
-    @property
-    def with_geodata(self) -> bool:
-        """Whether there is geodata among them."""
-        return any((self.geojson_file, self.gpkg_file))
+        return bool(self.plot_file or self.geojson_file)
 
 
 class _Classes(Kind):
@@ -269,7 +261,6 @@ class ClassifyTilesOptions(Replacing):
     model: Converted[PathLike, Path] = option("--model MODEL", "Model file from classify train.", kind=Place())
     csv_file: OptionalPath = option("--csv", "Also write a CSV table with a line for each object.", default=None)
     geojson_file: OptionalPath = option("--geojson", "Also write the boxes of the objects as GeoJSON.", default=None)
-    gpkg_file: OptionalPath = option("--gpkg", "Also write the boxes and the shoreline as GeoPackage.", default=None)
     plot_file: OptionalPath = option("--plot", "Draw a top view of the tile, as PNG or SVG.", default=None)
     settings: Grouped[TileSettingsOptions] = grouped(
         default=TileSettingsOptions(), help="Settings that override those in the model, except for the features."
