@@ -51,7 +51,6 @@ from .runs.options.classifiers import SeparateTilesOptions as SeparateTilesOptio
 from .runs.options.classifiers import TileSettingsOptions as TileSettingsOptions
 from .runs.options.classifiers import TrainForestOptions as TrainForestOptions
 from .runs.options.classifiers import TrainSceneOptions as TrainSceneOptions
-from .runs.options.logs import SimulateOptions as SimulateOptions
 from .runs.options.logs import ViewOptions as ViewOptions
 from .runs.plan import plan_convert as plan_convert
 from .runs.plan import plan_filter as plan_filter
@@ -61,7 +60,6 @@ from .runs.scenes import evaluate_scenes as evaluate_scenes
 from .runs.scenes import predict_scenes as predict_scenes
 from .runs.scenes import train_scenes as train_scenes
 from .runs.simulate import simulate as simulate
-from .runs.simulate import simulate_seeds as simulate_seeds
 from .runs.suspects import find_suspects as find_suspects
 from .runs.tune import tune as tune
 from .sinks.options import McapOptions as McapOptions

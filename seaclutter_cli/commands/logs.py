@@ -206,7 +206,7 @@ COMMANDS = (
     command(
         "simulate",
         "runs.simulate.simulate",
-        logs.SimulationOptions,
+        logs.SimulateOptions,
         """Simulate a labelled lidar recording of SCENE: a scene file (YAML), or the name of a built-in scene or layout.
 
         LOG.mcap has clouds with a field `label`: 0 for clutter, 65535 for own ship or ignored points, otherwise the

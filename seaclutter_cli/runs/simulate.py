@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.options import declared, function_of
+from seaclutter_cli.options import function_of
 from seaclutter_cli.runs.batch import Work, run_batch
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import BatchOptions, of_options
-from seaclutter_cli.runs.options.logs import SimulateOptions, SimulationOptions
+from seaclutter_cli.runs.options.logs import SimulateOptions
 from seaclutter_cli.runs.outputs import prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, Result, statuses, storing_errors
 from seaclutter_cli.simulation.airborne.scene import TileScene, is_tile_scene, load_tile_scene, save_tile_scene
@@ -25,15 +24,14 @@ from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, indented, named_folder, printable, table
 from seaclutter_cli.truth import CLUTTER, IGNORED, OBJECT_CLASSES
-from seaclutter_cli.urls import PathLike
 
 _TILE_SUFFIXES = (".las", ".laz")
 _MAX_TARGETS = 12
 
 
-@function_of(SimulationOptions)
-def simulate(options: SimulationOptions) -> "SimulationResult | TileSimulationResult | SeedsResult":
-    """Simulate a labelled recording of a scene.
+@function_of(SimulateOptions)
+def simulate(options: SimulateOptions) -> "SimulationResult | TileSimulationResult | SeedsResult":
+    """Simulate a labelled recording of a scene, or with seeds one for each of them.
 
     Returns
     -------
@@ -53,16 +51,16 @@ def simulate(options: SimulationOptions) -> "SimulationResult | TileSimulationRe
     >>> made = seaclutter.simulate("calm", folder / "calm.mcap", frames=2)
     >>> made.tally.frames, made.labels.name
     (2, 'calm.labels.csv')
+    >>> several = seaclutter.simulate("calm", folder / "seeds", frames=1, seeds=[1, 2])
+    >>> [(one.recording, one.status) for one in several.outcomes]
+    [('calm_1', 'done'), ('calm_2', 'done')]
     """
-    output = str(options.output)
-    scene = SimulateOptions(**{name: getattr(options, name) for name in declared(SimulateOptions)})
-    if options.seeds is None and named_folder(options.output):
+    output = options.output
+    if options.seeds is not None:
+        return _simulate_seeds(options, options.seeds)
+    if named_folder(output):
         raise UsageError(f"{output}: names a folder by the slash at its end; -o takes a file, or a folder with --seeds")
-    if options.seeds is None:
-        return _SimulateWork(Recording((Path(output),)), str(options.scene), scene).simulate(options.observer)
-    if options.seed is not None:
-        raise UsageError("--seed and --seeds: give one of them")
-    return simulate_seeds(options.scene, options.output, options.seeds, scene, options.batch, options.observer)
+    return _SimulateWork(Recording((Path(output),)), options).simulate(options.observer)
 
 
 def _simulate_recording(name: str, output: Path, options: SimulateOptions, observer: Observer) -> "SimulationResult":
@@ -205,38 +203,23 @@ class TileSimulationResult(Result):
         return f"{output}\n{indented(shown)}\n{count(total, 'point')} in {self.seconds:.1f} s"
 
 
-@of_options
-def simulate_seeds(
-    scene: PathLike,
-    output: PathLike,
-    seeds: Sequence[int],
-    options: SimulateOptions | None = None,
-    batch: BatchOptions | None = None,
-    observer: Observer = SILENT,
-) -> "SeedsResult":
-    """Simulate a recording or tile for each seed, as ``SCENE_SEED.mcap`` or ``.laz`` in a folder.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> few = seaclutter.SimulateOptions(frames=1)
-    >>> made = seaclutter.simulate_seeds("calm", folder / "seeds", [1, 2], few)
-    >>> [(one.recording, one.status) for one in made.outcomes]
-    [('calm_1', 'done'), ('calm_2', 'done')]
-    """
-    options, folder = options or SimulateOptions(), Path(output)
+def _simulate_seeds(options: SimulateOptions, seeds: Sequence[int]) -> "SeedsResult":
+    """Simulate a recording or tile for each seed, as ``SCENE_SEED.mcap`` or ``.laz`` in a folder."""
+    scene, folder = str(options.scene), Path(options.output)
+    if options.seed is not None:
+        raise UsageError("--seed and --seeds: give one of them")
     if options.scene_file:
         raise UsageError("--scene-file: is for a single recording; leave out --seeds")
     if folder.exists() and not folder.is_dir():
-        raise UsageError(f"{output}: is a file, but --seeds needs a folder")
-    suffix = _TILE_SUFFIXES[1] if is_tile_scene(str(scene)) else f".{options.form or 'mcap'}"
+        raise UsageError(f"{options.output}: is a file, but --seeds needs a folder")
+    suffix = _TILE_SUFFIXES[1] if is_tile_scene(scene) else f".{options.form or 'mcap'}"
     logs = [folder / f"{Path(scene).stem}_{seed}{suffix}" for seed in seeds]
     labels = [] if suffix in _TILE_SUFFIXES else [log.with_suffix(".labels.csv") for log in logs]
     targets = {"-o": logs, "the labels of -o": labels}
-    prepare_outputs(targets, {"SCENE": Path(scene)}, force=options.force, observer=observer)
-    pairs = zip(seeds, logs, strict=True)
-    works = [_SimulateWork(Recording((log,)), str(scene), replace(options, seed=seed)) for seed, log in pairs]
-    return SeedsResult(run_batch(works, batch or BatchOptions(), observer))
+    prepare_outputs(targets, {"SCENE": Path(scene)}, force=options.force, observer=options.observer)
+    one = replace(options, seeds=None, observer=SILENT)  # which other processes do not need
+    works = [_SimulateWork(Recording((log,)), replace(one, seed=seed)) for seed, log in zip(seeds, logs, strict=True)]
+    return SeedsResult(run_batch(works, options.batch, options.observer))
 
 
 @dataclass(kw_only=True)
@@ -262,12 +245,12 @@ class _SimulateWork(Work[_Simulated]):
     """Simulation of a recording with the seed of the options."""
 
     recording: Recording
-    scene: str
     options: SimulateOptions
 
     @property
     def reads(self) -> Sequence[Path]:
-        return (Path(self.scene),) if Path(self.scene).is_file() else ()
+        scene = Path(self.options.scene)
+        return (scene,) if scene.is_file() else ()
 
     @property
     def writes(self) -> Sequence[Path]:
@@ -283,7 +266,7 @@ class _SimulateWork(Work[_Simulated]):
         """Simulate a labelled recording, or a tile if the output is a LAS or LAZ file."""
         (output,) = self.recording.paths
         simulate_one = _simulate_tile if output.suffix.lower() in _TILE_SUFFIXES else _simulate_recording
-        return simulate_one(self.scene, output, self.options, observer)
+        return simulate_one(str(self.options.scene), output, self.options, observer)
 
     def without_result(self, reason: str | None) -> _Simulated:
         (output,) = self.recording.paths

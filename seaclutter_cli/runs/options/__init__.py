@@ -276,8 +276,6 @@ class OfLabelledLogs(LabelSources, OfLogs):
 _GIVEN_BESIDE = {
     "logs": "path, or sequence of paths\n    Files, folders or globs.",
     "tiles": "path, or sequence of paths\n    Files, folders or globs.",
-    "scene": "path or str\n    Scene file (YAML), or the name of a built-in scene, layout or tile scene.",
-    "seeds": "sequence of int\n    Seeds.",
     "output": "path\n    File for one, folder for several or if it is a `str` that ends in a slash.",
     "observer": "Observer, optional\n    Receives progress, notes and warnings.",
 }

@@ -276,15 +276,20 @@ def parse_seeds(text: str) -> tuple[int, ...]:
 
 
 class SimulateOptions(Replacing):
-    """Options of a simulation: values that replace those of the scene, and additional output.
+    """Options of a simulation: scene, output, and values that replace those of the scene."""
 
-    Examples
-    --------
-    >>> import seaclutter
-    >>> seaclutter.SimulateOptions(frames=10, lidar="RS-LiDAR-16").seed is None
-    True
-    """
-
+    scene: PathLike = option(
+        "SCENE",
+        "Scene file (YAML), or the name of a built-in scene, layout or tile scene.",
+        kind=Anything(),
+        kw_only=False,
+    )
+    output: PathLike = option(
+        "-o --output OUT",
+        "Recording to write; .las or .laz for a tile; with --seeds, a folder.",
+        kind=Place(output=True, or_folder=True),
+        kw_only=False,
+    )
     frames: int | None = option("-n --frames", "Number of frames; overrides the scene.", default=None, kind=Whole(1))
     seed: int | None = option(
         "--seed", "Random seed; overrides the scene. 1 by default for a layout.", default=None, kind=Whole(0)
@@ -302,23 +307,6 @@ class SimulateOptions(Replacing):
     )
     scene_file: OptionalPath = option(
         "--scene-file YAML", "Save the scene with all defaults and comments, for editing.", default=None
-    )
-
-
-class SimulationOptions(SimulateOptions):
-    """Options of a simulation, with its scene and output."""
-
-    scene: PathLike = option(
-        "SCENE",
-        "Scene file (YAML), or the name of a built-in scene, layout or tile scene.",
-        kind=Anything(),
-        kw_only=False,
-    )
-    output: PathLike = option(
-        "-o --output OUT",
-        "Recording to write; .las or .laz for a tile; with --seeds, a folder.",
-        kind=Place(output=True, or_folder=True),
-        kw_only=False,
     )
     seeds: Converted[str | Sequence[int] | None, tuple[int, ...] | None] = option(
         "--seeds SEEDS",
