@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from seas import SEAS, with_sea
 
 from seaclutter_cli.runs.classify.separate import separate_tiles
-from seaclutter_cli.runs.options.classifiers import SeparateTilesOptions
 from seaclutter_cli.simulation.airborne.recording import record_tile
 from seaclutter_cli.simulation.airborne.scene import load_tile_scene
 
@@ -43,13 +42,13 @@ def classes(path: Path) -> NDArray[Any]:
 def differing(tile: Path, folder: Path) -> list[float]:
     """Return the share of points whose class differs from that in the whole tile, for each margin."""
     whole = folder / f"{tile.stem}-whole.laz"
-    separate_tiles([str(tile)], whole, SeparateTilesOptions(force=True))
+    separate_tiles(tile, whole, force=True)
     expected = classes(whole)
     inside = quarters(tile, folder / tile.stem)
     shares = []
     for margin_m in MARGINS_M:
         output = folder / f"{tile.stem}-{margin_m:g}"
-        separate_tiles([str(folder / tile.stem)], f"{output}/", SeparateTilesOptions(margin_m=margin_m, force=True))
+        separate_tiles(folder / tile.stem, f"{output}/", margin_m=margin_m, force=True)
         found = np.zeros_like(expected)
         for name, own in inside.items():
             found[own] = classes(output / name)

@@ -43,15 +43,6 @@ from .runs.observer import LoggingObserver as LoggingObserver
 from .runs.observer import Observer as Observer
 from .runs.options import BatchOptions as BatchOptions
 from .runs.options import ReadOptions as ReadOptions
-from .runs.options.classifiers import ClassifierOptions as ClassifierOptions
-from .runs.options.classifiers import ClassifyTilesOptions as ClassifyTilesOptions
-from .runs.options.classifiers import LabelledLogs as LabelledLogs
-from .runs.options.classifiers import MapOptions as MapOptions
-from .runs.options.classifiers import SeparateTilesOptions as SeparateTilesOptions
-from .runs.options.classifiers import TileSettingsOptions as TileSettingsOptions
-from .runs.options.classifiers import TrainForestOptions as TrainForestOptions
-from .runs.options.classifiers import TrainSceneOptions as TrainSceneOptions
-from .runs.options.logs import ViewOptions as ViewOptions
 from .runs.plan import plan_convert as plan_convert
 from .runs.plan import plan_filter as plan_filter
 from .runs.report import report as report

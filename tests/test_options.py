@@ -31,6 +31,13 @@ COMMANDS = {
     "report": "report",
     "simulate": "simulate",
     "labels check": "check_labels",
+    "view": "view_logs",
+    "scene train": "train_scenes",
+    "scene evaluate": "evaluate_scenes",
+    "scene predict": "predict_scenes",
+    "classify separate": "separate_tiles",
+    "classify train": "train_forest",
+    "classify predict": "classify_tiles",
 }
 
 

@@ -2,14 +2,13 @@
 
 from seaclutter_cli.commands.groups import CommandGroup
 from seaclutter_cli.commands.options import command
-from seaclutter_cli.options import Anything, Place, option
-from seaclutter_cli.runs.options import ReadOptions, classifiers
+from seaclutter_cli.runs.options import classifiers
 
 _SCENE = [
     command(
         "scene train",
         "runs.scenes.train_scenes",
-        {"logs": classifiers.LabelledLogs, "options": classifiers.TrainSceneOptions},
+        classifiers.TrainScenesOptions,
         """Train a classifier on logs with known scenes, and write it as an ONNX file.
 
         FOLDERS contain one folder of logs per class, named after the class (open/, confined/); --scene gives classes
@@ -22,7 +21,7 @@ _SCENE = [
     command(
         "scene evaluate",
         "runs.scenes.evaluate_scenes",
-        {"logs": classifiers.LabelledLogs, "options": classifiers.ClassifierOptions, "reading": ReadOptions},
+        classifiers.EvaluateScenesOptions,
         """Evaluate a classifier on logs with known scenes: confusion matrix, precision and recall of each class.
 
         FOLDERS contain one folder of logs per class, named after the class (open/, confined/); --scene gives classes
@@ -33,11 +32,7 @@ _SCENE = [
     command(
         "scene predict",
         "runs.scenes.predict_scenes",
-        {
-            "logs": option("LOGS...", "Logs.", kind=Anything()),
-            "options": classifiers.ClassifierOptions,
-            "reading": ReadOptions,
-        },
+        classifiers.PredictScenesOptions,
         """Predict the scenes of LOGS: a line for each log and topic, with the share of frames of each class.
 
         --csv writes the scene of each frame and the probabilities of the classes.
@@ -46,18 +41,11 @@ _SCENE = [
     ),
 ]
 
-_TILES = option("TILE...", "Tiles.", kind=Anything())
-_OUTPUT = option(
-    "-o --output OUT",
-    "Output file for one tile; folder for several, or with a slash at its end: LAS, LAZ, PCD, PLY or MCAP.",
-    kind=Place(output=True, or_folder=True),
-)
-
 _CLASSIFY = [
     command(
         "classify separate",
         "runs.classify.separate.separate_tiles",
-        {"tiles": _TILES, "output": _OUTPUT, "options": classifiers.SeparateTilesOptions},
+        classifiers.SeparateTilesOptions,
         """Separate each TILE into sea and non-sea points by morphological opening; on rough water, follow the waves.
 
         Sea points get the ASPRS class 9 (water), all others 1; land is recognised by its level, flatness and echoes.
@@ -70,7 +58,7 @@ _CLASSIFY = [
     command(
         "classify train",
         "runs.classify.train.train_forest",
-        {"tiles": _TILES, "options": classifiers.TrainForestOptions},
+        classifiers.TrainForestOptions,
         """Train a random forest on labelled TILEs to classify objects.
 
         Part of the tiles, or of the objects if there are fewer than four tiles, is held out for a test, which the
@@ -82,7 +70,7 @@ _CLASSIFY = [
     command(
         "classify predict",
         "runs.classify.predict.classify_tiles",
-        {"tiles": _TILES, "output": _OUTPUT, "options": classifiers.ClassifyTilesOptions},
+        classifiers.ClassifyTilesOptions,
         """Classify the non-sea points of each TILE with a trained model, and find the objects.
 
         Each point gets the additional dimensions predicted_class (0 for none, otherwise as in train), probability and

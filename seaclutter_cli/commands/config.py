@@ -23,6 +23,12 @@ if TYPE_CHECKING:
 _KINDS = ("sensors", "methods", "formats", "configs", "scenes", "layouts", "tiles", "lidars", "plugins")
 
 
+class _CheckOptions(Options):
+    """What is checked."""
+
+    files: Sequence[str] = option("FILES...", "Configuration files.", kind=Anything())
+
+
 class _ListOptions(Options):
     """What is listed."""
 
@@ -71,7 +77,7 @@ _CONFIG = [
     command(
         "config check",
         _check,
-        {"files": option("FILES...", "Configuration files.", kind=Anything())},
+        _CheckOptions,
         "Check configuration files and list all errors.",
         messages=(),
     ),

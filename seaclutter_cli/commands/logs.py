@@ -8,7 +8,6 @@ import click
 from seaclutter_cli.commands.console import ARGUMENTS
 from seaclutter_cli.commands.groups import CommandGroup
 from seaclutter_cli.commands.options import command
-from seaclutter_cli.options import Anything, option
 from seaclutter_cli.runs.options import logs, objects
 
 _OUTPUTS = ("-o", "--output", "--figures", "--log-file")
@@ -149,7 +148,7 @@ COMMANDS = (
     command(
         "view",
         "runs.report.view_logs",
-        {"logs": option("LOGS...", "Logs.", kind=Anything()), "options": logs.ViewOptions},
+        logs.ViewOptions,
         """Show LOGS in the Rerun viewer: raw, removed and kept points, boxes, clusters and threshold curves.
 
         LOGS are raw logs, which are filtered first, or logs written by `filter --keep-raw --with-removed`. The viewer

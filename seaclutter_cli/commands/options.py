@@ -14,7 +14,7 @@ from click.core import ParameterSource
 
 from seaclutter_cli.commands.console import DEBUG, NOTES, Console
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.options import Choice, Flag, Group, Kind, Number, Option, Options, Whole, declared, option
+from seaclutter_cli.options import Choice, Flag, Group, Kind, Number, Option, Options, Whole, declared
 from seaclutter_cli.registry import imported
 from seaclutter_cli.runs.options.methods import WORKING_CONFIG, ConfigFile, MethodName
 
@@ -198,7 +198,7 @@ def _taken(options: Mapping[str, Option], values: Mapping[str, Any], left_out: S
 def command(  # noqa: PLR0913 - what makes a command
     name: str,
     function: str | Callable[..., Any],
-    takes: type[Options] | Mapping[str, Option | type[Options]],
+    takes: type[Options],
     text: str,
     *,
     short_help: str | None = None,
@@ -209,11 +209,10 @@ def command(  # noqa: PLR0913 - what makes a command
     """Return a command that calls a function and prints its result; ``name`` has that of its group, too.
 
     The function is `imported` by its name when it is called; or it is one of the console, which prints. It takes the
-    options of a class, or several objects, and ``others``, by functions that return them; ``plan`` is the one for
-    ``--dry-run``. ``messages`` are options of the console that the command has.
+    options of a class, and ``others``, by functions that return them; ``plan`` is the one for ``--dry-run``.
+    ``messages`` are options of the console that the command has.
     """
-    given = declared(takes) if isinstance(takes, type) else takes
-    options = {key: option(kind=Group(one)) if isinstance(one, type) else one for key, one in given.items()}
+    options = declared(takes)
     parameters = [*_parameters(options)]
     has = [*messages, *(["dry_run"] if plan else []), *(parameter.name for parameter in parameters)]
     silenced = [key for key in declared(Console) if key not in has and _BELONGS_TO.get(key) not in has]

@@ -16,8 +16,7 @@ from seaclutter_cli.jobs.engine import Engine, Lost, Report, run_in_turn
 from seaclutter_cli.records import Channel
 from seaclutter_cli.registry import warn_here
 from seaclutter_cli.runs.observer import Observer, Silent, Step, raising
-from seaclutter_cli.runs.options import BatchOptions, Logs, OfLogs, ReadOptions
-from seaclutter_cli.runs.options.logs import ViewOptions
+from seaclutter_cli.runs.options import BatchOptions, OfLogs, ReadOptions
 from seaclutter_cli.runs.outputs import Paths, inputs_of, prepare_outputs
 from seaclutter_cli.runs.recordings import (
     MAX_NAMED,
@@ -160,10 +159,10 @@ class RecordingWork(Work[O]):
 
 
 def prepared(
-    logs: Logs, options: OfLogs | ViewOptions, outputs: Paths, observer: Observer, configs: "Iterable[Config]" = ()
+    options: OfLogs, outputs: Paths, observer: Observer, configs: "Iterable[Config]" = ()
 ) -> list[tuple[Recording, LabelFile | None]]:
     """Return recordings with their labels, not yet read, after a check of the outputs against all inputs."""
-    recordings = expand(logs, options.reading, observer)
+    recordings = expand(options.logs, options.reading, observer)
     inputs = inputs_of(recordings, options.reading, getattr(options, "config", None), configs)
     labels, force = getattr(options, "labels", ()), getattr(options, "force", False)
     prepare_outputs(outputs, inputs, labels, force=force, observer=observer)

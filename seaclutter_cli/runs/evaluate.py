@@ -77,7 +77,7 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     chosen = chosen if options.without_labels else with_ideal(chosen)
     targets = {"-o": options.frames_file, "--summary": options.summary_file}
     outputs, configs = {**targets, "--manifest": options.batch.manifest}, [one.config for one in chosen]
-    pairs = prepared(options.logs, options, outputs, observer, configs)
+    pairs = prepared(options, outputs, observer, configs)
     make = partial(EvaluateWork, tabulated=bool(options.frames_file), indicated=options.without_labels)
     works = [make(options.reading, *each, chosen) for each in pairs]
     with OutputGroup(replace=options.force) as files:

@@ -46,9 +46,9 @@ def propose_labels(options: ProposeOptions) -> "ProposalResult":
     (120, 0)
     """
     observer, config = options.watching, objects_config(options)
-    pairs = prepared(options.logs, options, {}, observer, [config])
+    pairs = prepared(options, {}, observer, [config])
     targets = _targets(options, [recording for recording, _ in pairs])
-    prepared(options.logs, options, {"-o": targets}, observer, [config])
+    prepared(options, {"-o": targets}, observer, [config])
     works = [ProposeWork(options.reading, *each, config) for each in pairs]
     outcomes = [one for one in run_all(works, options.batch, observer) if isinstance(one, ProposedLabels)]
     with OutputGroup(replace=options.force) as files:

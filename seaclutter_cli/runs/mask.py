@@ -41,7 +41,7 @@ def find_mask(options: MaskOptions) -> "MaskResult":
     """
     observer = options.watching
     targets = {"-o": options.output, "--plot": options.plot_file}
-    pairs = prepared(options.logs, options, targets, observer)
+    pairs = prepared(options, targets, observer)
     search = StructureSearch(options.reach_m)
     outcomes = [_MaskWork(options.reading, *each, search).run(observer) for each in pairs]
     result = MaskResult(outcomes, search.found(), options.reach_m)

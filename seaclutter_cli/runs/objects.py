@@ -53,7 +53,7 @@ def find_objects(options: ObjectsOptions) -> "ObjectsResult":
     """
     observer, config = options.watching, objects_config(options)
     check_objects_file(options.output)
-    pairs = prepared(options.logs, options, {"-o": options.output}, observer, [config])
+    pairs = prepared(options, {"-o": options.output}, observer, [config])
     works = [ObjectsWork(options.reading, *each, config) for each in pairs]
     with OutputGroup(replace=options.force) as files:
         with ExitStack() as stack:

@@ -25,8 +25,8 @@ from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork, wa
 from seaclutter_cli.runs.methods import Variant, is_default, note_left_out, with_ideal
 from seaclutter_cli.runs.methods import variants as variants_of
 from seaclutter_cli.runs.objects import follower_of
-from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import Logs, ReadOptions, of_options
+from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import ReportOptions, ViewOptions
 from seaclutter_cli.runs.options.methods import MethodOptions
 from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
@@ -65,7 +65,7 @@ def report(options: ReportOptions) -> "ReportResult":
     figures = [folder / f"{name}.{options.figure_format}" for name in FIGURES] if folder else []
     if folder and is_file(folder):
         raise UsageError(f"{folder}: is a file; --figures takes a folder")
-    pairs = prepared(options.logs, options, {"-o": options.output, "--figures": figures}, observer)
+    pairs = prepared(options, {"-o": options.output, "--figures": figures}, observer)
     make = partial(_Studied, options=options)
     comparison, studied = filter_or_replay(pairs, options, options.reading, observer, make)
     collected, suspects = studied.collector, studied.finish()
@@ -179,22 +179,22 @@ class ReportResult(Comparison):
         return "\n".join(lines)
 
 
+@function_of(ViewOptions)
 @on_paths
-@of_options
-def view_logs(logs: Logs, options: ViewOptions, observer: Observer = SILENT) -> "ViewResult":
-    """Show recordings in the Rerun viewer, or write a file for it.
+def view_logs(options: ViewOptions) -> "ViewResult":
+    """Show recordings in the Rerun viewer, or write a file for it; by default, filtered logs are read back.
 
     Examples
     --------
     >>> import seaclutter
-    >>> options = seaclutter.ViewOptions(target=folder / "trial.rrd")
-    >>> seaclutter.view_logs("samples/sea.mcap", options).target.name  # doctest: +SKIP
+    >>> seaclutter.view_logs("samples/sea.mcap", target=folder / "trial.rrd").target.name  # doctest: +SKIP
     'trial.rrd'
     """
+    observer = options.watching
     require_rerun()
     if options.target:
         check_rerun_file(options.target)
-    pairs = prepared(logs, options, {"--save": options.target}, observer)
+    pairs = prepared(options, {"--save": options.target}, observer)
     methods = MethodOptions(config=options.config, methods=options.method or (), settings=options.settings)
     with OutputGroup(replace=options.force) as files, ExitStack() as stack:
 

@@ -14,13 +14,19 @@ import numpy as np
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.frame import Frame
+from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.curves import draw_training
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.reading import frames
 from seaclutter_cli.records import Damage
-from seaclutter_cli.runs.observer import SILENT, Observer, Step
-from seaclutter_cli.runs.options import Logs, ReadOptions, of_options
-from seaclutter_cli.runs.options.classifiers import ClassifierOptions, LabelledLog, LabelledLogs, TrainSceneOptions
+from seaclutter_cli.runs.observer import Observer, Step
+from seaclutter_cli.runs.options import ReadOptions
+from seaclutter_cli.runs.options.classifiers import (
+    EvaluateScenesOptions,
+    LabelledLog,
+    PredictScenesOptions,
+    TrainScenesOptions,
+)
 from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, Result, WithData, expand, opened, storing_errors
 from seaclutter_cli.scenes.model import SceneDecision, SceneModel, SceneTracker
@@ -34,14 +40,9 @@ from seaclutter_cli.text import count, printable, share, table
 _MISCLASSIFIED = ("recording", "scene", "wrong", "frames")
 
 
+@function_of(PredictScenesOptions)
 @on_paths
-@of_options
-def predict_scenes(
-    logs: Logs,
-    options: ClassifierOptions | None = None,
-    reading: ReadOptions | None = None,
-    observer: Observer = SILENT,
-) -> "ScenePrediction":
+def predict_scenes(options: PredictScenesOptions) -> "ScenePrediction":
     """Return the scene of each topic of recordings, with the number of frames of each class.
 
     Examples
@@ -51,42 +52,33 @@ def predict_scenes(
     >>> scenes.topics["/points"].scene, dict(scenes.topics["/points"].frames)
     ('open', {'open': 60})
     """
-    recordings = expand(logs, reading, observer)
-    return ScenePrediction(*_classify([(one, "") for one in recordings], options, reading, observer))
+    recordings = expand(options.logs, options.reading, options.observer)
+    return ScenePrediction(*_classify([(one, "") for one in recordings], options, options.watching))
 
 
-@of_options
-def evaluate_scenes(
-    logs: LabelledLogs,
-    options: ClassifierOptions | None = None,
-    reading: ReadOptions | None = None,
-    observer: Observer = SILENT,
-) -> "SceneEvaluation":
+@function_of(EvaluateScenesOptions)
+def evaluate_scenes(options: EvaluateScenesOptions) -> "SceneEvaluation":
     """Evaluate a scene classifier on recordings with known scenes.
 
     Examples
     --------
     >>> import seaclutter
-    >>> logs = seaclutter.LabelledLogs(scenes=("open=samples/sea.mcap",))
-    >>> seaclutter.evaluate_scenes(logs).confusion.counts
+    >>> seaclutter.evaluate_scenes(scenes="open=samples/sea.mcap").confusion.counts
     array([[60,  0],
            [ 0,  0]])
     """
-    labelled = [(one.recording, one.scene) for one in logs.find()]
-    return SceneEvaluation(*_classify(labelled, options, reading, observer))
+    labelled = [(one.recording, one.scene) for one in options.find()]
+    return SceneEvaluation(*_classify(labelled, options, options.observer))
 
 
 def _classify(
-    logs: Sequence[tuple[Recording, str]],
-    options: ClassifierOptions | None,
-    reading: ReadOptions | None,
-    observer: Observer,
+    logs: Sequence[tuple[Recording, str]], options: PredictScenesOptions | EvaluateScenesOptions, observer: Observer
 ) -> "tuple[list[ClassifiedLog], Sequence[str]]":
     """Classify the frames of recordings, and write the table of frames; an error is kept in its outcome.
 
     Each recording comes with its true class, if it is known. The classes of the model are returned, too.
     """
-    options, reading = options or ClassifierOptions(), reading or ReadOptions()
+    reading = options.reading
     inputs: Paths = {**inputs_of((one for one, _ in logs), reading), "--model": Path(options.model)}
     prepare_outputs({"--csv": options.csv_file}, inputs, force=options.force, observer=observer)
     model = SceneModel(options.model)
@@ -259,20 +251,20 @@ def read_frames(
         raise InputError(f"{source.name}: no frame can be read{damage}")
 
 
-@of_options
-def train_scenes(logs: LabelledLogs, options: TrainSceneOptions, observer: Observer = SILENT) -> "SceneTraining":
+@function_of(TrainScenesOptions)
+def train_scenes(options: TrainScenesOptions) -> "SceneTraining":
     """Train a scene classifier on recordings with known scenes, and write it as an ONNX file.
 
     Examples
     --------
     >>> import seaclutter
-    >>> logs = seaclutter.LabelledLogs(scenes=("open=trials/offshore", "confined=trials/harbour"))
-    >>> options = seaclutter.TrainSceneOptions(output=folder / "model.onnx", every=10)
-    >>> seaclutter.train_scenes(logs, options).trained.test.mean_precision  # doctest: +SKIP
+    >>> scenes = "open=trials/offshore", "confined=trials/harbour"
+    >>> made = seaclutter.train_scenes(scenes=scenes, output=folder / "model.onnx")  # doctest: +SKIP
+    >>> made.trained.test.mean_precision  # doctest: +SKIP
     0.98
     """
     check_torch()
-    labelled = logs.find()
+    observer, labelled = options.observer, options.find()
     prepare_outputs(
         {"-o": options.output, "--plot": options.plot_file},
         inputs_of((log.recording for log in labelled), options.reading),
@@ -300,7 +292,9 @@ def train_scenes(logs: LabelledLogs, options: TrainSceneOptions, observer: Obser
     return SceneTraining(trained, examples, options.output, damage)
 
 
-def _read(logs: Sequence[LabelledLog], options: TrainSceneOptions, observer: Observer) -> tuple[Examples, list[Damage]]:
+def _read(
+    logs: Sequence[LabelledLog], options: TrainScenesOptions, observer: Observer
+) -> tuple[Examples, list[Damage]]:
     classes = list(dict.fromkeys(log.scene for log in logs))
     if len(classes) < 2:
         raise UsageError(f"all logs are of class {classes[0]}; training needs at least two classes")

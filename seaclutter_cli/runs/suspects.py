@@ -68,7 +68,7 @@ def find_suspects(options: SuspectsOptions) -> "SuspectsResult":
             raise UsageError(f"{folder}: is a file; --pictures takes a folder")
     # The names of pictures are not known before; their folder is.
     outputs = {"-o": options.output, "--pictures": folder / "suspect.png" if folder else None}
-    pairs = prepared(options.logs, options, outputs, observer, [config])
+    pairs = prepared(options, outputs, observer, [config])
     is_given = bool(options.method or options.settings) or options.config is not None
     drawn = options.shown if folder else 0
     works = [_SuspectsWork(options.reading, *pair, config, is_given=is_given, drawn=drawn) for pair in pairs]

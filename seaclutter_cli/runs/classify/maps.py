@@ -16,7 +16,7 @@ from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import MapPart, aspect_of, draw_map
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options.classifiers import MapOptions
+from seaclutter_cli.runs.options.classifiers import SeparateTilesOptions
 from seaclutter_cli.sources.extents import TileHead
 from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile, ToLongitudeLatitude
 from seaclutter_cli.text import listed
@@ -67,7 +67,7 @@ def mapped(
     return MappedTile(name, tile.crs, lines, placed, part, found.sea)
 
 
-def map_files(options: MapOptions, tiles: Sequence[MappedTile], observer: Observer) -> dict[Path, bytes]:
+def map_files(options: SeparateTilesOptions, tiles: Sequence[MappedTile], observer: Observer) -> dict[Path, bytes]:
     """Return the contents of the maps of a run by their paths."""
     files: dict[Path, bytes] = {}
     if not tiles:

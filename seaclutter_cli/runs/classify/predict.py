@@ -18,6 +18,7 @@ from seaclutter_cli.airborne.objects import FoundObject, as_csv
 from seaclutter_cli.airborne.plausibility import doubts_about_objects
 from seaclutter_cli.airborne.surface import WATER
 from seaclutter_cli.errors import InputError, OutputError, UsageError, about, opening
+from seaclutter_cli.options import function_of
 from seaclutter_cli.parts import part_path, release
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
@@ -33,15 +34,13 @@ from seaclutter_cli.runs.classify.tiles import (
     warn_of_missing,
     write_tile,
 )
-from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import Logs, of_options
+from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions
 from seaclutter_cli.runs.outputs import write_files
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.sinks.atomic import CompleteFile, OutputGroup
 from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile, find_tiles, open_tile
 from seaclutter_cli.text import count, printable, table
-from seaclutter_cli.urls import PathLike
 
 _DIMENSIONS = {
     "predicted_class": ("u1", "0 none, 1 ship ... 8 garbage"),
@@ -50,30 +49,25 @@ _DIMENSIONS = {
 }
 
 
-@of_options
-def classify_tiles(
-    tiles: Logs, output: PathLike, options: ClassifyTilesOptions, observer: Observer = SILENT
-) -> "PredictResult":
+@function_of(ClassifyTilesOptions)
+def classify_tiles(options: ClassifyTilesOptions) -> "PredictResult":
     """Classify the points of tiles, find their objects, and write both.
 
     Examples
     --------
     >>> import seaclutter
-    >>> few = seaclutter.TileSettingsOptions(overrides=("forest.trees=5",))
-    >>> training = seaclutter.TrainForestOptions(output=folder / "model.skops", settings=few)
-    >>> _ = seaclutter.train_forest(["samples/tile.laz"], training)
-    >>> options = seaclutter.ClassifyTilesOptions(model=folder / "model.skops")
-    >>> (tile,) = seaclutter.classify_tiles(["samples/tile.laz"], folder / "named.laz", options).tiles
+    >>> model = folder / "model.skops"
+    >>> _ = seaclutter.train_forest("samples/tile.laz", output=model, settings={"forest.trees": 5})
+    >>> (tile,) = seaclutter.classify_tiles("samples/tile.laz", folder / "named.laz", model=model).tiles
     >>> tile.points, len(tile.objects) > 3
     (161374, True)
     """
-    paths, plot_file = find_tiles(tiles), options.plot_file
+    observer, paths, plot_file = options.observer, find_tiles(options.tiles), options.plot_file
     if options.model.is_dir():
         raise UsageError(f"{options.model}: is a directory; --model takes a file")
     others = {"--csv": options.csv_file, "--geojson": options.geojson_file, "--plot": plot_file}
-    inputs = {"--model": options.model, "-c": options.settings.file}
     heads = tiles_of(paths, None, observer)
-    targets = plan_tiles(heads, output, others, inputs, force=options.force, observer=observer)
+    targets = plan_tiles(heads, options, others, {"--model": options.model}, force=options.force)
     if plot_file and len(paths) > 1:
         raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
     model = _load(options, observer)
@@ -159,7 +153,7 @@ def _load(options: ClassifyTilesOptions, observer: Observer) -> ObjectModel:
     model = load_model(options.model)
     for text in model.warnings:
         observer.warn(f"{options.model}: {text}")
-    settings = options.settings.load(model.settings)
+    settings = options.loaded(model.settings)
     if settings.features != model.settings.features:
         kept = ", ".join(f"{key}: {value}" for key, value in model.settings.as_dict()["features"].items())
         raise UsageError(f"{options.model}: the model was trained with other features ({kept}); train one with yours")

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -15,6 +15,7 @@ from seaclutter_cli.airborne.surface import NEVER, WATER
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError, InputError, SelectionError, UsageError, about, requiring
 from seaclutter_cli.grids.land_cells import LandCells
+from seaclutter_cli.options import function_of
 from seaclutter_cli.runs.batch import run_batch
 from seaclutter_cli.runs.classify.maps import MappedTile, map_files, mapped, pixel_of
 from seaclutter_cli.runs.classify.tiles import (
@@ -31,7 +32,7 @@ from seaclutter_cli.runs.classify.tiles import (
     write_tile,
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import BatchOptions, Logs, of_options
+from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.options.classifiers import SeparateTilesOptions
 from seaclutter_cli.runs.outputs import write_files, write_manifest
 from seaclutter_cli.runs.recordings import RecordingsResult, statuses, storing_errors
@@ -41,7 +42,6 @@ from seaclutter_cli.sinks.las import TextRecord, text_in
 from seaclutter_cli.sources.extents import Margin, open_tile_or_window
 from seaclutter_cli.sources.tiles import CloudTile, LasTile, find_tiles
 from seaclutter_cli.text import UNKNOWN, count, share, table
-from seaclutter_cli.urls import PathLike
 from seaclutter_cli.validation import plain
 
 _HEIGHT = {"height_above_sea": ("f4", "metres above the sea surface")}
@@ -56,10 +56,8 @@ _LAND = TextRecord(3, "land of the separation")
 _MAX_RECORD_BYTES = 2**16 - 1
 
 
-@of_options
-def separate_tiles(
-    tiles: Logs, output: PathLike, options: SeparateTilesOptions | None = None, observer: Observer = SILENT
-) -> "SeparateResult":
+@function_of(SeparateTilesOptions)
+def separate_tiles(options: SeparateTilesOptions) -> "SeparateResult":
     """Separate tiles into sea and non-sea points, and write them with ASPRS classes.
 
     Notes
@@ -73,26 +71,26 @@ def separate_tiles(
     >>> [(tile.tile, tile.points) for tile in done.tiles]
     [('tile', 161374)]
     """
-    options = options or SeparateTilesOptions()
-    batch, maps, raw = options.batch, options.maps, options.settings.load().as_dict()
+    observer, batch, raw = options.observer, options.batch, options.loaded().as_dict()
     given = {"land": options.land, "trust_classes": options.trust_classes}
     raw["separation"] |= {key: plain(value) for key, value in given.items() if value is not None}
     settings = parse_settings(raw, "options")
     replaced = options.force or batch.resume
-    if maps.wanted:
+    is_mapped = bool(options.plot_file or options.geojson_file)
+    if is_mapped:
         with requiring("the shoreline", "geo"):
             import contourpy  # noqa: F401 - availability check
-    heads = tiles_of(find_tiles(tiles), options.window_m, observer)
-    others = {"--plot": maps.plot_file, "--geojson": maps.geojson_file, "--manifest": batch.manifest}
-    targets = plan_tiles(heads, output, others, {"-c": options.settings.file}, force=replaced, observer=observer)
+    heads = tiles_of(find_tiles(options.tiles), options.window_m, observer)
+    others = {"--plot": options.plot_file, "--geojson": options.geojson_file, "--manifest": batch.manifest}
+    targets = plan_tiles(heads, options, others, force=replaced)
     margins = margins_of(heads, options.margin_m, observer)
-    several, pixel_m = len(heads) > 1, pixel_of(heads) if maps.wanted else None
-    tiled = zip(heads, targets, margins, strict=True)
-    works = [_SeparateWork(*each, options, settings, several=several, pixel_m=pixel_m) for each in tiled]
+    several, pixel_m = len(heads) > 1, pixel_of(heads) if is_mapped else None
+    tiled, sent = zip(heads, targets, margins, strict=True), replace(options, tiles=(), observer=SILENT)
+    works = [_SeparateWork(*each, sent, settings, several=several, pixel_m=pixel_m) for each in tiled]
     # The tiles are the main output: a single one appears after its maps.
     with OutputGroup(replace=replaced) as files, OutputGroup(files) as written:
         outcomes = _run(works, batch, observer, written, force=options.force)
-        write_files(map_files(maps, [one.map for one in outcomes if one.map], observer), files)
+        write_files(map_files(options, [one.map for one in outcomes if one.map], observer), files)
     write_manifest(batch.manifest, [work.recording for work in works], outcomes, replace=replaced)
     return SeparateResult(outcomes)
 
@@ -175,7 +173,7 @@ class _SeparateWork(TileWork["SeparatedTile"]):
         vars(outcome).update(figures, seconds=perf_counter() - started)
 
     def _mapped(self, tile: LasTile | CloudTile, found: Separation) -> MappedTile | None:
-        objects = self.settings.objects if self.options.maps.geojson_file else None
+        objects = self.settings.objects if self.options.geojson_file else None
         return None if self.pixel_m is None else mapped(tile, found, self.tile.name, self.pixel_m, objects)
 
     def identity(self) -> RunIdentity:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, ClassVar, TypeVar
 
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from seaclutter_cli.jobs.processes import default_jobs
 from seaclutter_cli.runs.batch import Work
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import BatchOptions
+from seaclutter_cli.runs.options.classifiers import WritingTiles
 from seaclutter_cli.runs.outputs import Paths, is_file, is_folder, prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.sinks.atomic import OutputGroup
@@ -37,7 +39,6 @@ from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile
 from seaclutter_cli.text import count
 from seaclutter_cli.threads import in_threads
-from seaclutter_cli.urls import PathLike
 
 O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
 
@@ -118,7 +119,12 @@ def warn_of_doubts(tile: LasTile | CloudTile, found: Separation, observer: Obser
 
 
 def plan_tiles(
-    tiles: Sequence[TileHead], output: PathLike, other_outputs: Paths, inputs: Paths, *, force: bool, observer: Observer
+    tiles: Sequence[TileHead],
+    options: WritingTiles,
+    other_outputs: Paths,
+    inputs: Paths = MappingProxyType({}),
+    *,
+    force: bool,
 ) -> list[Path]:
     """Return the output file of each tile: ``output`` itself for one, files named after the tiles in it for several.
 
@@ -126,6 +132,7 @@ def plan_tiles(
     input files are given by option. Raise `UsageError` if an output is an input, exists and may not be replaced, would
     be written twice, or has a format to which the tile cannot be converted.
     """
+    output = options.output
     into_folder = is_folder(output, len(tiles))
     if into_folder and is_file(Path(output)):
         raise UsageError(f"{output}: is a file, but {count(len(tiles), 'tile')} need a folder")
@@ -140,9 +147,9 @@ def plan_tiles(
         named[target] = tile.path
     prepare_outputs(
         {"-o": targets, **other_outputs},
-        {"TILE": [tile.path for tile in tiles], **inputs},
+        {"TILE": [tile.path for tile in tiles], "-c": options.config, **inputs},
         force=force,
-        observer=observer,
+        observer=options.observer,
     )
     for tile, target in zip(tiles, targets, strict=True):
         suffix = target.suffix.lower()

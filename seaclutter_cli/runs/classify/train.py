@@ -15,11 +15,11 @@ from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.errors import InputError, about
 from seaclutter_cli.evaluation.confusion import Confusion
+from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import draw_confusion
 from seaclutter_cli.runs.classify.tiles import warn_of_missing
-from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import Logs, of_options
+from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.classifiers import TrainForestOptions
 from seaclutter_cli.runs.outputs import prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Result
@@ -30,23 +30,21 @@ from seaclutter_cli.truth import OBJECT_CLASSES
 _SCORES = ("class", "precision", "recall", "f1", "points", "object_f1")
 
 
-@of_options
-def train_forest(tiles: Logs, options: TrainForestOptions, observer: Observer = SILENT) -> "TrainingReport":
+@function_of(TrainForestOptions)
+def train_forest(options: TrainForestOptions) -> "TrainingReport":
     """Train a random forest on labelled tiles, test it on held-out data, and write it.
 
     Examples
     --------
     >>> import seaclutter
-    >>> few = seaclutter.TileSettingsOptions(overrides=("forest.trees=5",))
-    >>> options = seaclutter.TrainForestOptions(output=folder / "model.skops", settings=few)
-    >>> report = seaclutter.train_forest(["samples/tile.laz"], options)
-    >>> "ship" in report.names, (folder / "model.skops").exists()
+    >>> model = folder / "model.skops"
+    >>> report = seaclutter.train_forest("samples/tile.laz", output=model, settings={"forest.trees": 5})
+    >>> "ship" in report.names, model.exists()
     (True, True)
     """
-    settings = options.settings.load()
-    paths = find_tiles(tiles)
+    observer, settings, paths = options.observer, options.loaded(), find_tiles(options.tiles)
     targets = {"-o": options.output, "--plot": options.plot_file}
-    inputs = {"TILE": paths, "-c": options.settings.file}
+    inputs = {"TILE": paths, "-c": options.config}
     prepare_outputs(targets, inputs, force=options.force, observer=observer)
     parts = [_samples(number, path, settings, options, observer) for number, path in enumerate(paths)]
     model, report = fit(join(parts), settings)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, get_args
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 from seaclutter_cli.options import (
-    RAISES,
     Anything,
     Converted,
     Grouped,
@@ -20,7 +18,6 @@ from seaclutter_cli.options import (
     Whole,
     grouped,
     option,
-    with_sections,
 )
 from seaclutter_cli.runs.observer import SILENT, Observer, raising
 from seaclutter_cli.urls import PathLike, place
@@ -29,9 +26,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from seaclutter_cli.selection import Moment, Selection
-
-P = ParamSpec("P")
-R = TypeVar("R")
 
 Logs = PathLike | Sequence[PathLike]
 """One or several logs: files, folders or globs, or URLs of objects (``s3://``, ``gs://``, ``az://``, ``https://``)."""
@@ -144,7 +138,13 @@ class ReadOptions(Decoding):
         )
 
 
-class OfLogs(Options):
+class Observed(Options):
+    """What every function takes that reports progress."""
+
+    observer: Observer = option("", "Receives progress and warnings.", default=SILENT, kind=Anything(is_place=True))
+
+
+class OfLogs(Observed):
     """What every function for logs takes."""
 
     writes_remotely = True
@@ -158,7 +158,6 @@ class OfLogs(Options):
         "Store the error of a recording in its outcome and continue with the others, instead of raising it.",
         default=False,
     )
-    observer: Observer = option("", "Receives progress and warnings.", default=SILENT, kind=Anything(is_place=True))
 
     @property
     def watching(self) -> Observer:
@@ -271,24 +270,3 @@ class OfLabelledLogs(LabelSources, OfLogs):
     labels: Converted[PathLike | Sequence[PathLike], tuple[Path, ...]] = option(
         "--labels LABELS", LABELS_HELP, kind=Place(remote=True), repeatable=True, kw_only=False
     )
-
-
-_GIVEN_BESIDE = {
-    "logs": "path, or sequence of paths\n    Files, folders or globs.",
-    "tiles": "path, or sequence of paths\n    Files, folders or globs.",
-    "output": "path\n    File for one, folder for several or if it is a `str` that ends in a slash.",
-    "observer": "Observer, optional\n    Receives progress, notes and warnings.",
-}
-"""Type and meaning of what functions take beside objects of options."""
-
-
-def of_options(run: Callable[P, R]) -> Callable[P, R]:
-    """Document what a function takes, objects of options among others, and the errors that it raises."""
-    lines = ["Parameters", "----------"]
-    for name, one in inspect.signature(run).parameters.items():
-        kinds = [kind for kind in (one.annotation, *get_args(one.annotation)) if hasattr(kind, "writes_remotely")]
-        optional = "" if one.default is one.empty else ", optional"
-        known = [f"{kind.__name__}{optional}\n    {(kind.__doc__ or '').partition(chr(10))[0]}" for kind in kinds]
-        lines.append(f"{name} : {known[0] if known else _GIVEN_BESIDE[name]}")
-    run.__doc__ = with_sections(run.__doc__, lines, RAISES)
-    return run

@@ -12,24 +12,22 @@ from seaclutter_cli.options import (
     Kind,
     Number,
     OptionalPath,
-    Options,
     Place,
     Whole,
     grouped,
     option,
 )
-from seaclutter_cli.runs.options import BatchOptions, ReadOptions, Replacing
+from seaclutter_cli.runs.options import BatchOptions, Observed, OfLogs, Places, ReadOptions, Replacing
+from seaclutter_cli.runs.options.methods import Settings
 from seaclutter_cli.scenes import TrainingParams
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from seaclutter_cli.airborne.settings import TileSettings
     from seaclutter_cli.sources.recordings import Recording
     from seaclutter_cli.urls import PathLike
-
-_BATCH_HELP = "How several tiles are processed."
 
 
 @dataclass(frozen=True)
@@ -40,25 +38,20 @@ class LabelledLog:
     scene: str
 
 
-class LabelledLogs(Options):
-    """Logs by the class of their scene.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> [(log.scene, log.recording.name) for log in seaclutter.LabelledLogs(scenes=("open=samples/sea.mcap",)).find()]
-    [('open', 'sea')]
-    """
+class LabelledLogs(Observed):
+    """Logs by the class of their scene, and how they are read."""
 
     folders: Converted[PathLike | Sequence[PathLike], tuple[Path, ...]] = option(
         "FOLDERS",
         "Folders that each contain a folder of recordings for each class, named after the class.",
         default=(),
         kind=Place(),
+        kw_only=False,
     )
     scenes: Converted[str | Sequence[str], tuple[str, ...]] = option(
         "--scene CLASS=LOGS", "A class, and the file, folder or glob of its logs; repeatable.", default=()
     )
+    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
 
     def find(self) -> list[LabelledLog]:
         """Return the recordings with their true classes; raise `UsageError` if there are none, or one has two."""
@@ -99,14 +92,7 @@ def _class_folders(parent: Path) -> Sequence[Path]:
 
 
 class ClassifierOptions(Replacing):
-    """Options of a trained scene classifier.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> seaclutter.ClassifierOptions(every=10, hold=3).model
-    'open_confined'
-    """
+    """Options of a trained scene classifier."""
 
     model: str = option(
         "--model FILE", "ONNX file of a classifier, or the name of a built-in one.", default="open_confined"
@@ -121,15 +107,16 @@ class ClassifierOptions(Replacing):
     csv_file: OptionalPath = option("--csv", "Write a CSV table with a line for each frame.", default=None)
 
 
-class TrainSceneOptions(Replacing):
-    """Options of `train_scenes`.
+class PredictScenesOptions(ClassifierOptions, OfLogs):
+    """Options of a prediction of scenes."""
 
-    Examples
-    --------
-    >>> import seaclutter
-    >>> seaclutter.TrainSceneOptions(output=folder / "model.onnx").training.epochs
-    30
-    """
+
+class EvaluateScenesOptions(ClassifierOptions, LabelledLogs):
+    """Options of the evaluation of a scene classifier."""
+
+
+class TrainScenesOptions(Replacing, LabelledLogs):
+    """Options of the training of a scene classifier."""
 
     output: Converted[PathLike, Path] = option("-o --output MODEL.onnx", "Model file to write.")
     plot_file: OptionalPath = option("--plot", "Draw loss and precision over the epochs, as PNG or SVG.", default=None)
@@ -140,54 +127,38 @@ class TrainSceneOptions(Replacing):
         "--every", "Use one frame in N; consecutive frames are nearly the same.", default=1, kind=Whole(1)
     )
     training: Grouped[TrainingParams] = grouped(default=TrainingParams())
-    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
 
 
-class TileSettingsOptions(Options):
-    """Sources of the settings of a run over tiles: defaults < file < single keys.
+class OfTiles(Replacing, Observed):
+    """What every function for airborne tiles takes; settings are defaults < file < single keys."""
 
-    Examples
-    --------
-    >>> import seaclutter
-    >>> seaclutter.TileSettingsOptions(overrides=("separation.window_m=30",)).load().separation.window_m
-    30
-    """
-
-    file: OptionalPath = option("-c --config", "Settings file.", default=None, kind=Place())
-    overrides: tuple[str, ...] = option(
-        "-s --set KEY=VALUE", "Set a key, such as separation.window_m=30; repeatable.", default=()
+    tiles: PathLike | Sequence[PathLike] = option(
+        "TILE...", "Files, folders or globs of tiles.", kind=Places(), kw_only=False
+    )
+    config: OptionalPath = option("-c --config", "Settings file.", default=None, kind=Place())
+    settings: Converted[Sequence[str] | Mapping[str, Any], tuple[str, ...]] = option(
+        "-s --set KEY=VALUE",
+        "Set a key, such as separation.window_m=30; repeatable.",
+        default=(),
+        kind=Settings(),
     )
 
-    def load(self, base: TileSettings | None = None) -> TileSettings:
+    def loaded(self, base: TileSettings | None = None) -> TileSettings:
         """Return the settings, on top of ``base`` or the defaults; raise `ConfigError` if any is invalid."""
         from seaclutter_cli.airborne.settings import load_settings
 
-        return load_settings(self.file, self.overrides, base)
+        return load_settings(self.config, self.settings, base)
 
 
-class MapOptions(Options):
-    """Which maps a run over tiles draws and writes.
+class WritingTiles(OfTiles):
+    """What functions take that write a tile for each tile."""
 
-    Examples
-    --------
-    >>> import seaclutter
-    >>> options = seaclutter.SeparateTilesOptions(maps=seaclutter.MapOptions(plot_file=folder / "map.png"))
-    >>> _ = seaclutter.separate_tiles(["samples/tile.laz"], folder / "mapped.laz", options)
-    >>> (folder / "map.png").exists()
-    True
-    """
-
-    plot_file: OptionalPath = option(
-        "--plot", "Draw a map with water level, land and objects, as PNG or SVG.", default=None, kw_only=False
+    output: PathLike = option(
+        "-o --output OUT",
+        "Output file for one tile; folder for several, or with a slash at its end: LAS, LAZ, PCD, PLY or MCAP.",
+        kind=Place(output=True, or_folder=True),
+        kw_only=False,
     )
-    geojson_file: OptionalPath = option(
-        "--geojson", "Also write the shoreline and the boxes of objects as GeoJSON.", default=None, kw_only=False
-    )
-
-    @property
-    def wanted(self) -> bool:
-        """Whether there are any."""
-        return bool(self.plot_file or self.geojson_file)
 
 
 class _Classes(Kind):
@@ -205,15 +176,8 @@ class _Classes(Kind):
         return tuple(value)
 
 
-class SeparateTilesOptions(Replacing):
-    """Options of `separate_tiles`.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> seaclutter.SeparateTilesOptions(with_height=True).settings.load().separation.window_m
-    20.0
-    """
+class SeparateTilesOptions(WritingTiles):
+    """Options of the separation of tiles."""
 
     with_height: bool = option("--with-height", "Also write each point's height above the sea surface.", default=False)
     land: Literal["keep", "class2", "ignore"] | None = option(
@@ -241,47 +205,29 @@ class SeparateTilesOptions(Replacing):
         default=None,
         kind=Number(50, 100_000),
     )
-    maps: Grouped[MapOptions] = grouped(
-        default=MapOptions(), help="Picture, and geodata of the shoreline and the objects."
+    plot_file: OptionalPath = option(
+        "--plot", "Draw a map with water level, land and objects, as PNG or SVG.", default=None
     )
-    settings: Grouped[TileSettingsOptions] = grouped(default=TileSettingsOptions(), help="Settings of the separation.")
-    batch: Grouped[BatchOptions] = grouped(default=BatchOptions(), help=_BATCH_HELP, recording="tile")
+    geojson_file: OptionalPath = option(
+        "--geojson", "Also write the shoreline and the boxes of objects as GeoJSON.", default=None
+    )
+    batch: Grouped[BatchOptions] = grouped(default=BatchOptions(), recording="tile")
 
 
-class ClassifyTilesOptions(Replacing):
-    """Options of `classify_tiles`: the model, its settings and additional outputs.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> seaclutter.ClassifyTilesOptions(model=folder / "model.skops", csv_file=folder / "objects.csv").force
-    False
-    """
+class ClassifyTilesOptions(WritingTiles):
+    """Options of the classification of tiles; settings override those in the model, except for the features."""
 
     model: Converted[PathLike, Path] = option("--model MODEL", "Model file from classify train.", kind=Place())
     csv_file: OptionalPath = option("--csv", "Also write a CSV table with a line for each object.", default=None)
     geojson_file: OptionalPath = option("--geojson", "Also write the boxes of the objects as GeoJSON.", default=None)
     plot_file: OptionalPath = option("--plot", "Draw a top view of the tile, as PNG or SVG.", default=None)
-    settings: Grouped[TileSettingsOptions] = grouped(
-        default=TileSettingsOptions(), help="Settings that override those in the model, except for the features."
-    )
     batch: Grouped[BatchOptions] = grouped(
-        *("fail_fast", "resume", "manifest", "cluster", "cluster_insecure"),
-        default=BatchOptions(),
-        help=_BATCH_HELP,
-        recording="tile",
+        *("fail_fast", "resume", "manifest", "cluster", "cluster_insecure"), default=BatchOptions(), recording="tile"
     )
 
 
-class TrainForestOptions(Replacing):
-    """Options of `train_forest`.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> seaclutter.TrainForestOptions(output=folder / "model.skops").settings.load().forest.trees
-    100
-    """
+class TrainForestOptions(OfTiles):
+    """Options of the training of a random forest."""
 
     output: Converted[PathLike, Path] = option("-o --output MODEL", "Model file to write.")
     class_field: str = option(
@@ -293,6 +239,3 @@ class TrainForestOptions(Replacing):
         default="object_id",
     )
     plot_file: OptionalPath = option("--plot", "Draw the confusion matrix, as PNG or SVG.", default=None)
-    settings: Grouped[TileSettingsOptions] = grouped(
-        default=TileSettingsOptions(), help="Settings of separation, features and forest."
-    )

@@ -21,11 +21,11 @@ from seaclutter_cli.options import (
     option,
 )
 from seaclutter_cli.registry import imported
-from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import (
     LABELS_HELP,
     BatchOptions,
     LabelSources,
+    Observed,
     OfLabelledLogs,
     OfLogs,
     ReadOptions,
@@ -115,21 +115,13 @@ class MaskOptions(Replacing, OfLogs):
     )
 
 
-class ViewOptions(Replacing, LabelSources, ConfigOptions):
-    """Options of the viewer; by default, filtered logs are read back.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> seaclutter.ViewOptions().port
-    9876
-    """
+class ViewOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
+    """Options of the viewer."""
 
     target: OptionalPath = option(
         "--save FILE.rrd", "Write a file for the viewer instead of opening it; needs no display.", default=None
     )
     port: int = option("--port", "Port of the viewer.", default=9876, kind=Whole(1, 65535))
-    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
 
 
 class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
@@ -275,7 +267,7 @@ def parse_seeds(text: str) -> tuple[int, ...]:
     return tuple(seeds)
 
 
-class SimulateOptions(Replacing):
+class SimulateOptions(Replacing, Observed):
     """Options of a simulation: scene, output, and values that replace those of the scene."""
 
     scene: PathLike = option(
@@ -315,4 +307,3 @@ class SimulateOptions(Replacing):
         kind=Parsed(parse_seeds),
     )
     batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
-    observer: Observer = option("", "Receives progress.", default=SILENT, kind=Anything(is_place=True))

@@ -33,10 +33,11 @@ class ConfigFile(Kind):
         return value if isinstance(value, Path) and not is_url(found) else found
 
 
-class _Settings(Kind):
+class Settings(Kind):
     """Settings in the form of the command line, or keys and values."""
 
     def check_all(self, values: Any, name: str) -> Any:
+        """Return settings in the form of the command line."""
         if not isinstance(values, Mapping):
             return super().check_all(values, name)
         return tuple(f"{key}={_as_yaml(value, key)}" for key, value in values.items())
@@ -65,7 +66,7 @@ class _Configured(Options):
         kind=ConfigFile(),
     )
     settings: Converted[Sequence[str] | Mapping[str, Any], tuple[str, ...]] = option(
-        "-s --set KEY=VALUE", "Set a key, such as filter.start_m=5; repeatable.", default=(), kind=_Settings()
+        "-s --set KEY=VALUE", "Set a key, such as filter.start_m=5; repeatable.", default=(), kind=Settings()
     )
 
 

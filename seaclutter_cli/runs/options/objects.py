@@ -5,18 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal
 
 from seaclutter_cli.options import (
-    Anything,
     Converted,
     Grouped,
     OptionalPath,
-    Options,
     Place,
     Whole,
     grouped,
     option,
 )
-from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import BatchOptions, OfLogs, Replacing
+from seaclutter_cli.runs.options import BatchOptions, Observed, OfLogs, Replacing
 from seaclutter_cli.runs.options.methods import ConfigOptions
 
 if TYPE_CHECKING:
@@ -52,7 +49,7 @@ class ProposeOptions(Replacing, OfLogs, ConfigOptions):
     batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
 
 
-class CompareOptions(Options):
+class CompareOptions(Observed):
     """Options of a comparison of labels."""
 
     proposed: Converted[PathLike, Path] = option(
@@ -61,7 +58,6 @@ class CompareOptions(Options):
     corrected: Converted[PathLike, Path] = option(
         "B", "Labels of the same frames after that.", kind=Place(), kw_only=False
     )
-    observer: Observer = option("", "Receives progress.", default=SILENT, kind=Anything(is_place=True))
 
 
 class SuspectsOptions(Replacing, OfLogs, ConfigOptions):
