@@ -33,7 +33,6 @@ class _ListOptions(Options):
     """What is listed."""
 
     kinds: Sequence[str] = option("[KIND]...", "Kinds of items.", default=(), kind=Choice(_KINDS))
-    text: str = option("--match TEXT", "List only names, makers and summaries that contain TEXT.", default="")
 
 
 def _show(console: Console, **sources: Any) -> None:

@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,17 +23,6 @@ _SIMILAR = {
     "ignore": re.compile("ignor|dontcare"),
     "none": re.compile("(empty|nothing|no(object|target|label)s?|null|nan)$"),
 }
-_LONGEST_M: Mapping[str, float] = {
-    "buoy": 20,
-    "person": 4,
-    "swimmer": 4,
-    "kayak": 15,
-    "canoe": 20,
-    "dinghy": 15,
-    "boat": 150,
-    "yacht": 200,
-}
-"""Length that no target exceeds whose class contains a word; generous, because boxes may include wake and moorings."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +38,8 @@ class LabelCheck:
 
     def __init__(self, params: EvaluationParams) -> None:
         self.params, self.boxes = params, 0
-        self._over_full_turn = self._without_size = self._positions = 0
-        self._duplicates, self._too_long, self._classes = Counter[int](), Counter[str](), Counter[str]()
-        self._longest_m: dict[str, float] = {}
+        self._over_full_turn = self._without_size = self._positions = self._too_long = 0
+        self._duplicates, self._classes = Counter[int](), Counter[str]()
         self._sample = FrameSample(params.box_margin_m)
 
     def add(self, frame: Frame, truth: Truth) -> None:
@@ -67,10 +55,7 @@ class LabelCheck:
         rows = np.round(np.column_stack([boxes.centers, boxes.sizes]) / _SAME_M)
         if same := len(rows) - len(np.unique(rows, axis=0)):
             self._duplicates[frame.index] = same
-        for kind, longest_m in zip(boxes.classes, boxes.sizes.max(axis=1, initial=0).tolist(), strict=True):
-            if longest_m > _limit_m(kind):
-                self._too_long[kind] += 1
-                self._longest_m[kind] = max(longest_m, self._longest_m.get(kind, 0.0))
+        self._too_long += int(np.count_nonzero((boxes.sizes > LARGEST_M).any(axis=1)))
         others = np.array([not _resembles(kind, "ignore") for kind in boxes.classes])
         self._sample.offer(frame, replace(truth, targets=boxes.chosen(np.flatnonzero(others))))
 
@@ -79,11 +64,9 @@ class LabelCheck:
         found = [*self._class_names(), *self._counted()]
         fitted = list(self._fitted())
         found += fitted
-        if not any("sizes" in finding.text for finding in fitted):
-            for kind, number in self._too_long.items():
-                subject = printable(f"{count(number, 'box')} of class {kind!r} {'is' if number == 1 else 'are'}")
-                most = f"{_limit_m(kind):g} m (up to {self._longest_m[kind]:,.1f} m)"
-                found.append(Finding("size", f"{subject} longer than {most}: check unit and class"))
+        if self._too_long and not any("sizes" in finding.text for finding in fitted):
+            text = f"{self._of(self._too_long)} have a side of more than {LARGEST_M:g} m: check the unit"
+            found.append(Finding("size", text))
         if not fitted and targets >= _MIN_BOXES and visible < _FEW * targets:
             few, least = f"only {visible:,}" if visible else "none", count(self.params.min_visible_points, "point")
             text = (
@@ -139,8 +122,3 @@ class LabelCheck:
 def _resembles(kind: str, name: str) -> bool:
     """Return whether a class is probably meant to be one of `_MEANINGS`."""
     return bool(_SIMILAR[name].match(re.sub(r"[^a-z]", "", kind.lower())))
-
-
-def _limit_m(kind: str) -> float:
-    """Return the length that no target of a class exceeds, in metres."""
-    return next((limit for word, limit in _LONGEST_M.items() if word in kind.lower()), LARGEST_M)

@@ -79,26 +79,6 @@ def _draw_intensity(figure: "Figure", collected: Collector) -> None:
     figure.legend(loc="outside upper center", ncols=3, markerscale=3, handlelength=1.4)
 
 
-def _draw_own_structure(figure: "Figure", collected: Collector) -> None:
-    """Draw the points that boxes, polygons and a mask exclude, from above, among the others of evenly spaced frames."""
-    samples = collected.spread
-    xyz = np.concatenate([sample.xyz for sample in samples])
-    excluded = np.concatenate([sample.reasons[0] for sample in samples]) == Reason.EXCLUDED
-    reach_m = 1.3 * float(np.abs(xyz[excluded, :2]).max(initial=1.0))
-    axes = figure.add_subplot()
-    shown = (np.abs(xyz[:, :2]) < reach_m).all(axis=1)
-    own = palette.REASONS[Reason.EXCLUDED], palette.REASON_NAMES[Reason.EXCLUDED]
-    for mask, color, label in ((shown & ~excluded, "0.75", "other points"), (shown & excluded, *own)):
-        places = xyz[mask][:: max(1, int(mask.sum()) // _MAX_POINTS)]
-        style: dict[str, Any] = {"markersize": 2, "color": color, "label": label}
-        axes.plot(-places[:, 1], places[:, 0], ".", rasterized=True, markeredgewidth=0, **style)
-    axes.plot(0, 0, "+", color=palette.INK["ink"], markersize=8)
-    axes.set(xlim=(-reach_m, reach_m), ylim=(-reach_m, reach_m), aspect="equal")
-    axes.xaxis.set_major_formatter(lambda value, _: f"{0 - value:g}")
-    axes.set(xlabel="y to port (m)", ylabel="x forward (m)")
-    figure.legend(loc="outside upper center", ncols=2, markerscale=4, handlelength=1.4)
-
-
 def _draw_rings(figure: "Figure", collected: Collector, *, name: str) -> None:
     """Draw the threshold or correction of each range ring over the frames."""
     values: NDArray[np.float32] = collected.histories[0][name]
@@ -175,19 +155,6 @@ def _draw_alarms(figure: "Figure", collected: Collector) -> None:
     figure.legend(loc="outside upper center", ncols=3, handlelength=1.2, handleheight=0.9)
 
 
-def _draw_scenes(figure: "Figure", collected: Collector) -> None:
-    """Draw the class of scene of each frame."""
-    axes = figure.add_subplot()
-    scenes = collected.histories[0].scenes
-    for row, (color, mask) in enumerate(zip(_ring_colors(len(scenes)), scenes.values(), strict=True)):
-        spans = [(first - 0.5, last - first) for first, last in _runs(mask)]
-        axes.broken_barh(spans, (row + 0.15, 0.7), color=color, linewidth=0)
-    axes.set_yticks(np.arange(len(scenes)) + 0.5, [_shortened(name) for name in scenes])
-    axes.set(ylim=(max(len(scenes), 1), 0), ylabel="Class of scene")
-    _set_frame_axis(axes, len(collected.timeline), whole=True)
-    axes.tick_params(axis="y", length=0)
-
-
 def _draw_water(figure: "Figure", collected: Collector) -> None:
     """Draw level and significant wave height of the water over the frames."""
     water = collected.histories[0]["water"]
@@ -232,14 +199,8 @@ FIGURES: Mapping[str, ReportFigure] = {
     "thresholds": ReportFigure(partial(_draw_rings, name="thresholds"), _has_rings),
     "corrections": ReportFigure(partial(_draw_rings, name="corrections"), _has_rings),
     "water": ReportFigure(_draw_water, lambda it: bool(np.isfinite(it.histories[0]["water"]).any()), 0.75),
-    "own_structure": ReportFigure(
-        _draw_own_structure,
-        lambda it: any((sample.reasons[0] == Reason.EXCLUDED).any() for sample in it.spread),
-        aspect=0.95,
-    ),
     "reasons": ReportFigure(_draw_reasons, lambda collected: bool(collected.chosen)),
     "alarms": ReportFigure(_draw_alarms, lambda collected: collected.labelled and bool(collected.chosen), 0.27, 0.08),
-    "scenes": ReportFigure(_draw_scenes, lambda collected: bool(collected.histories[0].scenes), aspect=0.4),
     "stages": ReportFigure(draw_stages, lambda collected: bool(collected.chosen), aspect=1.75),
     "methods": ReportFigure(
         draw_methods, lambda collected: len(collected.methods) > 1 and bool(collected.chosen), aspect=1.2

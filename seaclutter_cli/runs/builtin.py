@@ -20,12 +20,8 @@ from seaclutter_cli.text import table
 from seaclutter_cli.validation import builtin_files
 
 
-def list_builtin(kinds: Collection[str], text: str, observer: Observer) -> "Builtin":  # noqa: ARG001
-    """Return built-in items of some kinds, or of all, whose names or descriptions contain a text, in any case."""
-
-    def fits(kind: str, *texts: str) -> bool:
-        return (not kinds or kind in kinds) and any(text.casefold() in one.casefold() for one in texts)
-
+def list_builtin(kinds: Collection[str], observer: Observer) -> "Builtin":  # noqa: ARG001
+    """Return built-in items of some kinds, or of all."""
     methods = {name: (kind.__doc__ or "").partition("\n")[0] for name, kind in FILTERS.items()}
     lists = {
         "formats": [form.title for form in SOURCES.values()] + [f"*{suffix}" for suffix in FRAME_READERS],
@@ -37,9 +33,9 @@ def list_builtin(kinds: Collection[str], text: str, observer: Observer) -> "Buil
         "plugins": [f"{one.name} ({kind}, {package(one)})" for kind, points in plugins().items() for one in points],
     }
     return Builtin(
-        {name: model for name, model in SENSORS.items() if fits("sensors", name, model.maker)},
-        {name: summary for name, summary in methods.items() if fits("methods", name, summary)},
-        {kind: [name for name in lists[kind] if fits(kind, name)] for kind in lists if not kinds or kind in kinds},
+        SENSORS if not kinds or "sensors" in kinds else {},
+        methods if not kinds or "methods" in kinds else {},
+        {kind: names for kind, names in lists.items() if not kinds or kind in kinds},
     )
 
 
@@ -63,4 +59,4 @@ class Builtin(Result):
         methods = table(("method", ""), [(f"{name:<24}{summary}", "") for name, summary in self.methods.items()])
         lines = (f"{name:<9} {', '.join(values)}" for name, values in self.lists.items() if values)
         lists = "\n".join(textwrap.fill(line, 79, subsequent_indent=" " * 10) for line in lines)
-        return "\n\n".join(filter(None, (sensors, methods if self.methods else "", lists))) or "nothing matches"
+        return "\n\n".join(filter(None, (sensors, methods if self.methods else "", lists)))

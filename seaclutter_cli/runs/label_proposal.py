@@ -162,9 +162,7 @@ class ProposedLabels(RecordedObjects):
 class ProposeWork(ObjectsWork):
     """Proposal of labels for one recording."""
 
-    def without_result(self, reason: str | None) -> ProposedLabels:
-        """Return an outcome without labels."""
-        return ProposedLabels(recording=self.recording.name, error=reason)
+    kind = ProposedLabels
 
     def study(self, source: Source, labels: Labels | None, outcome: RecordedObjects, observer: Observer) -> None:
         """Follow the objects of the only topic."""

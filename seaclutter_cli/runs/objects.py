@@ -128,10 +128,7 @@ class ObjectsWork(RecordingWork[RecordedObjects]):
 
     config: Config
     spool: IO[bytes] | None = None
-
-    def without_result(self, reason: str | None) -> RecordedObjects:
-        """Return an outcome without objects."""
-        return RecordedObjects(recording=self.recording.name, error=reason)
+    kind = RecordedObjects
 
     def study(self, source: Source, labels: Labels | None, outcome: RecordedObjects, observer: Observer) -> None:
         """Filter the recording, and follow its objects."""

@@ -136,9 +136,7 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
     config: Config
     is_given: bool = field(kw_only=True)
     drawn: int = field(kw_only=True)
-
-    def without_result(self, reason: str | None) -> RecordedSuspects:
-        return RecordedSuspects(recording=self.recording.name, error=reason)
+    kind = RecordedSuspects
 
     def study(self, source: Source, labels: Labels | None, outcome: RecordedSuspects, observer: Observer) -> None:
         selection, removed, config = _part(source, self.reading.selection, self.config, is_given=self.is_given)

@@ -1,7 +1,7 @@
 """Tuning: every combination of methods and parameter values over labelled recordings, in one pass."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -49,7 +49,6 @@ def tune(options: TuneOptions) -> "TuningResult":
     'update_weight=0.6'
     """
     observer = options.watching
-    options = replace(options, methods=(*options.methods, *options.method), method=())
     note_left_out(options, observer)
     combinations = grid(options.sweeps, options)
     targets = {"-o": options.output, "--csv": options.csv_file, "--plot": options.curve_file}

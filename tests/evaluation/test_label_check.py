@@ -90,11 +90,12 @@ def test_positions_are_fine_with_a_margin_of_their_own(margin_m, number):
     assert all("or for positions alone a larger evaluation.box_margin_m" in text for text in about_size)
 
 
-def test_the_class_limits_the_size():
-    (found,) = findings(lambda rows: rows[[1, 2, 0, 0]] * [1, 1, 1, 1, 1, 1, 1], ("buoy", "person", "boat", "ship"))[:1]
-    assert found.startswith("6 of 24 boxes repeat")
-    found = findings(classes=("boat", "person", "boat", "buoy"))
-    assert found == ["6 boxes of class 'person' are longer than 4 m (up to 14.0 m): check unit and class"]
+def test_a_box_that_no_target_can_have():
+    def long(rows):
+        rows[3, 3] = 600
+        return rows
+
+    assert "6 of 24 boxes have a side of more than 500 m: check the unit" in findings(long)
 
 
 @pytest.mark.parametrize(("kind", "name"), [("ignored", "ignore"), ("DontCare", "ignore"), ("Empty", "none")])

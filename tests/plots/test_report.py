@@ -48,9 +48,7 @@ def drawn(name, collected):
 
 
 def test_figures_are_drawn_if_there_is_data():
-    without = ("scenes", "water", "own_structure")
-    assert set(draw_figures(collect(), "svg")) == {f"{name}.svg" for name in FIGURES if name not in without}
-    assert "scenes.svg" in draw_figures(collect(names=("adaptive_radius",), edges=()), "svg")
+    assert set(draw_figures(collect(), "svg")) == {f"{name}.svg" for name in FIGURES if name != "water"}
     alone = draw_figures(collect(names=("none",), labelled=False), "svg")
     assert set(alone) == {"intensity.svg", "reasons.svg", "stages.svg"}
     assert draw_figures(collect(frames=0), "svg") == {}
@@ -152,10 +150,8 @@ def test_alarms_are_drawn_at_their_frames():
     assert [tick.get_text() for tick in axes.get_yticklabels()] == ["joint", "none"]
 
 
-@pytest.mark.parametrize("name", ["alarms", "scenes"])
-def test_the_first_and_the_last_frame_are_as_wide_as_others(name):
-    collected = collect(names=("adaptive_radius",), edges=()) if name == "scenes" else collect()
-    assert drawn(name, collected).axes[0].get_xlim() == (-0.5, FRAMES - 0.5)
+def test_the_first_and_the_last_frame_are_as_wide_as_others():
+    assert drawn("alarms", collect()).axes[0].get_xlim() == (-0.5, FRAMES - 0.5)
 
 
 def test_the_legend_of_alarms_lists_only_states_that_occur():

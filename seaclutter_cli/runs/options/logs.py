@@ -31,7 +31,7 @@ from seaclutter_cli.runs.options import (
     ReadOptions,
     Replacing,
 )
-from seaclutter_cli.runs.options.methods import ConfigOptions, MethodLike, MethodName, MethodOptions
+from seaclutter_cli.runs.options.methods import ConfigOptions, MethodOptions
 from seaclutter_cli.sinks.options import FORMATS, McapOptions
 
 if TYPE_CHECKING:
@@ -208,9 +208,6 @@ class TuneOptions(Replacing, OfLabelledLogs, MethodOptions):
         default=(),
         kind=_Sweeps("runs.methods.parse_sweep"),
         kw_only=False,
-    )
-    method: Converted[MethodLike | Sequence[MethodLike] | None, tuple[str, ...]] = option(
-        "", "Another name of ``methods``.", default=(), kind=MethodName()
     )
     hold_out: float = option(
         "--hold-out SHARE",
