@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import sys
 import time
@@ -24,7 +23,6 @@ from seaclutter_cli.errors import (
     opening,
 )
 from seaclutter_cli.options import OptionalPath, Options, Place, option
-from seaclutter_cli.parts import SCRATCH
 from seaclutter_cli.text import printable, shortened
 
 if TYPE_CHECKING:
@@ -65,24 +63,10 @@ class Console(Options):
     log_file: OptionalPath = option(
         "--log-file", "Append all messages to FILE, with times and details.", default=None, kind=Place()
     )
-    parents: bool = option(
-        "--parents", "Create all missing folders of outputs, not only the last of a path.", default=False
-    )
-    scratch: str | None = option(
-        "--scratch FOLDER",
-        "Folder for copies of logs and outputs in object storage. [default: the system's for temporary files]",
-        default=None,
-    )
 
     def __post_init__(self) -> None:
         """Open the log file, so that an error comes before the run, and let it receive the error that ends the run."""
         context = click.get_current_context(silent=True)
-        if context and self.parents:
-            from seaclutter_cli.runs.outputs import making_parents
-
-            context.with_resource(making_parents())
-        if context and self.scratch is not None:
-            context.with_resource(_environment(SCRATCH, self.scratch))
         if self.log_file:
             _begin_log(self.log_file)
             if context:
@@ -175,18 +159,6 @@ class Console(Options):
             show_exactly(json.dumps(_versioned(result), indent=2))
         elif result:
             show(result)
-
-
-@contextmanager
-def _environment(name: str, value: str) -> Iterator[None]:
-    """Set a variable for this process and those that it starts, until the command ends."""
-    before = os.environ.get(name)
-    os.environ[name] = value
-    try:
-        yield
-    finally:
-        os.environ.pop(name)
-        os.environ.update({} if before is None else {name: before})
 
 
 def _versioned(data: Any) -> Any:

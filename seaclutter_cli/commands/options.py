@@ -21,13 +21,10 @@ from seaclutter_cli.runs.options.methods import WORKING_CONFIG, ConfigFile, Meth
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-_BELONGS_TO = {"parents": "force", "scratch": "recursive"}
-"""Options of the console that commands with another option have."""
-
 _GROUPS = {
-    "Input": "rate calibration sensor integrate intensity-field join recursive scratch clutter-ids ignore-ids",
+    "Input": "rate calibration sensor integrate intensity-field join recursive clutter-ids ignore-ids",
     "Method": "keep-end clustering epochs batch learning-rate",
-    "Output": "parents to keep-raw with-removed keep-organized diagnostics compression split include exclude latched "
+    "Output": "to keep-raw with-removed keep-organized diagnostics compression split include exclude latched "
     "csv objects suspects with-scene plot plot-thresholds ring figures figure-format pictures show pick geojson",
     "Many recordings": "fail-fast resume manifest cluster cluster-insecure",
     "Messages": "json quiet verbose log-file debug",
@@ -214,8 +211,7 @@ def command(  # noqa: PLR0913 - what makes a command
     """
     options = declared(takes)
     parameters = [*_parameters(options)]
-    has = [*messages, *(["dry_run"] if plan else []), *(parameter.name for parameter in parameters)]
-    silenced = [key for key in declared(Console) if key not in has and _BELONGS_TO.get(key) not in has]
+    silenced = [key for key in declared(Console) if key not in (*messages, *(["dry_run"] if plan else []))]
     parameters += _parameters(declared(Console), silenced)
 
     def run(**values: Any) -> None:

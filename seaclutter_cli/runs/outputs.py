@@ -8,8 +8,6 @@ import json
 import os
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -42,7 +40,6 @@ _COLUMNS = (
 _LABELS = "--labels"
 _FIGURES = ("--plot", "--plot-thresholds", "--figures")
 _PACKED_BYTES = 2**24
-_making_parents = ContextVar("making_parents", default=False)
 
 Paths = Mapping[str, Path | Iterable[Path] | None]
 """Places of files by the option that gives them."""
@@ -100,16 +97,6 @@ def is_folder(output: PathLike, outputs: int, marker: str = "") -> bool:
     return os.path.isdir(place)  # noqa: PTH112 - false if the name is too long
 
 
-@contextmanager
-def making_parents() -> Iterator[None]:
-    """Within this context, all missing folders of outputs are created; otherwise at most the last of each path."""
-    token = _making_parents.set(True)
-    try:
-        yield
-    finally:
-        _making_parents.reset(token)
-
-
 def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
     outputs: Paths,
     inputs: Paths,
@@ -128,8 +115,8 @@ def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
     an output is an input, is inside an input folder, is a folder, is in a folder whose parent does not exist, exists
     and may not be replaced, or is a figure in an unknown format.
 
-    Unless ``dry``, folders below ``root``, and within `making_parents` all, are created. Incomplete files that killed
-    runs left are removed, with a note to the observer.
+    Unless ``dry``, folders below ``root`` are created. Incomplete files that killed runs left are removed, with a note
+    to the observer.
     """
     markers = {"-o": root.marker} if root else {}
     for folder in {path.parent if mirror_of(path.parent) else path for _, path in _flat(outputs)}:
@@ -237,17 +224,17 @@ def _check_place(target: _Target, *, force: bool) -> None:
 
 def _prepare_folders(targets: Sequence[_Target], root: Root | None, observer: Observer, *, dry: bool) -> None:
     """Check that folders of outputs exist or can be created; create and tidy them. Each is looked at only once."""
-    top, at_any_depth = Path(os.path.realpath(root.place)) if root else None, _making_parents.get()
+    top = Path(os.path.realpath(root.place)) if root else None
     folders = {target.file.parent: target.path for target in reversed(targets)}
     names: defaultdict[Path, set[str]] = defaultdict(set)
     for target in targets:
         names[target.file.parent].add(target.file.name)
     for folder, path in reversed(folders.items()):
         above = top if top and top in folder.parents else folder
-        if not (at_any_depth or mirror_of(path) or os.path.lexists(above) or os.path.lexists(above.parent)):
-            raise UsageError(f"{path}: there is no folder {path.parent.parent}; --parents creates it")
+        if not (mirror_of(path) or os.path.lexists(above) or os.path.lexists(above.parent)):
+            raise UsageError(f"{path}: there is no folder {path.parent.parent}; create it first")
     for folder, path in () if dry else sorted(folders.items()):
-        if at_any_depth or top in folder.parents:
+        if top in folder.parents:
             with opening(path, OutputError, "cannot be written"):
                 folder.mkdir(parents=True, exist_ok=True)
         if removed := remove_stale(folder, names[folder]):

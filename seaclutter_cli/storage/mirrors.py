@@ -269,7 +269,7 @@ class Mirror:
         if free < size:
             raise InputError(
                 f"{files[0][0].url}: needs {size / 1e9:.2f} GB in the scratch folder {self.path.parent}, which has "
-                f"{free / 1e9:.2f} GB free; choose another with --scratch"
+                f"{free / 1e9:.2f} GB free; choose another with {SCRATCH}"
             )
 
     def fetch_ends(self, path: Path) -> None:

@@ -371,7 +371,7 @@ def test_files_that_are_given_as_folders(folder, line):
 def test_at_most_one_folder_is_created(folder, line):
     result = run(line)
     assert result.exit_code == 2
-    assert "there is no folder a; --parents creates it" in result.stderr
+    assert "there is no folder a; create it first" in result.stderr
     (folder / "a").mkdir()
     assert run(line).exit_code == 0
 

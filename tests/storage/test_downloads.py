@@ -83,7 +83,7 @@ def test_space_is_checked(bucket, mirror, monkeypatch):
     with pytest.raises(InputError) as raised:
         mirror.fetch([path])
     assert "log.mcap: needs 0.00 GB in the scratch folder" in str(raised.value)
-    assert "choose another with --scratch" in str(raised.value)
+    assert "choose another with SEACLUTTER_SCRATCH" in str(raised.value)
 
 
 @pytest.fixture

@@ -18,7 +18,5 @@ def test_only_damage_within_the_period_is_reported(tmp_path, name):
     data[len(data) // 10 : len(data) // 10 + 50] = bytes(50)
     (tmp_path / "port.mcap").write_bytes(data)
     (tmp_path / "starboard.mcap").write_bytes(SEA.read_bytes())
-    result = execute(
-        "convert", tmp_path, "--merge", *words, "-o", tmp_path / "out" / "all.mcap", "--parents", code=code
-    )
+    result = execute("convert", tmp_path, "--merge", *words, "-o", tmp_path / "out" / "all.mcap", code=code)
     assert bool(re.search("Damaged: .*port.mcap: .* the chunk fails its checksum", result.stderr)) == (code == 3)
