@@ -332,13 +332,13 @@ def function_of(kind: Callable[P, T]) -> Callable[[Callable[[T], R]], Callable[P
         returned = inspect.signature(run).return_annotation
         function.options = kind  # type: ignore[attr-defined]
         function.__signature__ = inspect.Signature(shown, return_annotation=returned)  # type: ignore[attr-defined]
-        function.__doc__ = documented(run.__doc__, kind, RAISES)
+        function.__doc__ = documented(run.__doc__, kind, _RAISES)
         return function
 
     return decorate
 
 
-RAISES = "Raises\n------\nSeaclutterError\n    If a log or an option cannot be used; see its subclasses."
+_RAISES = "Raises\n------\nSeaclutterError\n    If a log or an option cannot be used; see its subclasses."
 
 
 def documented(text: str | None, kind: Any, raises: str = "") -> str:
@@ -348,11 +348,6 @@ def documented(text: str | None, kind: Any, raises: str = "") -> str:
     for name, one in declared(kind).items():
         optional = "" if one.default is MISSING else ", optional"
         lines += [f"{name} : {_in_words(one)}{optional}", f"    {_in_python(one.help, names)}"]
-    return with_sections(text, lines, raises)
-
-
-def with_sections(text: str | None, lines: Sequence[str], raises: str) -> str:
-    """Return a docstring with a section of parameters, and one of errors, unless it has one."""
     summary, *sections = re.split(r"\n\n(?=\w+\n-----)", inspect.cleandoc(text or ""))
     if raises and not any(section.startswith("Raises") for section in sections):
         sections.insert(len(sections) - 1, raises)

@@ -4,8 +4,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
-from tempfile import TemporaryFile
-from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,8 +56,6 @@ def find_objects(options: ObjectsOptions) -> "ObjectsResult":
     with OutputGroup(replace=options.force) as files:
         with ExitStack() as stack:
             target = stack.enter_context(AtomicFile(options.output, files)) if options.output else None
-            if target and options.batch.runs_here(len(works)):
-                works = [replace(works[0], spool=stack.enter_context(TemporaryFile(dir=target.part.parent)))]
             outcomes = run_all(works, options.batch, observer)
             result = ObjectsResult(outcomes)
             if target and options.output:
@@ -124,15 +120,13 @@ class RecordedObjects(Outcome):
 
 @dataclass(frozen=True)
 class ObjectsWork(RecordingWork[RecordedObjects]):
-    """Search for the objects of one recording; rows are in memory unless there is a file for them, ``spool``."""
+    """Search for the objects of one recording."""
 
     config: Config
-    spool: IO[bytes] | None = None
     kind = RecordedObjects
 
     def study(self, source: Source, labels: Labels | None, outcome: RecordedObjects, observer: Observer) -> None:
         """Filter the recording, and follow its objects."""
-        outcome.rows = PackedRows(self.spool)
         table = object_table(self.config, outcome.rows)
         with self.progress(source, observer) as step:
             run(source, self.config.make_filter, [table], self.reading.selection, lambda _: step())

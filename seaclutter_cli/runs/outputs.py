@@ -266,8 +266,8 @@ def write_files(files: Mapping[Path, bytes], group: OutputGroup | None = None, *
 class PackedRows:
     """Lines of a table about one recording, compressed: in memory, or if they are many in a temporary file."""
 
-    def __init__(self, packed: IO[bytes] | None = None) -> None:
-        self.packed: IO[bytes] = packed or SpooledTemporaryFile(_PACKED_BYTES)  # noqa: SIM115 - as long as the rows
+    def __init__(self) -> None:
+        self.packed: IO[bytes] = SpooledTemporaryFile(_PACKED_BYTES)  # noqa: SIM115 - as long as the rows
         self._lines = gzip.GzipFile(fileobj=self.packed, mode="wb")
 
     def write(self, line: bytes) -> None:
