@@ -21,12 +21,7 @@ from seaclutter_cli.reading import frames
 from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.observer import Observer, Step
 from seaclutter_cli.runs.options import ReadOptions
-from seaclutter_cli.runs.options.classifiers import (
-    EvaluateScenesOptions,
-    LabelledLog,
-    PredictScenesOptions,
-    TrainScenesOptions,
-)
+from seaclutter_cli.runs.options.classifiers import EvaluateScenesOptions, PredictScenesOptions, TrainScenesOptions
 from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, Result, WithData, expand, opened, storing_errors
 from seaclutter_cli.scenes.model import SceneDecision, SceneModel, SceneTracker
@@ -67,8 +62,7 @@ def evaluate_scenes(options: EvaluateScenesOptions) -> "SceneEvaluation":
     array([[60,  0],
            [ 0,  0]])
     """
-    labelled = [(one.recording, one.scene) for one in options.find()]
-    return SceneEvaluation(*_classify(labelled, options, options.observer))
+    return SceneEvaluation(*_classify(options.find(), options, options.observer))
 
 
 def _classify(
@@ -267,7 +261,7 @@ def train_scenes(options: TrainScenesOptions) -> "SceneTraining":
     observer, labelled = options.observer, options.find()
     prepare_outputs(
         {"-o": options.output, "--plot": options.plot_file},
-        inputs_of((log.recording for log in labelled), options.reading),
+        inputs_of((recording for recording, _ in labelled), options.reading),
         force=options.force,
         observer=observer,
     )
@@ -293,19 +287,18 @@ def train_scenes(options: TrainScenesOptions) -> "SceneTraining":
 
 
 def _read(
-    logs: Sequence[LabelledLog], options: TrainScenesOptions, observer: Observer
+    logs: Sequence[tuple[Recording, str]], options: TrainScenesOptions, observer: Observer
 ) -> tuple[Examples, list[Damage]]:
-    classes = list(dict.fromkeys(log.scene for log in logs))
+    classes = list(dict.fromkeys(scene for _, scene in logs))
     if len(classes) < 2:
         raise UsageError(f"all logs are of class {classes[0]}; training needs at least two classes")
     examples, damage = Examples(classes, options.extent_m), list[Damage]()
     with observer.progress("reading", None) as step:
-        for log in logs:
-            examples.begin(log.recording.name, classes.index(log.scene))
-            outcome = Outcome(recording=log.recording.name)
-            for frame in islice(
-                read_frames(log.recording, options.reading, observer, step, outcome), 0, None, options.every
-            ):
+        for recording, scene in logs:
+            examples.begin(recording.name, classes.index(scene))
+            outcome = Outcome(recording=recording.name)
+            every = read_frames(recording, options.reading, observer, step, outcome)
+            for frame in islice(every, 0, None, options.every):
                 examples.add(frame.coordinates)
             damage += outcome.damage
     return examples, damage

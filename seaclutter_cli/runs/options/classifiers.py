@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from seaclutter_cli.errors import UsageError
@@ -30,14 +29,6 @@ if TYPE_CHECKING:
     from seaclutter_cli.urls import PathLike
 
 
-@dataclass(frozen=True)
-class LabelledLog:
-    """A recording and the true class of its scene."""
-
-    recording: Recording
-    scene: str
-
-
 class LabelledLogs(Observed):
     """Logs by the class of their scene, and how they are read."""
 
@@ -53,8 +44,8 @@ class LabelledLogs(Observed):
     )
     reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
 
-    def find(self) -> list[LabelledLog]:
-        """Return the recordings with their true classes; raise `UsageError` if there are none, or one has two."""
+    def find(self) -> list[tuple[Recording, str]]:
+        """Return recordings with their true classes; raise `UsageError` if there are none, or one has two."""
         from seaclutter_cli.sources.recordings import find_recordings
 
         named = []
@@ -66,12 +57,12 @@ class LabelledLogs(Observed):
         named += [(folder.name, str(folder)) for parent in self.folders for folder in _class_folders(parent)]
         if not named:
             raise UsageError("no logs: give a folder that contains a folder for each class, or --scene CLASS=LOGS")
-        found: dict[Path, LabelledLog] = {}
+        found: dict[Path, tuple[Recording, str]] = {}
         for scene, pattern in named:
             for recording in find_recordings([pattern]):
-                first = found.setdefault(recording.key, LabelledLog(recording, scene))
-                if first.scene != scene:
-                    raise UsageError(f"{recording.paths[0]}: labelled as both {first.scene} and {scene}")
+                _, first = found.setdefault(recording.key, (recording, scene))
+                if first != scene:
+                    raise UsageError(f"{recording.paths[0]}: labelled as both {first} and {scene}")
         return list(found.values())
 
 
