@@ -119,7 +119,10 @@ class ViewOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
     """Options of the viewer."""
 
     target: OptionalPath = option(
-        "--save FILE.rrd", "Write a file for the viewer instead of opening it; needs no display.", default=None
+        "--save FILE.rrd",
+        "Write a file for the viewer instead of opening it; needs no display.",
+        default=None,
+        kind=Place(output=True),
     )
     port: int = option("--port", "Port of the viewer.", default=9876, kind=Whole(1, 65535))
 
