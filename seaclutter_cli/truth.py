@@ -78,8 +78,8 @@ class Truth:
 
     Targets are None if only points are labelled; a target then consists of the points with its track number. Clusters
     in areas to ignore count neither as detections nor as false alarms. ``points``, shape (N,), are `CLUTTER`, `IGNORED`
-    or the track number of its target for each point of the frame; None if unknown. Of the boxes, ``proposed`` are as
-    the program proposed them.
+    or the track number of its target for each point of the frame; None if unknown. So many of the labels are as the
+    program ``proposed`` them.
     """
 
     targets: Boxes | None

@@ -38,11 +38,12 @@ _FIRST_TOLERANCE_NS = 25_000_000
 
 
 class _Row(NamedTuple):
-    """Line of the file: key of its frame, labelled object (None for class ``none``), and line number."""
+    """Line of the file: key of its frame, labelled object (None for class ``none``), line number, and mark."""
 
     key: int
     labelled: Labelled | None
     line: int
+    proposed: bool
 
 
 def find(path: Path) -> Path | None:
@@ -105,13 +106,12 @@ def _row(names: Sequence[str], key: str, cells: Sequence[str], line: int) -> _Ro
     frame_key = int(values[key].partition(".")[0])
     if frame_key >= 2**63:
         raise LabelError(f"{key} {_quoted(values[key])} is too large")
-    kind = values["class"]
+    kind, proposed = values["class"], bool(values.get(PROPOSED))
     if kind.lower() == _NONE:
-        return _Row(frame_key, None, line)
+        return _Row(frame_key, None, line, proposed)
     x, y, z, length, width, height, yaw = (_number(values, name) for name in _BOX)
-    proposed = bool(values.get(PROPOSED))
     labelled = Labelled(values["track_id"], kind, (x, y, z), (length, width, height), yaw, proposed)
-    return _Row(frame_key, checked(labelled), line)
+    return _Row(frame_key, checked(labelled), line, proposed)
 
 
 def _number(values: Mapping[str, str], name: str) -> float:
@@ -186,7 +186,7 @@ class CsvLabels:
             return None
         self._labelled = True
         truth = truth_of([row.labelled for row in rows if row.labelled is not None])
-        return replace(truth, points=point_labels(frame))
+        return replace(truth, points=point_labels(frame), proposed=sum(row.proposed for row in rows))
 
     @property
     def frames(self) -> Sequence[int] | None:

@@ -13,7 +13,7 @@ FOLDER_FORMS: Mapping[str, JsonForm] = {"sustechpoints": SUSTECHPOINTS, "seepers
 """Forms with a folder for each recording; a CSV file is the other one."""
 
 SURE, DOUBTFUL = "sure", "doubtful"
-_LEAST_FRAMES = 3
+LEAST_FRAMES = 3
 
 
 def proposals(rows: Iterable[Mapping[str, Any]]) -> list[Proposal]:
@@ -27,7 +27,7 @@ def proposals(rows: Iterable[Mapping[str, Any]]) -> list[Proposal]:
         tracks.setdefault(row["track_id"], []).append(row)
     found = []
     for number, own in tracks.items():
-        if sum(row["state"] != "lost" for row in own) < _LEAST_FRAMES:
+        if sum(row["state"] != "lost" for row in own) < LEAST_FRAMES:
             continue
         ((kind, _),) = Counter(row["class"] for row in own).most_common(1)
         kind = IGNORE if kind == "structure" else kind
@@ -40,7 +40,7 @@ def proposals(rows: Iterable[Mapping[str, Any]]) -> list[Proposal]:
 
 
 def write_proposals(stream: BinaryIO, found: Sequence[Proposal], frames: Iterable[int]) -> None:
-    """Write a CSV file; frames without an object are labelled as empty."""
+    """Write a CSV file; frames without an object are labelled as empty, and marked as proposed, too."""
     stream.write(f"{','.join((*COLUMNS, PROPOSED, 'score'))}\n".encode())
     for one in found:
         box = (*one.labelled.center, *one.labelled.size, one.labelled.yaw)
@@ -48,7 +48,7 @@ def write_proposals(stream: BinaryIO, found: Sequence[Proposal], frames: Iterabl
         row = f"{one.frame},{one.labelled.track},{one.labelled.kind},{numbers},{one.mark},{one.score:.3f}\n"
         stream.write(row.encode())
     empty = sorted(set(frames) - {one.frame for one in found})
-    stream.writelines(f"{frame},,none,,,,,,,,,\n".encode() for frame in empty)
+    stream.writelines(f"{frame},,none,,,,,,,,{SURE},\n".encode() for frame in empty)
 
 
 def files_of(form: JsonForm, found: Iterable[Proposal], frames: Sequence[int]) -> Iterator[tuple[str, bytes]]:

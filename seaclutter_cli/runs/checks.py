@@ -12,7 +12,7 @@ from seaclutter_cli.filters.zones import ZoneParams, Zones
 from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages.pointcloud2 import rewrapped
-from seaclutter_cli.pipeline import TopicTally
+from seaclutter_cli.pipeline import Filtered, TopicTally
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.observer import Observer
@@ -274,6 +274,12 @@ class _LandCheck:
         return self._ground.warning()
 
 
+def warn_if_filtered(source: Source, topics: Sequence[str], config: Config, observer: Observer) -> None:
+    """Warn if a method other than ``none`` filters clouds again that an earlier run filtered."""
+    if config.method != "none" and (by := filtered_by(source, topics)) is not None:
+        observer.warn(f"{source.name}: already filtered{by}; this run only filters the remaining points")
+
+
 class FitChecks(Checks):
     """Checks of the frames of a topic, and of the sums over them; an observer receives the warnings."""
 
@@ -318,6 +324,16 @@ class FitChecks(Checks):
 
         models = self._sensor.sensor(self._facts.get(self._topic)).models
         return smallest(models, self._beams_deg, tally.mean_water.level_m)
+
+    def checked(self, every: Iterable[Filtered]) -> Iterator[Filtered]:
+        """Yield frames with the result of one method, and check them."""
+        tally = TopicTally()
+        for frame, results, seconds in every:
+            for result in filter(None, results):
+                self.see(result)
+                tally.add(result, 0.0)
+            yield frame, results, seconds
+        self.end(tally)
 
     def _of_sums(self, tally: TopicTally) -> Iterator[str]:
         most, without = Reason(int(tally.counts.argmax())), tally.frames - tally.water_frames

@@ -101,7 +101,7 @@ if TYPE_CHECKING:
 
 _MAX_ROWS = 40
 _AS_PROPOSED = (
-    "labels: some boxes are as `labels propose` made them; until a person has corrected them, the method judges itself"
+    "labels: some are as `labels propose` made them; until a person has corrected them, the method judges itself"
 )
 
 

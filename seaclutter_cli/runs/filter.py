@@ -20,7 +20,7 @@ from seaclutter_cli.pipeline import TopicTally, run
 from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.batch import input_bytes
-from seaclutter_cli.runs.checks import FitChecks
+from seaclutter_cli.runs.checks import FitChecks, warn_if_filtered
 from seaclutter_cli.runs.log_work import LogOutcome, LogRun, LogSummary, LogWork
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
@@ -29,7 +29,7 @@ from seaclutter_cli.runs.options.logs import FilterOptions
 from seaclutter_cli.runs.outputs import PackedRows, may_appear
 from seaclutter_cli.runs.recordings import open_recording
 from seaclutter_cli.runs.resume import RunIdentity, identity_of
-from seaclutter_cli.selection import Selection, cloud_channels, every_topic, filtered_by
+from seaclutter_cli.selection import Selection, cloud_channels, every_topic
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import FrameTable
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
@@ -294,8 +294,7 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         topics = list(dict.fromkeys(channel.topic for channel in clouds))
         if self.labels and len(topics) > 1:
             raise TopicError(f"{source.name}: labels apply to one topic; choose one with -t")
-        if self.config.method != "none" and (by := filtered_by(source, selection.topics)) is not None:
-            observer.warn(f"{source.name}: already filtered{by}; this run only filters the remaining points")
+        warn_if_filtered(source, selection.topics, self.config, observer)
         named = printable(", ".join(channel.topic for channel in clouds))
         observer.note(f"{source.name}: {source.format}, method {self.config.method} on {named}", detail=True)
         checks = {topic: FitChecks(self.config, source, topic, observer) for topic in topics}

@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.labels.boxes import Proposal
 from seaclutter_cli.labels.json_boxes import JsonForm
-from seaclutter_cli.labels.proposals import DOUBTFUL, FOLDER_FORMS, files_of, proposals, write_proposals
+from seaclutter_cli.labels.proposals import DOUBTFUL, FOLDER_FORMS, LEAST_FRAMES, files_of, proposals, write_proposals
 from seaclutter_cli.options import function_of
 from seaclutter_cli.reading import frames
 from seaclutter_cli.runs.batch import prepared, run_all
@@ -31,6 +32,7 @@ from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, printable, table
 
 _NANO = 10**9
+_MOST_SHOWN = 20
 
 
 @function_of(ProposeOptions)
@@ -150,12 +152,17 @@ class ProposedLabels(RecordedObjects):
                 sum(one.mark == DOUBTFUL for one in own),
                 f"{own[0].score:.2f}",
             )
-            for track, own in rows.items()
+            for track, own in islice(rows.items(), _MOST_SHOWN)
         ]
+        left_out = len(rows) - len(lines)
         head = f"{printable(self.recording)}: {count(self.frames, 'frame')}, {count(self.boxes, 'box')}"
-        return f"{head}, {self.doubtful:,} doubtful\n" + (
-            table(("id", "class", "frames", "boxes", "doubtful", "score"), lines) if lines else "No object found."
-        )
+        blocks = [f"{head}, {self.doubtful:,} doubtful"]
+        blocks.append(table(("id", "class", "frames", "boxes", "doubtful", "score"), lines) if lines else "No box.")
+        if left_out:
+            blocks.append(f"and {count(left_out, 'other object')}")
+        if brief := len(self.tracks) - len(rows):
+            blocks.append(f"left out: {count(brief, 'object')} seen in fewer than {LEAST_FRAMES} frames")
+        return "\n".join(blocks)
 
 
 @dataclass(frozen=True)

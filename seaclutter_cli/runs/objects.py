@@ -10,16 +10,19 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.buckets import on_paths
 from seaclutter_cli.config import Config
+from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import run
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
+from seaclutter_cli.runs.checks import FitChecks, warn_if_filtered
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.methods import ConfigOptions
 from seaclutter_cli.runs.options.objects import ObjectsOptions
 from seaclutter_cli.runs.outputs import PackedRows, may_appear
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
+from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.object_files import check_objects_file, parsed, write_objects
 from seaclutter_cli.sinks.objects import COLUMNS, ObjectTable, TrackSummary
@@ -91,31 +94,42 @@ class RecordedObjects(Outcome):
         return f"{count(self.frames, 'frame')}, {count(len(self.confirmed), 'object')}, {self.seconds:.1f} s"
 
     def as_text(self) -> str:
-        """Return the tracks that were confirmed as a table."""
-        found = sorted(self.confirmed, key=lambda one: -one.frames)
-        rows = [
-            (
-                one.topic,
-                one.track_id,
-                one.frames,
-                f"{one.length_m:.1f}",
-                f"{one.width_m:.1f}",
-                f"{one.height_m:.1f}",
-                f"{one.nearest_m:.0f}",
-                f"{one.speed_ms:.1f}",
-                f"{one.score:.2f}",
-            )
-            for one in found[:_MOST_SHOWN]
-        ]
+        """Return the tracks that were confirmed as a table for each topic."""
         head = f"{printable(self.recording)}: {self.figures()}"
         if self.candidates:
-            head += f"; {count(self.candidates, 'candidate')}, seen briefly, in part, or above the water"
-        if not rows:
-            return head
-        names = "topic", "id", "frames", "length m", "width m", "height m", "nearest m", "speed m/s", "score"
-        more = [f"and {count(len(found) - _MOST_SHOWN, 'other object')}"] if len(found) > _MOST_SHOWN else []
-        speeds = "Speeds are over ground." if found[0].over_ground else "Speeds are relative to own ship."
-        return "\n".join([head, table(names, rows), *more, speeds])
+            head += f"\n{count(self.candidates, 'candidate')}, seen briefly, in part, or above the water"
+        by_topic: dict[str, list[TrackSummary]] = {}
+        for one in self.confirmed:
+            by_topic.setdefault(one.topic, []).append(one)
+        blocks = [
+            f"{printable(topic)}:\n{_track_table(found)}" if len(by_topic) > 1 else _track_table(found)
+            for topic, found in by_topic.items()
+        ]
+        if blocks:
+            over_ground = next(iter(by_topic.values()))[0].over_ground
+            motion = "over ground" if over_ground else "relative to own ship"
+            blocks.append(f"Sizes are length x width x height; speeds are {motion}.")
+        return "\n".join([head, *blocks])
+
+
+def _track_table(tracks: Sequence[TrackSummary]) -> str:
+    """Return the tracks that were seen in most frames as a table."""
+    found = sorted(tracks, key=lambda one: -one.frames)
+    rows = [
+        (
+            one.track_id,
+            one.kind,
+            one.frames,
+            f"{one.length_m:.1f} x {one.width_m:.1f} x {one.height_m:.1f}",
+            f"{one.nearest_m:.0f}",
+            f"{one.speed_ms:.1f}",
+            f"{one.score:.2f}",
+        )
+        for one in found[:_MOST_SHOWN]
+    ]
+    lines = table(("id", "class", "frames", "size m", "nearest m", "speed m/s", "score"), rows)
+    left_out = len(found) - _MOST_SHOWN
+    return f"{lines}\nand {count(left_out, 'other object')}" if left_out > 0 else lines
 
 
 @dataclass(frozen=True)
@@ -128,8 +142,19 @@ class ObjectsWork(RecordingWork[RecordedObjects]):
     def study(self, source: Source, labels: Labels | None, outcome: RecordedObjects, observer: Observer) -> None:
         """Filter the recording, and follow its objects."""
         table = object_table(self.config, outcome.rows)
+        selection = self.reading.selection
+        topics = {channel.topic for channel in cloud_channels(source, selection.topics)}
+        warn_if_filtered(source, selection.topics, self.config, observer)
+        checks = {topic: FitChecks(self.config, source, topic, observer) for topic in topics}
         with self.progress(source, observer) as step:
-            run(source, self.config.make_filter, [table], self.reading.selection, lambda _: step())
+
+            def on_result(result: FilterResult) -> None:
+                step()
+                checks[result.frame.topic].see(result)
+
+            tallies = run(source, self.config.make_filter, [table], selection, on_result)
+        for topic, tally in tallies.items():
+            checks[topic].end(tally)
         outcome.frames, outcome.indices, outcome.tracks = len(table.indices), table.indices, table.tracks
         self.finish(source, labels, outcome.frames)
 

@@ -92,11 +92,13 @@ OBJECTS = (
 
 
 _LOST = "share of the looks at likely targets in which they are removed"
-_INDICATIONS = (
+_ERRORS = (
     Column("targets lost", _LOST, itemgetter("targets_lost"), 1, " %"),
     Column("doubtful/frame", "kept clusters per frame that are unlike targets", itemgetter("doubtful_per_frame"), 2),
     Column("F1", "of these two, as if likely targets were labelled", itemgetter("f1"), 3),
     Column("flicker/min", "how often a likely target comes or goes in a minute", itemgetter("changes_per_minute"), 1),
+)
+_MEANS = (
     Column("kept", "mean likeness to targets of what is kept, from 0 to 1", itemgetter("score_of_kept"), 2),
     Column("removed", "the same of what is removed", itemgetter("score_of_removed"), 2),
     Column("water", "share of the points near the water that are kept", itemgetter("water_kept"), 2, " %"),
@@ -137,9 +139,12 @@ def score_legend(text: str, columns: Iterable[Column], others: Mapping[str, str]
 
 def indications_text(found: Mapping[str, Any], title: str) -> str:
     """Return what indicates the quality of methods as human-readable text."""
-    rows = [(name, *(column.cell(one) for column in _INDICATIONS)) for name, one in found.items()]
-    lines = table(("method", *(column.head for column in _INDICATIONS)), rows)
-    return f"{title}\n\n{lines}\n\n{_NOTE}\n\n{score_legend(UNKNOWN * (UNKNOWN in lines), _INDICATIONS)}"
+    tables = []
+    for columns in (_ERRORS, _MEANS):
+        rows = [(name, *(column.cell(one) for column in columns)) for name, one in found.items()]
+        tables.append(table(("method", *(column.head for column in columns)), rows))
+    text = "\n\n".join((title, *tables, _NOTE))
+    return f"{text}\n\n{score_legend(UNKNOWN * (UNKNOWN in text), (*_ERRORS, *_MEANS))}"
 
 
 class FrameRows(PackedRows):

@@ -16,6 +16,7 @@ from seaclutter_cli.plots.clouds import draw_suspect
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.reporting.sample import take_sample
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
+from seaclutter_cli.runs.checks import FitChecks
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.objects import SuspectsOptions
@@ -91,7 +92,8 @@ class RecordedSuspects(Outcome):
     method: str = ""
     topic: str = ""
     frames: int = 0
-    start_ns: int = 0
+    start_ns: int | None = None
+    unjudged: int = 0
     suspects: Mapping[str, Sequence[Suspect]] = field(default_factory=dict)
     pictures: dict[str, bytes] = field(default_factory=dict, repr=False)
 
@@ -119,12 +121,14 @@ class RecordedSuspects(Outcome):
             rows = [(number, *self._cells(one)) for number, one in enumerate(found[:shown], 1)]
             more = f" (of {len(found):,})" if len(found) > shown else ""
             blocks.append(f"{title}{more}:\n{table(heads, rows)}")
+        if self.unjudged:
+            blocks.append(f"{count(self.unjudged, 'cluster')} came in the last second, too late to be judged")
         return "\n\n".join(blocks)
 
     def _cells(self, one: Suspect) -> tuple[str, ...]:
-        spans = (f"{(stamp - self.start_ns) / 1e9:.1f}" for stamp in (one.first_ns, one.last_ns))
+        spans = (f"{(stamp - (self.start_ns or 0)) / 1e9:.1f}" for stamp in (one.first_ns, one.last_ns))
         top = UNKNOWN if one.top_m is None else f"{one.top_m:.1f}"
-        numbers = f"{one.range_m:.0f}", f"{one.x_m:.0f}", f"{one.y_m:.0f}", f"{one.points:,}", top
+        numbers = f"{one.range_m:.0f}", f"{one.x_m:z.0f}", f"{one.y_m:z.0f}", f"{one.points:,}", top
         by = sorted(one.reasons, key=lambda name: -one.reasons[name])[:1] if one.reasons else []
         return f"{one.score:.2f}", f"{one.frames:,}", *spans, *numbers, *(name.replace("_", " ") for name in by)
 
@@ -145,12 +149,16 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
         outcome.topic, outcome.method = clouds[0].topic, config.method if config else ", ".join(earlier)
         finder = finder_for(self.config)
         with self.progress(source, observer, clouds) as step:
-            for frame, (result,), _ in _filtered(source, config, selection, removed):
-                outcome.start_ns = outcome.start_ns or frame.stamp_ns
+            every = _filtered(source, config, selection, removed)
+            if config:
+                every = FitChecks(config, source, outcome.topic, observer).checked(every)
+            for frame, (result,), _ in every:
+                if outcome.start_ns is None:
+                    outcome.start_ns = frame.stamp_ns
                 outcome.frames += 1
                 finder.add(frame, [result])
                 step()
-        outcome.suspects = finder.finish()
+        outcome.suspects, outcome.unjudged = finder.finish(), finder.unjudged
         wanted = _chosen(outcome.suspects, self.drawn)
         if wanted:  # in a second pass, because suspects are known at the end
             for frame, (result,), _ in _filtered(source, config, selection, removed):

@@ -40,10 +40,11 @@ OVER_GROUND, RELATIVE = "ground", "own_ship"
 
 @dataclass
 class TrackSummary:
-    """A track as a whole: the number of frames in which it was seen, its size, greatest speed, and least distance."""
+    """A track as a whole: its class, the frames in which it was seen, size, greatest speed, and least distance."""
 
     topic: str
     track_id: int
+    kind: str = ""
     frames: int = 0
     is_confirmed: bool = False
     length_m: float = 0.0
@@ -101,6 +102,7 @@ class ObjectTable(Sink):
             one.length_m, one.width_m, one.height_m = frame.sizes[k].round(2).tolist()
             one.nearest_m = min(one.nearest_m, round(float(np.hypot(*frame.centers[k, :2])), 1))
             one.speed_ms = max(one.speed_ms, round(float(np.hypot(*frame.velocities[k])), 2))
+            one.kind = frame.kinds[k]
             one.score, one.over_ground = round(float(frame.scores[k]), 3), frame.over_ground
 
 

@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 from seaclutter_cli.clustering import ClusterFinder
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.suspects.bodies import Bodies, BodyFinder
+from seaclutter_cli.tracking.detections import Detections
 from seaclutter_cli.tracking.tracker import Track, Tracker
 from seaclutter_cli.water import Mounting
 
 Floats = NDArray[np.float64]
 Counts = NDArray[np.int64]
+Moment = tuple[int, int, float]
+"""Number of a frame, its stamp, and its time in seconds."""
 
 CHOSEN = (Reason.NEAR, Reason.FAR, Reason.EXCLUDED, Reason.INVALID)
 """Reasons that follow from the configuration or the log, not from a judgement."""
@@ -27,7 +30,7 @@ _PART_M = 2.5
 _LEAST_LOOKS = 3
 _RISES, _ALONE_WEIGHT = 1.5, 0.7
 _LEAST_SOLID, _SOLID_SPAN = 0.6, 0.3
-_STAY_S, _STEADY_M = 1.0, 0.4
+_STAY_S, _STEADY_M, _STEADY_SHARE = 1.0, 0.4, 0.1
 _GONE_S, _MAX_GAP_S = 5.0, 5.0
 _MAX_STEPS = 256
 _MAX_LISTED = 500
@@ -84,12 +87,12 @@ class Body:
 
     In a look, a method ``lost`` it, shape (M,), if fewer than five of its points are left, three or more were removed
     by judgement, and no body of which more is left is near; it ``kept`` it if five or more are left. ``points_lost``
-    and ``reasons``, of the first method, are sums over the looks in which it was lost.
+    and ``reasons``, of the first method, are sums over the looks in which it was lost. What is ``flat`` is no body, but
+    something near the water that the first method kept.
     """
 
-    number: int
-    first: tuple[int, int, float]
-    last: tuple[int, int, float]
+    first: Moment
+    last: Moment
     was_kept: NDArray[np.bool_]
     lost: Counts
     kept: Counts
@@ -99,6 +102,8 @@ class Body:
     alone: float = 0.0
     linked: float = 0.0
     loose: float = 0.0
+    size_m: float = 0.0
+    is_flat: bool = False
     top_m: float = -math.inf
     reasons: Counts = field(default_factory=lambda: np.zeros(len(Reason), np.int64))
     points_kept: int = 0
@@ -109,10 +114,10 @@ class Body:
     _before: deque[tuple[float, Floats]] = field(default_factory=lambda: deque(maxlen=2))
 
     @classmethod
-    def begun(cls, number: int, moment: tuple[int, int, float], was_kept: NDArray[np.bool_]) -> Self:
-        """Return a body that is seen for the first time; a moment has frame, stamp, and time in seconds."""
-        methods = len(was_kept)
-        return cls(number, moment, moment, was_kept, _zeros(methods), _zeros(methods), _zeros(methods))
+    def begun(cls, moment: Moment, was_kept: NDArray[np.bool_], *, is_flat: bool = False) -> Self:
+        """Return a body that is seen for the first time."""
+        zeros = (_zeros(len(was_kept)) for _ in range(3))
+        return cls(moment, moment, was_kept, *zeros, is_flat=is_flat)
 
     @property
     def score(self) -> float:
@@ -128,7 +133,8 @@ class Body:
         stays = seen * (1 - math.exp(-(self.last[2] - self.first[2]) / _STAY_S))
         if len(self._steps) == 0:
             return 0.0
-        return max(stands, alone) * solid * stays * math.exp(-((float(np.median(self._steps)) / _STEADY_M) ** 2))
+        steady_m = _STEADY_M + _STEADY_SHARE * self.size_m / self.looks
+        return max(stands, alone) * solid * stays * math.exp(-((float(np.median(self._steps)) / steady_m) ** 2))
 
     def suspect(self, kind: Literal["removed", "kept"], score: float, frames: int) -> Suspect:
         """Return the body as a suspect of a kind, of which it has a ``best`` look."""
@@ -153,6 +159,11 @@ class Body:
             speed_ms=self.speed_ms,
             reasons=removed if kind == "removed" else {},
         )
+
+    def looked_at(self, kind: str, points: int, moment: Moment, center: Floats) -> None:
+        """Note where most of its points were removed or kept."""
+        if kind not in self.best or points > self.best[kind][0]:
+            self.best[kind] = points, *moment[:2], center
 
     def moved(self, time_s: float, place: Floats) -> None:
         """Add a place: a body is where the places before and after it say, clutter jumps."""
@@ -192,24 +203,26 @@ class Tally:
 class SuspectFinder:
     """Bodies of the frames of a recording under M methods; suspects are those of the first method.
 
-    At most 500 suspects of each kind are kept, and the bodies of the last five seconds.
+    What came within a second of the end and is hardly a body may be one: it is ``unjudged``, and counts nowhere. At
+    most 500 suspects of each kind are kept, and the bodies of the last five seconds.
     """
 
     def __init__(self, methods: int = 1, mounting: Mounting | None = None) -> None:
         self._mounting = mounting or Mounting()
-        self._finder, self._tracker = BodyFinder(self._mounting), Tracker()
         self._bodies: dict[Track, Body] = {}
         self._listed: dict[str, list[tuple[float, int, Suspect]]] = {"removed": [], "kept": []}
         self._time_s: float | None = None
         self._number = 0
         self.tally = Tally.of(methods)
+        self.unjudged = 0
+        self._begin()
 
     def add(self, frame: Frame, results: Sequence[FilterResult | None]) -> Bodies:
         """Add a frame with its results, None for a method that could not use it; return its bodies."""
         time_s = frame.stamp_ns / 1e9
         if self._time_s is not None and not 0 <= time_s - self._time_s <= _MAX_GAP_S:
             self._end(list(self._bodies))
-            self._finder, self._tracker = BodyFinder(self._mounting), Tracker()
+            self._begin()
         self._time_s = time_s
         reasons = [np.full(frame.size, Reason.INVALID, np.uint8) if one is None else one.reason for one in results]
         bodies = self._finder.find(frame, np.equal(reasons[0], Reason.EXCLUDED), time_s)
@@ -223,6 +236,9 @@ class SuspectFinder:
         self._end(list(self._bodies))
         return {kind: [one for *_, one in sorted(found, reverse=True)] for kind, found in self._listed.items()}
 
+    def _begin(self) -> None:
+        self._finder, self._tracker, self._flat_tracker = BodyFinder(self._mounting), Tracker(), Tracker()
+
     def _count(
         self, frame: Frame, bodies: Bodies, tracks: Sequence[Track | None], reasons: Sequence[NDArray[np.uint8]]
     ) -> None:
@@ -235,17 +251,19 @@ class SuspectFinder:
         by_reason = [bodies.sums(reasons[0] == reason) for reason in Reason if reason]
         moment = frame.index, frame.stamp_ns, frame.stamp_ns / 1e9
         ends = np.append(bodies.start, len(bodies.points))
+        sizes = np.hypot(*np.ptp(bodies.found.hulls, axis=1).T)
         for k, track in enumerate(tracks):
             if track is None:
                 continue
             body = self._bodies.get(track)
             if body is None:
-                body = self._bodies[track] = Body.begun(track.number, moment, is_kept[:, k])
+                body = self._bodies[track] = Body.begun(moment, is_kept[:, k])
             body.last, body.looks = moment, body.looks + 1
             body.rise += float(bodies.rise[k])
             body.alone += float(bodies.alone[k])
             body.linked += float(bodies.linked[k])
             body.loose += float(bodies.loose[k])
+            body.size_m += float(sizes[k])
             body.top_m = max(body.top_m, float(bodies.top_m[k]))
             body.speed_ms = float(np.hypot(*track.velocity))
             body.moved(moment[2], bodies.found.centers[k])
@@ -257,36 +275,40 @@ class SuspectFinder:
             if is_lost[0, k]:
                 body.reasons[1:] += [counts[k] for counts in by_reason]
             kind, size = ("removed", removed[0, k]) if is_lost[0, k] else ("kept", kept[0, k])
-            if (is_lost | is_kept)[0, k] and (kind not in body.best or size > body.best[kind][0]):
+            if is_lost[0, k] or is_kept[0, k]:
                 own = bodies.points[bodies.start[k] : ends[k + 1]]
-                body.best[kind] = int(size), *moment[:2], frame.coordinates.take(own, axis=1).mean(axis=1)
-        for m, reason in enumerate(reasons):
-            self._add_flat(frame, bodies, reason, m)
+                body.looked_at(kind, int(size), moment, frame.coordinates.take(own, axis=1).mean(axis=1))
+        flat = [_flat_clusters(frame, bodies, reason) for reason in reasons]
+        self.tally.doubtful += [one.max(initial=-1) + 1 for one in flat]
+        self._follow_flat(frame, flat[0], moment)
 
-    def _add_flat(self, frame: Frame, bodies: Bodies, reason: NDArray[np.uint8], method: int) -> None:
-        """Add the clusters of kept points near the water that touch no body."""
-        among = (reason == Reason.KEPT) & frame.valid
-        clusters = ClusterFinder(frame.coordinates, among, _TOLERANCE_M).clusters(among, _LEAST_POINTS)
-        clustered = np.flatnonzero(clusters >= 0)
-        if not len(clustered):
-            return
-        size = np.bincount(clusters[clustered])
-        touches = np.bincount(clusters[clustered], ~bodies.flat[clustered]) > 0
-        in_body = clusters[bodies.points]
-        touches[in_body[in_body >= 0]] = True
-        self.tally.doubtful[method] += np.count_nonzero(~touches)
-        for k in np.flatnonzero(~touches).tolist() if method == 0 else ():
-            place = frame.coordinates[:, clusters == k].mean(axis=1)
-            moment = frame.index, frame.stamp_ns, frame.stamp_ns / 1e9
-            body = Body.begun(0, moment, np.ones(1, np.bool_))
-            body.best["kept"], body.points_kept = (int(size[k]), *moment[:2], place), int(size[k])
-            self._list(body.suspect("kept", 0.0, 1))
+    def _follow_flat(self, frame: Frame, cluster: Counts, moment: Moment) -> None:
+        """Follow clusters of kept points near the water: what stays in one place is one suspect."""
+        order = np.argsort(cluster, kind="stable")[np.count_nonzero(cluster < 0) :]
+        xyz = frame.coordinates.take(order, axis=1)
+        found = Detections.made(xyz, cluster[order], len(order))
+        for k, track in enumerate(self._flat_tracker.step(found, moment[2])):
+            if track is None:
+                continue
+            body = self._bodies.get(track)
+            if body is None:
+                body = self._bodies[track] = Body.begun(moment, np.ones(1, np.bool_), is_flat=True)
+            body.last, body.looks = moment, body.looks + 1
+            points, height = int(found.points[k]), found.spans[k].mean()
+            body.points_kept += points
+            body.looked_at("kept", points, moment, np.append(found.centers[k], height))
 
     def _end(self, tracks: Sequence[Track]) -> None:
         """Count bodies that are not seen any more, and list those that are suspects."""
         for track in tracks:
             body = self._bodies.pop(track)
+            if body.is_flat:
+                self._list(body.suspect("kept", 0.0, body.looks))
+                continue
             score = body.score
+            if score < UNLIKELY and self._time_s is not None and self._time_s - body.first[2] < _STAY_S:
+                self.unjudged += bool(body.kept[0] or body.lost[0])
+                continue
             self.tally.kept_looks += body.kept
             self.tally.lost_looks += body.lost
             self.tally.kept_score += score * body.kept
@@ -308,6 +330,16 @@ class SuspectFinder:
         self._number += 1
         entry = suspect.weight, -self._number, suspect
         (heapq.heappush if len(found) < _MAX_LISTED else heapq.heappushpop)(found, entry)
+
+
+def _flat_clusters(frame: Frame, bodies: Bodies, reason: NDArray[np.uint8]) -> Counts:
+    """Return the cluster of kept points near the water that touches no body for each point, shape (N,); -1 if none."""
+    among = (reason == Reason.KEPT) & frame.valid
+    cluster = ClusterFinder(frame.coordinates, among, _TOLERANCE_M).clusters(among, _LEAST_POINTS)
+    touches = np.bincount(cluster + 1, ~bodies.flat, 1) > 0
+    touches[cluster[bodies.points] + 1] = True
+    touches[0] = True
+    return np.where(touches, -1, np.cumsum(~touches) - 1)[cluster + 1]
 
 
 def _is_part(frame: Frame, bodies: Bodies, reason: NDArray[np.uint8], asked: NDArray[np.bool_]) -> NDArray[np.bool_]:

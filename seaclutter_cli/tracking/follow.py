@@ -112,6 +112,7 @@ class Follower:
         self._context_s, self._ahead_s = context_s, 0.0 if live else context_s
         self._tracker, self._beams = Tracker(), Beams(mounting)
         self._frames: deque[_Waiting] = deque()
+        self._origin_ns: int | None = None
         self._done = 0
         self._shapes: dict[Track, Shape] = {}
         self._records = 0
@@ -119,7 +120,9 @@ class Follower:
     def add(self, result: FilterResult, pose: Pose | None) -> Iterator[FrameObjects]:
         """Add a filtered frame with the pose of the lidar, None if it is not known; yield frames that are complete."""
         frame = result.frame
-        time_s = frame.stamp_ns / 1e9
+        if self._origin_ns is None:  # times from there on are exact to a nanosecond
+            self._origin_ns = frame.stamp_ns
+        time_s = (frame.stamp_ns - self._origin_ns) / 1e9
         last_s = self._frames[-1].time_s if self._frames else time_s
         if not -_MAX_GAP_S <= time_s - last_s <= _MAX_GAP_S:
             yield from self.finish()
@@ -168,7 +171,7 @@ class Follower:
         end = next((k for k, one in enumerate(frames) if one.time_s > until_s), len(frames))
         if end <= self._done:
             return
-        yield from _smoothed(frames, self._done, end, self._shapes)
+        yield from _smoothed(frames, self._done, end, self._shapes, self._origin_ns or 0)
         self._done = end
         while self._done and self._frames[0].time_s < until_s - self._context_s:
             self._records -= len(self._frames.popleft().rows)
@@ -177,7 +180,9 @@ class Follower:
         self._shapes = {track: shape for track, shape in self._shapes.items() if track in alive}
 
 
-def _smoothed(frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Track, Shape]) -> Iterator[FrameObjects]:
+def _smoothed(
+    frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Track, Shape], origin_ns: int
+) -> Iterator[FrameObjects]:
     """Yield the objects of frames from ``start`` to ``end``; the others are their context."""
     records = _records(frames)
     tracks = list(records)
@@ -210,8 +215,8 @@ def _smoothed(frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Tra
     at[:, _are_parts(at[start:end], yaws[start:end], sizes, bodies)] = np.nan
     scores = np.array([track.score for track in tracks])
     measured = np.array([shapes[track].oblique for track in tracks], np.bool_)
-    first = np.array([round(track.first_s * 1e9) for track in tracks], np.int64)
-    last = np.array([round(track.seen_s * 1e9) for track in tracks], np.int64)
+    first = np.array([origin_ns + round(track.first_s * 1e9) for track in tracks], np.int64)
+    last = np.array([origin_ns + round(track.seen_s * 1e9) for track in tracks], np.int64)
     for f in range(start, end):
         one = frames[f]
         there = np.flatnonzero(np.isfinite(at[f, :, 0]))

@@ -104,7 +104,7 @@ def test_frames_without_objects_are_labelled_as_empty(tmp_path):
     scene = tmp_path / "empty.mcap"
     seaclutter.simulate("clutter_only", scene, frames=3)
     run("labels", "propose", scene, "-o", tmp_path / "e.csv")
-    assert (tmp_path / "e.csv").read_text().splitlines()[1:] == [f"{k},,none,,,,,,,,," for k in range(3)]
+    assert (tmp_path / "e.csv").read_text().splitlines()[1:] == [f"{k},,none,,,,,,,,sure," for k in range(3)]
 
 
 def test_labels_by_stamps_cannot_be_compared(tmp_path):

@@ -22,7 +22,10 @@ run = partial(execute, code=0)
 @pytest.fixture(scope="module")
 def table(tmp_path_factory):
     path = tmp_path_factory.mktemp("objects") / "objects.csv"
-    assert "2 objects" in run("objects", SEA, "-o", path).stdout
+    shown = run("objects", SEA, "-o", path).stdout
+    assert "2 objects" in shown
+    assert "small craft" in shown
+    assert all(len(line) <= 80 for line in shown.splitlines())
     with path.open(newline="") as file:
         return list(csv.DictReader(file))
 
@@ -33,6 +36,18 @@ def test_the_table_has_both_targets_in_all_frames(table):
     assert len(seen) == 120
     assert len({track for track, _ in seen}) == 2
     assert {row["velocity"] for row in table} == {"own_ship"}
+
+
+@pytest.mark.parametrize("command", [("objects",), ("suspects",), ("labels", "propose", "-o", "labels.csv")])
+def test_settings_that_do_not_fit_the_log_are_named(command, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    beyond = "-m", "ror", "-s", "filter.start_m=900", "-s", "filter.end_m=999"
+    assert "no points are left" in run(*command, SEA, "-n", 3, *beyond).stderr
+
+
+def test_a_filtered_log_is_named(tmp_path):
+    run("filter", SEA, "-n", 3, "-o", tmp_path / "f.mcap")
+    assert "already filtered by joint" in run("objects", tmp_path / "f.mcap").stderr
 
 
 def test_python_returns_the_same_table(table):
