@@ -117,7 +117,7 @@ def fit(
     shape.along, shape.across = along[-_MAX_SIZES:], across[-_MAX_SIZES:]
     shape.yaw, shape.yaw_s = float(yaws[-1]), float(times_s[-1])
     whole = np.array([np.quantile(values, _SIZE_QUANTILE) for values in (along, across)])
-    if whole[0] <= _ROUND_M:  # every view shows how long it is, and an echo of the water beside it is a large error
+    if whole[0] <= _ROUND_M:  # every view shows its length; an echo of the water beside it would be a large error
         whole = np.array([np.median(values) for values in (along, across)])
     shape.depth_m = float(whole[1])
     cos, sin = np.cos(yaws), np.sin(yaws)
