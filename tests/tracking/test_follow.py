@@ -101,7 +101,7 @@ def test_an_echo_beside_a_buoy_in_some_frames_does_not_make_it_longer():
     angles = np.linspace(np.pi / 2, 3 * np.pi / 2, 15)
     buoy = np.column_stack((20 + 0.6 * np.cos(angles), 0.6 * np.sin(angles)))
     points = np.vstack([np.column_stack((buoy, np.full(15, z))) for z in (-1.0, -0.5)])
-    beside = np.vstack((points, (20.0, 1.6, -1.0)))
+    beside = np.vstack((points, (20.0, 1.2, -1.0)))
     found = followed([frame_of(k, beside if k % 4 == 0 else points) for k in range(40)])
     assert np.allclose([one.sizes[0, :2] for one in found], 1.2, atol=0.15)
 
