@@ -121,7 +121,16 @@ class Body:
 
     @property
     def score(self) -> float:
-        """How much it is like a body, from 0 to 1: it stands out or is alone, is solid, stays, and moves steadily.
+        """How much it is like a body, from 0 to 1."""
+        return self._likeness(_STEADY_M)
+
+    @property
+    def is_unlikely(self) -> bool:
+        """Whether it is hardly a body, although the centre of a large one, such as a quay, may jump."""
+        return self._likeness(_STEADY_M + _STEADY_SHARE * self.size_m / self.looks) < UNLIKELY
+
+    def _likeness(self, steady_m: float) -> float:
+        """Return how much it is like a body: it stands out or is alone, is solid, stays, and moves steadily.
 
         The product of four shares, each 1 for a body. What is met by one beam lies alone on the water at most.
         """
@@ -133,7 +142,6 @@ class Body:
         stays = seen * (1 - math.exp(-(self.last[2] - self.first[2]) / _STAY_S))
         if len(self._steps) == 0:
             return 0.0
-        steady_m = _STEADY_M + _STEADY_SHARE * self.size_m / self.looks
         return max(stands, alone) * solid * stays * math.exp(-((float(np.median(self._steps)) / steady_m) ** 2))
 
     def suspect(self, kind: Literal["removed", "kept"], score: float, frames: int) -> Suspect:
@@ -306,7 +314,7 @@ class SuspectFinder:
                 self._list(body.suspect("kept", 0.0, body.looks))
                 continue
             score = body.score
-            if score < UNLIKELY and self._time_s is not None and self._time_s - body.first[2] < _STAY_S:
+            if body.is_unlikely and self._time_s is not None and self._time_s - body.first[2] < _STAY_S:
                 self.unjudged += bool(body.kept[0] or body.lost[0])
                 continue
             self.tally.kept_looks += body.kept
@@ -318,11 +326,11 @@ class SuspectFinder:
                 self.tally.seconds += body.last[2] - body.first[2]
                 self.tally.lost += body.lost
                 self.tally.changes += body.changes
-            elif score < UNLIKELY:
+            elif body.is_unlikely:
                 self.tally.doubtful += body.kept
             if score >= LIKELY and body.lost[0] >= _LEAST_LOOKS:
                 self._list(body.suspect("removed", score, int(body.lost[0])))
-            elif score < UNLIKELY and body.kept[0]:
+            elif body.is_unlikely and body.kept[0]:
                 self._list(body.suspect("kept", score, int(body.kept[0])))
 
     def _list(self, suspect: Suspect) -> None:

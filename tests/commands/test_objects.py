@@ -41,7 +41,7 @@ def test_the_table_has_both_targets_in_all_frames(table):
 @pytest.mark.parametrize("command", [("objects",), ("suspects",), ("labels", "propose", "-o", "labels.csv")])
 def test_settings_that_do_not_fit_the_log_are_named(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    beyond = "-m", "ror", "-s", "filter.start_m=900", "-s", "filter.end_m=999"
+    beyond = "-m", "joint", "-s", "filter.start_m=900", "-s", "filter.end_m=999"
     assert "no points are left" in run(*command, SEA, "-n", 3, *beyond).stderr
 
 
