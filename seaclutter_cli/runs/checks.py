@@ -1,7 +1,7 @@
 """Checks of the frames of a topic against the configuration, and of the sums over them, as warnings."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -274,7 +274,7 @@ class _LandCheck:
         return self._ground.warning()
 
 
-def warn_if_filtered(source: Source, topics: Sequence[str], config: Config, observer: Observer) -> None:
+def warn_if_filtered(source: Source, topics: Collection[str], config: Config, observer: Observer) -> None:
     """Warn if a method other than ``none`` filters clouds again that an earlier run filtered."""
     if config.method != "none" and (by := filtered_by(source, topics)) is not None:
         observer.warn(f"{source.name}: already filtered{by}; this run only filters the remaining points")

@@ -116,8 +116,8 @@ class Body:
     @classmethod
     def begun(cls, moment: Moment, was_kept: NDArray[np.bool_], *, is_flat: bool = False) -> Self:
         """Return a body that is seen for the first time."""
-        zeros = (_zeros(len(was_kept)) for _ in range(3))
-        return cls(moment, moment, was_kept, *zeros, is_flat=is_flat)
+        lost, kept, changes = (_zeros(len(was_kept)) for _ in range(3))
+        return cls(moment, moment, was_kept, lost, kept, changes, is_flat=is_flat)
 
     @property
     def score(self) -> float:
