@@ -115,7 +115,8 @@ class OusterDecoder:
     Points are in the sensor frame, x away from the connector and z up, column by column. The intensity is the signal in
     photons, or the reflectivity for profiles without a signal.
 
-    State: packets of the incomplete revolution, and the clock correction.
+    State: packets of the incomplete revolution, a packet that may begin the next one until its successor is known, and
+    the clock correction.
     """
 
     def __init__(self, metadata: OusterMetadata) -> None:
@@ -132,6 +133,8 @@ class OusterDecoder:
         self._directions, self._origins = directions * unit_m, origins
         self._clock = SensorClock(self.facts)
         self._frame_id: int | None = None
+        self._place = 0
+        self._waiting: Packets | None = None
         self._pending: list[Packets] = []
         self._is_first = True
 
@@ -153,21 +156,39 @@ class OusterDecoder:
         valid = valid_packets(data, self._metadata.columns)
         self.facts.bad_packets += int((~valid).sum())
         useful = np.flatnonzero(valid & valid_columns(data).any(axis=1))
-        if not len(useful):
-            return
-        known = self._metadata.serial
-        if self._frame_id is None and known and "serial" in (data.dtype.names or ()):
-            serial = str(int.from_bytes(data["serial"][useful[0]].tobytes(), "little"))
-            if serial != known:
-                problem = f"the metadata is from sensor {known}, the packets are from {serial}"
-                self.facts.warnings.append(f"{problem}: the angles do not match")
-        packets = packets[useful]
-        ids = self.places(packets) // len(self._expected)
-        for run in np.split(np.arange(len(ids)), np.flatnonzero(np.diff(ids)) + 1):
-            yield from self._collect(int(ids[run[0]]), packets[run[0] : run[-1] + 1])
+        if len(useful):
+            known = self._metadata.serial
+            if self._frame_id is None and self._waiting is None and known and "serial" in (data.dtype.names or ()):
+                serial = str(int.from_bytes(data["serial"][useful[0]].tobytes(), "little"))
+                if serial != known:
+                    problem = f"the metadata is from sensor {known}, the packets are from {serial}"
+                    self.facts.warnings.append(f"{problem}: the angles do not match")
+            yield from self._add_valid(packets[useful])
+
+    def _add_valid(self, packets: Packets) -> Iterator[PacketFrame]:
+        """Add packets with measurements; a last one with another frame id waits for its successor."""
+        if self._waiting is not None:
+            packets, self._waiting = Packets.joined([self._waiting, packets]), None
+        places = self.places(packets)
+        ids = places // len(self._expected)
+        starts = np.append(0, np.flatnonzero(np.diff(ids)) + 1).tolist()
+        for start, end in zip(starts, [*starts[1:], len(ids)], strict=True):
+            run = packets[start:end]
+            if len(run) == 1 and self._frame_id not in (None, ids[start]):
+                if end == len(ids):
+                    self._waiting = run
+                    return
+                if _is_damaged(*places[[start, end]].tolist(), before=self._place, per_revolution=len(self._expected)):
+                    self.facts.bad_packets += 1
+                    continue
+            yield from self._collect(int(ids[start]), run)
+            self._place = int(places[end - 1])
 
     def finish(self) -> Iterator[PacketFrame]:
-        """Yield the remaining points as a frame."""
+        """Yield the remaining points as frames."""
+        if self._waiting is not None:
+            yield from self._collect(int(self.places(self._waiting)[0]) // len(self._expected), self._waiting)
+            self._waiting = None
         if self._pending:
             yield self._complete(is_last=True)
 
@@ -238,6 +259,13 @@ class OusterDecoder:
         xyz = (units * direction.ravel()[pixel] + origin.ravel()[pixel] for direction, origin in beams)
         number = (hit & 1) + 1 if returns == 2 else None
         return make_points(xyz, values(profile.intensities).ravel()[hit], row, (column_ns / 1e9)[column], number)
+
+
+def _is_damaged(place: int, after: int, *, before: int, per_revolution: int) -> bool:
+    """Return whether the place of a packet is not between those of its neighbours, at most a revolution apart."""
+    total = 0x10000 * per_revolution
+    gap = (after - before) % total
+    return gap <= per_revolution and (place - before) % total > gap
 
 
 def _details(metadata: OusterMetadata) -> dict[str, str]:

@@ -14,9 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.sensors.ouster.decoder import Ouster
+from seaclutter_cli.sensors.ouster.decoder import Ouster, _is_damaged
 from seaclutter_cli.sensors.ouster.metadata import parse_metadata
 from seaclutter_cli.sensors.packets import DecoderOptions, Packets
+from tests.pairs import covering
 from tests.paths import shared
 
 CAPTURES = {
@@ -235,6 +236,19 @@ def test_lost_packets_are_counted_and_their_revolution_is_not_partial(write_meta
     assert [frame.partial for frame in frames] == [False] * 3
 
 
+@pytest.mark.parametrize("profile", ["LEGACY", "RNG15_RFL8_NIR8"])
+@pytest.mark.parametrize(("frame_id", "batch"), covering((6, 8, 300, 40_000), (1, 3, 100)))
+def test_a_damaged_frame_id_loses_one_packet(write_metadata, profile, frame_id, batch):
+    """The revolution goes on after it, whatever the id."""
+    packets, path = make_packets(profile, frames=(6, 7, 8)), write_metadata(profile)
+    expected, _ = decode(without(packets, 5), path)
+    at = 10 if profile == "LEGACY" else 2
+    packets.payloads[5, at : at + 2] = np.frombuffer(struct.pack("<H", frame_id), np.uint8)
+    frames, facts = decode(packets, path, batch)
+    assert_same(frames, expected)
+    assert (facts.bad_packets, facts.lost_packets) == (1, 1)
+
+
 def test_late_packets_are_counted(write_metadata):
     packets = make_packets(frames=(6, 7))
     order = [0, 1, 4, 5, 2, 3, 6, 7]
@@ -365,3 +379,27 @@ def test_imu_packets_are_not_counted_as_invalid(write_metadata):
 def test_revolutions_follow_one_another(write_metadata):
     frames, _ = decode(make_packets(frames=range(5)), write_metadata())
     assert all(one.stamp_ns < two.points["timestamp"][0] * 1e9 + 1000 for one, two in pairwise(frames))
+
+
+@pytest.mark.parametrize(
+    ("before", "place", "after", "expected"),
+    [
+        (7.3, 8.0, 8.1, False),
+        (7.0, 8.0, 9.0, False),
+        (7.0, 9.0, 12.0, False),
+        (65535.3, 0.0, 0.1, False),
+        (6.3, 7.0, 6.1, False),
+        (7.1, 300.2, 7.3, True),
+        (7.3, 300.0, 8.1, True),
+        (7.2, 300.3, 8.0, True),
+        (65535.3, 300.0, 0.1, True),
+        (8.0, 7.1, 8.2, True),
+        (8.0, 9.1, 8.2, True),
+        (7.2, 8.0, 7.3, True),
+        (7.0, 300.1, 301.2, False),
+    ],
+)
+def test_damaged_frame_ids(before, place, after, expected):
+    """A place is a frame id and a number in its revolution of four packets."""
+    before, place, after = (int(value) * 4 + round(value % 1 * 10) for value in (before, place, after))
+    assert _is_damaged(place, after, before=before, per_revolution=4) == expected
