@@ -16,7 +16,7 @@ _TURNING_S, _STEADY_S, _STEADY = 0.7, 5.0, 0.1
 _SIZE_QUANTILE = 0.9
 _OBLIQUE = np.sin(np.radians(10))
 _USUAL_BEAM, _SHIP_BEAM = 0.3, 0.6
-_ROUND_M, _ROUND = 2.0, 0.9
+_ROUND_M, _ROUND, _FINE = 2.0, 0.9, 0.04
 _SMALL_CRAFT_M, _STRUCTURE_M, _WIDE_M = 12.0, 50.0, 25.0
 _LEAST_WALL_M, _STRAIGHT, _UPRIGHT = 6.0, 1 / 40, 0.5
 _ACCELERATIONS = (0.1, 1.0, 10.0)
@@ -117,7 +117,10 @@ def fit(
     shape.along, shape.across = along[-_MAX_SIZES:], across[-_MAX_SIZES:]
     shape.yaw, shape.yaw_s = float(yaws[-1]), float(times_s[-1])
     whole = np.array([np.quantile(values, _SIZE_QUANTILE) for values in (along, across)])
-    if whole[0] <= _ROUND_M:  # every view shows its length; an echo of the water beside it would be a large error
+    distance_m = float(np.median(np.hypot(*(hulls.mean(axis=1) - sensor).T)))
+    if (
+        _FINE * distance_m < whole[0] <= _ROUND_M
+    ):  # every view shows its length; an echo of the water beside it would be a large error
         whole = np.array([np.median(values) for values in (along, across)])
     shape.depth_m = float(whole[1])
     cos, sin = np.cos(yaws), np.sin(yaws)
