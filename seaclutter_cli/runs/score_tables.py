@@ -104,7 +104,7 @@ _MEANS = (
     Column("water", "share of the points near the water that are kept", itemgetter("water_kept"), 2, " %"),
     Column("agrees", "share of the points that are treated as other methods do", itemgetter("agreement"), 1, " %"),
 )
-_NOTE = "Indications, not rates: likely targets are bodies that stand out, stay, and move steadily."
+_NOTE = "Indications, not rates: likely targets stand out, stay, and move steadily."
 
 
 def score_table(summaries: Mapping[str, Summary], columns: Sequence[Column]) -> str:
