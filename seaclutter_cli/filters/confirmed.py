@@ -25,12 +25,7 @@ Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
 _RADIUS_RATIO = 0.025
-_MIN_NEIGHBORS, _MIN_IN_ONE_BEAM = 7, 3
-_COMPANY = 2
-_SHORT_RUN = 3
-_FLAT = -1.2
-_ONE_BEAM_RISES, _HIDDEN_RISES = 2.0, 0.5
-_EXPECTED_M = 0.8
+_COMPANY = 3
 _GROWTH_RATIO = 0.01
 _SURE = 1.5
 """Score above which most objects are targets; from 0 to this, about as many are as are not."""
@@ -220,8 +215,7 @@ class Confirmed(Filter):
         if self._zones.own_ship:
             self._zones.own_ship.see(frame, heights.water, echoes.index[heights.upright])
         # 3. Candidates
-        candidates = heights.upright | self._accompanied(echoes, heights) | self._dense(echoes, heights)
-        candidates |= self._unbroken(echoes, heights)
+        candidates = heights.upright | (heights.grows & (heights.alone > ALONE)) | self._accompanied(echoes, heights)
         # 4. Objects
         near = echoes.is_near
         objects = find_objects(echoes, candidates & ~near, heights, self._sea.beams, self._params, near=False)
@@ -231,8 +225,6 @@ class Confirmed(Filter):
         # 5. Confirmation: evidence is collected now and judged when the later frames are known.
         self._tracker.turn(objects, time_s)
         found = self._tracker.associate(objects, time_s)
-        if weak := self._expected(echoes, heights, self._tracker.expected(found, time_s)):
-            found = self._tracker.associate([*objects, *weak], time_s)
         since_s = self._undecided[0].time_s if self._undecided else time_s
         tracks = self._tracker.step(
             found, time_s, since_s, Sight(self._sea.beams, heights.water, self._params.min_rise_m)
@@ -250,68 +242,18 @@ class Confirmed(Filter):
         return threshold
 
     def _accompanied(self, echoes: Echoes, heights: Heights) -> Mask:
-        """Return the points that stand out in no face, with two others within 2.5 % of their range."""
-        among = np.flatnonzero(heights.high | heights.upright)
-        asked = np.flatnonzero((heights.high & ~heights.upright)[among])
-        return self._crowded(echoes, among, asked, np.full(len(asked), _COMPANY))
-
-    def _dense(self, echoes: Echoes, heights: Heights) -> Mask:
-        """Return the flat bright points in the band with enough other candidates within 2.5 % of their range.
-
-        Seven are enough, or three where objects of twice the height at which points stand out are met by one beam only.
-        """
-        among = np.flatnonzero(heights.high | heights.bright)
-        next_m, rise = self._next_beam_m(echoes, heights, among), heights.rise_m[among]
-        asked = np.flatnonzero((heights.bright & ~heights.upright)[among] & (next_m >= _HIDDEN_RISES * rise))
-        in_one_beam = (next_m >= _ONE_BEAM_RISES * rise) & (heights.unseen[among] > 0)
-        return self._crowded(echoes, among, asked, np.where(in_one_beam, _MIN_IN_ONE_BEAM, _MIN_NEIGHBORS)[asked])
-
-    def _unbroken(self, echoes: Echoes, heights: Heights) -> Mask:
-        """Return the points in runs near the water, where it has hardly any echoes, and the next beam passes above."""
-        found = (heights.run >= _SHORT_RUN) & (heights.alone > ALONE) & (np.abs(heights.height_m) <= heights.rise_m)
-        runs = np.flatnonzero(found)
-        found[runs] = self._next_beam_m(echoes, heights, runs) >= heights.rise_m[runs]
-        return found
-
-    def _crowded(self, echoes: Echoes, among: Indices, asked: Indices, needed: Indices) -> Mask:
-        """Return which echoes are those asked for among some, and have enough others of these within 2.5 % of range."""
+        """Return the points in no face that stand out or are bright, with three others within 2.5 % of their range."""
+        among = np.flatnonzero(heights.high | heights.bright | heights.upright)
+        asked = np.flatnonzero(~heights.upright[among])
         found = np.zeros(echoes.size, np.bool_)
-        if not len(asked) or len(among) <= needed.min():
+        if not len(asked) or len(among) <= _COMPANY:
             return found
         points, radius = echoes.xyz.take(among, axis=1), _RADIUS_RATIO * echoes.range_m[among[asked]]
         counts = within(points, points.take(asked, axis=1), radius)
-        if counts is not None:
-            found[among[asked[counts > needed]]] = True  # the point itself is one of them
-            return found
-        ranks = np.unique(needed).tolist()
-        distance = nth_neighbor_distances(np.ascontiguousarray(points.T), ranks, asked)
-        found[among[asked[distance[np.arange(len(asked)), np.searchsorted(ranks, needed)] <= radius]]] = True
+        if counts is None:
+            distance = nth_neighbor_distances(np.ascontiguousarray(points.T), [_COMPANY], asked)[:, 0]
+        found[among[asked[distance <= radius if counts is None else counts > _COMPANY]]] = True
         return found
-
-    def _next_beam_m(self, echoes: Echoes, heights: Heights, points: Indices) -> Floats:
-        """Return the height above the water at which the next beam passes above points."""
-        elevation = self._sea.beams.elevation_deg(echoes.xyz.take(points, axis=1))
-        _, above = self._sea.beams.gaps(elevation, elevation)
-        return heights.height_m[points] + np.tan(np.radians(above)) * echoes.range_m[points]
-
-    def _expected(self, echoes: Echoes, heights: Heights, cells: Floats) -> list[DetectedObject]:
-        """Return objects of points below the thresholds around cells where low objects are expected.
-
-        They have these cells, so that an object in foam does not grow.
-        """
-        points = np.flatnonzero((heights.bright | heights.grows) & ~echoes.is_near)
-        if not len(cells) or not len(points):
-            return []
-        _, distance = nearest(cells, echoes.xyz[:2, points].T)
-        among = np.zeros(echoes.size, np.bool_)
-        among[points[distance <= _EXPECTED_M]] = True
-        found = find_objects(echoes, among, heights, self._sea.beams, self._params, near=False)
-        reached = [cells[nearest(one.cells, cells)[1] <= _EXPECTED_M] for one in found]
-        return [
-            replace(one, evidence=min(one.evidence, 0.0), cells=own, center=own.mean(axis=0))
-            for one, own in zip(found, reached, strict=True)
-            if len(own)
-        ]
 
     def _reasons(
         self, by_zone: NDArray[np.uint8], echoes: Echoes, heights: Heights, objects: Sequence[DetectedObject]
@@ -331,7 +273,7 @@ class Confirmed(Filter):
         undecided = np.zeros((2, 2), np.int64)
         for found, track in zip(one.objects, one.tracks, strict=True):
             score = self._tracker.score(track, one.time_s)
-            is_kept = score > self._params.score_threshold and found.evidence >= _FLAT
+            is_kept = score > self._params.score_threshold
             if 0 < score <= _SURE:
                 undecided[int(is_kept)] += 1, len(found.points)
             if not is_kept:

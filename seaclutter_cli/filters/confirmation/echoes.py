@@ -19,7 +19,6 @@ Mask = NDArray[np.bool_]
 _RISE_PER_M = 0.006
 _RISE_FROM_M = 30.0
 _BRIGHT_RISES = 0.5
-_WAVE_SIGMAS = 6.0
 _GROWTH_SIGMAS = 1.5
 _UNSEEN_M = 100.0
 _VOLUME = 2.5
@@ -71,8 +70,8 @@ class Heights:
 
     Parameters
     ----------
-    height_m, rise_m, wave_m : ndarray, float64
-        Height above the water, height at which a point stands out, and height that no wave reaches.
+    height_m, rise_m : ndarray, float64
+        Height above the water, and height at which a point stands out.
     face_m : ndarray, float64
         Height of the face that a point belongs to.
     linked, loose : ndarray, int32
@@ -82,11 +81,9 @@ class Heights:
         that water does not have; may return to a confirmed object; is below the water under a body.
     brightness : ndarray, float64
         Intensity divided by the threshold; 0 without thresholds.
-    unseen : ndarray, float64
-        1 where the water has no echoes but those that an object itself may have, 0 where echoes show it all around.
     alone : ndarray, float64
-        The same, or 1 where the water has no echoes at the range of a point, 0 where it has them in a quarter of the
-        other directions.
+        1 where the water has no echoes but those that an object itself may have, or none at the range of a point; 0
+        where echoes show it all around, and in a quarter of the other directions at that range.
     run : ndarray, int32
         Number of echoes beside each other in one beam, at nearly one range.
     water : WaterSurface or None
@@ -95,7 +92,6 @@ class Heights:
 
     height_m: Floats
     rise_m: Floats
-    wave_m: Floats
     face_m: Floats
     linked: NDArray[np.int32]
     loose: NDArray[np.int32]
@@ -106,7 +102,6 @@ class Heights:
     grows: Mask
     mirrored: Mask
     brightness: Floats
-    unseen: Floats
     alone: Floats
     run: NDArray[np.int32]
     water: WaterSurface | None
@@ -159,7 +154,6 @@ class Sea:
         return Heights(
             height,
             rise,
-            _WAVE_SIGMAS * deviation + beyond,
             faces.above_m(level),
             linked,
             loose,
@@ -170,7 +164,6 @@ class Sea:
             grows,
             mirrored,
             brightness,
-            unseen,
             alone,
             faces.run,
             water,

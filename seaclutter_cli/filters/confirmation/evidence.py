@@ -16,24 +16,26 @@ FEATURES = (
     "density",
     "echoes_beside",
     "lowest",
-    "middle",
-    "above_waves",
     "face",
     "face_share",
     "beams",
     "slenderness",
-    "brightness",
     "row",
+    "crowd",
+    "bright_share",
+    "brightness",
 )
 """Names of the features, in the order of `features_of`; logarithms are to base 2.
 
 Height of the top in metres; logarithm of the number of echoes, of that times the square of the range in tens of metres,
-and of the echoes beside each in one frame; heights of the 10th percentile and the median, and what the surface rises
-above all waves, in heights at which points stand out; the upright face in extents of upright objects, at most two, and
-in heights of the top; logarithm of the number of beams that its height spans, and of its width across the line of sight
-by its height. Where the water has no echoes: logarithm of the intensity in thresholds, and of the number of echoes
-beside each other in one beam.
+and of the echoes beside each in one frame; height of the 10th percentile in heights at which points stand out; the
+upright face in extents of upright objects, at most two, and in heights of the top; logarithm of the number of beams
+that its height spans, and of its width across the line of sight by its height; where the water has no echoes, logarithm
+of the number of echoes beside each other in one beam; logarithm of the number of clusters at nearly its range. With
+intensities: the share of echoes that reach their thresholds, and the logarithm of the intensity in thresholds.
 """
+OF_SHAPE = 11
+"""Number of the features that need no intensities; without any, these have curves of their own."""
 LEAST, MOST = -3.0, 3.0
 
 
@@ -43,17 +45,18 @@ def log_odds(features: Floats) -> Floats:
     The odds are those of the frames from which the curves were learned, in which targets and clutter have equal weight.
     They are at least 1 to 20 and at most 20 to 1: what was not among these frames must not outweigh what others say.
     """
-    offset, curves = _curves()
+    offset, curves = _curves(len(features))
     pairs = zip(features, curves, strict=True)
     odds: Floats = offset + np.sum([np.interp(values, *curve) for values, curve in pairs], axis=0)
     return np.clip(odds, LEAST, MOST)
 
 
 @cache
-def _curves() -> tuple[float, list[tuple[Floats, Floats]]]:
-    """Return the offset, and values of each feature with the log-odds that belong to them."""
-    stored = load_json((files("seaclutter_cli.filters.confirmation") / "evidence.json").read_bytes())
+def _curves(number: int) -> tuple[float, list[tuple[Floats, Floats]]]:
+    """Return the offset, and values of each of the first features with the log-odds that belong to them."""
+    tables = load_json((files("seaclutter_cli.filters.confirmation") / "evidence.json").read_bytes())
+    stored = tables["all" if number == len(FEATURES) else "shape"]
     curves = stored["curves"]
     return stored["offset"], [
-        (np.array(curves[name]["value"]), np.array(curves[name]["log_odds"])) for name in FEATURES
+        (np.array(curves[name]["value"]), np.array(curves[name]["log_odds"])) for name in FEATURES[:number]
     ]

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.echoes import ALONE, Echoes, Heights
+from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights
 from seaclutter_cli.filters.confirmation.evidence import log_odds
 from seaclutter_cli.groups import group_sizes, group_starts
 from seaclutter_cli.water.beams import Beams
@@ -19,7 +19,8 @@ _CELL_M = 0.5
 _BEAMS_IN_REACH = 2.0
 _MAX_CELL = 1 << 19
 _DENSITY_AT_M, _MOST_EXTENTS = 10.0, 2.0
-_LEAST_M, _LEAST_SPACING_M, _FEW = 0.05, 0.01, 0.01
+_LEAST_M, _LEAST_SPACING_M, _FEW, _LEAST_BRIGHTNESS = 0.05, 0.01, 0.01, 0.1
+_NEAR_RATIO = 1.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +30,7 @@ class DetectedObject:
     ``points`` are the indices of its points among the echoes of the frame, or in the frame while it waits; ``evidence``
     is positive for a target, negative for water; ``cells``, shape (m, 2), and ``center``, shape (2,), are the mean
     horizontal positions of its points in each cell of 0.5 m and of all; ``top_m`` is the height of the highest above
-    the water. It is ``near`` if it is nearer than ``start_m``, where own ship is, and ``lone`` if half of its points
-    are in faces where the water has no echoes.
+    the water. It is ``near`` if it is nearer than ``start_m``, where own ship is.
     """
 
     points: NDArray[np.integer]
@@ -39,7 +39,6 @@ class DetectedObject:
     center: Floats
     top_m: float = 0.0
     near: bool = False
-    lone: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,13 +90,9 @@ class Clusters:
         cells = (np.add.reduceat(xy.take(order, axis=1), first, axis=1) / group_sizes(first, len(key))).T
         bounds = np.searchsorted(first, np.append(self.start, len(key))).tolist()
         center = (np.add.reduceat(xy, self.start, axis=1) / self.count).T
-        in_lone_faces = (heights.upright & (heights.alone > ALONE)).astype(np.int32)
-        lone = (2 * self.sum(in_lone_faces) >= self.count).tolist()
         top, shape = self.greatest(heights.height_m).tolist(), evidence.tolist()
         return [
-            DetectedObject(
-                self.members(k), shape[k], cells[bounds[k] : bounds[k + 1]], center[k], top[k], near, lone[k]
-            )
+            DetectedObject(self.members(k), shape[k], cells[bounds[k] : bounds[k + 1]], center[k], top[k], near)
             for k in np.lexsort(center.T[::-1]).tolist()
         ]
 
@@ -153,36 +148,40 @@ def find_objects(
 
 
 def features_of(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams, params: ConfirmedParams) -> Floats:
-    """Return the features of each cluster, shape (F, K), in the order of `FEATURES`."""
+    """Return the features of each cluster, shape (F, K), in the order of `FEATURES`; the last only with intensities."""
     count = clusters.count
     (top,) = clusters.ranked(heights.height_m, count - np.clip(count // 4, 1, 3))
     (face,) = clusters.ranked(heights.face_m, count - 1 - count // 4)
-    lowest, middle = clusters.ranked(heights.height_m, count // 10, count // 2)
-    rise, wave, range_m = (clusters.mean(values) for values in (heights.rise_m, heights.wave_m, echoes.range_m))
-    linked, loose = clusters.sum(heights.linked), clusters.sum(heights.loose)
-    surface = np.clip(2 * linked / np.maximum(linked + loose, 1) - 1, 0, 1)
+    (lowest,) = clusters.ranked(heights.height_m, count // 10)
+    range_m, beside = clusters.mean(echoes.range_m), clusters.sum(heights.linked + heights.loose)
     extent = clusters.greatest(heights.height_m) - lowest
     spacing = np.maximum(sum(_beside(echoes, clusters, beams)) / 2, _LEAST_SPACING_M)
     width = _width_m(echoes, clusters)
-    (brightness,) = clusters.ranked(heights.brightness, count // 2)
-    unseen, alone = clusters.mean(heights.unseen), clusters.mean(heights.alone)
-    return np.array(
-        (
-            top,
-            np.log2(count),
-            np.log2(count * (range_m / _DENSITY_AT_M) ** 2),
-            np.log2(np.maximum(linked + loose, _FEW) / count),
-            lowest / rise,
-            middle / rise,
-            surface * (top - wave) / rise,
-            np.minimum(face / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m), _MOST_EXTENTS),
-            face / np.maximum(top, _LEAST_M),
-            np.log2(np.maximum(extent / spacing, 0) + 1),
-            np.log2((width + _LEAST_M) / np.maximum(extent, _LEAST_M)),
-            unseen * np.log2(np.maximum(brightness, 1)),
-            alone * np.log2(clusters.mean(heights.run)),
-        )
+    shape = (
+        top,
+        np.log2(count),
+        np.log2(count * (range_m / _DENSITY_AT_M) ** 2),
+        np.log2(np.maximum(beside, _FEW) / count),
+        lowest / clusters.mean(heights.rise_m),
+        np.minimum(face / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m), _MOST_EXTENTS),
+        face / np.maximum(top, _LEAST_M),
+        np.log2(np.maximum(extent / spacing, 0) + 1),
+        np.log2((width + _LEAST_M) / np.maximum(extent, _LEAST_M)),
+        clusters.mean(heights.alone) * np.log2(clusters.mean(heights.run)),
+        np.log2(_at_range(range_m)),
     )
+    if echoes.intensity is None:
+        return np.array(shape)
+    (brightness,) = clusters.ranked(heights.brightness, count // 2)
+    bright = clusters.mean((heights.brightness >= 1).astype(np.int32))
+    return np.array((*shape, bright, np.log2(np.maximum(brightness, _LEAST_BRIGHTNESS))))
+
+
+def _at_range(range_m: Floats) -> NDArray[np.int64]:
+    """Return how many clusters are at nearly the range of each, shape (K,)."""
+    ordered = np.sort(range_m)
+    nearest, farthest = (np.searchsorted(ordered, range_m * ratio) for ratio in (1 / _NEAR_RATIO, _NEAR_RATIO))
+    return farthest - nearest
 
 
 def _width_m(echoes: Echoes, clusters: Clusters) -> Floats:

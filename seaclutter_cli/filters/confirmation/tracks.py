@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.evidence import LEAST, MOST
+from seaclutter_cli.filters.confirmation.evidence import LEAST
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
 from seaclutter_cli.filters.neighbors import nearest
 from seaclutter_cli.water.beams import Sight
@@ -18,9 +18,8 @@ from seaclutter_cli.water.beams import Sight
 Floats = NDArray[np.float64]
 
 _DECORRELATION_S = 1.0
-_LEAST_MEMORY, _MOST_MEMORY = -3.0, 9.0
-_MISSED, _HIDDEN, _ABSENT = (-2.0, -1.2), (0.0, 0.0), (LEAST, LEAST)
-_DOUBT_S = 0.1
+_LEAST_MEMORY, _MOST_MEMORY = -1.0, 3.0
+_MISSED = -2.0
 _MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
 _KNOWN_AFTER_S = 0.5
 _GATE_M, _GATE_SPEED_MS = 0.8, 1.0
@@ -33,7 +32,6 @@ _IN_SIGHT = 0.5
 _CONTACT_M = 2.0
 _COAST_S, _NEW_COAST_S = 2.0, 0.5
 _NEIGHBOR_STEPS = 1.1
-_MAX_EXPECTED_TOP_M = 1.5
 _SLACK_S = 1e-6
 _CONTINUED_SHARE = 0.25
 _MAX_CELLS, _SAME_RANGE_M = 256, 1.0
@@ -55,8 +53,8 @@ class Track:
     """An object followed over time.
 
     When it was last seen, its parts were at the horizontal positions ``cells``, shape (m, 2), its centre at ``center``,
-    its top ``top_m`` above the water, and it was ``lone`` or not. ``velocity``, shape (2,), is relative to the lidar,
-    so own ship's motion is part of it. It was ever seen, and confirmed, beyond ``start_m`` if it is ``seen_outside``
+    and its top ``top_m`` above the water. ``velocity``, shape (2,), is relative to the lidar, so own ship's motion is
+    part of it. It was ever seen, and confirmed, beyond ``start_m`` if it is ``seen_outside``
     and ``from_outside``; in the latter case, it is not own ship when it comes nearer. ``memory`` is its evidence, and
     ``history`` that of the frames that decisions still need.
     """
@@ -67,7 +65,6 @@ class Track:
     seen_s: float
     velocity: Floats = field(default_factory=lambda: np.zeros(2))
     top_m: float = 0.0
-    lone: bool = False
     seen_outside: bool = False
     from_outside: bool = False
     memory: float = 0.0
@@ -104,7 +101,7 @@ class Track:
                 gain = _NEW_GAIN if self.is_new else _GAIN
                 self.velocity = self.velocity + gain * (velocity - self.velocity)
         self.cells, self.center, self.seen_s = found.cells, found.center, time_s
-        self.top_m, self.lone = found.top_m, found.lone
+        self.top_m = found.top_m
         self.seen_outside |= not found.near
 
 
@@ -189,8 +186,6 @@ class Tracker:
         An object continues the track that expects most of its cells. If several objects continue a track, the one with
         the most cells and evidence does, and the others start tracks of their own. A track is neither found nor missed
         if most of its cells lie in an object of another track, such as a boat alongside another, or between the beams.
-        Where the water has no echoes, upright objects are not missed, since far ones are not in every frame; new ones
-        have evidence 0 then, as spray has.
 
         An object that continues no track has the least evidence in the frames before, as far as ``look_ahead_s`` back,
         so that spray, which stays for less than that, is not confirmed. With ``causal``, these
@@ -212,25 +207,11 @@ class Tracker:
         seen = {id(track) for track in result}
         missing = [one for one, hidden in zip(self._tracks, covered, strict=True) if id(one) not in seen and not hidden]
         for track in missing if sight is None else _in_sight(missing, sight, time_s):
-            if track.is_new or not track.lone:
-                self._collect(track, time_s, *(_HIDDEN if track.lone else _MISSED))
+            self._collect(track, time_s, _MISSED)
         unseen = [one for one in self._tracks if id(one) not in seen and time_s - one.seen_s <= one.coast_s(interval)]
         self._tracks = unseen + result
         self._recent_s.append(time_s)
         return result
-
-    def expected(self, found: Association, time_s: float) -> Floats:
-        """Return where low objects are expected but not found, shape (m, 2).
-
-        Waves can hide low objects, but not tall ones. The lower an object, the less evidence it needs.
-        """
-        missing = ~found.votes.any(axis=0) & ~found.covered
-        cells = [
-            track.expected(time_s)
-            for track, is_missing in zip(self._tracks, missing, strict=True)
-            if is_missing and track.top_m < _MAX_EXPECTED_TOP_M * min(track.memory / MOST, 1.0) and track.memory > 0
-        ]
-        return np.concatenate(cells) if cells else np.empty((0, 2))
 
     def score(self, track: Track, time_s: float) -> float:
         """Return the score of a track at a time: the mean evidence around it, and the memory of what was before.
@@ -246,7 +227,7 @@ class Tracker:
             elif item.time_s < time_s:
                 before = item.memory
         total = sum(item.evidence * item.step_s for item in around)
-        return total / (sum(item.step_s for item in around) + _DOUBT_S) + before
+        return total / sum(item.step_s for item in around) + before
 
     def _interval_s(self, time_s: float) -> float:
         return 0.0 if self._time_s is None else time_s - self._time_s
@@ -255,20 +236,20 @@ class Tracker:
         if not is_first:
             return self._begun(found, time_s, track)
         track.move(found, time_s)
-        self._collect(track, time_s, found.evidence, found.evidence)
+        self._collect(track, time_s, found.evidence)
         return track
 
     def _begun(self, found: DetectedObject, time_s: float, parent: Track | None = None) -> Track:
         track = Track(found.cells, found.center, time_s, time_s)
-        track.top_m, track.lone, track.seen_outside = found.top_m, found.lone, not found.near
+        track.top_m, track.seen_outside = found.top_m, not found.near
         if parent is not None:
             track.velocity = parent.velocity
             track.seen_outside |= parent.seen_outside
             track.from_outside = parent.from_outside
         elif not self._params.causal:
             for earlier_s in self._recent_s:
-                self._collect(track, earlier_s, *_ABSENT)
-        self._collect(track, time_s, found.evidence, found.evidence)
+                self._collect(track, earlier_s, LEAST)
+        self._collect(track, time_s, found.evidence)
         return track
 
     def _recognise(self, objects: Sequence[DetectedObject], tracks: Sequence[Track], votes: NDArray[np.int64]) -> None:
@@ -282,10 +263,10 @@ class Tracker:
             _, distance = nearest(parts, objects[k].cells)
             tracks[k].from_outside |= bool(distance.min() < _CONTACT_M)
 
-    def _collect(self, track: Track, time_s: float, evidence: float, to_memory: float) -> None:
-        """Add the evidence of a frame, and what is remembered of it."""
+    def _collect(self, track: Track, time_s: float, evidence: float) -> None:
+        """Add the evidence of a frame."""
         step = min(time_s - track.history[-1].time_s, _MAX_STEP_S) if track.history else _FIRST_STEP_S
-        gained = to_memory * step / _DECORRELATION_S
+        gained = evidence * step / _DECORRELATION_S
         remembered = track.memory * math.exp(-step / self._params.memory_s)
         track.memory = min(max(remembered + gained, _LEAST_MEMORY), _MOST_MEMORY)
         track.history.append(Evidence(time_s, evidence, max(step, 1e-3), track.memory))
