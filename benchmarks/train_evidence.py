@@ -10,7 +10,7 @@ import argparse
 import json
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from scipy.special import expit
 
 import seaclutter
 from seaclutter_cli.filters import confirmed
-from seaclutter_cli.filters.confirmation.evidence import FEATURES
+from seaclutter_cli.filters.confirmation.evidence import FEATURES, OF_SHAPE
 from seaclutter_cli.filters.confirmation.objects import Clusters, features_of
 from seaclutter_cli.labels import open_labels
 from seaclutter_cli.truth import IGNORED
@@ -126,9 +126,9 @@ class Curves:
         """Return what the method reads."""
         curves = {
             name: {"value": knots.tolist(), "log_odds": self.values[start : start + len(knots)].round(3).tolist()}
-            for name, (start, knots) in zip(FEATURES, self._spans(), strict=True)
+            for name, (start, knots) in zip(FEATURES, self._spans(), strict=False)
         }
-        return {"version": 1, "offset": round(float(self.values[0]), 3), "curves": curves}
+        return {"offset": round(float(self.values[0]), 3), "curves": curves}
 
     def _spans(self) -> Iterator[tuple[int, Floats]]:
         start = 1
@@ -179,7 +179,11 @@ def main() -> None:
         print(f"third {third + 1} of all logs left out: {Curves(rest).loss(out):.4f}")
     curves = Curves(every)
     print(f"all: {curves.loss(every):.4f}")
-    given.output.write_text(json.dumps(curves.table(), indent=1) + "\n", "utf-8")
+    of_shape = replace(every, features=every.features[:OF_SHAPE])
+    dim = Curves(of_shape)
+    print(f"without intensities: {dim.loss(of_shape):.4f}")
+    tables = {"version": 2, "all": curves.table(), "shape": dim.table()}
+    given.output.write_text(json.dumps(tables, indent=1) + "\n", "utf-8")
     if given.plot:
         picture(curves.table(), given.plot)
 

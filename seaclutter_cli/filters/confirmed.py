@@ -62,21 +62,18 @@ class Confirmed(Filter):
     2. *Band*: points higher above the water than :math:`\max(0.2\,\mathrm{m}, 4\sigma)` stand out, bright
        ones from half of the 0.2 m.
     3. *Candidates*: points in faces, which are echoes above each other in one direction at nearly one range (`Faces`);
-       points that stand out, if two others do within 2.5 % of their range; in the band, bright points with enough
-       candidates around them, as in the adaptive radius filter, and echoes beside each other in one beam, where the
-       next beam passes above low objects. Echoes in a volume, such as spray, rain and fog, are none: few of their
+       points that stand out and bright ones in the band, if three others are within 2.5 % of their range; and all where
+       the water has no echoes. Echoes in a volume, such as spray, rain and fog, do not stand out: few of their
        neighbours lie on one surface.
     4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. The evidence of a frame
-       is the logarithm of the odds that the shape of an object is that of a target: the sum of one curve for each of
-       thirteen features (`FEATURES`), learned from logs of two simulators.
+       is the logarithm of the odds that an object is a target: the sum of one curve for each of thirteen features
+       (`FEATURES`), learned from logs of two simulators; without intensities, of eleven.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
        most tracks have in common. The score of a track is its mean evidence within ``look_ahead_s``
        of the frame, plus what it collected before, as in the track score of Sittler [1]_: independent looks add up, one
        in the time in which the water becomes independent of what it was, about a second. Evidence is forgotten over
        ``memory_s``. Frames before an object appeared have the least evidence, except with ``causal``. An object is
-       missed only where a beam would have met it, an upright one only where the water has echoes, since far ones are
-       not seen in every frame. If a low object is expected but not found, it may also consist of points below the
-       thresholds.
+       missed only where a beam would have met it.
     6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
        and all where the water has no echoes.
 
@@ -278,7 +275,7 @@ class Confirmed(Filter):
                 undecided[int(is_kept)] += 1, len(found.points)
             if not is_kept:
                 continue
-            track.from_outside |= not found.near
+            track.from_outside |= not found.near or (track.part_of is not None and track.part_of.from_outside)
             if track.from_outside:
                 confirmed.append(found.points)
         kept = np.concatenate(confirmed)

@@ -48,7 +48,7 @@ class ConfirmedParams(RingIntensityParams):
     )
     cluster_tolerance_m: Positive = key(1.5, "Distance below which points belong to one object, in metres.")
     min_cluster_points: Count = key(3, "Minimum number of points of an object.")
-    score_threshold: Annotated[float, Interval(ge=-3, le=9)] = key(
+    score_threshold: Annotated[float, Interval(ge=-4, le=6)] = key(
         0.0, "Score above which an object is confirmed: the logarithm of the odds that it is a target."
     )
     memory_s: Positive = key(5.0, "Time in which the evidence of earlier frames decays to 1/e, in seconds.")

@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 _DECORRELATION_S = 1.0
 _LEAST_MEMORY, _MOST_MEMORY = -1.0, 3.0
-_MISSED = -2.0
+_MISSED, _AGAINST = -2.0, -1.5
 _MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
 _KNOWN_AFTER_S = 0.5
 _GATE_M, _GATE_SPEED_MS = 0.8, 1.0
@@ -55,8 +55,8 @@ class Track:
     When it was last seen, its parts were at the horizontal positions ``cells``, shape (m, 2), its centre at ``center``,
     and its top ``top_m`` above the water. ``velocity``, shape (2,), is relative to the lidar, so own ship's motion is
     part of it. It was ever seen, and confirmed, beyond ``start_m`` if it is ``seen_outside``
-    and ``from_outside``; in the latter case, it is not own ship when it comes nearer. ``memory`` is its evidence, and
-    ``history`` that of the frames that decisions still need.
+    and ``from_outside``; in the latter case, it is not own ship when it comes nearer, nor is what is ``part_of`` it.
+    ``memory`` is its evidence, and ``history`` that of the frames that decisions still need.
     """
 
     cells: Floats
@@ -67,6 +67,7 @@ class Track:
     top_m: float = 0.0
     seen_outside: bool = False
     from_outside: bool = False
+    part_of: "Track | None" = None
     memory: float = 0.0
     history: deque[Evidence] = field(default_factory=deque)
 
@@ -217,7 +218,7 @@ class Tracker:
         """Return the score of a track at a time: the mean evidence around it, and the memory of what was before.
 
         Around it are at least the frame before and the frame after, even if they are a little more than the look-ahead
-        apart.
+        apart, and one look that speaks against it: the fewer frames, the less they prove.
         """
         span = self._params.look_ahead_s + _SLACK_S
         around, before = [], 0.0
@@ -226,8 +227,9 @@ class Tracker:
                 around.append(item)
             elif item.time_s < time_s:
                 before = item.memory
-        total = sum(item.evidence * item.step_s for item in around)
-        return total / sum(item.step_s for item in around) + before
+        total, span_s = sum(item.evidence * item.step_s for item in around), sum(item.step_s for item in around)
+        one_s = span_s / len(around)
+        return (total + _AGAINST * one_s) / (span_s + one_s) + before
 
     def _interval_s(self, time_s: float) -> float:
         return 0.0 if self._time_s is None else time_s - self._time_s
@@ -245,7 +247,7 @@ class Tracker:
         if parent is not None:
             track.velocity = parent.velocity
             track.seen_outside |= parent.seen_outside
-            track.from_outside = parent.from_outside
+            track.from_outside, track.part_of = parent.from_outside, parent.part_of or parent
         elif not self._params.causal:
             for earlier_s in self._recent_s:
                 self._collect(track, earlier_s, LEAST)
@@ -253,15 +255,17 @@ class Tracker:
         return track
 
     def _recognise(self, objects: Sequence[DetectedObject], tracks: Sequence[Track], votes: NDArray[np.int64]) -> None:
-        """Mark what appears near own ship in contact with an object from outside: it is part of that object."""
-        outside = [one.cells for one, track in zip(objects, tracks, strict=True) if track.from_outside and not one.near]
-        appeared = [k for k, one in enumerate(objects) if one.near and not votes[k].any()]
-        if not outside or not appeared:
-            return
-        parts = np.concatenate(outside)
-        for k in appeared:
-            _, distance = nearest(parts, objects[k].cells)
-            tracks[k].from_outside |= bool(distance.min() < _CONTACT_M)
+        """Mark what appears near own ship in contact with objects from outside: it is part of the best known."""
+        outside = [(one.cells, track) for one, track in zip(objects, tracks, strict=True) if not one.near]
+        for k in [k for k, one in enumerate(objects) if one.near and not votes[k].any()]:
+            touched = [
+                track
+                for cells, track in outside
+                if nearest(cells, objects[k].cells)[1].min(initial=np.inf) < _CONTACT_M
+            ]
+            if touched:
+                owner = max(touched, key=lambda track: (track.from_outside, track.memory))
+                tracks[k].part_of = owner.part_of or owner
 
     def _collect(self, track: Track, time_s: float, evidence: float) -> None:
         """Add the evidence of a frame."""
