@@ -26,6 +26,7 @@ Indices = NDArray[np.intp]
 
 _RADIUS_RATIO = 0.025
 _COMPANY = 3
+_FLAT = -1.2
 _GROWTH_RATIO = 0.01
 _SURE = 1.5
 """Score above which most objects are targets; from 0 to this, about as many are as are not."""
@@ -66,14 +67,14 @@ class Confirmed(Filter):
        the water has no echoes. Echoes in a volume, such as spray, rain and fog, do not stand out: few of their
        neighbours lie on one surface.
     4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. The evidence of a frame
-       is the logarithm of the odds that an object is a target: the sum of one curve for each of thirteen features
-       (`FEATURES`), learned from logs of two simulators; without intensities, of eleven.
+       is the logarithm of the odds that an object is a target: the sum of one curve for each of fourteen features
+       (`FEATURES`), learned from logs of two simulators; without intensities, of twelve.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
        most tracks have in common. The score of a track is its mean evidence within ``look_ahead_s``
        of the frame, plus what it collected before, as in the track score of Sittler [1]_: independent looks add up, one
        in the time in which the water becomes independent of what it was, about a second. Evidence is forgotten over
        ``memory_s``. Frames before an object appeared have the least evidence, except with ``causal``. An object is
-       missed only where a beam would have met it.
+       missed only where a beam would have met it, and given up when its evidence is used up.
     6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
        and all where the water has no echoes.
 
@@ -270,7 +271,7 @@ class Confirmed(Filter):
         undecided = np.zeros((2, 2), np.int64)
         for found, track in zip(one.objects, one.tracks, strict=True):
             score = self._tracker.score(track, one.time_s)
-            is_kept = score > self._params.score_threshold
+            is_kept = score > self._params.score_threshold and found.evidence >= _FLAT
             if 0 < score <= _SURE:
                 undecided[int(is_kept)] += 1, len(found.points)
             if not is_kept:

@@ -7,7 +7,7 @@ first of equals wins.
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -143,27 +143,13 @@ class ConfirmedObjects:
             upright = np.array([one.number for one in echoes if one.upright], np.intp)
             self.own_ship.see(frame, level and WaterSurface(level, water.sigma, None, None), upright)
         self.background.mark(echoes, time_s)
-        candidates = candidates_of(echoes, self.beams)
+        candidates = candidates_of(echoes)
         sigma = 0.0 if water is None else water.sigma
         things = self.things([one for one in candidates if not one.near], sigma, near=False)
         if self.tracks.approach(self.params.own_ship_m, time_s):
             things += self.things([one for one in candidates if one.near], sigma, near=True)
         things.sort(key=lambda thing: thing.center)
         self.tracks.turn(things, time_s)
-        missing = places_of(self.tracks.missing(things, time_s))
-        expected = [
-            echo
-            for echo in echoes
-            if (echo.bright or echo.grows) and not echo.near and nearest(echo.xy, missing) <= confirmed._EXPECTED_M
-        ]
-        for thing in sorted(self.things(expected, sigma, near=False), key=lambda thing: thing.center):
-            reached = [place for place in missing if nearest(place, places_of(thing.cells)) <= confirmed._EXPECTED_M]
-            if reached:
-                things.append(
-                    replace(
-                        thing, evidence=min(thing.evidence, 0.0), expected=[(float(x), float(y)) for x, y in reached]
-                    )
-                )
         reasons = [self.by_zone(point, ring) for point, ring in zip(points, rings, strict=True)]
         mark(reasons, echoes, things, Reason.LOW_INTENSITY if self.params.use_intensity else Reason.UNCONFIRMED)
         tracks = self.tracks.step(things, time_s, lambda place, top: self.beams.meets(place, top, water))
@@ -198,15 +184,16 @@ class ConfirmedObjects:
 
     def things(self, candidates: Sequence[Echo], sigma: float, *, near: bool) -> list[Thing]:
         clusters = clusters_of(candidates, self.beams, self.params)
-        return [Thing(own, evidence_of(own, sigma, self.beams, self.params), near) for own in clusters]
+        said = evidence_of(clusters, sigma, self.beams, self.params)
+        return [Thing(own, evidence, near) for own, evidence in zip(clusters, said, strict=True)]
 
     def confirm(self, scan: Scan) -> None:
         """Keep the objects of a frame that are confirmed, and what belongs to them."""
         kept = []
         for thing, track in zip(scan.things, scan.tracks, strict=True):
-            score = track.score(scan.time_s, self.params.look_ahead_s)
-            if score > self.params.score_threshold and thing.evidence >= confirmed._FLAT:
-                track.from_outside |= not thing.near
+            is_flat = thing.evidence < confirmed._FLAT
+            if track.score(scan.time_s, self.params.look_ahead_s) > self.params.score_threshold and not is_flat:
+                track.from_outside |= not thing.near or (track.whole is not None and track.whole.from_outside)
                 if track.from_outside:
                     kept += thing.echoes
         for echo in kept:

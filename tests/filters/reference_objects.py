@@ -3,7 +3,8 @@
 import json
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -52,7 +53,6 @@ class Echo:
     height: float
     rise: float
     deviation: float
-    wave: float
     grows: bool
     bright: bool
     low: bool
@@ -177,7 +177,6 @@ def echo_of(number: int, point: Point, ring: int, water: Surface | None, params:
         height,
         rise,
         deviation=deviation,
-        wave=heights._WAVE_SIGMAS * deviation + beyond,
         grows=height > max(params.growth_height_m, heights._GROWTH_SIGMAS * deviation),
         bright=reached and abs(height) <= rise,
         low=not reached,
@@ -197,24 +196,15 @@ def cells_in_volume(echoes: Sequence[Echo]) -> set[tuple[int, int]]:
     return {cell for cell, count in loose.items() if count > heights._VOLUME * linked[cell] + 1}
 
 
-def candidates_of(echoes: Sequence[Echo], lidar: "Beams") -> list[Echo]:
-    """Return points in faces, high ones in company, bright ones with enough others around them, and those in runs."""
-    company = places_of(echo.xyz for echo in echoes if echo.high or echo.upright)
-    among = places_of(echo.xyz for echo in echoes if echo.bright or echo.high)
+def candidates_of(echoes: Sequence[Echo]) -> list[Echo]:
+    """Return points in faces, those that grow where the water has no echoes, and high and bright ones in company."""
+    company = places_of(echo.xyz for echo in echoes if echo.high or echo.bright or echo.upright)
     found = []
     for echo in echoes:
-        reach = confirmed._RADIUS_RATIO * echo.range_m
-        chosen = echo.upright
-        if not chosen and echo.high:
-            chosen = (distances(echo.xyz, company) <= reach).sum() - 1 >= confirmed._COMPANY
-        next_m = echo.height + math.tan(math.radians(lidar.above(echo.elevation_bin))) * echo.range_m
-        if abs(echo.height) <= echo.rise <= next_m and echo.run >= confirmed._SHORT_RUN:
-            chosen = chosen or echo.alone > heights.ALONE
-        if not chosen and echo.bright:
-            in_one_beam = echo.unseen > 0 and next_m >= confirmed._ONE_BEAM_RISES * echo.rise
-            needed = confirmed._MIN_IN_ONE_BEAM if in_one_beam else confirmed._MIN_NEIGHBORS
-            hidden = next_m >= confirmed._HIDDEN_RISES * echo.rise
-            chosen = hidden and (distances(echo.xyz, among) <= reach).sum() - 1 >= needed
+        chosen = echo.upright or (echo.grows and echo.alone > heights.ALONE)
+        if not chosen and (echo.high or echo.bright):
+            around = distances(echo.xyz, company) <= confirmed._RADIUS_RATIO * echo.range_m
+            chosen = around.sum() - 1 >= confirmed._COMPANY
         if chosen:
             found.append(echo)
     return found
@@ -227,13 +217,10 @@ class Thing:
     echoes: list[Echo]
     evidence: float
     near: bool
-    expected: list[XY] = field(default_factory=list)
 
     @property
     def cells(self) -> list[XY]:
-        """Mean position of the points in each cell of half a metre, or where the object was expected."""
-        if self.expected:
-            return self.expected
+        """Mean position of the points in each cell of half a metre."""
         members: dict[tuple[int, int], list[XY]] = {}
         for echo in self.echoes:
             cell = math.floor(echo.point.x / objects._CELL_M), math.floor(echo.point.y / objects._CELL_M)
@@ -245,13 +232,8 @@ class Thing:
         return max(echo.height for echo in self.echoes)
 
     @property
-    def lone(self) -> bool:
-        return 2 * sum(echo.upright and echo.alone > heights.ALONE for echo in self.echoes) >= len(self.echoes)
-
-    @property
     def center(self) -> XY:
-        places = self.expected or [echo.xy for echo in self.echoes]
-        x, y = (mean(values) for values in zip(*places, strict=True))
+        x, y = (mean(values) for values in zip(*(echo.xy for echo in self.echoes), strict=True))
         return x, y
 
 
@@ -330,13 +312,27 @@ class Beams:
         return any(low <= one <= high for one in self.seen)
 
 
-def evidence_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any) -> float:
-    """Return the evidence of an object's shape: one curve for each of its features."""
-    stored = json.loads(Path(evidence.__file__).with_name("evidence.json").read_text("utf-8"))
-    features = features_of(echoes, sigma, lidar, params)
-    assert set(features) == set(stored["curves"])
-    odds = stored["offset"] + math.fsum(on_curve(stored["curves"][name], value) for name, value in features.items())
-    return min(max(odds, evidence.LEAST), evidence.MOST)
+def evidence_of(groups: Sequence[Sequence[Echo]], sigma: float, lidar: Beams, params: Any) -> list[float]:
+    """Return the evidence of the shape of each object: one curve for each of its features."""
+    stored = tables()["all" if params.use_intensity else "shape"]
+    ranges, found = [mean([echo.range_m for echo in own]) for own in groups], []
+    for own, range_m in zip(groups, ranges, strict=True):
+        features = shape_of(own, sigma, lidar, params)
+        ratio = objects._NEAR_RATIO
+        features["crowd"] = math.log2(sum(range_m / ratio <= other < range_m * ratio for other in ranges))
+        if params.use_intensity:
+            features |= light_of(own)
+        assert set(features) == set(stored["curves"])
+        odds = stored["offset"] + math.fsum(on_curve(stored["curves"][name], value) for name, value in features.items())
+        found.append(min(max(odds, evidence.LEAST), evidence.MOST))
+    return found
+
+
+@cache
+def tables() -> dict[str, Any]:
+    """Return the curves of objects with intensities, "all", and of those without, "shape"."""
+    stored: dict[str, Any] = json.loads(Path(evidence.__file__).with_name("evidence.json").read_text("utf-8"))
+    return stored
 
 
 def on_curve(curve: dict[str, list[float]], value: float) -> float:
@@ -350,32 +346,36 @@ def on_curve(curve: dict[str, list[float]], value: float) -> float:
     return odds[-1]
 
 
-def features_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any) -> dict[str, float]:
+def shape_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any) -> dict[str, float]:
     """Return the features of an object's shape by name."""
     count = len(echoes)
     ordered = sorted(echo.height for echo in echoes)
     top = ordered[count - min(max(count // 4, 1), 3)]
     face = sorted(echo.face for echo in echoes)[count - 1 - count // 4]
-    rise, wave = mean([echo.rise for echo in echoes]), mean([echo.wave for echo in echoes])
-    linked, loose = sum(echo.linked for echo in echoes), sum(echo.loose for echo in echoes)
-    surface = min(max(2 * linked / max(linked + loose, 1) - 1, 0.0), 1.0)
+    beside = sum(echo.linked + echo.loose for echo in echoes)
     extent = ordered[-1] - ordered[count // 10]
     spacing = max(sum(lidar.beside(echoes)) / 2, 0.01)
     azimuth = math.atan2(*(mean([echo.xy[axis] for echo in echoes]) for axis in (1, 0)))
-    brightness = sorted(echo.brightness for echo in echoes)[count // 2] if params.use_intensity else 0.0
     across = [math.cos(azimuth) * echo.point.y - math.sin(azimuth) * echo.point.x for echo in echoes]
     return {
         "height_m": top,
         "echoes": math.log2(count),
         "density": math.log2(count * (mean([echo.range_m for echo in echoes]) / 10) ** 2),
-        "echoes_beside": math.log2(max(linked + loose, 0.01) / count),
-        "lowest": ordered[count // 10] / rise,
-        "middle": ordered[count // 2] / rise,
-        "above_waves": surface * (top - wave) / rise,
+        "echoes_beside": math.log2(max(beside, 0.01) / count),
+        "surface": sum(echo.linked for echo in echoes) / max(beside, 1),
+        "lowest": ordered[count // 10] / mean([echo.rise for echo in echoes]),
         "face": min(face / max(params.min_extent_m, params.extent_sigmas * sigma), 2.0),
         "face_share": face / max(top, 0.05),
         "beams": math.log2(max(extent / spacing, 0.0) + 1),
         "slenderness": math.log2((max(across) - min(across) + 0.05) / max(extent, 0.05)),
-        "brightness": mean([echo.unseen for echo in echoes]) * math.log2(max(brightness, 1.0)),
         "row": mean([echo.alone for echo in echoes]) * math.log2(mean([echo.run for echo in echoes])),
+    }
+
+
+def light_of(echoes: Sequence[Echo]) -> dict[str, float]:
+    """Return the features of an object's intensities by name."""
+    ordered = sorted(echo.brightness for echo in echoes)
+    return {
+        "bright_share": mean([not echo.low for echo in echoes]),
+        "brightness": math.log2(max(ordered[len(ordered) // 2], 0.1)),
     }

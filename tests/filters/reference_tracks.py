@@ -35,9 +35,9 @@ class Track:
     seen_s: float
     velocity: XY = (0.0, 0.0)
     top: float = 0.0
-    lone: bool = False
     outside: bool = False
     from_outside: bool = False
+    whole: "Track | None" = None
     history: list[Entry] = field(default_factory=list)
 
     @property
@@ -59,8 +59,9 @@ class Track:
         jitter = min(tracks._JITTER_M + tracks._JITTER_SPEED_MS * interval_s, tracks._MAX_JITTER_M)
         return max(tracks._GATE_M + tracks._GATE_SPEED_MS * unseen_s, jitter)
 
-    def patience(self, interval_s: float) -> float:
-        return tracks._NEW_COAST_S + interval_s + SLACK_S if self.is_new else tracks._COAST_S
+    def may_return(self, time_s: float, interval_s: float) -> bool:
+        patience_s = tracks._NEW_COAST_S + interval_s + SLACK_S if self.is_new else tracks._COAST_S
+        return time_s - self.seen_s <= patience_s and self.memory > 0
 
     def follow(self, thing: Thing, time_s: float) -> None:
         elapsed = time_s - self.seen_s
@@ -71,22 +72,23 @@ class Track:
                 vx, vy = (old + gain * (new - old) for new, old in zip(seen, self.velocity, strict=True))
                 self.velocity = vx, vy
         self.cells, self.center, self.seen_s = thing.cells, thing.center, time_s
-        self.top, self.lone = thing.top, thing.lone
+        self.top = thing.top
         self.outside |= not thing.near
 
-    def collect(self, evidence: float, to_memory: float, time_s: float, memory_s: float) -> None:
+    def collect(self, evidence: float, time_s: float, memory_s: float) -> None:
         step = tracks._FIRST_STEP_S
         if self.history:
             step = min(time_s - self.history[-1].time_s, tracks._MAX_STEP_S)
         low, high = tracks._LEAST_MEMORY, tracks._MOST_MEMORY
-        memory = self.memory * math.exp(-step / memory_s) + to_memory * step / tracks._DECORRELATION_S
+        memory = self.memory * math.exp(-step / memory_s) + evidence * step / tracks._DECORRELATION_S
         self.history.append(Entry(time_s, evidence, max(step, 1e-3), min(max(memory, low), high)))
 
     def score(self, time_s: float, span_s: float) -> float:
         around = [one for one in self.history if one.is_around(time_s, span_s)]
         before = [one for one in self.history if one.time_s < time_s and not one.is_around(time_s, span_s)]
-        collected = sum(one.evidence * one.step_s for one in around)
-        average = collected / (sum(one.step_s for one in around) + tracks._DOUBT_S)
+        usual_s = sum(one.step_s for one in around) / len(around)
+        looks = [(one.evidence, one.step_s) for one in around] + [(tracks._MISSED, usual_s)]
+        average = sum(said * step_s for said, step_s in looks) / sum(step_s for _, step_s in looks)
         return average + (before[-1].memory if before else 0.0)
 
 
@@ -141,17 +143,6 @@ class Tracks:
         places = [place for track in coming for place in track.expected(time_s)]
         return any(math.hypot(*place) < start_m + tracks._CONTACT_M for place in places)
 
-    def missing(self, things: Sequence[Thing], time_s: float) -> list[XY]:
-        """Return where low objects are expected but not found; the lower one is, the less evidence it needs."""
-        votes, covered = self.matches(things, time_s)
-        places: list[XY] = []
-        for number, track in enumerate(self.tracks):
-            found = covered[number] or any(own[number] for own in votes)
-            is_low = track.top < tracks._MAX_EXPECTED_TOP_M * min(track.memory / evidence.MOST, 1.0)
-            if not found and is_low and track.memory > 0:
-                places += track.expected(time_s)
-        return places
-
     def step(self, things: Sequence[Thing], time_s: float, meets: Callable[[XY, float], bool]) -> list[Track]:
         """Return the track of each object; ``meets`` says whether a beam meets a place up to a height."""
         votes, covered = self.matches(things, time_s)
@@ -169,16 +160,15 @@ class Tracks:
             for track, thing in zip(followed, things, strict=True)
         ]
         for track, thing in zip(result, things, strict=True):
-            track.collect(thing.evidence, thing.evidence, time_s, self.params.memory_s)
+            track.collect(thing.evidence, time_s, self.params.memory_s)
         recognise(things, result, votes)
         lost = [(track, hidden) for track, hidden in zip(self.tracks, covered, strict=True) if track not in result]
         for track, hidden in lost:
             places = track.expected(time_s)
             met = sum(meets(place, max(track.top, self.params.min_rise_m)) for place in places)
-            if not hidden and (track.is_new or not track.lone) and met >= tracks._IN_SIGHT * len(places):
-                said = tracks._HIDDEN if track.lone else tracks._MISSED
-                track.collect(*said, time_s, self.params.memory_s)
-        self.tracks = [track for track, _ in lost if time_s - track.seen_s <= track.patience(interval_s)] + result
+            if not hidden and met >= tracks._IN_SIGHT * len(places):
+                track.collect(tracks._MISSED, time_s, self.params.memory_s)
+        self.tracks = [track for track, _ in lost if track.may_return(time_s, interval_s)] + result
         self.times.append(time_s)
         return result
 
@@ -187,7 +177,7 @@ class Tracks:
         track = begun(thing, time_s)
         for earlier_s in [] if self.params.causal else self.times:
             if time_s - self.params.look_ahead_s - SLACK_S <= earlier_s < time_s:
-                track.collect(*tracks._ABSENT, earlier_s, self.params.memory_s)
+                track.collect(evidence.LEAST, earlier_s, self.params.memory_s)
         return track
 
     def inherit(
@@ -204,6 +194,7 @@ class Tracks:
                 part = begun(things[k], time_s)
                 part.velocity, part.from_outside = track.velocity, track.from_outside
                 part.outside |= track.outside
+                part.whole = track.whole or track
                 found.append((k, part))
         return found
 
@@ -255,18 +246,19 @@ def common_turn(known: Sequence[Sequence[XY]], cells: Sequence[XY], guess: float
 
 def begun(thing: Thing, time_s: float) -> Track:
     """Return a new track."""
-    return Track(thing.cells, thing.center, time_s, time_s, top=thing.top, lone=thing.lone, outside=not thing.near)
+    return Track(thing.cells, thing.center, time_s, time_s, top=thing.top, outside=not thing.near)
 
 
 def recognise(things: Sequence[Thing], result: Sequence[Track], votes: Sequence[Sequence[int]]) -> None:
-    """Mark near objects that appear in contact with one from outside: they are part of it."""
-    outside = places_of(
-        cell
-        for thing, track in zip(things, result, strict=True)
-        if track.from_outside and not thing.near
-        for cell in thing.cells
-    )
+    """Note of what near objects are parts that appear in contact with one from outside: of the best known."""
     for thing, track, own in zip(things, result, votes, strict=True):
-        if thing.near and not any(own):
-            gap = min(nearest(cell, outside) for cell in thing.cells)
-            track.from_outside |= gap < tracks._CONTACT_M
+        if not thing.near or any(own):
+            continue
+        best: Track | None = None
+        for other, body in zip(things, result, strict=True):
+            if other.near or min(nearest(cell, places_of(other.cells)) for cell in thing.cells) >= tracks._CONTACT_M:
+                continue
+            if best is None or (body.from_outside, body.memory) > (best.from_outside, best.memory):
+                best = body
+        if best is not None:
+            track.whole = best.whole or best

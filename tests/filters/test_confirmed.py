@@ -86,11 +86,12 @@ class TestInterruptions:
         assert results[7].water == results[6].water, "the water holds"
         assert shares(results, BOAT) == [1.0] * 14
 
-    def test_a_boat_hidden_for_a_second_is_known_when_it_returns(self):
-        """Without its past, one frame is not enough for this threshold: the first frame of all shows it."""
-        boat = replace(BOAT, seen=(0, 2, 3))
-        kept = shares(run(sea_log(1, [boat], times(40)), causal=True, score_threshold=1.8), boat)
-        assert kept == [0.0] + [1.0] * 29
+    @pytest.mark.parametrize("returns_s", [3, 4.5])
+    @pytest.mark.parametrize("causal", [True, False])
+    def test_a_boat_that_returns_is_kept_at_once(self, causal, returns_s):
+        boat = replace(BOAT, seen=(0, 2, returns_s))
+        kept = shares(run(sea_log(1, [boat], times(55), drops=0), causal=causal), boat)
+        assert kept == [1.0] * (20 + 55 - round(10 * returns_s))
 
     @pytest.mark.parametrize(("lasts_s", "kept"), [(0.45, 0.0), (0.8, 1.0)])
     def test_spray_for_less_than_the_look_ahead(self, lasts_s, kept):
@@ -100,11 +101,6 @@ class TestInterruptions:
     def test_a_splash_in_the_last_frame(self):
         splash = replace(BOAT, seen=(1.95, 3.0))
         assert shares(run(sea_log(1, [splash], times(21), drops=0)), splash) == [0.0]
-
-    def test_a_boat_hidden_for_longer_begins_anew(self):
-        boat = replace(BOAT, seen=(0, 2, 4.5))
-        kept = shares(run(sea_log(1, [boat], times(55)), causal=True, score_threshold=1.8), boat)
-        assert [number for number, share in enumerate(kept) if share == 0.0] == [0, 20]
 
     @pytest.mark.parametrize("back_s", [0.05, 1.0, 1000.0])
     def test_a_clock_that_jumps_back(self, back_s):

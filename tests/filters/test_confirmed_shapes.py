@@ -103,4 +103,6 @@ def test_bodies_are_kept_while_own_ship_turns(rate_deg_s):
     for result, (_, straight) in zip(run([one for one, _ in log]), log, strict=True):
         tall = straight.valid & (straight.coordinates[2] > 0.5 - MAST_M) & (straight.range_m > 12)
         assert result.keep[tall].mean() > 0.9
-        assert result.counts[Reason.UNCONFIRMED] < 20
+        x, y, _ = straight.coordinates
+        beside = np.any([np.hypot(x - body.x, y - body.y) < 3 for body in bodies], axis=0)
+        assert not (result.reason[beside] == Reason.UNCONFIRMED).any()

@@ -10,15 +10,15 @@ from seaclutter_cli.filters.confirmation.tracks import Tracker
 POSITION = np.array([[20.0, 0.0]])
 
 
-def seen(tracker, time_s, since_s):
-    """Return the track of a lone object that is in a frame."""
-    objects = [DetectedObject(np.arange(3), 0.6, POSITION, POSITION[0])]
+def seen(tracker, time_s, since_s, evidence=0.6):
+    """Return the track of the only object that is in a frame."""
+    objects = [DetectedObject(np.arange(3), evidence, POSITION, POSITION[0])]
     (track,) = tracker.step(tracker.associate(objects, time_s), time_s, since_s)
     return track
 
 
 def scores(params, step_s, *, forget):
-    """Return the score of a lone object in each of 12 frames, with or without evidence that is no longer needed."""
+    """Return the score of the only object in each of 12 frames, with or without evidence that is no longer needed."""
     tracker = Tracker(params)
     times_s = (step_s * np.arange(12)).tolist()
     return [tracker.score(seen(tracker, time_s, time_s if forget else -np.inf), time_s) for time_s in times_s]
@@ -36,7 +36,7 @@ def test_the_next_frame_counts_even_a_little_beyond_the_look_ahead(gap_s, counts
     tracker = Tracker(ConfirmedParams())
     track = seen(tracker, 0.0, 0.0)
     alone = tracker.score(track, 0.0)
-    assert seen(tracker, gap_s, 0.0) is track
+    assert seen(tracker, gap_s, 0.0, evidence=2.0) is track
     assert (tracker.score(track, 0.0) > alone) is counts
 
 

@@ -81,9 +81,11 @@ class Heights:
         that water does not have; may return to a confirmed object; is below the water under a body.
     brightness : ndarray, float64
         Intensity divided by the threshold; 0 without thresholds.
+    unseen : ndarray, float64
+        1 where the water has no echoes but those that an object itself may have, 0 where echoes show it all around.
     alone : ndarray, float64
-        1 where the water has no echoes but those that an object itself may have, or none at the range of a point; 0
-        where echoes show it all around, and in a quarter of the other directions at that range.
+        The same, or 1 where the water has no echoes at the range of a point, 0 where it has them in a quarter of the
+        other directions.
     run : ndarray, int32
         Number of echoes beside each other in one beam, at nearly one range.
     water : WaterSurface or None
@@ -102,6 +104,7 @@ class Heights:
     grows: Mask
     mirrored: Mask
     brightness: Floats
+    unseen: Floats
     alone: Floats
     run: NDArray[np.int32]
     water: WaterSurface | None
@@ -164,6 +167,7 @@ class Sea:
             grows,
             mirrored,
             brightness,
+            unseen,
             alone,
             faces.run,
             water,

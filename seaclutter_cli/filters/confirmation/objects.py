@@ -153,7 +153,8 @@ def features_of(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Bea
     (top,) = clusters.ranked(heights.height_m, count - np.clip(count // 4, 1, 3))
     (face,) = clusters.ranked(heights.face_m, count - 1 - count // 4)
     (lowest,) = clusters.ranked(heights.height_m, count // 10)
-    range_m, beside = clusters.mean(echoes.range_m), clusters.sum(heights.linked + heights.loose)
+    linked, loose = clusters.sum(heights.linked), clusters.sum(heights.loose)
+    range_m, beside = clusters.mean(echoes.range_m), linked + loose
     extent = clusters.greatest(heights.height_m) - lowest
     spacing = np.maximum(sum(_beside(echoes, clusters, beams)) / 2, _LEAST_SPACING_M)
     width = _width_m(echoes, clusters)
@@ -162,6 +163,7 @@ def features_of(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Bea
         np.log2(count),
         np.log2(count * (range_m / _DENSITY_AT_M) ** 2),
         np.log2(np.maximum(beside, _FEW) / count),
+        linked / np.maximum(beside, 1),
         lowest / clusters.mean(heights.rise_m),
         np.minimum(face / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m), _MOST_EXTENTS),
         face / np.maximum(top, _LEAST_M),

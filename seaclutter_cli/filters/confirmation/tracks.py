@@ -18,8 +18,8 @@ from seaclutter_cli.water.beams import Sight
 Floats = NDArray[np.float64]
 
 _DECORRELATION_S = 1.0
-_LEAST_MEMORY, _MOST_MEMORY = -1.0, 3.0
-_MISSED, _AGAINST = -2.0, -1.5
+_LEAST_MEMORY, _MOST_MEMORY = 0.0, 3.0
+_MISSED = -2.2
 _MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
 _KNOWN_AFTER_S = 0.5
 _GATE_M, _GATE_SPEED_MS = 0.8, 1.0
@@ -76,9 +76,13 @@ class Track:
         """Whether its velocity is not yet known."""
         return self.seen_s - self.born_s <= _KNOWN_AFTER_S
 
-    def coast_s(self, interval_s: float) -> float:
-        """Return the time after which it is given up unless it is seen again; ``interval_s`` as for `gate_m`."""
-        return _NEW_COAST_S + interval_s + _SLACK_S if self.is_new else _COAST_S
+    def coasts(self, time_s: float, interval_s: float) -> bool:
+        """Return whether it may be seen again; ``interval_s`` as for `gate_m`.
+
+        It is given up after some time, and when its evidence is used up: what appears there then is something new.
+        """
+        coast_s = _NEW_COAST_S + interval_s + _SLACK_S if self.is_new else _COAST_S
+        return self.memory > 0 and time_s - self.seen_s <= coast_s
 
     def expected(self, time_s: float) -> Floats:
         """Return where its parts are expected at a time, shape (m, 2)."""
@@ -209,7 +213,7 @@ class Tracker:
         missing = [one for one, hidden in zip(self._tracks, covered, strict=True) if id(one) not in seen and not hidden]
         for track in missing if sight is None else _in_sight(missing, sight, time_s):
             self._collect(track, time_s, _MISSED)
-        unseen = [one for one in self._tracks if id(one) not in seen and time_s - one.seen_s <= one.coast_s(interval)]
+        unseen = [one for one in self._tracks if id(one) not in seen and one.coasts(time_s, interval)]
         self._tracks = unseen + result
         self._recent_s.append(time_s)
         return result
@@ -218,7 +222,7 @@ class Tracker:
         """Return the score of a track at a time: the mean evidence around it, and the memory of what was before.
 
         Around it are at least the frame before and the frame after, even if they are a little more than the look-ahead
-        apart, and one look that speaks against it: the fewer frames, the less they prove.
+        apart, and one look that misses it: the fewer frames, the less they prove.
         """
         span = self._params.look_ahead_s + _SLACK_S
         around, before = [], 0.0
@@ -229,7 +233,7 @@ class Tracker:
                 before = item.memory
         total, span_s = sum(item.evidence * item.step_s for item in around), sum(item.step_s for item in around)
         one_s = span_s / len(around)
-        return (total + _AGAINST * one_s) / (span_s + one_s) + before
+        return (total + _MISSED * one_s) / (span_s + one_s) + before
 
     def _interval_s(self, time_s: float) -> float:
         return 0.0 if self._time_s is None else time_s - self._time_s
