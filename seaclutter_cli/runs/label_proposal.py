@@ -45,7 +45,7 @@ def propose_labels(options: ProposeOptions) -> "ProposalResult":
     >>> import seaclutter
     >>> done = seaclutter.propose_labels("samples/sea.mcap", folder / "sea.labels.csv")
     >>> done.outcomes[0].boxes, done.outcomes[0].doubtful
-    (120, 0)
+    (130, 10)
     """
     observer, config = options.watching, objects_config(options)
     pairs = prepared(options, {}, observer, [config])
