@@ -74,7 +74,8 @@ class Confirmed(Filter):
        of the frame, plus what it collected before, as in the track score of Sittler [1]_: independent looks add up, one
        in the time in which the water becomes independent of what it was, about a second. Evidence is forgotten over
        ``memory_s``. Frames before an object appeared have the least evidence, except with ``causal``. An object is
-       missed only where a beam would have met it, and given up when its evidence is used up.
+       missed only where a beam would have met it, and given up when its evidence is used up. What is flat in a frame
+       is not kept in it.
     6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
        and all where the water has no echoes.
 
@@ -248,9 +249,12 @@ class Confirmed(Filter):
             return found
         points, radius = echoes.xyz.take(among, axis=1), _RADIUS_RATIO * echoes.range_m[among[asked]]
         counts = within(points, points.take(asked, axis=1), radius)
-        if counts is None:
-            distance = nth_neighbor_distances(np.ascontiguousarray(points.T), [_COMPANY], asked)[:, 0]
-        found[among[asked[distance <= radius if counts is None else counts > _COMPANY]]] = True
+        if counts is not None:
+            in_company = counts > _COMPANY  # the point itself is one of them
+        else:
+            distance = nth_neighbor_distances(np.ascontiguousarray(points.T), [_COMPANY], asked)
+            in_company = distance[:, 0] <= radius
+        found[among[asked[in_company]]] = True
         return found
 
     def _reasons(

@@ -118,9 +118,7 @@ def fit(
     shape.yaw, shape.yaw_s = float(yaws[-1]), float(times_s[-1])
     whole = np.array([np.quantile(values, _SIZE_QUANTILE) for values in (along, across)])
     distance_m = float(np.median(np.hypot(*(hulls.mean(axis=1) - sensor).T)))
-    if (
-        _FINE * distance_m < whole[0] <= _ROUND_M
-    ):  # every view shows its length; an echo of the water beside it would be a large error
+    if _FINE * distance_m < whole[0] <= _ROUND_M:  # all views show it whole, some with an echo of the water beside it
         whole = np.array([np.median(values) for values in (along, across)])
     shape.depth_m = float(whole[1])
     cos, sin = np.cos(yaws), np.sin(yaws)

@@ -215,8 +215,7 @@ def _smoothed(
     at[:, _are_parts(at[start:end], yaws[start:end], sizes, bodies)] = np.nan
     scores = np.array([track.score for track in tracks])
     measured = np.array([shapes[track].oblique for track in tracks], np.bool_)
-    first = np.array([origin_ns + round(track.first_s * 1e9) for track in tracks], np.int64)
-    last = np.array([origin_ns + round(track.seen_s * 1e9) for track in tracks], np.int64)
+    stamps = np.array([[round(time_s * 1e9) for time_s in (one.first_s, one.seen_s)] for one in tracks], np.int64)
     for f in range(start, end):
         one = frames[f]
         there = np.flatnonzero(np.isfinite(at[f, :, 0]))
@@ -236,7 +235,7 @@ def _smoothed(
             points[f, there],
             scores[there],
             np.full(len(xy), np.nan) if one.water is None else one.water.heights(xy, rises[f, there]),
-            np.stack((first[there], last[there]), axis=1),
+            origin_ns + stamps.reshape(-1, 2)[there],
             measured[there],
             [kinds[n] for n in there.tolist()],
             one.over_ground,

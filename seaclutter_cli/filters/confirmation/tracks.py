@@ -260,13 +260,15 @@ class Tracker:
 
     def _recognise(self, objects: Sequence[DetectedObject], tracks: Sequence[Track], votes: NDArray[np.int64]) -> None:
         """Mark what appears near own ship in contact with objects from outside: it is part of the best known."""
-        outside = [(one.cells, track) for one, track in zip(objects, tracks, strict=True) if not one.near]
-        for k in [k for k, one in enumerate(objects) if one.near and not votes[k].any()]:
-            touched = [
-                track
-                for cells, track in outside
-                if nearest(cells, objects[k].cells)[1].min(initial=np.inf) < _CONTACT_M
-            ]
+        outside = [k for k, one in enumerate(objects) if not one.near]
+        appeared = [k for k, one in enumerate(objects) if one.near and not votes[k].any()]
+        if not outside or not appeared:
+            return
+        parts = np.concatenate([objects[k].cells for k in outside])
+        owners = np.repeat(outside, [len(objects[k].cells) for k in outside])
+        for k in appeared:
+            _, distance = nearest(objects[k].cells, parts)
+            touched = [tracks[owner] for owner in np.unique(owners[distance < _CONTACT_M]).tolist()]
             if touched:
                 owner = max(touched, key=lambda track: (track.from_outside, track.memory))
                 tracks[k].part_of = owner.part_of or owner
