@@ -18,17 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from ideal import unseen
 
-from seaclutter_cli.cloud import from_array
-from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.matching import finder_of, match_clusters, targets_of
-from seaclutter_cli.frame import Frame
 from seaclutter_cli.runs.options.logs import parse_seeds
 from seaclutter_cli.simulation.layouts.worlds import FAMILIES, draw_world
 from seaclutter_cli.simulation.marine.recording import SimulatedFrame, record
-from seaclutter_cli.truth import CLUTTER, Truth
 
-EVALUATION = EvaluationParams()
 COLUMNS = ("R_FP", "R_FN", "target_loss")
 
 World = tuple[int, str | None]
@@ -61,7 +56,7 @@ def simulate(world: World, folder: Path) -> None:
     faint: set[tuple[str, str]] = set()
 
     def on_frame(frame: SimulatedFrame) -> None:
-        faint.update((str(frame.index), track) for track in unseen(frame))
+        faint.update((str(frame.index), track) for track in unseen(frame.points, frame.boxes))
 
     raw = log.with_suffix(".csv")
     record(draw_world(*world), log, raw, on_frame)
@@ -72,19 +67,6 @@ def simulate(world: World, folder: Path) -> None:
         for row in rows:
             writer.writerow(row | ({"class": "ignore"} if (row["frame"], row["track_id"]) in faint else {}))
     raw.unlink()
-
-
-def unseen(simulated: SimulatedFrame) -> set[str]:
-    """Return the tracks of the targets that are missed if exactly the echoes of bodies are kept."""
-    points = np.ascontiguousarray(simulated.points[["x", "y", "z", "intensity"]])
-    frame = Frame(from_array(points, stamp_ns=0), stamp_ns=0, index=simulated.index)
-    rows = np.flatnonzero(np.array(simulated.boxes.classes) != "ignore")
-    boxes = simulated.boxes.chosen(rows)
-    keep = simulated.points["label"] != CLUTTER
-    targets = targets_of(frame, Truth(boxes), EVALUATION)
-    clusters = finder_of(frame, [keep], EVALUATION).clusters(keep & frame.valid, EVALUATION.min_cluster_points)
-    detected = match_clusters(clusters, targets, EVALUATION).detected
-    return {track for track, found in zip(boxes.tracks, detected, strict=True) if not found}
 
 
 def evaluate(worlds: Sequence[World], given: argparse.Namespace) -> Mapping[str, Any]:
