@@ -14,8 +14,8 @@ Mask = NDArray[np.bool_]
 STRUCTURE = "structure"
 _TURNING_S, _STEADY_S, _STEADY = 0.7, 5.0, 0.1
 _SIZE_QUANTILE = 0.9
-_OBLIQUE = np.sin(np.radians(10))
-_USUAL_BEAM, _SHIP_BEAM = 0.3, 0.6
+_OBLIQUE, _BROAD = np.sin(np.radians((10, 25)))
+_USUAL_BEAM, _SHIP_BEAM, _BROADEST = 0.3, 0.6, 0.35
 _ROUND_M, _ROUND, _FINE = 2.0, 0.9, 0.04
 _SMALL_CRAFT_M, _STRUCTURE_M, _WIDE_M = 12.0, 50.0, 25.0
 _LEAST_WALL_M, _STRAIGHT, _UPRIGHT = 6.0, 1 / 40, 0.5
@@ -38,6 +38,7 @@ class Shape:
     across: list[float] = field(default_factory=list)
     depth_m: float = 0.0
     oblique: bool = False
+    broad: bool = False
     yaw: float | None = None
     yaw_s: float = 0.0
 
@@ -58,6 +59,11 @@ def guessed_class(size: Floats, depth_m: float) -> str:
     if is_wall or length_m > _STRUCTURE_M or width_m > _WIDE_M:
         return STRUCTURE
     return "buoy" if length_m <= _ROUND_M else "small craft" if length_m <= _SMALL_CRAFT_M else "vessel"
+
+
+def usual_beam_m(length_m: float) -> float:
+    """Return the width of a usual vessel of a length."""
+    return float(min(_USUAL_BEAM * length_m, _SHIP_BEAM * length_m ** (2 / 3)))
 
 
 def orientation(misfits: Floats, times_s: Floats) -> Floats:
@@ -87,10 +93,14 @@ def _mean_over(values: Floats, times_s: Floats, half_s: float) -> Floats:
 
 def extents(hulls: Floats, yaws: Floats) -> tuple[Floats, Floats]:
     """Return the least and the greatest coordinates along and across, shape (T, 2) each."""
-    cos, sin = np.cos(yaws)[:, None], np.sin(yaws)[:, None]
-    x, y = hulls[..., 0], hulls[..., 1]
-    axes = np.stack((x * cos + y * sin, y * cos - x * sin), axis=2)
+    axes = _in_axes(hulls, yaws)
     return axes.min(axis=1), axes.max(axis=1)
+
+
+def _in_axes(points: Floats, yaws: Floats) -> Floats:
+    """Return points, shape (T, …, 2), in axes that are turned by yaws, shape (T,)."""
+    (x, y), cos, sin = points.T, np.cos(yaws), np.sin(yaws)
+    return np.stack((x * cos + y * sin, y * cos - x * sin)).T
 
 
 def fit(
@@ -99,8 +109,9 @@ def fit(
     """Return yaws, shape (T,), centres, (T, 2), their standard deviations, (T,), and the size, (2,), of a track.
 
     The frames are added to what is known of its shape. Of a side that was never seen, the length is that of a usual
-    vessel, and what is shorter than two metres is taken to be nearly round. A face that is nearer than the rest of the
-    rectangle is taken for the side of it.
+    vessel, and what is shorter than two metres is taken to be nearly round. Hulls taper, so in a view within 25° of
+    the axis, the far end is hidden: then the length is at least that of a broad vessel. A face that is nearer than the
+    rest of the rectangle is taken for the side of it.
     """
     yaws = orientation(misfits, times_s)
     if shape.yaw is not None:
@@ -121,16 +132,18 @@ def fit(
     if _FINE * distance_m < whole[0] <= _ROUND_M:  # all views show it whole, some with an echo of the water beside it
         whole = np.array([np.median(values) for values in (along, across)])
     shape.depth_m = float(whole[1])
-    cos, sin = np.cos(yaws), np.sin(yaws)
-    seen_from = np.stack((sensor[:, 0] * cos + sensor[:, 1] * sin, sensor[:, 1] * cos - sensor[:, 0] * sin), axis=1)
+    seen_from = _in_axes(sensor, yaws)
     shape.oblique |= bool(_is_oblique(seen_from, low, high, whole).any())
+    view = np.abs(seen_from - (low + high) / 2)
+    shape.broad |= bool((view[:, 1] > _BROAD * np.hypot(*view.T)).any())
     if whole[0] <= _ROUND_M:  # such as a buoy, of which the far half is hidden
         whole[1] = max(whole[1], _ROUND * whole[0])
     elif not shape.oblique:
-        whole[1] = max(whole[1], min(_USUAL_BEAM * whole[0], _SHIP_BEAM * whole[0] ** (2 / 3)))
+        whole[1] = max(whole[1], usual_beam_m(whole[0]))
+    if whole[0] > _ROUND_M and not shape.broad:
+        whole[0] = max(whole[0], whole[1] / _BROADEST)
     middle, deviation = _placed(seen_from, low, high, whole)
-    center = np.stack((middle[:, 0] * cos - middle[:, 1] * sin, middle[:, 0] * sin + middle[:, 1] * cos), axis=1)
-    return yaws, center, deviation, whole
+    return yaws, _in_axes(middle, -yaws), deviation, whole
 
 
 def _is_oblique(seen_from: Floats, low: Floats, high: Floats, size: Floats) -> Mask:
@@ -179,24 +192,16 @@ def _smoothed(
         go = (first <= f) & (f < last)
         dt = times_s[f + 1] - times_s[f]
         a, v, p = (values[go] for values in _ahead(at[f], speed[f], var[f], dt, acceleration))
-        own = var[f, go]
-        det = np.maximum(p[:, 0] * p[:, 2] - p[:, 1] ** 2, 1e-30)
-        cross = np.stack((own[:, 0] + dt * own[:, 1], own[:, 1], own[:, 1] + dt * own[:, 2], own[:, 2]), axis=1)
-        c = (
-            np.stack(
-                (
-                    cross[:, 0] * p[:, 2] - cross[:, 1] * p[:, 1],
-                    cross[:, 1] * p[:, 0] - cross[:, 0] * p[:, 1],
-                    cross[:, 2] * p[:, 2] - cross[:, 3] * p[:, 1],
-                    cross[:, 3] * p[:, 0] - cross[:, 2] * p[:, 1],
-                ),
-                axis=1,
-            )
-            / det[:, None]
+        place, both, velocity = var[f, go].T
+        across = np.array(((place + dt * both, both), (both + dt * velocity, velocity)))
+        adjugate = np.array(((p[:, 2], -p[:, 1]), (-p[:, 1], p[:, 0])))
+        gain = (
+            np.einsum("ijn,jkn->nik", across, adjugate)
+            / np.maximum(p[:, 0] * p[:, 2] - p[:, 1] ** 2, 1e-30)[:, None, None]
         )
-        da, dv = at[f + 1, go] - a, speed[f + 1, go] - v
-        at[f, go] += c[:, :1] * da + c[:, 1:2] * dv
-        speed[f, go] += c[:, 2:3] * da + c[:, 3:] * dv
+        change = gain @ np.stack((at[f + 1, go] - a, speed[f + 1, go] - v), axis=1)
+        at[f, go] += change[:, 0]
+        speed[f, go] += change[:, 1]
     over = np.arange(frames)[:, None] > last
     at[over] = speed[over] = np.nan
     return at, speed, likelihood

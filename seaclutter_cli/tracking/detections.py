@@ -22,6 +22,7 @@ _FLATTENED = np.array([[1], [1], [0.2]])
 _THINNED_M = np.array([[0.1], [0.1], [1]])
 _MAX_DETECTIONS = 2000
 _CRAFT_M, _CRAFT_WIDE_M = 15.0, 3.5
+_STERN_M, _BROADEST = 2.5, 0.45
 _CLOSE, _CLOSE_ACROSS, _NEAR = 0.45, 0.2, 0.8
 _LEAST_SHARE = 0.4
 _SPREAD, _APART = 0.015, 1e4
@@ -98,6 +99,15 @@ class Detections:
         depth /= group_sizes(starts, len(self.owner))[:, None]
         widths = high - low + _SKIN_M
         return np.asarray(np.log(np.maximum(depth, 0) + _SKIN_M) + np.log(widths[:, :YAWS]) + np.log(widths[:, YAWS:]))
+
+    def cover(self, rows: Indices) -> NDArray[np.bool_]:
+        """Return which detections are in the direction of the middle of n of them, shape (n, K)."""
+        x, y = self.centers.T[:, :, None]
+        to_x, to_y = self.hulls.transpose(2, 0, 1)
+        own = np.arctan2(x * to_y - y * to_x, x * to_x + y * to_y)
+        bearing = np.arctan2(y, x)[:, 0]
+        apart = (bearing[rows, None] - bearing + np.pi) % (2 * np.pi) - np.pi
+        return np.asarray((own.min(axis=1) <= apart) & (apart <= own.max(axis=1)))
 
     @classmethod
     def of(cls, result: FilterResult, tolerance_m: float, min_points: int, up: Floats = _UP) -> "Detections":
@@ -204,8 +214,8 @@ def _along_and_across(xyz: Floats, number: Indices) -> Floats:
 def _joined(xy: Floats, part: Indices, tolerance_m: float) -> Indices:
     """Return the number of the whole of each point: parts that are near each other, up to the size of a small craft.
 
-    So boats beside each other or beside a quay are apart, and a boat that is seen in pieces is one. What is small
-    beside the largest part is of none, -1, because it may be of a pontoon or a neighbour.
+    So boats beside each other, too wide together, or beside a quay are apart, and a boat that is seen in pieces is one.
+    What is small beside the largest part is of none, -1, because it may be of a pontoon or a neighbour.
     """
     from scipy.spatial import cKDTree  # slow to import
 
@@ -221,7 +231,8 @@ def _joined(xy: Floats, part: Indices, tolerance_m: float) -> Indices:
     for a, b in of[np.sort(nearest)].tolist():
         one, other = whole[a], whole[b]
         least, most = np.minimum(low[:, one], low[:, other]), np.maximum(high[:, one], high[:, other])
-        if _are_small(least, most):
+        widths = most - least
+        if _are_small(least, most) and widths.min() <= max(_STERN_M, _BROADEST * widths.max()):
             whole[whole == other] = one
             low[:, one], high[:, one] = least, most
     size, largest = np.bincount(owner), np.zeros(len(whole), np.int64)

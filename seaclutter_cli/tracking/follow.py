@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.frame import FilterResult, Frame, WaterState
-from seaclutter_cli.tracking.boxes import STRUCTURE, Shape, fit, guessed_class, smoothed
+from seaclutter_cli.tracking.boxes import STRUCTURE, Shape, fit, guessed_class, smoothed, usual_beam_m
 from seaclutter_cli.tracking.detections import Detections, Pose
 from seaclutter_cli.tracking.tracker import Track, Tracker
 from seaclutter_cli.water import Mounting
@@ -21,9 +21,10 @@ CONFIRMED, CANDIDATE, LOST = "confirmed", "candidate", "lost"
 _CONTEXT_S = 10.0
 _MAX_GAP_S = 5.0
 _MAX_WAITING = 50_000
-_SURE, _CLEAR_M = 0.5, 0.5
+_SURE, _CLEAR_M, _BEAM_DEG, _BOAT_M = 0.5, 0.5, 0.2, (2.5, 15.0)
 _MOST_COMPARED, _MOSTLY = 20, 0.8
 _PART_SHARE = 0.5
+_SAIL_THIN, _SAIL_TALL = 0.14, 0.5
 
 
 @dataclass(frozen=True)
@@ -31,8 +32,8 @@ class FrameObjects:
     """The N objects of a frame, in the coordinates of its cloud.
 
     ``tracks`` are their numbers from 1. A state is ``confirmed``; ``candidate`` if an object was seen for a short time,
-    only in points that were removed, or not down to the water although a beam passes below it, because targets float;
-    or ``lost`` if it was not seen in this frame, but before and after. ``centers``
+    only in points that were removed, or not down to the water although a beam passes below it that nothing nearer
+    meets, because targets float; or ``lost`` if it was not seen in this frame, but before and after. ``centers``
     and ``sizes``, shape (N, 3), ``yaws`` and ``velocities``, shape (N, 2), describe boxes; velocities are over ground
     if ``over_ground``. ``tops_m`` are heights above the water, NaN where it is unknown. ``spans_ns``, shape (N, 2), are
     the first and the last time of the track, as far as it is known ten seconds later. A box is ``measured`` if two of
@@ -147,15 +148,24 @@ class Follower:
             yield from self._complete(time_s - self._ahead_s)
 
     def _clear_m(self, frame: Frame, water: _Water | None, found: Detections) -> Floats:
-        """Return how far above the water beams pass below detections, shape (K,); 0 where the water is not known."""
+        """Return how far above the water beams pass below detections, shape (K,); 0 where it is not known.
+
+        What is nearer may hide the rest of a detection; small ones are rather parts of something than floating.
+        """
         if water is None or not len(found):
             return np.zeros(len(found))
         self._beams.add(self._mounting.levelled(frame.coordinates.compress(frame.valid, axis=1)))
         upwards = 1 if self._mounting.up[2] >= 0 else -1
-        distance, low = np.hypot(*found.centers.T), (upwards * found.spans).min(axis=1)
-        elevation = np.degrees(np.arctan2(low, distance))
+        distance, (low, high) = np.hypot(*found.centers.T), np.sort(upwards * found.spans).T
+        elevation, top = (np.degrees(np.arctan2(heights, distance)) for heights in (low, high))
         below, _ = self._beams.gaps(elevation, elevation)
-        return water.heights(found.centers, found.rises[:, 0] - np.tan(np.radians(below)) * distance)
+        clear_m = water.heights(found.centers, found.rises[:, 0] - np.tan(np.radians(below)) * distance)
+        length = np.hypot(*np.ptp(found.hulls, axis=1).T)
+        above = np.flatnonzero((clear_m > _CLEAR_M) & (length > _BOAT_M[0]) & (length < _BOAT_M[1]))
+        next_beam = (elevation - below)[above, None]
+        meets = (elevation <= next_beam) & (next_beam <= top + _BEAM_DEG) & (distance < distance[above, None])
+        clear_m[above[(meets & found.cover(above)).any(axis=1)]] = 0
+        return clear_m
 
     def finish(self) -> Iterator[FrameObjects]:
         """Yield the objects of all frames that wait, and begin anew."""
@@ -209,6 +219,9 @@ def _smoothed(
         for values in (yaws, spans[..., 0], spans[..., 1], rises):
             values[:, n] = np.interp(times_s, times_s[seen], values[seen, n])
         sizes[n, 2] = np.quantile(spans[seen, n, 1] - spans[seen, n, 0], 0.9)
+        length_m, width_m, height_m = sizes[n]
+        if width_m < _SAIL_THIN * length_m < _SAIL_THIN / _SAIL_TALL * height_m:  # the hull below it is hidden
+            sizes[n, 1] = usual_beam_m(length_m)
     kinds = [guessed_class(size, shapes[track].depth_m) for track, size in zip(tracks, sizes, strict=True)]
     at, velocity = smoothed(places, deviations, times_s)
     bodies = np.array([kind != STRUCTURE for kind in kinds], np.bool_)
