@@ -217,7 +217,7 @@ def _water_texts(tally: TopicTally) -> list[str]:
         lines = [f"water {-water.level_m:.2f} m below the lidar, {height} (means){missing}"]
     (removed, removed_points), (kept, kept_points) = tally.undecided.tolist()
     if removed + kept:
-        parts = f"removed {removed:,} times ({count(removed_points, 'point')}), kept {kept:,} times"
+        parts = f"removed {count(removed, 'time')} ({count(removed_points, 'point')}), kept {count(kept, 'time')}"
         lines.append(f"objects that evidence does not decide: {parts} ({kept_points:,})")
     return lines
 

@@ -194,4 +194,4 @@ class ProposalResult(RecordingsResult):
     def as_text(self) -> str:
         """Return what was proposed, and what to do with it."""
         advice = "The labels are the method's own: correct them, doubtful ones first, before you evaluate with them."
-        return "\n\n".join(filter(None, (self.details(), advice)))
+        return "\n\n".join(filter(None, (self.details(), advice if any(one.found for one in self.outcomes) else "")))

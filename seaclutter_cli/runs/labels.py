@@ -275,9 +275,9 @@ class LabelComparison(Result):
 
     def as_text(self) -> str:
         """Return what was corrected, and how good the first labels were."""
-        kinds = ("unchanged", "moved", "class", "added")
-        rows = [(kind, self.changes[kind], share(self.changes[kind], self.boxes_after)) for kind in kinds]
-        rows.append(("deleted", self.changes["deleted"], share(self.changes["deleted"], self.boxes_before)))
+        whole = dict.fromkeys(("unchanged", "moved", "class", "added"), self.boxes_after)
+        whole["deleted"] = self.boxes_before
+        rows = [(kind, f"{self.changes[kind]:,}", share(self.changes[kind], of)) for kind, of in whole.items()]
         overlap = UNKNOWN if self.mean_overlap is None else f"{self.mean_overlap:.2f}"
         recall, precision = (share(self.good, boxes) for boxes in (self.boxes_after, self.boxes_before))
         ids = count(self.ids_changed, "object")

@@ -115,7 +115,7 @@ class RecordedSuspects(Outcome):
         for kind, title in _TITLES.items():
             found = self.suspects.get(kind, ())
             if not found:
-                blocks.append(f"nothing {title}")
+                blocks.append(f"{title}: none")
                 continue
             heads = ("", *_HEADS, "removed by") if kind == "removed" else ("", *_HEADS)
             rows = [(number, *self._cells(one)) for number, one in enumerate(found[:shown], 1)]

@@ -77,8 +77,8 @@ class Suspect:
 
     @property
     def weight(self) -> float:
-        """Rank among suspects of its kind: how probable an error is, and over how many frames."""
-        return (self.score if self.kind == "removed" else 1 - self.score) * math.log1p(self.frames)
+        """Rank among suspects of its kind: how probable an error is, and over how many points of all frames."""
+        return (self.score if self.kind == "removed" else 1 - self.score) * math.log1p(self.total_points)
 
 
 @dataclass

@@ -69,6 +69,7 @@ def test_a_target_that_is_removed_is_the_only_suspect(labelled, track):
     assert one.frames > 0.8 * FRAMES
     assert one.reasons == {"outlier": one.total_points}
     assert one.stamp_ns == labelled[one.frame][0].stamp_ns
+    assert replace(one, total_points=10, frames=99).weight < one.weight
 
 
 def test_kept_clutter_is_suspected_most_if_it_is_large(labelled):
