@@ -127,10 +127,11 @@ def fit(
         low, high = extents(hulls, yaws)
     shape.along, shape.across = along[-_MAX_SIZES:], across[-_MAX_SIZES:]
     shape.yaw, shape.yaw_s = float(yaws[-1]), float(times_s[-1])
-    whole = np.array([np.quantile(values, _SIZE_QUANTILE) for values in (along, across)])
+    usual, whole = (np.array([np.quantile(side, q) for side in (along, across)]) for q in (0.5, _SIZE_QUANTILE))
     distance_m = float(np.median(np.hypot(*(hulls.mean(axis=1) - sensor).T)))
-    if _FINE * distance_m < whole[0] <= _ROUND_M:  # all views show it whole, some with an echo of the water beside it
-        whole = np.array([np.median(values) for values in (along, across)])
+    # All views show it whole, some with an echo of the water beside it.
+    if _FINE * distance_m < usual[0] <= _ROUND_M and whole[0] <= 1.5 * _ROUND_M:
+        whole = usual
     shape.depth_m = float(whole[1])
     seen_from = _in_axes(sensor, yaws)
     shape.oblique |= bool(_is_oblique(seen_from, low, high, whole).any())

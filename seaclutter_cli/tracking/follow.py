@@ -21,7 +21,7 @@ CONFIRMED, CANDIDATE, LOST = "confirmed", "candidate", "lost"
 _CONTEXT_S = 10.0
 _MAX_GAP_S = 5.0
 _MAX_WAITING = 50_000
-_SURE, _CLEAR_M, _BEAM_DEG, _BOAT_M = 0.5, 0.5, 0.2, (2.5, 15.0)
+_SURE, _CLEAR_M, _BEAM_DEG, _BOAT_M, _CREST_M = 0.5, 0.5, 0.2, (2.5, 15.0), 0.3
 _MOST_COMPARED, _MOSTLY = 20, 0.8
 _PART_SHARE = 0.5
 _SAIL_THIN, _SAIL_TALL = 0.14, 0.5
@@ -150,7 +150,7 @@ class Follower:
     def _clear_m(self, frame: Frame, water: _Water | None, found: Detections) -> Floats:
         """Return how far above the water beams pass below detections, shape (K,); 0 where it is not known.
 
-        What is nearer may hide the rest of a detection; small ones are rather parts of something than floating.
+        What is nearer may hide the rest of a boat, but small ones are rather parts of something, flat ones crests.
         """
         if water is None or not len(found):
             return np.zeros(len(found))
@@ -161,7 +161,8 @@ class Follower:
         below, _ = self._beams.gaps(elevation, elevation)
         clear_m = water.heights(found.centers, found.rises[:, 0] - np.tan(np.radians(below)) * distance)
         length = np.hypot(*np.ptp(found.hulls, axis=1).T)
-        above = np.flatnonzero((clear_m > _CLEAR_M) & (length > _BOAT_M[0]) & (length < _BOAT_M[1]))
+        is_boat = (length > _BOAT_M[0]) & (length < _BOAT_M[1]) & (high - low > _CREST_M)
+        above = np.flatnonzero((clear_m > _CLEAR_M) & is_boat)
         next_beam = (elevation - below)[above, None]
         meets = (elevation <= next_beam) & (next_beam <= top + _BEAM_DEG) & (distance < distance[above, None])
         clear_m[above[(meets & found.cover(above)).any(axis=1)]] = 0

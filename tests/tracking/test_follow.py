@@ -113,11 +113,12 @@ def test_walls_are_straight_and_hulls_curve(curve_m, kind):
     assert followed([frame_of(k, face) for k in range(20)])[10].kinds == [kind]
 
 
-def test_an_echo_beside_a_buoy_in_some_frames_does_not_make_it_longer():
+@pytest.mark.parametrize("beside_m", [1.2, 1.9])
+def test_an_echo_beside_a_buoy_in_some_frames_does_not_make_it_longer(beside_m):
     angles = np.linspace(np.pi / 2, 3 * np.pi / 2, 15)
     buoy = np.column_stack((20 + 0.6 * np.cos(angles), 0.6 * np.sin(angles)))
     points = np.vstack([np.column_stack((buoy, np.full(15, z))) for z in (-1.0, -0.5)])
-    beside = np.vstack((points, (20.0, 1.2, -1.0)))
+    beside = np.vstack((points, (20.0, beside_m, -1.0)))
     found = followed([frame_of(k, beside if k % 4 == 0 else points) for k in range(40)])
     assert np.allclose([one.sizes[0, :2] for one in found], 1.2, atol=0.15)
 
