@@ -138,7 +138,7 @@ def fit(
     view = np.abs(seen_from - (low + high) / 2)
     shape.broad |= bool((view[:, 1] > _BROAD * np.hypot(*view.T)).any())
     if whole[0] <= _ROUND_M:  # such as a buoy, of which the far half is hidden
-        whole[1] = max(whole[1], _ROUND * whole[0])
+        whole = np.maximum(whole, _ROUND * whole.max())
     elif not shape.oblique:
         whole[1] = max(whole[1], usual_beam_m(whole[0]))
     if whole[0] > _ROUND_M and not shape.broad:

@@ -123,6 +123,16 @@ def test_an_echo_beside_a_buoy_in_some_frames_does_not_make_it_longer(beside_m):
     assert np.allclose([one.sizes[0, :2] for one in found], 1.2, atol=0.15)
 
 
+def test_the_length_of_a_buoy_is_not_less_than_its_width():
+    """The far half is hidden in most frames; in some, more is seen, so along and across are like each other."""
+    results = []
+    for k in range(40):
+        deep = 0.6 if k % 4 else 1.3
+        xy = np.array([[20 + dx, dy] for dx in np.linspace(0, deep, 5) for dy in np.linspace(-0.65, 0.65, 6)])
+        results.append(frame_of(k, np.vstack([np.column_stack((xy, np.full(len(xy), z))) for z in (-1.0, -0.5)])))
+    assert followed(results)[20].sizes[0, :2] == pytest.approx([1.3, 1.3], abs=0.15)
+
+
 def test_ids_survive_two_seconds_without_the_object():
     hidden = range(15, 35)
     empty = np.array([[60.0, 60, 0]])
