@@ -315,6 +315,8 @@ class WaterState:
         lidar, without the mounting that the configuration gives.
     significant_wave_height_m : float
         Four standard deviations of the surface, in metres.
+    level_deviation_m : float
+        Standard deviation of the error of the level, in metres.
 
     Examples
     --------
@@ -330,12 +332,13 @@ class WaterState:
     roll_deg: float
     pitch_deg: float
     significant_wave_height_m: float
+    level_deviation_m: float
 
 
 WATER_REASONS = (Reason.UNCONFIRMED, Reason.MIRRORED)
 """Reasons that only methods have that estimate the water."""
 
-WATER_COLUMNS = ("water_level_m", "roll_deg", "pitch_deg", "significant_wave_height_m")
+WATER_COLUMNS = ("water_level_m", "roll_deg", "pitch_deg", "significant_wave_height_m", "water_level_deviation_m")
 """Names of the values of `WaterState` in tables and messages."""
 
 

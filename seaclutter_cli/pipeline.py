@@ -35,7 +35,7 @@ class TopicTally:
     """Sums over the frames of one topic.
 
     ``counts``, shape (9,), are the points for each `Reason`, ``scenes`` the frames for each class of scene; ``water``,
-    shape (4,), are sums of `WaterState` over ``water_frames``, ``undecided``, shape (2, 2), those of the results;
+    shape (5,), are sums of `WaterState` over ``water_frames``, ``undecided``, shape (2, 2), those of the results;
     ``unfit`` are errors of first frames, which lack a field.
     """
 

@@ -26,7 +26,7 @@ class History:
     """Statistics of one method with K range rings, or none, for every frame: a few hundred bytes each.
 
     Columns by name, float32, NaN where unknown: ``counts`` for each `Reason`, shape (frames, reasons); ``missed`` and
-    ``false_alarms``, shape (frames,); ``water``, shape (frames, 4), in the order of `WATER_COLUMNS`; ``thresholds`` and
+    ``false_alarms``, shape (frames,); ``water``, shape (frames, 5), in the order of `WATER_COLUMNS`; ``thresholds`` and
     ``corrections``, shape (frames, K).
     """
 

@@ -214,7 +214,9 @@ def _water_texts(tally: TopicTally) -> list[str]:
     if water is not None:
         height = f"significant wave height {water.significant_wave_height_m:.2f} m"
         missing = f"; none in {count(without, 'frame')}" if without else ""
-        lines = [f"water {-water.level_m:.2f} m below the lidar, {height} (means){missing}"]
+        lines = [
+            f"water {-water.level_m:.2f} ± {water.level_deviation_m:.2f} m below the lidar, {height} (means){missing}"
+        ]
     (removed, removed_points), (kept, kept_points) = tally.undecided.tolist()
     if removed + kept:
         parts = f"removed {count(removed, 'time')} ({count(removed_points, 'point')}), kept {count(kept, 'time')}"

@@ -18,7 +18,7 @@ _RINGS = int((FARTHEST_M - NEAREST_M) / _STEP_M) + 1
 _UPRIGHT = 0.1
 _SCALES_M = (0.8, 0.6, 0.45, 0.3, 0.3)
 _ABOVE = 0.4
-_SUPPORT, _LEAST_SUPPORT = 0.4, 1.0
+_SUPPORT, LEAST_SUPPORT = 0.4, 1.0
 _TILT_RIDGE = 5.0
 _MIN_CELLS = 8
 _FLAT_M, _ENOUGH, _SURE_M, _BESIDE, _FEET = 0.3, 3.0, 20.0, 0.1, 0.3
@@ -169,9 +169,21 @@ def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
     total = np.cumsum(cells.trust[order])
     starts = cells.lowest[2, order[np.searchsorted(total, np.array(_START_SHARES) * total[-1])]]
     fits = [_reweighted(cells, Plane(level, 0.0, 0.0)) for level in starts.tolist()]
-    sure = [fit for fit in fits if fit[0].level_m < 0 and fit[1].sum() >= _LEAST_SUPPORT]  # water is below the lidar
+    sure = [fit for fit in fits if fit[0].level_m < 0 and fit[1].sum() >= LEAST_SUPPORT]  # water is below the lidar
     needed = _SUPPORT * max(float(weight.sum()) for _, weight in sure or fits)
     return min((fit for fit in sure or fits if fit[1].sum() >= needed), key=lambda fit: fit[0].level_m)
+
+
+def level_variance(cells: PolarCells, plane: Plane, weight: Floats) -> float:
+    """Return the variance of the level of a fitted plane, from the residuals and weights of the cells, shape (C,).
+
+    Since neighbouring cells see the same waves, cells count as many observations as their weights add up to.
+    """
+    x, y, z = cells.lowest
+    rows = np.stack((np.ones_like(x), x, y))
+    normal = (weight * rows) @ rows.T + np.diag((0, _TILT_RIDGE, _TILT_RIDGE))
+    mean_square = weight @ np.square(z - plane.height(x, y)) / weight.sum()
+    return float(mean_square * np.linalg.inv(normal)[0, 0])
 
 
 def _reweighted(cells: PolarCells, plane: Plane) -> tuple[Plane, Floats]:

@@ -103,13 +103,15 @@ def _smoothing() -> Floats:
 class WaterSurface:
     """The water around a lidar in one frame: its mean plane, the standard deviation around it, and the swell above it.
 
-    ``cells`` are the cells of the N points that the estimate received.
+    ``cells`` are the cells of the N points that the estimate received, ``level_deviation_m`` is the standard deviation
+    of the error of the plane at the lidar.
     """
 
     plane: Plane
     sigma_m: float
     swell: Swell
     cells: GridCells
+    level_deviation_m: float
 
     def above(self, x: Floats, y: Floats, z: Floats, cells: GridCells | None = None) -> tuple[Floats, Floats, Floats]:
         """Return the height of points above the water, its standard deviation, and how many echoes show the water.
@@ -147,6 +149,6 @@ class WaterSurface:
 
     @property
     def state(self) -> WaterState:
-        """Level, attitude and wave height as numbers."""
+        """Level, attitude, wave height and deviation of the level as numbers."""
         roll, pitch = np.degrees(np.arctan((-self.plane.slope_y, self.plane.slope_x))).tolist()
-        return WaterState(self.plane.level_m, roll, pitch, 4 * self.sigma_m)
+        return WaterState(self.plane.level_m, roll, pitch, 4 * self.sigma_m, self.level_deviation_m)

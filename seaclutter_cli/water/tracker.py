@@ -1,11 +1,14 @@
 """The water surface from frame to frame."""
 
+import math
+
 import numpy as np
 
 from seaclutter_cli.frame import Attitude
 from seaclutter_cli.water.faces import LEAST_M, Faces
 from seaclutter_cli.water.plane import (
     FARTHEST_M,
+    LEAST_SUPPORT,
     MIN_SUPPORT,
     NEAREST_M,
     Floats,
@@ -13,6 +16,7 @@ from seaclutter_cli.water.plane import (
     PolarCells,
     WaterEchoes,
     fit_plane,
+    level_variance,
 )
 from seaclutter_cli.water.surface import GridCells, Swell, WaterSurface, mirrored_below_m
 from seaclutter_cli.water.trial import Trial
@@ -25,6 +29,7 @@ _SIGMA_TIME_S = 1.0
 _MEMORY_S, _TURNED_MEMORY_S = 5.0, 15.0
 _BODY_M = 0.5
 _DEPTH_PER_M = 0.015
+_CRESTS = 0.75
 
 
 class WaterTracker:
@@ -42,10 +47,13 @@ class WaterTracker:
     2. *Level and deviation*: medians over the echoes near that plane, with the weights of the cells.
     3. *Swell*: a mean over 2.5 m of the echoes near the plane, and then of those near this surface, so that it follows
        crests. Echoes in faces do not count.
+    4. *Deviation of the level*: the standard error of the plane; three quarters of the water's deviation, as grazing
+       beams see crests rather than troughs; and, while no trusted cell is seen, own ship's heave, a random walk by one
+       deviation in a second.
 
-    **State**: the plane of the last frame with water, the deviation averaged over a second, and their time. Without
-    water in a frame, they hold for five seconds; fifteen if own ship's attitude agreed with the water before (`Trial`).
-    The plane turns with it meanwhile, and echoes with hardly any weight are no water.
+    **State**: the plane of the last frame with water, its variance, the deviation averaged over a second, and their
+    time. Without water in a frame, they hold for five seconds; fifteen if own ship's attitude agreed with the water
+    before (`Trial`). The plane turns with it meanwhile, and echoes with hardly any weight are no water.
     """
 
     def __init__(self) -> None:
@@ -56,6 +64,7 @@ class WaterTracker:
         """Forget the water."""
         self._plane: Plane | None = None
         self._sigma_m = 0.0
+        self._variance = 0.0
         self._seen_s = 0.0
         self._attitude: Attitude | None = None
 
@@ -90,7 +99,11 @@ class WaterTracker:
             return None
         stands = faces.stands(z - height, self._known_sigma_m)
         if weight is not None:
-            self._update(lowest, WaterEchoes.of(cells, height[near], weight, ~stands[near]), time_s, attitude)
+            if weight.any():
+                fitted = self._plane is None or weight.sum() >= LEAST_SUPPORT
+                variance = level_variance(cells, lowest, weight) if fitted else self._variance_at(time_s)
+                echoes = WaterEchoes.of(cells, height[near], weight, ~stands[near])
+                self._update(lowest, variance, echoes, time_s, attitude)
             lowest = self._plane
         if lowest is None:
             return None
@@ -99,9 +112,12 @@ class WaterTracker:
         cells_of_flat, height = GridCells(grid.number[flat]), (z - lowest.height(x, y))[flat]
         swell = Swell.of(cells_of_flat, height, np.abs(height) <= band)
         swell = Swell.of(cells_of_flat, height, np.abs(height - swell.at(cells_of_flat)[0]) <= band)
-        return WaterSurface(lowest, self._sigma_m, swell, grid)
+        deviation = math.hypot(math.sqrt(self._variance_at(time_s)), _CRESTS * self._sigma_m)
+        return WaterSurface(lowest, self._sigma_m, swell, grid, deviation)
 
-    def _update(self, lowest: Plane, echoes: WaterEchoes, time_s: float, attitude: Attitude | None) -> None:
+    def _update(
+        self, lowest: Plane, variance: float, echoes: WaterEchoes, time_s: float, attitude: Attitude | None
+    ) -> None:
         known = self._plane is not None
         sigma, offset = self._known_sigma_m, 0.0
         for _ in range(1 if known else _START_PASSES):
@@ -111,9 +127,13 @@ class WaterTracker:
             return
         share = np.exp((self._seen_s - time_s) / _SIGMA_TIME_S) if known else 0.0
         self._sigma_m = float(share * self._sigma_m + (1 - share) * sigma)
-        self._plane, self._seen_s, self._attitude = plane, time_s, attitude
+        self._plane, self._variance, self._seen_s, self._attitude = plane, variance, time_s, attitude
         if attitude:
             self.trial.add(plane, attitude, time_s)
+
+    def _variance_at(self, time_s: float) -> float:
+        """Return the variance of the plane at a time at which it holds."""
+        return self._variance + self._sigma_m**2 * (time_s - self._seen_s) / _SIGMA_TIME_S
 
     @property
     def _known_sigma_m(self) -> float:

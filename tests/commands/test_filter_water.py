@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 
+from seaclutter_cli.frame import WATER_COLUMNS
 from seaclutter_cli.messages.diagnostics import WATER, read_diagnostics
 from seaclutter_cli.water import Mounting
 from tests.commands.test_filter import POINT, invoke, messages, write_log
@@ -83,6 +84,7 @@ def test_the_correct_mounting_gives_no_warning_and_the_same_result(tmp_path):
     for key in ("points_out", "unconfirmed", "mirrored", "water", "water_frames"):
         assert inverted[key] == level[key]
     assert all(float(row["water_level_m"]) == pytest.approx(-2.5, abs=0.2) for row in rows)
+    assert all(0 < float(row["water_level_deviation_m"]) < 0.2 for row in rows)
 
 
 def test_other_methods_do_not_look_for_water(tmp_path):
@@ -100,10 +102,10 @@ def test_a_log_without_water(tmp_path):
     assert topic["water_frames"] == 0
     assert "water" not in topic
     for row in rows:
-        assert {row[name] for name in ("water_level_m", "roll_deg", "pitch_deg", "significant_wave_height_m")} == {""}
+        assert {row[name] for name in WATER_COLUMNS} == {""}
     for message in messages(tmp_path / "out.mcap", "/seaclutter/diagnostics"):
         measures = read_diagnostics(message.data, "cdr", WATER.name).measures
-        assert len(measures) == 4
+        assert len(measures) == len(WATER_COLUMNS)
         assert np.isnan(list(measures.values())).all()
     shown = invoke(tmp_path / "log.mcap", "-m", "confirmed", "-o", tmp_path / "out.mcap", "--force")
     assert "  no water seen" in shown.stdout

@@ -141,7 +141,7 @@ class ConfirmedObjects:
         if self.own_ship:
             level = water and Plane(water.plane.a, water.plane.b, water.plane.c)
             upright = np.array([one.number for one in echoes if one.upright], np.intp)
-            self.own_ship.see(frame, level and WaterSurface(level, water.sigma, None, None), upright)
+            self.own_ship.see(frame, level and WaterSurface(level, water.sigma, None, None, 0.0), upright)
         self.background.mark(echoes, time_s)
         candidates = candidates_of(echoes)
         sigma = 0.0 if water is None else water.sigma

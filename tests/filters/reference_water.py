@@ -31,11 +31,12 @@ class Plane(NamedTuple):
 
 @dataclass
 class Surface:
-    """The water in one frame: plane, deviation, and swell."""
+    """The water in one frame: plane, deviation, swell, and deviation of the level."""
 
     plane: Plane
     sigma: float
     swell: "Swell"
+    level_sigma: float
 
     def above(self, x: float, y: float, z: float) -> tuple[float, float, float]:
         """Return the height of a point above the water, its standard deviation, and how many echoes show the water."""
@@ -54,7 +55,7 @@ class Water:
 
     def __init__(self) -> None:
         self.plane: Plane | None = None
-        self.sigma = 0.0
+        self.sigma = self.variance = 0.0
         self.seen_s = 0.0
 
     def step(self, points: Sequence[XYZ], faces: Sequence[Face], time_s: float) -> Surface | None:
@@ -90,8 +91,9 @@ class Water:
             trust = {key[:2]: cells[key].trust for key in sorted(cells)}  # that of feet counts
             water = {key[:2] for key, weight in weights.items() if is_water(weight, cells[key].trust)}
             trust = {key: trust[key] for key in water}
-            self.update(fitted, flat, trust, time_s)
-        return None if self.plane is None else self.surface(self.plane, points, stands)
+            if any(weights.values()):
+                self.update(fitted, flat, trust, self.new_variance(cells, fitted, weights, time_s), time_s)
+        return None if self.plane is None else self.surface(self.plane, points, stands, time_s)
 
     def is_mirrored(self, point: XYZ, sigma: float) -> bool:
         """Return whether a point is much lower than the water of the frame before."""
@@ -99,7 +101,14 @@ class Water:
         depth += tracker._DEPTH_PER_M * math.hypot(*point[:2])
         return self.plane is not None and self.plane.height_of(*point) <= -depth
 
-    def update(self, fitted: Plane, flat: Sequence[XYZ], trust: Mapping[tuple[int, int], float], time_s: float) -> None:
+    def update(
+        self,
+        fitted: Plane,
+        flat: Sequence[XYZ],
+        trust: Mapping[tuple[int, int], float],
+        variance: float,
+        time_s: float,
+    ) -> None:
         """Estimate level and deviation around a plane from flat points in the cells of water."""
         first = self.plane is None
         sigma, offset = tracker._START_SIGMA_M if first else self.sigma, 0.0
@@ -109,7 +118,7 @@ class Water:
             old = 0.0 if first else math.exp((self.seen_s - time_s) / tracker._SIGMA_TIME_S)
             self.sigma = old * self.sigma + (1 - old) * sigma
             self.plane = Plane(fitted.a + offset, fitted.b, fitted.c)
-            self.seen_s = time_s
+            self.variance, self.seen_s = variance, time_s
 
     def fit(self, cells: "Cells") -> tuple[Plane, dict["Key", float]]:
         """Return the plane through the lowest points, and the weight of each cell."""
@@ -118,15 +127,24 @@ class Water:
         weighted = sorted((cell.lowest[2], cell.trust) for cell in cells.values())
         levels = [weighted_quantile(weighted, part) for part in plane._START_SHARES]
         fits = [reweighted(cells, Plane(level, 0, 0)) for level in levels]
-        below = [one for one in fits if one[0].a < 0 and sum(one[1].values()) >= plane._LEAST_SUPPORT]
+        below = [one for one in fits if one[0].a < 0 and sum(one[1].values()) >= plane.LEAST_SUPPORT]
         enough = plane._SUPPORT * max(sum(weights.values()) for _, weights in below or fits)
         return min((one for one in below or fits if sum(one[1].values()) >= enough), key=lambda one: one[0].a)
 
-    def surface(self, level: Plane, points: Sequence[XYZ], stands: list[bool]) -> Surface:
+    def surface(self, level: Plane, points: Sequence[XYZ], stands: list[bool], time_s: float) -> Surface:
         flat = [(x, y, level.height_of(x, y, z)) for (x, y, z), up in zip(points, stands, strict=True) if not up]
         swell = Swell((x, y, h) for x, y, h in flat if abs(h) <= band(self.sigma))
         swell = Swell((x, y, h) for x, y, h in flat if abs(h - swell.at(x, y)[0]) <= band(self.sigma))
-        return Surface(level, self.sigma, swell)
+        variance = self.held_variance(time_s) + (tracker._CRESTS * self.sigma) ** 2
+        return Surface(level, self.sigma, swell, math.sqrt(variance))
+
+    def new_variance(self, cells: "Cells", fitted: Plane, weights: Mapping["Key", float], time_s: float) -> float:
+        if self.plane is None or sum(weights.values()) >= plane.LEAST_SUPPORT:
+            return level_variance(cells, fitted, weights)
+        return self.held_variance(time_s)
+
+    def held_variance(self, time_s: float) -> float:
+        return self.variance + self.sigma**2 * (time_s - self.seen_s) / tracker._SIGMA_TIME_S
 
 
 @dataclass
@@ -230,6 +248,19 @@ def reweighted(cells: Cells, start: Plane) -> tuple[Plane, dict[Key, float]]:
             matrix[i][i] += ridge
         fitted = Plane(*solved(matrix, right))
     return fitted, weights
+
+
+def level_variance(cells: Cells, fitted: Plane, weights: Mapping[Key, float]) -> float:
+    """Return the variance of the level of a plane of least squares: mean square of residuals, times the inverse."""
+    total, squares, matrix = 0.0, 0.0, [[0.0, 0.0, 0.0], [0.0, plane._TILT_RIDGE, 0.0], [0.0, 0.0, plane._TILT_RIDGE]]
+    for key, cell in cells.items():
+        total += weights[key]
+        squares += weights[key] * fitted.height_of(*cell.lowest) ** 2
+        row = (1.0, *cell.lowest[:2])
+        for i in range(3):
+            for j in range(3):
+                matrix[i][j] += weights[key] * row[i] * row[j]
+    return squares / total * solved(matrix, [1.0, 0.0, 0.0])[0]
 
 
 def solved(matrix: list[list[float]], right: list[float]) -> list[float]:

@@ -81,7 +81,8 @@ def assert_same(params, log):
         if scan.water is not None:
             plane = scan.water.plane
             roll, pitch = np.degrees(np.arctan([-plane.c, plane.b]))
-            np.testing.assert_allclose(astuple(result.water), (plane.a, roll, pitch, 4 * scan.water.sigma), atol=1e-9)
+            expected = plane.a, roll, pitch, 4 * scan.water.sigma, scan.water.level_sigma
+            np.testing.assert_allclose(astuple(result.water), expected, atol=1e-9)
     return results
 
 

@@ -7,7 +7,7 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from seaclutter_cli.cloud import from_array
-from seaclutter_cli.frame import FilterResult, Frame, Reason, Rings, WaterState
+from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Frame, Reason, Rings, WaterState
 from seaclutter_cli.messages.diagnostics import PLAIN, WATER, Diagnostics, diagnostics_format, read_diagnostics
 from seaclutter_cli.records import Channel, Message
 
@@ -23,7 +23,7 @@ NUMBERS = {
     "excluded": 6,
 }
 WATER_NUMBERS = {**NUMBERS, "unconfirmed": 7, "mirrored": 8, "points_in": 43}
-MEASURES = {"water_level_m": -2.5, "roll_deg": 0.25, "pitch_deg": -1 / 3, "significant_wave_height_m": 0.5}
+MEASURES = dict(zip(WATER_COLUMNS, (-2.5, 0.25, -1 / 3, 0.5, 0.04), strict=True))
 ARRAYS = {
     "thresholds": [30.0, 16.1],
     "corrections": [0.0, 1 / 3],

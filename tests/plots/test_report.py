@@ -102,7 +102,13 @@ def test_the_threshold_over_range_is_the_mean():
 
 def test_level_and_wave_height_of_the_water():
     collected = collect()
-    rows = [None, WaterState(-2.5, 0, 0, 0.3), WaterState(-2.4, 0, 0, 0.4), None, WaterState(-2.3, 0, 0, 0.5)]
+    rows = [
+        None,
+        WaterState(-2.5, 0, 0, 0.3, 0.1),
+        WaterState(-2.4, 0, 0, 0.4, 0.1),
+        None,
+        WaterState(-2.3, 0, 0, 0.5, 0.1),
+    ]
     collected.histories[0] = History(4)
     for water in rows:
         collected.histories[0].add(told(np.zeros(9), water=water), None)

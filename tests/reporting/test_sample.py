@@ -80,7 +80,7 @@ def test_unconfirmed_objects_take_priority():
 
 def test_the_water_is_that_of_the_first_method_that_knows_it():
     frame = frame_of(lump(20))
-    first, second = WaterState(-2.0, 0.0, 0.0, 0.5), WaterState(-3.0, 0.0, 0.0, 0.5)
+    first, second = WaterState(-2.0, 0.0, 0.0, 0.5, 0.1), WaterState(-3.0, 0.0, 0.0, 0.5, 0.1)
     results = [None, result_of(frame), *(replace(result_of(frame), water=water) for water in (first, second))]
     assert take_sample(frame, results, None, PARAMS, 100).water == first
     assert take_sample(frame, results[:2], None, PARAMS, 100).water is None

@@ -17,7 +17,7 @@ from tests.reporting.test_sample import PARAMS
 def test_a_history_returns_the_values_added():
     history = History(2)
     rings = Rings(np.array([30.0, 16]), np.array([0.0, 5]), *np.zeros((3, 2), np.int64))
-    water = WaterState(-2.5, 1.0, -2.0, 0.75)
+    water = WaterState(-2.5, 1.0, -2.0, 0.75, 0.125)
     alarms = Alarms(targets=3, visible=2, detected=1, clusters=4, false_alarms=3)
     history.add(told(np.arange(9), rings, water=water), FrameScore(21, 0, 4, 0, alarms, None))
     history.add(None, None)
@@ -27,7 +27,7 @@ def test_a_history_returns_the_values_added():
     assert history["thresholds"][0].tolist() == [30, 16]
     assert history["corrections"][0].tolist() == [0, 5]
     assert np.isnan(history["thresholds"][1:]).all()
-    assert history["water"][0].tolist() == [-2.5, 1.0, -2.0, 0.75]
+    assert history["water"][0].tolist() == [-2.5, 1.0, -2.0, 0.75, 0.125]
     assert np.isnan(history["water"][1:]).all()
     assert (history["missed"][0], history["false_alarms"][0]) == (1, 3)
     assert np.isnan(history["false_alarms"][1:]).all()

@@ -92,7 +92,7 @@ def flat(share, seed=0):
 def test_land_returns_most_shots_at_grazing_angles(share, is_land, wave_height_m):
     ground = Ground()
     for seed in range(3):
-        ground.add(flat(share, seed), WaterState(-2.0, 0.0, 0.0, wave_height_m))
+        ground.add(flat(share, seed), WaterState(-2.0, 0.0, 0.0, wave_height_m, 0.1))
     found = ground.warning()
     assert bool(found) == (is_land and wave_height_m < 0.5), "what is rough is not asked"
     if found:

@@ -10,7 +10,7 @@ import pytest
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.config import load_config
 from seaclutter_cli.filters import FILTERS
-from seaclutter_cli.frame import FilterResult, Frame, Rings, WaterState
+from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Frame, Rings, WaterState
 from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.sinks.csv import FrameTable
 from tests.logs import START_NS, cloud_log
@@ -104,14 +104,16 @@ def test_the_scene_is_the_last_column(tmp_path):
 def test_unconfirmed_points_and_the_water_are_the_last_columns(tmp_path):
     with table(tmp_path / "frames.csv", 0, water=True) as sink:
         sink.begin(FakeSource(()), [])
-        sink.write(result_of(0, water=WaterState(-2.51234, 0.5, -1.0, 1 / 3)))
+        sink.write(result_of(0, water=WaterState(-2.51234, 0.5, -1.0, 1 / 3, 0.04567)))
         sink.write(replace(result_of(1), reason=np.array([0, 0, 1, 7, 8, 5, 6], np.uint8)))
         sink.end()
     lines = (tmp_path / "frames.csv").read_text().splitlines()
-    assert lines[0] == f"{COLUMNS[0]},unconfirmed,mirrored,water_level_m,roll_deg,pitch_deg,significant_wave_height_m"
+    assert (
+        lines[0] == f"{COLUMNS[0]},unconfirmed,mirrored,water_level_m,roll_deg,pitch_deg,{','.join(WATER_COLUMNS[3:])}"
+    )
     assert lines[1:] == [
-        "log,/points,0,5,7,1,0,2,0,1,1,2,0,0,-2.5123,0.5,-1.0,0.3333",
-        "log,/points,1,5,7,1,0,0,0,1,1,2,1,1,,,,",
+        "log,/points,0,5,7,1,0,2,0,1,1,2,0,0,-2.5123,0.5,-1.0,0.3333,0.0457",
+        "log,/points,1,5,7,1,0,0,0,1,1,2,1,1,,,,,",
     ]
 
 

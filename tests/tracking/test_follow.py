@@ -200,7 +200,7 @@ def test_heights_do_not_depend_on_the_mounting(roll_deg, pitch_deg):
         results = []
         for k in range(20):
             level = frame_of(k, one.unlevelled(hull(place(k), 0.3).T).T)
-            results.append(FilterResult(level.frame, level.reason, water=WaterState(-1.5, 2.0, -1.0, 0.1)))
+            results.append(FilterResult(level.frame, level.reason, water=WaterState(-1.5, 2.0, -1.0, 0.1, 0.1)))
         found = followed(results, mounting=one)
         assert {name for frame in found for name in frame.states} == {CONFIRMED}
         tops.append(np.median([frame.tops_m for frame in found]))
@@ -218,7 +218,7 @@ def states_above_water(body_of, beams=64):
         body = body_of(k)
         reason = np.repeat(np.array([Reason.OUTLIER, 0], np.uint8), (len(sea), len(body)))
         one = frame_of(k, np.vstack((sea, body)), reason)
-        results.append(FilterResult(one.frame, one.reason, water=WaterState(-2.0, 0.0, 0.0, 0.1)))
+        results.append(FilterResult(one.frame, one.reason, water=WaterState(-2.0, 0.0, 0.0, 0.1, 0.1)))
     return [set(one.states) for one in followed(results)]
 
 

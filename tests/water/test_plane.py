@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.water.plane import Plane, PolarCells, WaterEchoes, fit_plane
+from seaclutter_cli.water.plane import Plane, PolarCells, WaterEchoes, fit_plane, level_variance
 
 
 def spread(rng, size, level_m, noise_m=0.05, slope=(0.0, 0.0)):
@@ -97,3 +97,17 @@ def test_boats_stand_in_the_water_and_their_decks_are_not_taken_for_it():
     assert plane.level_m == pytest.approx(-5.2, abs=0.1)
     heights = decks[2] - plane.height(*decks[:2])
     assert len(WaterEchoes.of(cells, heights, weight, np.ones(3000, np.bool_)).cell) < 30
+
+
+def level_deviation(points):
+    cells = PolarCells.of(points)
+    return np.sqrt(level_variance(cells, *fit_plane(cells, None)))
+
+
+def test_the_level_is_uncertain_by_noise_few_echoes_and_those_of_one_side_only():
+    calm, rough = (spread(np.random.default_rng(7), 3000, -2.5, noise_m) for noise_m in (0.02, 0.2))
+    ahead = rough[:, rough[0] > 5]
+    assert level_deviation(calm) < 0.01
+    assert 5 * level_deviation(calm) < level_deviation(rough) < 0.1
+    assert level_deviation(rough[:, :300]) > 2 * level_deviation(rough)
+    assert level_deviation(ahead) > 2 * level_deviation(rough[:, : ahead.shape[1]])

@@ -63,6 +63,14 @@ def test_without_attitudes_it_does_not(alone):
     assert np.abs(errors(alone)[0]).max() > ROLL_DEG
 
 
+def test_the_level_is_less_certain_the_longer_no_water_is_seen():
+    found, _ = states(attitude)
+    deviation_m = np.array([one.level_deviation_m for one in found])
+    assert (np.diff(deviation_m[70:]) > 0).all()
+    assert deviation_m[-1] > 2 * deviation_m[60]
+    assert (np.abs(errors(found)[1]) < 2 * deviation_m).mean() > 0.95
+
+
 @pytest.mark.parametrize(
     "told",
     {
