@@ -87,7 +87,7 @@ class Track:
         around = [one for one in self.history if one.is_around(time_s, span_s)]
         before = [one for one in self.history if one.time_s < time_s and not one.is_around(time_s, span_s)]
         usual_s = sum(one.step_s for one in around) / len(around)
-        looks = [(one.evidence, one.step_s) for one in around] + [(tracks._MISSED, usual_s)]
+        looks = [(one.evidence, one.step_s) for one in around] + [(tracks._DOUBT, usual_s)]
         average = sum(said * step_s for said, step_s in looks) / sum(step_s for _, step_s in looks)
         return average + (before[-1].memory if before else 0.0)
 

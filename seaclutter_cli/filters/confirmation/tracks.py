@@ -19,7 +19,8 @@ Floats = NDArray[np.float64]
 
 _DECORRELATION_S = 1.0
 _LEAST_MEMORY, _MOST_MEMORY = 0.0, 3.0
-_MISSED = -2.2
+_MISSED = -1.2
+_DOUBT = -2.2
 _MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
 _KNOWN_AFTER_S = 0.5
 _GATE_M, _GATE_SPEED_MS = 0.8, 1.0
@@ -233,7 +234,7 @@ class Tracker:
                 before = item.memory
         total, span_s = sum(item.evidence * item.step_s for item in around), sum(item.step_s for item in around)
         one_s = span_s / len(around)
-        return (total + _MISSED * one_s) / (span_s + one_s) + before
+        return (total + _DOUBT * one_s) / (span_s + one_s) + before
 
     def _interval_s(self, time_s: float) -> float:
         return 0.0 if self._time_s is None else time_s - self._time_s
