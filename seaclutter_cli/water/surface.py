@@ -134,7 +134,8 @@ class WaterSurface:
         ``bodies`` tells which of them belong to bodies. An image is where the body is, as far below the water as that
         rises above it.
         """
-        return (height < -mirrored_below_m(deviation)) & self.beside(bodies) & (self.cells.number != BEYOND)
+        below = height < -mirrored_below_m(deviation)
+        return np.asarray(below & self.beside(bodies) & (self.cells.number != BEYOND))
 
     def beside(self, bodies: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return which of N echoes are in the cells of others, ``bodies``, or next to them, shape (N,).

@@ -54,7 +54,7 @@ class Background:
             return np.asarray(share.reshape(-1)[cell]), np.zeros(len(cell))
         octaves = np.log2(np.maximum(intensity, _DIMMEST))
         mean = _grid(cell[of_water], octaves[of_water]) / np.maximum(number, 1)
-        self._octaves = kept * self._octaves + (1 - kept) * np.stack((number > 0, mean))
+        self._octaves = kept * self._octaves + (1 - kept) * np.stack(((number > 0).astype(np.float64), mean))
         weight, total = (_elsewhere(_around(grid)).reshape(-1) for grid in self._octaves)
         level = total / np.maximum(weight, _DIMMEST)
         contrast = (octaves - level[cell]) * (weight / (weight + _DOUBT))[cell]
@@ -63,7 +63,7 @@ class Background:
 
 def _grid(cell: NDArray[np.int16], weights: Floats | None = None) -> Floats:
     """Return the number of points of each cell, or the sum of their weights, shape (48, 72)."""
-    return np.bincount(cell, weights, minlength=_RINGS * _SECTORS).reshape(_RINGS, _SECTORS)
+    return np.bincount(cell, weights, minlength=_RINGS * _SECTORS).reshape(_RINGS, _SECTORS).astype(np.float64)
 
 
 def _around(grid: Floats) -> Floats:
