@@ -15,7 +15,8 @@ STRUCTURE = "structure"
 _TURNING_S, _STEADY_S, _STEADY = 0.7, 5.0, 0.1
 _SIZE_QUANTILE = 0.9
 _OBLIQUE, _BROAD = np.sin(np.radians((10, 25)))
-_USUAL_BEAM, _SHIP_BEAM, _BROADEST = 0.3, 0.6, 0.35
+_USUAL_BEAM, _SHIP_BEAM, _BROAD_BEAM = 0.3, 0.6, 0.35
+_SAIL_THIN, _SAIL_TALL = 0.14, 0.5
 _ROUND_M, _ROUND, _FINE = 2.0, 0.9, 0.04
 _SMALL_CRAFT_M, _STRUCTURE_M, _WIDE_M = 12.0, 50.0, 25.0
 _LEAST_WALL_M, _STRAIGHT, _UPRIGHT = 6.0, 1 / 40, 0.5
@@ -61,8 +62,14 @@ def guessed_class(size: Floats, depth_m: float) -> str:
     return "buoy" if length_m <= _ROUND_M else "small craft" if length_m <= _SMALL_CRAFT_M else "vessel"
 
 
-def usual_beam_m(length_m: float) -> float:
-    """Return the width of a usual vessel of a length."""
+def with_hull(size: Floats) -> Floats:
+    """Return the size of an object, shape (3,), with the width of a usual vessel if only its sail is in view."""
+    length_m, width_m, height_m = size
+    is_sail = width_m < _SAIL_THIN * length_m < _SAIL_THIN / _SAIL_TALL * height_m
+    return np.array((length_m, _usual_beam_m(length_m), height_m)) if is_sail else size
+
+
+def _usual_beam_m(length_m: float) -> float:
     return float(min(_USUAL_BEAM * length_m, _SHIP_BEAM * length_m ** (2 / 3)))
 
 
@@ -140,9 +147,9 @@ def fit(
     if whole[0] <= _ROUND_M:  # such as a buoy, of which the far half is hidden
         whole = np.maximum(whole, _ROUND * whole.max())
     elif not shape.oblique:
-        whole[1] = max(whole[1], usual_beam_m(whole[0]))
+        whole[1] = max(whole[1], _usual_beam_m(whole[0]))
     if whole[0] > _ROUND_M and not shape.broad:
-        whole[0] = max(whole[0], whole[1] / _BROADEST)
+        whole[0] = max(whole[0], whole[1] / _BROAD_BEAM)
     middle, deviation = _placed(seen_from, low, high, whole)
     return yaws, _in_axes(middle, -yaws), deviation, whole
 

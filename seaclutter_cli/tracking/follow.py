@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.frame import FilterResult, Frame, WaterState
-from seaclutter_cli.tracking.boxes import STRUCTURE, Shape, fit, guessed_class, smoothed, usual_beam_m
+from seaclutter_cli.tracking.boxes import STRUCTURE, Shape, fit, guessed_class, smoothed, with_hull
 from seaclutter_cli.tracking.detections import Detections, Pose
 from seaclutter_cli.tracking.tracker import Track, Tracker
 from seaclutter_cli.water import Mounting
@@ -24,7 +24,6 @@ _MAX_WAITING = 50_000
 _SURE, _CLEAR_M, _BEAM_DEG, _BOAT_M, _CREST_M = 0.5, 0.5, 0.2, (2.5, 15.0), 0.3
 _MOST_COMPARED, _MOSTLY = 20, 0.8
 _PART_SHARE = 0.5
-_SAIL_THIN, _SAIL_TALL = 0.14, 0.5
 
 
 @dataclass(frozen=True)
@@ -220,9 +219,7 @@ def _smoothed(
         for values in (yaws, spans[..., 0], spans[..., 1], rises):
             values[:, n] = np.interp(times_s, times_s[seen], values[seen, n])
         sizes[n, 2] = np.quantile(spans[seen, n, 1] - spans[seen, n, 0], 0.9)
-        length_m, width_m, height_m = sizes[n]
-        if width_m < _SAIL_THIN * length_m < _SAIL_THIN / _SAIL_TALL * height_m:  # the hull below it is hidden
-            sizes[n, 1] = usual_beam_m(length_m)
+        sizes[n] = with_hull(sizes[n])
     kinds = [guessed_class(size, shapes[track].depth_m) for track, size in zip(tracks, sizes, strict=True)]
     at, velocity = smoothed(places, deviations, times_s)
     bodies = np.array([kind != STRUCTURE for kind in kinds], np.bool_)
