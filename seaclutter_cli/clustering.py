@@ -16,7 +16,7 @@ _REACH = 2
 _FEW_CELLS = 1 << 20
 _ALL_PAIRED = 100
 _CELLS_AT_ONCE = 1 << 13
-_BLOCK = 1 << 18
+_BLOCK = 1 << 14
 _ROUNDING = 1e-9
 _STEPS = np.array([(i, j) for i in range(_REACH + 1) for j in range(-_REACH, _REACH + 1) if (i, j) >= (0, 0)])
 """Steps along x and y to columns in reach, in one direction."""
@@ -39,9 +39,9 @@ class ClusterFinder:
     """Search for Euclidean clusters in several subsets of the same points, with shared preparation.
 
     All points of a cell of a fine grid are connected (`Cells`), so only cells need to be joined. They are first joined
-    by the distance of one point of each cell. Cells that remain in different components are then joined by the minimum
-    distance between their points. Memory is proportional to the number of points at any density; so is time, except for
-    dense components that almost touch, which take a search tree.
+    by the distances of three points of each cell. Cells that remain in different components are then joined by the
+    minimum distance between their points. Memory is proportional to the number of points at any density; so is time,
+    except for dense components that almost touch, which take a search tree.
 
     Coordinates have shape (3, N). ``among``, shape (N,), tells whether a point is in any of the subsets; these must
     have finite coordinates.
@@ -91,11 +91,13 @@ class ClusterFinder:
         occupied, pairs = count > 0, self._pairs
         if not occupied.all():
             pairs = pairs[:, occupied[pairs[0]] & occupied[pairs[1]]]
-        own, other = pairs
-        first = xyz.take(np.minimum(start, xyz.shape[1] - 1), axis=1)
-        near = self._near(first.take(own, axis=1) - first.take(other, axis=1))
-        component = _join(np.arange(len(count)), own[near], other[near])
-        pairs = _in_different_components(component, pairs.take(np.flatnonzero(~near), axis=1))
+        component = np.arange(len(count))
+        for sample in (start, start + count // 2, start + count - 1):
+            own, other = pairs
+            points = xyz.take(np.minimum(sample, xyz.shape[1] - 1), axis=1)
+            near = self._near(points.take(own, axis=1) - points.take(other, axis=1))
+            component = _join(component, own[near], other[near])
+            pairs = _in_different_components(component, pairs.take(np.flatnonzero(~near), axis=1))
         pairs = pairs.take(np.flatnonzero((count[pairs] > 1).any(axis=0)), axis=1)
         work = count[pairs].prod(axis=0)
         order = np.argsort(work)

@@ -268,11 +268,11 @@ class PackedRows:
 
     def __init__(self) -> None:
         self.packed: IO[bytes] = SpooledTemporaryFile(_PACKED_BYTES)  # noqa: SIM115 - as long as the rows
-        self._lines = gzip.GzipFile(fileobj=self.packed, mode="wb")
+        self._lines = gzip.GzipFile(fileobj=self.packed, mode="wb", compresslevel=1)
 
-    def write(self, line: bytes) -> None:
-        """Add a line."""
-        self._lines.write(line)
+    def write(self, lines: bytes) -> None:
+        """Add lines."""
+        self._lines.write(lines)
 
     def __iter__(self) -> Iterator[bytes]:
         """Yield the lines, to which none can be added any more."""

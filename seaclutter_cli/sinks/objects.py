@@ -10,7 +10,7 @@ from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Sink, Source
 from seaclutter_cli.messages.navigation import Fix, Navigation, on_earth
 from seaclutter_cli.records import Channel, Message, Record
-from seaclutter_cli.sinks.csv import csv_line
+from seaclutter_cli.sinks.csv import csv_lines
 from seaclutter_cli.tracking.detections import Pose
 from seaclutter_cli.tracking.follow import CONFIRMED, LOST, Follower, FrameObjects
 
@@ -57,7 +57,7 @@ class TrackSummary:
 
 
 class ObjectTable(Sink):
-    """Sink that passes one line for each frame and object of a recording to a function."""
+    """Sink that passes the lines of each frame, one for each object, to a function."""
 
     def __init__(self, write: Callable[[bytes], object], new: Callable[[], Follower]) -> None:
         self._write, self._new = write, new
@@ -90,20 +90,21 @@ class ObjectTable(Sink):
     def _write_all(self, topic: str, frames: Iterable[FrameObjects]) -> None:
         for frame in frames:
             fix = self._navigation.fix(frame.frame_id.lstrip("/"), frame.stamp_ns)
-            for row in rows_of(frame, fix):
-                self._write(csv_line((self._recording, topic, *row)))
+            self._write(csv_lines((self._recording, topic, *row) for row in rows_of(frame, fix)))
             self._sum_up(topic, frame)
 
     def _sum_up(self, topic: str, frame: FrameObjects) -> None:
-        for k, (track, state) in enumerate(zip(frame.tracks, frame.states, strict=True)):
+        distances, speeds = (np.hypot(*each.T).tolist() for each in (frame.centers[:, :2], frame.velocities))
+        columns = frame.sizes.round(2).tolist(), distances, speeds, frame.scores.tolist()
+        objects = zip(frame.tracks, frame.states, frame.kinds, *columns, strict=True)
+        for track, state, kind, size, distance_m, speed_ms, score in objects:
             one = self.tracks.setdefault((topic, track), TrackSummary(topic, track))
             one.frames += state != LOST
             one.is_confirmed |= state == CONFIRMED
-            one.length_m, one.width_m, one.height_m = frame.sizes[k].round(2).tolist()
-            one.nearest_m = min(one.nearest_m, round(float(np.hypot(*frame.centers[k, :2])), 1))
-            one.speed_ms = max(one.speed_ms, round(float(np.hypot(*frame.velocities[k])), 2))
-            one.kind = frame.kinds[k]
-            one.score, one.over_ground = round(float(frame.scores[k]), 3), frame.over_ground
+            one.length_m, one.width_m, one.height_m = size
+            one.nearest_m = min(one.nearest_m, round(distance_m, 1))
+            one.speed_ms = max(one.speed_ms, round(speed_ms, 2))
+            one.kind, one.score, one.over_ground = kind, round(score, 3), frame.over_ground
 
 
 def pose_of(navigation: Navigation, result: FilterResult) -> Pose | None:

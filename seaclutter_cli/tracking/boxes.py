@@ -127,14 +127,16 @@ def fit(
     low, high = extents(hulls, yaws)
     size = high - low
     fresh = times_s > shape.yaw_s if shape.yaw is not None else np.ones(len(times_s), np.bool_)
-    along, across = ([*old, *new[fresh].tolist()] for old, new in zip((shape.along, shape.across), size.T, strict=True))
-    if np.quantile(across, _SIZE_QUANTILE) > 1.1 * np.quantile(along, _SIZE_QUANTILE):
-        along, across = across, along
+    shape.along, shape.across = (
+        [*old, *new[fresh].tolist()][-_MAX_SIZES:] for old, new in zip((shape.along, shape.across), size.T, strict=True)
+    )
+    usual, whole = np.quantile((shape.along, shape.across), (0.5, _SIZE_QUANTILE), axis=1)
+    if whole[1] > 1.1 * whole[0]:
+        shape.along, shape.across = shape.across, shape.along
+        usual, whole = usual[::-1], whole[::-1].copy()
         yaws = yaws + np.pi / 2
         low, high = extents(hulls, yaws)
-    shape.along, shape.across = along[-_MAX_SIZES:], across[-_MAX_SIZES:]
     shape.yaw, shape.yaw_s = float(yaws[-1]), float(times_s[-1])
-    usual, whole = (np.array([np.quantile(side, q) for side in (along, across)]) for q in (0.5, _SIZE_QUANTILE))
     distance_m = float(np.median(np.hypot(*(hulls.mean(axis=1) - sensor).T)))
     # All views show it whole, some with an echo of the water beside it.
     if _FINE * distance_m < usual[0] <= _ROUND_M and whole[0] <= 1.5 * _ROUND_M:

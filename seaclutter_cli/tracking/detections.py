@@ -25,13 +25,12 @@ _CRAFT_M, _CRAFT_WIDE_M = 15.0, 3.5
 _STERN_M, _BROADEST = 2.5, 0.45
 _CLOSE, _CLOSE_ACROSS, _NEAR = 0.45, 0.2, 0.8
 _LEAST_SHARE = 0.4
-_SPREAD, _APART = 0.015, 1e4
+_SPREAD, _APART = 0.015, 1e3
 _UP = np.array([0.0, 0.0, 1.0])
-_ANGLES = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
 _TOWARDS = np.array([part(np.arange(2 * YAWS) * (np.pi / 2 / YAWS)) for part in (np.cos, np.sin)], np.float32)
 _SKIN_M = 0.1
-_COS, _SIN = (part(_ANGLES)[:, None].astype(np.float32) for part in (np.cos, np.sin))
-_TURNED = np.column_stack((_COS, _SIN)).astype(np.float64)[: DIRECTIONS // 2]
+_HALF = DIRECTIONS // 2
+_HALF_TURN = np.array([part(np.arange(_HALF) * (np.pi / _HALF)) for part in (np.cos, np.sin)], np.float32)
 
 
 class Pose(NamedTuple):
@@ -146,11 +145,11 @@ class Detections:
             for z in (xyz[2], up[0] * xyz[0] + up[1] * xyz[1] + up[2] * xyz[2])
         )
         centers = (np.add.reduceat(xy, starts, axis=1) / count).T
-        hulls = np.empty((len(chosen), DIRECTIONS, 2))
-        for row, k in zip(hulls, chosen.tolist(), strict=True):
-            own = xy[:, starts[k] : starts[k] + count[k]]
-            x, y = own.astype(np.float32)  # not by a product of matrices, whose threads wait for each other
-            row[:] = own[:, (_COS * x + _SIN * y).argmax(axis=1)].T
+        across, farthest = _across(xy), np.empty((len(chosen), DIRECTIONS), np.int64)
+        for row, start, end in zip(farthest, starts[chosen].tolist(), (starts + count)[chosen].tolist(), strict=True):
+            own = across[:, start:end]
+            row[:_HALF], row[_HALF:] = own.argmax(axis=1), own.argmin(axis=1)
+        hulls = xy.T[farthest + starts[chosen, None]]
         number = np.full(len(starts), -1)
         number[chosen] = np.arange(len(chosen))
         owner = number[cluster]
@@ -174,7 +173,7 @@ def _clusters(xyz: Floats, tolerance_m: float, min_points: int) -> Indices:
     if not xyz.shape[1]:
         return np.empty(0, np.int64)
     column, row, level = np.clip(np.floor(xyz / _THINNED_M), -_MAX_CELL, _MAX_CELL - 1).astype(np.int64) + _MAX_CELL
-    _, first, cell = np.unique((column * (2 * _MAX_CELL) + row) * (2 * _MAX_CELL) + level, True, True)
+    first, cell = _unique((column * (2 * _MAX_CELL) + row) * (2 * _MAX_CELL) + level)
     thinned = xyz.take(first, axis=1)
     number = euclidean_clusters(thinned * _FLATTENED, tolerance_m, 1)
     is_small = _are_small(*_widths(thinned[:2], number))
@@ -190,7 +189,7 @@ def _clusters(xyz: Floats, tolerance_m: float, min_points: int) -> Indices:
         parts = euclidean_clusters(scaled, 1.0, 1)
         joined = _joined(thinned[:2, wide], parts, tolerance_m)
         number[wide] = np.where(joined < 0, -1, number.max() + 1 + joined)
-    number = number[cell.ravel()]
+    number = number[cell]
     large = np.bincount(number + 1)[1:] >= min_points
     return np.append(np.where(large, np.cumsum(large) - 1, -1), -1)[number]
 
@@ -226,13 +225,13 @@ def _joined(xy: Floats, part: Indices, tolerance_m: float) -> Indices:
     some = (of[:, 0] != of[:, 1]) & _are_small(low, high)[of].all(axis=1)
     gap = np.linalg.norm(cells[pairs[some, 0]] - cells[pairs[some, 1]], axis=1)
     of = of[some][np.lexsort((*of[some].T, gap))]
-    _, nearest = np.unique(of, axis=0, return_index=True)
     whole = np.arange(low.shape[1])
+    _, nearest = np.unique(of @ (len(whole), 1), return_index=True)
     for a, b in of[np.sort(nearest)].tolist():
         one, other = whole[a], whole[b]
         least, most = np.minimum(low[:, one], low[:, other]), np.maximum(high[:, one], high[:, other])
-        widths = most - least
-        if _are_small(least, most) and widths.min() <= max(_STERN_M, _BROADEST * widths.max()):
+        beam, length = np.sort(most - least)[[0, -1]]
+        if length <= _CRAFT_M and beam <= min(_CRAFT_WIDE_M, max(_STERN_M, _BROADEST * length)):
             whole[whole == other] = one
             low[:, one], high[:, one] = least, most
     size, largest = np.bincount(owner), np.zeros(len(whole), np.int64)
@@ -240,15 +239,22 @@ def _joined(xy: Floats, part: Indices, tolerance_m: float) -> Indices:
     return np.where(size < _LEAST_SHARE * largest[whole], -1, whole)[part]
 
 
-def _widths(xy: Floats, number: Indices) -> tuple[Floats, Floats]:
+def _widths(xy: Floats, number: Indices) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return the least and the greatest coordinates of each cluster of points, in 18 directions, shape (18, K)."""
-    order = np.argsort(number, kind="stable")
+    order = np.argsort(number)
     starts = group_starts(number[order])
-    across = _TURNED @ xy[:, order]
+    across = _across(xy[:, order])
     return np.minimum.reduceat(across, starts, axis=1), np.maximum.reduceat(across, starts, axis=1)
 
 
-def _are_small(low: Floats, high: Floats) -> NDArray[np.bool_]:
+def _across(xy: Floats) -> NDArray[np.float32]:
+    """Return the coordinates of points, shape (2, n), in directions at 0°, 10°, … 170°, shape (18, n)."""
+    x, y = xy.astype(np.float32)
+    cos, sin = _HALF_TURN[..., None]
+    return np.asarray(cos * x + sin * y)  # not a product of matrices, whose threads wait for each other
+
+
+def _are_small(low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Return which clusters are not longer or wider than a small craft."""
     widths = high - low
     return np.asarray((widths.max(axis=0) <= _CRAFT_M) & (widths.min(axis=0) <= _CRAFT_WIDE_M))
@@ -257,7 +263,15 @@ def _are_small(low: Floats, high: Floats) -> NDArray[np.bool_]:
 def _cells(xy: Floats, owner: Indices) -> tuple[Floats, Indices]:
     """Return the mean positions of points in cells of 0.5 m of each owner, and the owner of each cell."""
     column, row = np.clip(np.floor(xy / _CELL_M), -_MAX_CELL, _MAX_CELL - 1).astype(np.int64) + _MAX_CELL
-    key = (owner * (2 * _MAX_CELL) + column) * (2 * _MAX_CELL) + row
-    order = np.argsort(key, kind="stable")
-    first = group_starts(key[order])
-    return (np.add.reduceat(xy[:, order], first, axis=1) / group_sizes(first, len(key))).T, owner[order[first]]
+    first, cell = _unique((owner * (2 * _MAX_CELL) + column) * (2 * _MAX_CELL) + row)
+    count = np.bincount(cell)
+    return np.stack([np.bincount(cell, values) / count for values in xy], axis=1), owner[first]
+
+
+def _unique(keys: Indices) -> tuple[Indices, Indices]:
+    """Return where each different key is first, and the number of each key among them, faster than `numpy.unique`."""
+    order = np.argsort(keys)
+    starts = group_starts(keys[order])
+    number = np.empty_like(order)
+    number[order] = np.repeat(np.arange(len(starts)), group_sizes(starts, len(keys)))
+    return np.minimum.reduceat(order, starts), number
