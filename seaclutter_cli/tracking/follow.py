@@ -190,62 +190,91 @@ class Follower:
         self._shapes = {track: shape for track, shape in self._shapes.items() if track in alive}
 
 
+@dataclass(frozen=True)
+class _Lives:
+    """What was measured of N tracks in F frames, as arrays that begin with the shape (F, N), and their sizes, (N, 3).
+
+    ``places`` and their ``deviations`` are NaN where a track was not seen; ``yaws``, ``middles_m`` and ``tops_m``, its
+    heights, are interpolated between. It is ``sure`` where it was kept and nothing shows that it hovers.
+    """
+
+    tracks: Sequence[Track]
+    times_s: Floats
+    places: Floats
+    deviations: Floats
+    yaws: Floats
+    middles_m: Floats
+    tops_m: Floats
+    points: NDArray[np.int64]
+    sure: NDArray[np.bool_]
+    sizes: Floats
+
+    @classmethod
+    def of(cls, frames: Sequence[_Waiting], shapes: dict[Track, Shape]) -> "_Lives":
+        """Return the lives of all tracks in frames; what is known of their shapes grows."""
+        records = _records(frames)
+        shape = len(frames), len(records)
+        times_s, sensor = np.array([one.time_s for one in frames]), np.array([one.pose[:2] for one in frames])
+        places, sizes = np.full((*shape, 2), np.nan), np.empty((shape[1], 3))
+        deviations, yaws, middles_m, tops_m = np.full((4, *shape), np.nan)
+        points, sure = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
+        lives = cls(list(records), times_s, places, deviations, yaws, middles_m, tops_m, points, sure, sizes)
+        for n, (track, own) in enumerate(records.items()):
+            seen = np.array([f for f, _ in own])
+            found = [(frames[f], row) for f, row in own]
+            lives._fill(n, found, seen, sensor[seen], shapes.setdefault(track, Shape()))
+        return lives
+
+    def _fill(
+        self, n: int, own: Sequence[tuple[_Waiting, int]], seen: NDArray[np.int64], sensor: Floats, shape: Shape
+    ) -> None:
+        """Fill in a track, given the frames in which it was seen, and its row in each."""
+        names = "hulls", "spans", "rises", "points", "kept"
+        hulls, spans, rises, points, kept = (
+            np.array([getattr(f.found, name)[row] for f, row in own]) for name in names
+        )
+        misfits, clear_m = (np.array([getattr(f, name)[row] for f, row in own]) for name in ("misfits", "clear_m"))
+        times_s = self.times_s[seen]
+        yaws, self.places[seen, n], self.deviations[seen, n], size = fit(shape, hulls, misfits, sensor, times_s)
+        measured = yaws, spans.mean(axis=1), rises[:, 1]
+        for values, some in zip((self.yaws, self.middles_m, self.tops_m), measured, strict=True):
+            values[:, n] = np.interp(self.times_s, times_s, some)
+        self.points[seen, n] = points
+        self.sure[seen, n] = kept & (self.tracks[n].score >= _SURE) & (np.median(clear_m) <= _CLEAR_M)
+        self.sizes[n] = with_hull(np.array((*size, np.quantile(spans[:, 1] - spans[:, 0], 0.9))))
+
+
 def _smoothed(
     frames: Sequence[_Waiting], start: int, end: int, shapes: dict[Track, Shape], origin_ns: int
 ) -> Iterator[FrameObjects]:
     """Yield the objects of frames from ``start`` to ``end``; the others are their context."""
-    records = _records(frames)
-    tracks = list(records)
-    times_s = np.array([one.time_s for one in frames])
-    shape = len(frames), len(tracks)
-    places, deviations = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
-    yaws, spans, points = np.full(shape, np.nan), np.full((*shape, 2), np.nan), np.zeros(shape, np.int64)
-    rises = np.full(shape, np.nan)
-    kept, clear = np.zeros(shape, np.bool_), np.zeros(len(tracks), np.bool_)
-    sizes = np.empty((len(tracks), 3))
-    sensor = np.array([one.pose[:2] for one in frames])
-    for n, track in enumerate(tracks):
-        seen = np.array([f for f, _ in records[track]])
-        hulls = np.stack([frames[f].found.hulls[row] for f, row in records[track]])
-        misfits = np.stack([frames[f].misfits[row] for f, row in records[track]])
-        yaws[seen, n], places[seen, n], deviations[seen, n], sizes[n, :2] = fit(
-            shapes.setdefault(track, Shape()), hulls, misfits, sensor[seen], times_s[seen]
-        )
-        spans[seen, n] = [frames[f].found.spans[row] for f, row in records[track]]
-        rises[seen, n] = [frames[f].found.rises[row, 1] for f, row in records[track]]
-        points[seen, n] = [frames[f].found.points[row] for f, row in records[track]]
-        kept[seen, n] = [frames[f].found.kept[row] for f, row in records[track]]
-        clear[n] = np.median([frames[f].clear_m[row] for f, row in records[track]]) > _CLEAR_M
-        for values in (yaws, spans[..., 0], spans[..., 1], rises):
-            values[:, n] = np.interp(times_s, times_s[seen], values[seen, n])
-        sizes[n, 2] = np.quantile(spans[seen, n, 1] - spans[seen, n, 0], 0.9)
-        sizes[n] = with_hull(sizes[n])
-    kinds = [guessed_class(size, shapes[track].depth_m) for track, size in zip(tracks, sizes, strict=True)]
-    at, velocity = smoothed(places, deviations, times_s)
+    lives = _Lives.of(frames, shapes)
+    own = [shapes[track] for track in lives.tracks]
+    kinds = [guessed_class(size, shape.depth_m) for size, shape in zip(lives.sizes, own, strict=True)]
+    at, velocity = smoothed(lives.places, lives.deviations, lives.times_s)
     bodies = np.array([kind != STRUCTURE for kind in kinds], np.bool_)
-    at[:, _are_parts(at[start:end], yaws[start:end], sizes, bodies)] = np.nan
-    scores = np.array([track.score for track in tracks])
-    measured = np.array([shapes[track].oblique for track in tracks], np.bool_)
-    stamps = np.array([[round(time_s * 1e9) for time_s in (one.first_s, one.seen_s)] for one in tracks], np.int64)
+    at[:, _are_parts(at[start:end], lives.yaws[start:end], lives.sizes, bodies)] = np.nan
+    scores = np.array([track.score for track in lives.tracks])
+    measured = np.array([shape.oblique for shape in own], np.bool_)
+    stamps = np.array([[round(t * 1e9) for t in (one.first_s, one.seen_s)] for one in lives.tracks], np.int64)
     for f in range(start, end):
         one = frames[f]
         there = np.flatnonzero(np.isfinite(at[f, :, 0]))
-        seen = np.isfinite(places[f, there, 0])
-        sure = (scores[there] >= _SURE) & kept[f, there] & ~clear[there]
+        seen = np.isfinite(lives.places[f, there, 0])
         xy = one.pose.undone(at[f, there])
         yield FrameObjects(
             one.index,
             one.stamp_ns,
             one.frame_id,
-            [tracks[n].number for n in there.tolist()],
-            np.where(~seen, LOST, np.where(sure, CONFIRMED, CANDIDATE)).tolist(),
-            np.column_stack((xy, spans[f, there].mean(axis=1))),
-            sizes[there],
-            (yaws[f, there] - one.pose.yaw + np.pi) % (2 * np.pi) - np.pi,
+            [lives.tracks[n].number for n in there.tolist()],
+            np.where(~seen, LOST, np.where(lives.sure[f, there], CONFIRMED, CANDIDATE)).tolist(),
+            np.column_stack((xy, lives.middles_m[f, there])),
+            lives.sizes[there],
+            (lives.yaws[f, there] - one.pose.yaw + np.pi) % (2 * np.pi) - np.pi,
             Pose(yaw=-one.pose.yaw).turned(velocity[f, there]),
-            points[f, there],
+            lives.points[f, there],
             scores[there],
-            np.full(len(xy), np.nan) if one.water is None else one.water.heights(xy, rises[f, there]),
+            np.full(len(xy), np.nan) if one.water is None else one.water.heights(xy, lives.tops_m[f, there]),
             origin_ns + stamps.reshape(-1, 2)[there],
             measured[there],
             [kinds[n] for n in there.tolist()],
