@@ -173,11 +173,15 @@ class CloudView {
     this.pen.stroke();
   }
 
-  text(words, x, y, z, color) {
+  // A text that would cover one of `others` is left out, until the view is nearer.
+  text(words, x, y, z, color, others = []) {
     const out = [0, 0, 0];
     this.project(x, y, z, out);
     if (out[2] < 0.5) return;
     this.pen.font = `${12 * this.ratio}px system-ui, sans-serif`;
+    const half = this.pen.measureText(words).width / 2;
+    if (others.some((one) => Math.abs(one[0] - out[0]) < one[2] + half && Math.abs(one[1] - out[1]) < 14 * this.ratio)) return;
+    others.push([out[0], out[1], half]);
     this.pen.textAlign = "center";
     this.pen.lineWidth = 3 * this.ratio;
     this.pen.setLineDash([]);
@@ -213,13 +217,16 @@ class CloudView {
       this.box(center, size, 0, colors[kind], kind === "false" ? 2 : kind === "unconfirmed" ? 1.6 : 1, kind === "unconfirmed" ? [2, 3] : []);
       if (kind === "false") this.text("false alarm", center[0], center[1], high[2], colors.false);
     }
-    for (const box of boxes ? sample.boxes : []) {
-      const state = Array.isArray(box.state) ? box.state[method] : box.state;
+    const stateOf = ({ state }) => (Array.isArray(state) ? state[method] : state);
+    const missedFirst = [...(boxes ? sample.boxes : [])].sort((a, b) => (stateOf(b) === "missed") - (stateOf(a) === "missed"));
+    const names = [];
+    for (const box of missedFirst) {
+      const state = stateOf(box);
       const color = state === "missed" ? states["missed target"] : state === "detected" ? states.detected : "#52606d";
       this.box(box.center, box.size, box.yaw, color, 1.6, state === "detected" ? [] : [5, 4]);
       if (state === "ignored") continue;
       const note = { missed: " (missed)", hidden: " (not visible)" }[state] || "";
-      this.text(`${box.class}${note}`, box.center[0], box.center[1], box.center[2] + box.size[2] / 2, color);
+      this.text(`${box.class}${note}`, box.center[0], box.center[1], box.center[2] + box.size[2] / 2, color, names);
     }
   }
 

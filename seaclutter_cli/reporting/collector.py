@@ -276,6 +276,7 @@ class TrackPaths:
                 one["frames"] += 1
                 one["size"], one["yaw"] = frame.sizes[k].round(2).tolist(), round(float(frame.yaws[k]), 3)
                 one["speed"], one["score"] = round(float(speeds[k]), 1), round(float(frame.scores[k]), 2)
+                one["kind"] = frame.kinds[k]
 
 
 @dataclass(frozen=True)

@@ -113,7 +113,7 @@ function fillFrames(host, show) {
   ];
   host.append(h("p", {}, `This page contains the points of ${whole(samples.length)} of ${plural(frames.count, "frame")}: the frames ${labelled ? "with the most and the fewest errors" : "with the largest and the smallest share removed as clutter"}, and evenly spaced frames. Select a frame to show its points.`
     + (labelled ? ` Errors are false alarms and missed targets${methods.length > 1 ? ` of ${methods[0].name}` : ""}.` : "")
-    + (labelled && !bad ? " No labelled frame has errors." : "")));
+    + (labelled && !bad ? " No labelled frame has any." : "")));
   const open = (number) => { show(number); byId("clouds").scrollIntoView(); };
   const buttons = samples.map((sample, number) => h("button", { type: "button", click: () => open(number) },
     frameName(sample.row), h("small", {}, labelled ? verdict(alarms[0], sample.row) : frameTime(sample.row))));

@@ -8,7 +8,7 @@ function fillTracks(host) {
   const reach = Math.max(20, ...tracks.flatMap(({ places, size }) => places.flat().map((one) => Math.abs(one) + Math.hypot(size[0], size[1]) / 2))) * 1.05;
   const px = ([x, y]) => [VIEW / 2 * (1 - y / reach), VIEW / 2 * (1 - x / reach)]; // x, ahead, is up
   const lines = data.palette.lines;
-  host.append(h("p", { class: "muted" }, `${plural(tracks.length, "object")} of ${methods[0].name}, seen most often first; positions are relative to own ship, which points up, and velocities too. The last box is drawn.`));
+  host.append(h("p", { class: "muted" }, `${plural(tracks.length, "object")} of ${methods[0].name}, those seen in most frames; positions are relative to own ship, which points up, and velocities too. The last box is drawn.`));
   const picture = svg("svg", { viewBox: `0 0 ${VIEW} ${VIEW}`, role: "img", "aria-label": "Tracks of objects from above", class: "tracks" });
   for (const range of ticks(0, reach, 4).slice(1)) {
     picture.append(svg("circle", { class: "grid", fill: "none", cx: VIEW / 2, cy: VIEW / 2, r: VIEW / 2 * range / reach }),
@@ -33,9 +33,9 @@ function fillTracks(host) {
     drawn.forEach((group, k) => group.setAttribute("opacity", chosen < 0 || k === chosen ? 1 : 0.12));
     buttons.forEach((button, k) => button.setAttribute("aria-pressed", String(k === chosen)));
   };
-  const rows = tracks.map(({ recording, rows: seen, frames: number, size, speed, score }, k) => [buttons[k],
+  const rows = tracks.map(({ recording, rows: seen, frames: number, size, speed, score, kind }, k) => [buttons[k], kind,
     ...(data.recordings.length > 1 ? [data.recordings[recording]] : []), `${frameTime(seen[0])} to ${frameTime(seen[seen.length - 1])}`, whole(number),
     size.map((side) => side.toFixed(1)).join(" × "), speed.toFixed(1), score.toFixed(2)]);
-  host.append(h("figure", {}, picture), tableOf(["object", ...(data.recordings.length > 1 ? ["recording"] : []), "seen", "frames",
+  host.append(h("figure", {}, picture), tableOf(["object", "class", ...(data.recordings.length > 1 ? ["recording"] : []), "seen", "frames",
     "size in m", "last speed in m/s", "score"], rows));
 }

@@ -127,7 +127,7 @@ def _track_table(tracks: Sequence[TrackSummary]) -> str:
         )
         for one in found[:_MOST_SHOWN]
     ]
-    lines = table(("id", "class", "frames", "size m", "nearest m", "speed m/s", "score"), rows)
+    lines = table(("id", "class", "frames", "size m", "nearest m", "fastest m/s", "score"), rows)
     left_out = len(found) - _MOST_SHOWN
     return f"{lines}\nand {count(left_out, 'other object')}" if left_out > 0 else lines
 
