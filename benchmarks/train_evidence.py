@@ -64,7 +64,7 @@ class Recorder(confirmed.Confirmed):
         ignored = points is not None and (points == IGNORED) | truth.ignored.covers(frame.coordinates, MARGIN_M)
 
         def noted(echoes: Any, among: Any, heights: Any, beams: Any, params: Any, *, near: bool) -> Any:
-            clusters = Clusters.among(echoes, among, beams, params)
+            clusters = Clusters.among(echoes, among, beams, params, heights.apart)
             if points is not None and len(clusters):
                 target, unclear = (
                     clusters.mean(one[echoes.index].astype(float))

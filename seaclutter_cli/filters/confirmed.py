@@ -13,7 +13,7 @@ from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.echoes import ALONE, Echoes, Heights, Sea
 from seaclutter_cli.filters.confirmation.objects import DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
-from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distances, within
+from seaclutter_cli.filters.neighbors import nearest, within
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
 from seaclutter_cli.interfaces import Filter
@@ -24,8 +24,6 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-_RADIUS_RATIO = 0.025
-_COMPANY = 3
 _FLAT = -1.2
 _GROWTH_RATIO = 0.01
 _SURE = 1.5
@@ -60,14 +58,14 @@ class Confirmed(Filter):
     For each frame, in order, in the levelled frame of the mounting:
 
     1. *Water*: the surface and its deviation :math:`\sigma`, from the echoes of the water itself (`WaterTracker`).
-    2. *Band*: points higher above the water than :math:`\max(0.2\,\mathrm{m}, 4\sigma)` stand out, bright
-       ones from half of the 0.2 m.
+    2. *Band*: points higher above the water than :math:`\max(0.2\,\mathrm{m}, 4\sigma)` stand out.
     3. *Candidates*: points in faces, which are echoes above each other in one direction at nearly one range (`Faces`);
-       points that stand out and bright ones in the band, if three others are within 2.5 % of their range; and all where
-       the water has no echoes. Echoes in a volume, such as spray, rain and fog, do not stand out: few of their
-       neighbours lie on one surface.
-    4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. The evidence of a frame
-       is the logarithm of the odds that an object is a target: the sum of one curve for each of fourteen features
+       points that stand out; bright ones in the band, which reach their thresholds or are four times as bright as the
+       water at their range in other directions (`Background`); and all where the water has no echoes. Echoes in a
+       volume, such as spray, rain and fog, do not stand out: few of their neighbours lie on one surface.
+    4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. What is beside no face is
+       an object of its own, so that wash does not belong to the hull before it. The evidence of a frame
+       is the logarithm of the odds that an object is a target: the sum of one curve for each of fifteen features
        (`FEATURES`), learned from logs of two simulators; without intensities, of twelve.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
        most tracks have in common. The score of a track is its mean evidence within ``look_ahead_s``
@@ -214,7 +212,8 @@ class Confirmed(Filter):
         if self._zones.own_ship:
             self._zones.own_ship.see(frame, heights.water, echoes.index[heights.upright])
         # 3. Candidates
-        candidates = heights.upright | (heights.grows & (heights.alone > ALONE)) | self._accompanied(echoes, heights)
+        lonely = heights.grows & (heights.alone > ALONE)
+        candidates = heights.upright | heights.high | heights.bright | lonely
         # 4. Objects
         near = echoes.is_near
         objects = find_objects(echoes, candidates & ~near, heights, self._sea.beams, self._params, near=False)
@@ -239,23 +238,6 @@ class Confirmed(Filter):
         threshold = self._zones.per_point(self._thresholds, echoes.zone)
         threshold[echoes.is_near] = self._thresholds[0]
         return threshold
-
-    def _accompanied(self, echoes: Echoes, heights: Heights) -> Mask:
-        """Return the points in no face that stand out or are bright, with three others within 2.5 % of their range."""
-        among = np.flatnonzero(heights.high | heights.bright | heights.upright)
-        asked = np.flatnonzero(~heights.upright[among])
-        found = np.zeros(echoes.size, np.bool_)
-        if not len(asked) or len(among) <= _COMPANY:
-            return found
-        points, radius = echoes.xyz.take(among, axis=1), _RADIUS_RATIO * echoes.range_m[among[asked]]
-        counts = within(points, points.take(asked, axis=1), radius)
-        if counts is not None:
-            in_company = counts > _COMPANY  # the point itself is one of them
-        else:
-            distance = nth_neighbor_distances(np.ascontiguousarray(points.T), [_COMPANY], asked)
-            in_company = distance[:, 0] <= radius
-        found[among[asked[in_company]]] = True
-        return found
 
     def _reasons(
         self, by_zone: NDArray[np.uint8], echoes: Echoes, heights: Heights, objects: Sequence[DetectedObject]

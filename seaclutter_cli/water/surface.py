@@ -134,14 +134,22 @@ class WaterSurface:
         ``bodies`` tells which of them belong to bodies. An image is where the body is, as far below the water as that
         rises above it.
         """
+        below = height < -mirrored_below_m(deviation)
+        return np.asarray(below & self.beside(bodies) & (self.cells.number != BEYOND))
+
+    def beside(self, bodies: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which of N echoes are in the cells of others, ``bodies``, or next to them, shape (N,).
+
+        Beyond the grid, all are.
+        """
         body = np.zeros(BEYOND + 1, np.bool_)
         body[self.cells.number[bodies]] = True
         around = np.zeros((_CELLS + 2, _CELLS + 2), np.bool_)
         around[1:-1, 1:-1] = body[:BEYOND].reshape(_CELLS, _CELLS)
         beside = around[:-2] | around[1:-1] | around[2:]
         body[:BEYOND] = (beside[:, :-2] | beside[:, 1:-1] | beside[:, 2:]).reshape(-1)
-        body[BEYOND] = False
-        return (height < -mirrored_below_m(deviation)) & body[self.cells.number]
+        body[BEYOND] = True
+        return body[self.cells.number]
 
     def height(self, x: Floats, y: Floats) -> Floats:
         """Return z of the water at given positions, in metres."""

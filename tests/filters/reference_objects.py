@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.filters import confirmed
 from seaclutter_cli.filters.confirmation import background, evidence, objects
 from seaclutter_cli.filters.confirmation import echoes as heights
 from seaclutter_cli.water import beams
@@ -58,6 +57,8 @@ class Echo:
     low: bool
     unseen: float
     alone: float = 0.0
+    contrast: float = 0.0
+    beside: bool = True
     face: float = 0.0
     run: int = 1
     linked: int = 0
@@ -103,20 +104,32 @@ def bin_of(z: float, place: XY) -> int:
 
 
 class Background:
-    """How often cells of ring and sector had echoes of water."""
+    """How often cells of ring and sector had echoes of water, and how bright."""
 
     def __init__(self) -> None:
         self.seen: dict[tuple[int, int], float] = {}
+        self.lit: dict[tuple[int, int], tuple[float, float]] = {}
         self.time_s = -math.inf
 
-    def mark(self, echoes: Sequence[Echo], time_s: float) -> None:
-        """Set how alone echoes are, which may be echoes of the water themselves, and let those grow that are."""
+    def mark(self, echoes: Sequence[Echo], time_s: float, *, use_intensity: bool) -> None:
+        """Compare echoes with those that may be of the water in other directions."""
         kept = math.exp(-max(time_s - self.time_s, 0) / background._MEMORY_S)
         self.time_s = time_s
-        of_water = {cell_of(echo) for echo in echoes if abs(echo.height) <= echo.rise and not echo.upright}
-        now = {(ring + step, sector) for ring, sector in of_water for step in (-1, 0, 1)}
+        found: dict[tuple[int, int], list[float]] = {}
+        for echo in echoes:
+            if abs(echo.height) <= echo.rise and not echo.upright:
+                found.setdefault(cell_of(echo), []).append(octaves_of(echo))
+        now = {(ring + step, sector) for ring, sector in found for step in (-1, 0, 1)}
         cells = now | self.seen.keys()
         self.seen = {cell: kept * self.seen.get(cell, 0.0) + (1 - kept) * (cell in now) for cell in cells}
+        latest = {cell: (1.0, mean(values)) for cell, values in found.items()}
+        self.lit = {
+            cell: tuple(
+                kept * old + (1 - kept) * new
+                for old, new in zip(self.lit.get(cell, (0.0, 0.0)), latest.get(cell, (0.0, 0.0)), strict=True)
+            )
+            for cell in latest.keys() | self.lit.keys()
+        }
         for echo in echoes:
             ring, sector = cell_of(echo)
             own = {(sector + step) % background._SECTORS for step in range(-background._BESIDE, background._BESIDE + 1)}
@@ -124,6 +137,17 @@ class Background:
             share = sum(self.seen.get((ring, other), 0.0) for other in others) / len(others)
             echo.alone = max(echo.unseen, 1 - share / heights._COMMON)
             echo.grows |= echo.alone > heights.ALONE and echo.solid and not echo.mirrored
+            if use_intensity:
+                lit = [self.lit.get((ring + step, other), (0.0, 0.0)) for step in (-1, 0, 1) for other in others]
+                weight, total = (math.fsum(values) for values in zip(*lit, strict=True))
+                level = total / max(weight, background._DIMMEST)
+                echo.contrast = (octaves_of(echo) - level) * weight / (weight + background._DOUBT)
+            echo.bright = not echo.low or echo.contrast >= heights._CONTRAST
+
+
+def octaves_of(echo: Echo) -> float:
+    """Return the logarithm of an intensity to base 2."""
+    return math.log2(max(echo.point.intensity, background._DIMMEST))
 
 
 def cell_of(echo: Echo) -> tuple[int, int]:
@@ -156,6 +180,10 @@ def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, fac
     for one in echoes:
         deepest = -max(water_surface._MIN_DEPTH_M, water_surface._DEPTH_SIGMAS * one.deviation)
         one.mirrored = water is not None and one.height < deepest and grid_cell(*one.xy) in around
+    bodies = {grid_cell(*one.xy) for one in echoes if one.upright} - {None}
+    around = {(x + i, y + j) for x, y in bodies for i in (-1, 0, 1) for j in (-1, 0, 1)} | {None}
+    for one in echoes:
+        one.beside = water is None or grid_cell(*one.xy) in around
     return echoes
 
 
@@ -167,8 +195,7 @@ def echo_of(number: int, point: Point, ring: int, water: Surface | None, params:
     beyond = heights._RISE_PER_M * max(point.range_m - heights._RISE_FROM_M, 0)
     threshold = [*params.initial_thresholds, -math.inf][max(ring, 0)]
     reached = params.use_intensity and point.intensity >= threshold
-    least = params.min_rise_m * (heights._BRIGHT_RISES if reached else 1)
-    rise = max(least, params.rise_sigmas * deviation) + beyond
+    rise = max(params.min_rise_m, params.rise_sigmas * deviation) + beyond
     return Echo(
         number,
         point,
@@ -178,7 +205,7 @@ def echo_of(number: int, point: Point, ring: int, water: Surface | None, params:
         rise,
         deviation=deviation,
         grows=height > max(params.growth_height_m, heights._GROWTH_SIGMAS * deviation),
-        bright=reached and abs(height) <= rise,
+        bright=reached,
         low=not reached,
         unseen=min(max((heights._SHOWN - shown) / (heights._SHOWN - heights._OWN), 0.0), 1.0),
     )
@@ -197,17 +224,15 @@ def cells_in_volume(echoes: Sequence[Echo]) -> set[tuple[int, int]]:
 
 
 def candidates_of(echoes: Sequence[Echo]) -> list[Echo]:
-    """Return points in faces, those that grow where the water has no echoes, and high and bright ones in company."""
-    company = places_of(echo.xyz for echo in echoes if echo.high or echo.bright or echo.upright)
-    found = []
-    for echo in echoes:
-        chosen = echo.upright or (echo.grows and echo.alone > heights.ALONE)
-        if not chosen and (echo.high or echo.bright):
-            around = distances(echo.xyz, company) <= confirmed._RADIUS_RATIO * echo.range_m
-            chosen = around.sum() - 1 >= confirmed._COMPANY
-        if chosen:
-            found.append(echo)
-    return found
+    """Return points in faces, high and bright ones, and those that grow where the water has no echoes."""
+    return [
+        echo
+        for echo in echoes
+        if echo.upright
+        or echo.high
+        or (echo.bright and abs(echo.height) <= echo.rise)
+        or (echo.grows and echo.alone > heights.ALONE)
+    ]
 
 
 @dataclass(eq=False)
@@ -244,12 +269,13 @@ def mean(values: Sequence[float]) -> float:
 def clusters_of(echoes: Sequence[Echo], lidar: "Beams", params: Any) -> list[list[Echo]]:
     """Return groups of points connected by distances below the tolerance, in the order of their first points.
 
-    Heights are scaled down where neighbouring beams are more than half of the tolerance apart.
+    Heights are scaled down where neighbouring beams are more than half of the tolerance apart. What is beside a face
+    and what is not are clusters of their own.
     """
     reach, places = params.cluster_tolerance_m / objects._BEAMS_IN_REACH, []
-    for x, y, z, range_m in ((*echo.xyz, echo.range_m) for echo in echoes):
+    for x, y, z, range_m, beside in ((*echo.xyz, echo.range_m, echo.beside) for echo in echoes):
         apart = math.tan(math.radians(lidar.spacing_deg)) * range_m
-        places.append((x, y, z * (reach / max(apart, reach))))
+        places.append((x, y, z * (reach / max(apart, reach)) + (0 if beside else objects._APART_M)))
     places, free, found = places_of(places), np.ones(len(echoes), bool), []
     for first in range(len(echoes)):
         if not free[first]:
@@ -378,4 +404,5 @@ def light_of(echoes: Sequence[Echo]) -> dict[str, float]:
     return {
         "bright_share": mean([not echo.low for echo in echoes]),
         "brightness": math.log2(max(ordered[len(ordered) // 2], 0.1)),
+        "contrast": sorted(echo.contrast for echo in echoes)[len(echoes) // 2],
     }

@@ -25,6 +25,12 @@ class Entry:
         return abs(self.time_s - time_s) <= reach
 
 
+def missed(echoes: int) -> float:
+    """Return the evidence of a look that misses an object of so many echoes."""
+    share = min((tracks._MISSED_ECHOES / echoes) ** tracks._MISSED_POWER, 1.0)
+    return max(math.log(share), evidence.LEAST)
+
+
 @dataclass(eq=False)
 class Track:
     """An object over time, with all that it ever collected."""
@@ -35,6 +41,7 @@ class Track:
     seen_s: float
     velocity: XY = (0.0, 0.0)
     top: float = 0.0
+    echoes: int = 1
     outside: bool = False
     from_outside: bool = False
     whole: "Track | None" = None
@@ -72,7 +79,7 @@ class Track:
                 vx, vy = (old + gain * (new - old) for new, old in zip(seen, self.velocity, strict=True))
                 self.velocity = vx, vy
         self.cells, self.center, self.seen_s = thing.cells, thing.center, time_s
-        self.top = thing.top
+        self.top, self.echoes = thing.top, len(thing.echoes)
         self.outside |= not thing.near
 
     def collect(self, evidence: float, time_s: float, memory_s: float) -> None:
@@ -87,7 +94,7 @@ class Track:
         around = [one for one in self.history if one.is_around(time_s, span_s)]
         before = [one for one in self.history if one.time_s < time_s and not one.is_around(time_s, span_s)]
         usual_s = sum(one.step_s for one in around) / len(around)
-        looks = [(one.evidence, one.step_s) for one in around] + [(tracks._MISSED, usual_s)]
+        looks = [(one.evidence, one.step_s) for one in around] + [(tracks._DOUBT, usual_s)]
         average = sum(said * step_s for said, step_s in looks) / sum(step_s for _, step_s in looks)
         return average + (before[-1].memory if before else 0.0)
 
@@ -167,7 +174,7 @@ class Tracks:
             places = track.expected(time_s)
             met = sum(meets(place, max(track.top, self.params.min_rise_m)) for place in places)
             if not hidden and met >= tracks._IN_SIGHT * len(places):
-                track.collect(tracks._MISSED, time_s, self.params.memory_s)
+                track.collect(missed(track.echoes), time_s, self.params.memory_s)
         self.tracks = [track for track, _ in lost if track.may_return(time_s, interval_s)] + result
         self.times.append(time_s)
         return result
@@ -246,7 +253,9 @@ def common_turn(known: Sequence[Sequence[XY]], cells: Sequence[XY], guess: float
 
 def begun(thing: Thing, time_s: float) -> Track:
     """Return a new track."""
-    return Track(thing.cells, thing.center, time_s, time_s, top=thing.top, outside=not thing.near)
+    return Track(
+        thing.cells, thing.center, time_s, time_s, top=thing.top, echoes=len(thing.echoes), outside=not thing.near
+    )
 
 
 def recognise(things: Sequence[Thing], result: Sequence[Track], votes: Sequence[Sequence[int]]) -> None:

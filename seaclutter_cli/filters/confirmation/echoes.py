@@ -18,7 +18,7 @@ Mask = NDArray[np.bool_]
 
 _RISE_PER_M = 0.006
 _RISE_FROM_M = 30.0
-_BRIGHT_RISES = 0.5
+_CONTRAST = 2.0
 _GROWTH_SIGMAS = 1.5
 _UNSEEN_M = 100.0
 _VOLUME = 2.5
@@ -79,8 +79,9 @@ class Heights:
     high, bright, low, upright, grows, mirrored : ndarray, bool
         Whether a point stands out; is near the water and reaches its threshold; does not reach it; belongs to a face
         that water does not have; may return to a confirmed object; is below the water under a body.
-    brightness : ndarray, float64
-        Intensity divided by the threshold; 0 without thresholds.
+    brightness, contrast : ndarray, float64
+        Intensity divided by the threshold, 0 without thresholds; octaves by which it exceeds that of the water at the
+        same range in other directions.
     unseen : ndarray, float64
         1 where the water has no echoes but those that an object itself may have, 0 where echoes show it all around.
     alone : ndarray, float64
@@ -104,6 +105,7 @@ class Heights:
     grows: Mask
     mirrored: Mask
     brightness: Floats
+    contrast: Floats
     unseen: Floats
     alone: Floats
     run: NDArray[np.int32]
@@ -113,6 +115,11 @@ class Heights:
     def sigma_m(self) -> float:
         """Standard deviation of the water; 0 without water."""
         return 0.0 if self.water is None else self.water.sigma_m
+
+    @property
+    def apart(self) -> Mask | None:
+        """Whether points are in no face and beside none, as wash behind a hull is, shape (M,); None without water."""
+        return None if self.water is None else ~self.water.beside(self.upright)
 
 
 class Sea:
@@ -139,9 +146,7 @@ class Sea:
             height, deviation, shown = water.above(x, y, z, water.cells)
         level, sigma = z - height, 0.0 if water is None else water.sigma_m
         beyond = _RISE_PER_M * np.maximum(echoes.range_m - _RISE_FROM_M, 0)
-        bright, brightness = _brightness(echoes, threshold)
-        least = np.where(bright, _BRIGHT_RISES, 1) * self._params.min_rise_m
-        rise = np.maximum(least, self._params.rise_sigmas * deviation) + beyond
+        rise = np.maximum(self._params.min_rise_m, self._params.rise_sigmas * deviation) + beyond
         linked, loose = faces.neighbors(height > rise)
         solid = ~_in_volume(linked, loose, water)
         upright = faces.stands(level, sigma) & (height >= -mirrored_below_m(deviation)) & solid
@@ -149,7 +154,9 @@ class Sea:
         bodies = high | upright
         beside_water = np.abs(height) <= rise
         unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
-        seen = self._background.share(echoes.xyz, beside_water & ~upright, time_s)
+        seen, contrast = self._background.compare(echoes.xyz, echoes.intensity, beside_water & ~upright, time_s)
+        reached, brightness = _brightness(echoes, threshold)
+        bright = reached | (contrast >= _CONTRAST)
         alone = np.maximum(unseen, 1 - seen / _COMMON)
         mirrored = np.zeros_like(bodies) if water is None else water.mirrored(height, deviation, bodies)
         grows = (height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)) | upright
@@ -162,11 +169,12 @@ class Sea:
             loose,
             high,
             bright & beside_water,
-            ~bright,
+            ~reached,
             upright,
             grows,
             mirrored,
             brightness,
+            contrast,
             unseen,
             alone,
             faces.run,

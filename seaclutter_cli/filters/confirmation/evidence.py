@@ -25,6 +25,7 @@ FEATURES = (
     "crowd",
     "bright_share",
     "brightness",
+    "contrast",
 )
 """Names of the features, in the order of `features_of`; logarithms are to base 2.
 
@@ -33,8 +34,8 @@ and of the neighbours of each that stand out; the share of these that lie on one
 percentile in heights at which points stand out; the upright face in extents of upright objects, at most two, and in
 heights of the top; logarithm of the number of beams that its height spans, and of its width across the line of sight by
 its height; where the water has no echoes, logarithm of the number of echoes beside each other in one beam; logarithm of
-the number of clusters at nearly its range. With intensities: the share of echoes that reach their thresholds, and the
-logarithm of the intensity in thresholds.
+the number of clusters at nearly its range. With intensities: the share of echoes that reach their thresholds, the
+logarithm of the intensity in thresholds, and of that in intensities of the water in other directions.
 """
 OF_SHAPE = 12
 """Number of the features that need no intensities; without any, these have curves of their own."""

@@ -21,6 +21,7 @@ _MAX_CELL = 1 << 19
 _DENSITY_AT_M, _MOST_EXTENTS = 10.0, 2.0
 _LEAST_M, _LEAST_SPACING_M, _FEW, _LEAST_BRIGHTNESS = 0.05, 0.01, 0.01, 0.1
 _NEAR_RATIO = 1.25
+_APART_M = 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,17 +55,25 @@ class Clusters:
     count: NDArray[np.int64]
 
     @classmethod
-    def among(cls, echoes: Echoes, among: NDArray[np.bool_], beams: Beams, params: ConfirmedParams) -> "Clusters":
+    def among(
+        cls,
+        echoes: Echoes,
+        among: NDArray[np.bool_],
+        beams: Beams,
+        params: ConfirmedParams,
+        apart: NDArray[np.bool_] | None = None,
+    ) -> "Clusters":
         """Return the Euclidean clusters of some echoes.
 
         Where the beams are more than half of the tolerance apart, vertical distances are shortened to that, so that the
-        echoes of several beams from one body stay together.
+        echoes of several beams from one body stay together. Echoes that are ``apart`` do not join others.
         """
         members = np.flatnonzero(among)
         tolerance_m = params.cluster_tolerance_m
-        labels = euclidean_clusters(
-            _lowered(echoes, members, beams, tolerance_m), tolerance_m, params.min_cluster_points
-        )
+        positions = _lowered(echoes, members, beams, tolerance_m)
+        if apart is not None:
+            positions[2, apart[members]] += _APART_M
+        labels = euclidean_clusters(positions, tolerance_m, params.min_cluster_points)
         clustered = np.flatnonzero(labels >= 0)
         order = clustered[np.argsort(labels[clustered], kind="stable")]
         count = np.bincount(labels[clustered])
@@ -140,7 +149,7 @@ def find_objects(
     near: bool,
 ) -> list[DetectedObject]:
     """Return the objects that candidate points form, with the evidence of their shapes."""
-    clusters = Clusters.among(echoes, candidates, beams, params)
+    clusters = Clusters.among(echoes, candidates, beams, params, heights.apart)
     if not len(clusters):
         return []
     evidence = log_odds(features_of(echoes, clusters, heights, beams, params))
@@ -174,9 +183,9 @@ def features_of(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Bea
     )
     if echoes.intensity is None:
         return np.array(shape)
-    (brightness,) = clusters.ranked(heights.brightness, count // 2)
+    middle = [clusters.ranked(values, count // 2)[0] for values in (heights.brightness, heights.contrast)]
     bright = clusters.mean((heights.brightness >= 1).astype(np.int32))
-    return np.array((*shape, bright, np.log2(np.maximum(brightness, _LEAST_BRIGHTNESS))))
+    return np.array((*shape, bright, np.log2(np.maximum(middle[0], _LEAST_BRIGHTNESS)), middle[1]))
 
 
 def _at_range(range_m: Floats) -> NDArray[np.int64]:

@@ -19,7 +19,8 @@ Floats = NDArray[np.float64]
 
 _DECORRELATION_S = 1.0
 _LEAST_MEMORY, _MOST_MEMORY = 0.0, 3.0
-_MISSED = -2.2
+_DOUBT = -2.2
+_MISSED_ECHOES, _MISSED_POWER = 2.3, 1.65
 _MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
 _KNOWN_AFTER_S = 0.5
 _GATE_M, _GATE_SPEED_MS = 0.8, 1.0
@@ -53,8 +54,8 @@ class Track:
     """An object followed over time.
 
     When it was last seen, its parts were at the horizontal positions ``cells``, shape (m, 2), its centre at ``center``,
-    and its top ``top_m`` above the water. ``velocity``, shape (2,), is relative to the lidar, so own ship's motion is
-    part of it. It was ever seen, and confirmed, beyond ``start_m`` if it is ``seen_outside``
+    its top ``top_m`` above the water, and it had so many ``echoes``. ``velocity``, shape (2,), is relative to the
+    lidar, so own ship's motion is part of it. It was ever seen, and confirmed, beyond ``start_m`` if ``seen_outside``
     and ``from_outside``; in the latter case, it is not own ship when it comes nearer, nor is what is ``part_of`` it.
     ``memory`` is its evidence, and ``history`` that of the frames that decisions still need.
     """
@@ -65,6 +66,7 @@ class Track:
     seen_s: float
     velocity: Floats = field(default_factory=lambda: np.zeros(2))
     top_m: float = 0.0
+    echoes: int = 1
     seen_outside: bool = False
     from_outside: bool = False
     part_of: "Track | None" = None
@@ -75,6 +77,14 @@ class Track:
     def is_new(self) -> bool:
         """Whether its velocity is not yet known."""
         return self.seen_s - self.born_s <= _KNOWN_AFTER_S
+
+    @property
+    def missed(self) -> float:
+        """Evidence of a look that misses it: the logarithm of the share of looks that miss targets of as many echoes.
+
+        In simulated logs that is a half with 3, 15 % with 8 and 5 % with 14.
+        """
+        return max(-_MISSED_POWER * math.log(max(self.echoes / _MISSED_ECHOES, 1)), LEAST)
 
     def coasts(self, time_s: float, interval_s: float) -> bool:
         """Return whether it may be seen again; ``interval_s`` as for `gate_m`.
@@ -106,7 +116,7 @@ class Track:
                 gain = _NEW_GAIN if self.is_new else _GAIN
                 self.velocity = self.velocity + gain * (velocity - self.velocity)
         self.cells, self.center, self.seen_s = found.cells, found.center, time_s
-        self.top_m = found.top_m
+        self.top_m, self.echoes = found.top_m, len(found.points)
         self.seen_outside |= not found.near
 
 
@@ -212,7 +222,7 @@ class Tracker:
         seen = {id(track) for track in result}
         missing = [one for one, hidden in zip(self._tracks, covered, strict=True) if id(one) not in seen and not hidden]
         for track in missing if sight is None else _in_sight(missing, sight, time_s):
-            self._collect(track, time_s, _MISSED)
+            self._collect(track, time_s, track.missed)
         unseen = [one for one in self._tracks if id(one) not in seen and one.coasts(time_s, interval)]
         self._tracks = unseen + result
         self._recent_s.append(time_s)
@@ -233,7 +243,7 @@ class Tracker:
                 before = item.memory
         total, span_s = sum(item.evidence * item.step_s for item in around), sum(item.step_s for item in around)
         one_s = span_s / len(around)
-        return (total + _MISSED * one_s) / (span_s + one_s) + before
+        return (total + _DOUBT * one_s) / (span_s + one_s) + before
 
     def _interval_s(self, time_s: float) -> float:
         return 0.0 if self._time_s is None else time_s - self._time_s
@@ -247,7 +257,7 @@ class Tracker:
 
     def _begun(self, found: DetectedObject, time_s: float, parent: Track | None = None) -> Track:
         track = Track(found.cells, found.center, time_s, time_s)
-        track.top_m, track.seen_outside = found.top_m, not found.near
+        track.top_m, track.echoes, track.seen_outside = found.top_m, len(found.points), not found.near
         if parent is not None:
             track.velocity = parent.velocity
             track.seen_outside |= parent.seen_outside
