@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.echoes import ALONE, Echoes, Heights, Sea
+from seaclutter_cli.filters.confirmation.evidence import LEAST
 from seaclutter_cli.filters.confirmation.objects import DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 from seaclutter_cli.filters.neighbors import nearest, within
@@ -24,7 +25,6 @@ Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-_FLAT = -1.2
 _GROWTH_RATIO = 0.01
 _SURE = 1.5
 """Score above which most objects are targets; from 0 to this, about as many are as are not."""
@@ -72,8 +72,8 @@ class Confirmed(Filter):
        of the frame, plus what it collected before, as in the track score of Sittler [1]_: independent looks add up, one
        in the time in which the water becomes independent of what it was, about a second. Evidence is forgotten over
        ``memory_s``. Frames before an object appeared have the least evidence, except with ``causal``. An object is
-       missed only where a beam would have met it, and given up when its evidence is used up. What is flat in a frame
-       is not kept in it.
+       missed only where a beam would have met it, and given up when its evidence is used up. What has the least
+       evidence in a frame is not kept in it.
     6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
        and all where the water has no echoes.
 
@@ -257,7 +257,7 @@ class Confirmed(Filter):
         undecided = np.zeros((2, 2), np.int64)
         for found, track in zip(one.objects, one.tracks, strict=True):
             score = self._tracker.score(track, one.time_s)
-            is_kept = score > self._params.score_threshold and found.evidence >= _FLAT
+            is_kept = score > self._params.score_threshold and found.evidence > LEAST
             if 0 < score <= _SURE:
                 undecided[int(is_kept)] += 1, len(found.points)
             if not is_kept:

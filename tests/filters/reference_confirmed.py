@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli.filters import confirmed
+from seaclutter_cli.filters.confirmation import evidence
 from seaclutter_cli.filters.zones import LEAST_M
 from seaclutter_cli.frame import Frame, Reason
 from seaclutter_cli.structure.own_ship import OwnShip
@@ -191,8 +192,8 @@ class ConfirmedObjects:
         """Keep the objects of a frame that are confirmed, and what belongs to them."""
         kept = []
         for thing, track in zip(scan.things, scan.tracks, strict=True):
-            is_flat = thing.evidence < confirmed._FLAT
-            if track.score(scan.time_s, self.params.look_ahead_s) > self.params.score_threshold and not is_flat:
+            score = track.score(scan.time_s, self.params.look_ahead_s)
+            if score > self.params.score_threshold and thing.evidence > evidence.LEAST:
                 track.from_outside |= not thing.near or (track.whole is not None and track.whole.from_outside)
                 if track.from_outside:
                     kept += thing.echoes

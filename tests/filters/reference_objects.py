@@ -140,8 +140,9 @@ class Background:
             if use_intensity:
                 lit = [self.lit.get((ring + step, other), (0.0, 0.0)) for step in (-1, 0, 1) for other in others]
                 weight, total = (math.fsum(values) for values in zip(*lit, strict=True))
-                level = total / max(weight, background._DIMMEST)
-                echo.contrast = (octaves_of(echo) - level) * weight / (weight + background._DOUBT)
+                octaves = octaves_of(echo) - total / max(weight, background._DIMMEST)
+                most = background._MOST_OCTAVES
+                echo.contrast = min(max(octaves, -most), most) * weight / (weight + background._DOUBT)
             echo.bright = not echo.low or echo.contrast >= heights._CONTRAST
 
 
@@ -220,7 +221,12 @@ def cells_in_volume(echoes: Sequence[Echo]) -> set[tuple[int, int]]:
         if cell is not None:
             linked[cell] = linked.get(cell, 0) + echo.linked
             loose[cell] = loose.get(cell, 0) + echo.loose
-    return {cell for cell, count in loose.items() if count > heights._VOLUME * linked[cell] + 1}
+    return {cell for cell, count in loose.items() if in_volume(linked[cell], count)}
+
+
+def in_volume(linked: int, loose: int) -> bool:
+    """Return whether few of so many neighbours lie on one surface."""
+    return loose > heights._VOLUME * linked + 1
 
 
 def candidates_of(echoes: Sequence[Echo]) -> list[Echo]:
@@ -350,7 +356,8 @@ def evidence_of(groups: Sequence[Sequence[Echo]], sigma: float, lidar: Beams, pa
             features |= light_of(own)
         assert set(features) == set(stored["curves"])
         odds = stored["offset"] + math.fsum(on_curve(stored["curves"][name], value) for name, value in features.items())
-        found.append(min(max(odds, evidence.LEAST), evidence.MOST))
+        spread = in_volume(sum(echo.linked for echo in own), sum(echo.loose for echo in own))
+        found.append(evidence.LEAST if spread else min(max(odds, evidence.LEAST), evidence.MOST))
     return found
 
 

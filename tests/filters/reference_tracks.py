@@ -62,7 +62,7 @@ class Track:
     def gate(self, time_s: float, interval_s: float) -> float:
         unseen_s = time_s - self.seen_s
         if self.is_new:
-            return tracks._NEW_GATE_M + tracks._NEW_GATE_SPEED_MS * unseen_s
+            return tracks._NEW_GATE_M + tracks._MAX_SPEED_MS * unseen_s
         jitter = min(tracks._JITTER_M + tracks._JITTER_SPEED_MS * interval_s, tracks._MAX_JITTER_M)
         return max(tracks._GATE_M + tracks._GATE_SPEED_MS * unseen_s, jitter)
 

@@ -77,7 +77,7 @@ def test_confirmed_and_unconfirmed_clusters(water, visit):
     page = visit(water)
     picked = next(k for k, one in enumerate(data_of(water)["samples"]) if one["why"] == "picked")
     page.page.get_by_label("frame", exact=True).select_option(index=picked)
-    assert "2 confirmed clusters, 3 unconfirmed." in page.shown()
+    assert "2 confirmed clusters, 5 unconfirmed." in page.shown()
     assert page.pixels()["#870f1e"] > 10
     page.page.evaluate("""() => {
       window.drawn = [];

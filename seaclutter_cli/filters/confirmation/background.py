@@ -11,7 +11,7 @@ Mask = NDArray[np.bool_]
 _SECTORS, _BESIDE = 72, 2
 _NEAR_M, _PER_OCTAVE, _RINGS = 8.0, 8.0, 48
 _MEMORY_S = 1.0
-_DOUBT, _DIMMEST = 2.0, 1e-6
+_DOUBT, _DIMMEST, _MOST_OCTAVES = 2.0, 1e-6, 4.0
 
 
 class Background:
@@ -31,15 +31,15 @@ class Background:
 
     def __init__(self) -> None:
         self._seen = np.zeros((_RINGS, _SECTORS))
-        self._octaves = np.zeros((2, _RINGS, _SECTORS))
+        self._lit = np.zeros((2, _RINGS, _SECTORS))
         self._time_s = -math.inf
 
     def compare(self, xyz: Floats, intensity: Floats | None, of_water: Mask, time_s: float) -> tuple[Floats, Floats]:
         """Compare the N points of the next frame, shape (3, N), with the water at their ranges in other directions.
 
         Return the share of these in which the water has echoes, and by how many octaves each point is brighter than
-        they are, shape (N,) each; 0 without intensities. ``of_water``, shape (N,), tells which points may be echoes of
-        the water. Where few directions have any, brightness says little.
+        they are, at most 4, shape (N,) each; 0 without intensities. ``of_water``, shape (N,), tells which points may
+        be echoes of the water. Where few directions have any, brightness says little.
         """
         kept = math.exp(-max(time_s - self._time_s, 0) / _MEMORY_S)
         self._time_s = time_s
@@ -52,12 +52,12 @@ class Background:
         share = _elsewhere(self._seen) / (_SECTORS - 2 * _BESIDE - 1)
         if intensity is None:
             return np.asarray(share.reshape(-1)[cell]), np.zeros(len(cell))
-        octaves = np.log2(np.maximum(intensity, _DIMMEST))
+        octaves = np.log2(np.where(np.isfinite(intensity), np.maximum(intensity, _DIMMEST), _DIMMEST))
         mean = _grid(cell[of_water], octaves[of_water]) / np.maximum(number, 1)
-        self._octaves = kept * self._octaves + (1 - kept) * np.stack(((number > 0).astype(np.float64), mean))
-        weight, total = (_elsewhere(_around(grid)).reshape(-1) for grid in self._octaves)
-        level = total / np.maximum(weight, _DIMMEST)
-        contrast = (octaves - level[cell]) * (weight / (weight + _DOUBT))[cell]
+        self._lit = kept * self._lit + (1 - kept) * np.stack(((number > 0).astype(np.float64), mean))
+        weight, total = (_elsewhere(_around(grid)).reshape(-1) for grid in self._lit)
+        level = (total / np.maximum(weight, _DIMMEST))[cell]
+        contrast = np.clip(octaves - level, -_MOST_OCTAVES, _MOST_OCTAVES) * (weight / (weight + _DOUBT))[cell]
         return np.asarray(share.reshape(-1)[cell]), contrast
 
 

@@ -1,6 +1,7 @@
 """The points of a frame that may belong to water or objects: which stand out of the water, are bright or upright."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,10 +188,14 @@ def _in_volume(linked: NDArray[np.int32], loose: NDArray[np.int32], water: Water
     if water is None:
         return np.zeros(len(linked), np.bool_)
     cell = water.cells.number
-    joined, apart = (np.bincount(cell, weights=counts) for counts in (linked, loose))
-    volume = apart > _VOLUME * joined + 1
+    volume = fills_volume(*(np.bincount(cell, weights=counts) for counts in (linked, loose)))
     volume[BEYOND:] = False
     return np.asarray(volume[cell])
+
+
+def fills_volume(linked: NDArray[Any], loose: NDArray[Any]) -> Mask:
+    """Return whether few neighbours of echoes lie on one surface with them, as in spray, from both numbers of each."""
+    return loose > _VOLUME * linked + 1
 
 
 def _brightness(echoes: Echoes, threshold: Floats) -> tuple[Mask, Floats]:

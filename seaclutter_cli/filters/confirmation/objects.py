@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights
-from seaclutter_cli.filters.confirmation.evidence import log_odds
+from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, fills_volume
+from seaclutter_cli.filters.confirmation.evidence import LEAST, log_odds
 from seaclutter_cli.groups import group_sizes, group_starts
 from seaclutter_cli.water.beams import Beams
 
@@ -153,6 +153,7 @@ def find_objects(
     if not len(clusters):
         return []
     evidence = log_odds(features_of(echoes, clusters, heights, beams, params))
+    evidence[fills_volume(clusters.sum(heights.linked), clusters.sum(heights.loose))] = LEAST
     return clusters.objects(echoes, heights, evidence, near=near)
 
 

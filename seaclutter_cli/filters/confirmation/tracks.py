@@ -24,7 +24,7 @@ _MISSED_ECHOES, _MISSED_POWER = 2.3, 1.65
 _MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
 _KNOWN_AFTER_S = 0.5
 _GATE_M, _GATE_SPEED_MS = 0.8, 1.0
-_NEW_GATE_M, _NEW_GATE_SPEED_MS = 1.0, 5.0
+_NEW_GATE_M = 1.0
 _JITTER_M, _JITTER_SPEED_MS, _MAX_JITTER_M = 0.4, 5.0, 4.0
 _GAIN, _NEW_GAIN = 0.15, 0.3
 _MAX_SPEED_MS = 20.0
@@ -102,7 +102,7 @@ class Track:
         """Return the distance from there within which they may be; ``interval_s`` is the time between frames."""
         unseen_s = time_s - self.seen_s
         if self.is_new:
-            return _NEW_GATE_M + _NEW_GATE_SPEED_MS * unseen_s
+            return _NEW_GATE_M + _MAX_SPEED_MS * unseen_s
         # Slow scans see other parts of a body each time, and its course changes in between.
         jitter = min(_JITTER_M + _JITTER_SPEED_MS * interval_s, _MAX_JITTER_M)
         return max(_GATE_M + _GATE_SPEED_MS * unseen_s, jitter)
