@@ -60,13 +60,13 @@ class Confirmed(Filter):
     1. *Water*: the surface and its deviation :math:`\sigma`, from the echoes of the water itself (`WaterTracker`).
     2. *Band*: points higher above the water than :math:`\max(0.2\,\mathrm{m}, 4\sigma)` stand out.
     3. *Candidates*: points in faces, which are echoes above each other in one direction at nearly one range (`Faces`);
-       points that stand out; bright ones in the band, which reach their thresholds or are four times as bright as the
-       water at their range in other directions (`Background`); and all where the water has no echoes. Echoes in a
-       volume, such as spray, rain and fog, do not stand out: few of their neighbours lie on one surface.
+       points that stand out; bright ones in the band, which reach their thresholds; and all where the water has no
+       echoes. Echoes in a volume, such as spray, rain and fog, do not stand out: few of their neighbours lie on one
+       surface. An object of such echoes has the least evidence.
     4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. What is beside no face is
        an object of its own, so that wash does not belong to the hull before it. The evidence of a frame
-       is the logarithm of the odds that an object is a target: the sum of one curve for each of fifteen features
-       (`FEATURES`), learned from logs of two simulators; without intensities, of twelve.
+       is the logarithm of the odds that an object is a target: the sum of one curve for each of thirteen features
+       (`FEATURES`), learned from logs of two simulators; without intensities, of eleven.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
        most tracks have in common. The score of a track is its mean evidence within ``look_ahead_s``
        of the frame, plus what it collected before, as in the track score of Sittler [1]_: independent looks add up, one

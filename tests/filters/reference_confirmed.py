@@ -143,7 +143,7 @@ class ConfirmedObjects:
             level = water and Plane(water.plane.a, water.plane.b, water.plane.c)
             upright = np.array([one.number for one in echoes if one.upright], np.intp)
             self.own_ship.see(frame, level and WaterSurface(level, water.sigma, None, None, 0.0), upright)
-        self.background.mark(echoes, time_s, use_intensity=self.params.use_intensity)
+        self.background.mark(echoes, time_s)
         candidates = candidates_of(echoes)
         sigma = 0.0 if water is None else water.sigma
         things = self.things([one for one in candidates if not one.near], sigma, near=False)

@@ -57,7 +57,6 @@ class Echo:
     low: bool
     unseen: float
     alone: float = 0.0
-    contrast: float = 0.0
     beside: bool = True
     face: float = 0.0
     run: int = 1
@@ -104,32 +103,20 @@ def bin_of(z: float, place: XY) -> int:
 
 
 class Background:
-    """How often cells of ring and sector had echoes of water, and how bright."""
+    """How often cells of ring and sector had echoes of water."""
 
     def __init__(self) -> None:
         self.seen: dict[tuple[int, int], float] = {}
-        self.lit: dict[tuple[int, int], tuple[float, float]] = {}
         self.time_s = -math.inf
 
-    def mark(self, echoes: Sequence[Echo], time_s: float, *, use_intensity: bool) -> None:
-        """Compare echoes with those that may be of the water in other directions."""
+    def mark(self, echoes: Sequence[Echo], time_s: float) -> None:
+        """Set how alone echoes are, which may be echoes of the water themselves, and let those grow that are."""
         kept = math.exp(-max(time_s - self.time_s, 0) / background._MEMORY_S)
         self.time_s = time_s
-        found: dict[tuple[int, int], list[float]] = {}
-        for echo in echoes:
-            if abs(echo.height) <= echo.rise and not echo.upright:
-                found.setdefault(cell_of(echo), []).append(octaves_of(echo))
-        now = {(ring + step, sector) for ring, sector in found for step in (-1, 0, 1)}
+        of_water = {cell_of(echo) for echo in echoes if abs(echo.height) <= echo.rise and not echo.upright}
+        now = {(ring + step, sector) for ring, sector in of_water for step in (-1, 0, 1)}
         cells = now | self.seen.keys()
         self.seen = {cell: kept * self.seen.get(cell, 0.0) + (1 - kept) * (cell in now) for cell in cells}
-        latest = {cell: (1.0, mean(values)) for cell, values in found.items()}
-        self.lit = {
-            cell: tuple(
-                kept * old + (1 - kept) * new
-                for old, new in zip(self.lit.get(cell, (0.0, 0.0)), latest.get(cell, (0.0, 0.0)), strict=True)
-            )
-            for cell in latest.keys() | self.lit.keys()
-        }
         for echo in echoes:
             ring, sector = cell_of(echo)
             own = {(sector + step) % background._SECTORS for step in range(-background._BESIDE, background._BESIDE + 1)}
@@ -137,18 +124,6 @@ class Background:
             share = sum(self.seen.get((ring, other), 0.0) for other in others) / len(others)
             echo.alone = max(echo.unseen, 1 - share / heights._COMMON)
             echo.grows |= echo.alone > heights.ALONE and echo.solid and not echo.mirrored
-            if use_intensity:
-                lit = [self.lit.get((ring + step, other), (0.0, 0.0)) for step in (-1, 0, 1) for other in others]
-                weight, total = (math.fsum(values) for values in zip(*lit, strict=True))
-                octaves = octaves_of(echo) - total / max(weight, background._DIMMEST)
-                most = background._MOST_OCTAVES
-                echo.contrast = min(max(octaves, -most), most) * weight / (weight + background._DOUBT)
-            echo.bright = not echo.low or echo.contrast >= heights._CONTRAST
-
-
-def octaves_of(echo: Echo) -> float:
-    """Return the logarithm of an intensity to base 2."""
-    return math.log2(max(echo.point.intensity, background._DIMMEST))
 
 
 def cell_of(echo: Echo) -> tuple[int, int]:
@@ -206,7 +181,7 @@ def echo_of(number: int, point: Point, ring: int, water: Surface | None, params:
         rise,
         deviation=deviation,
         grows=height > max(params.growth_height_m, heights._GROWTH_SIGMAS * deviation),
-        bright=reached,
+        bright=reached and abs(height) <= rise,
         low=not reached,
         unseen=min(max((heights._SHOWN - shown) / (heights._SHOWN - heights._OWN), 0.0), 1.0),
     )
@@ -234,10 +209,7 @@ def candidates_of(echoes: Sequence[Echo]) -> list[Echo]:
     return [
         echo
         for echo in echoes
-        if echo.upright
-        or echo.high
-        or (echo.bright and abs(echo.height) <= echo.rise)
-        or (echo.grows and echo.alone > heights.ALONE)
+        if echo.upright or echo.high or echo.bright or (echo.grows and echo.alone > heights.ALONE)
     ]
 
 
@@ -347,11 +319,9 @@ class Beams:
 def evidence_of(groups: Sequence[Sequence[Echo]], sigma: float, lidar: Beams, params: Any) -> list[float]:
     """Return the evidence of the shape of each object: one curve for each of its features."""
     stored = tables()["all" if params.use_intensity else "shape"]
-    ranges, found = [mean([echo.range_m for echo in own]) for own in groups], []
-    for own, range_m in zip(groups, ranges, strict=True):
+    found = []
+    for own in groups:
         features = shape_of(own, sigma, lidar, params)
-        ratio = objects._NEAR_RATIO
-        features["crowd"] = math.log2(sum(range_m / ratio <= other < range_m * ratio for other in ranges))
         if params.use_intensity:
             features |= light_of(own)
         assert set(features) == set(stored["curves"])
@@ -411,5 +381,4 @@ def light_of(echoes: Sequence[Echo]) -> dict[str, float]:
     return {
         "bright_share": mean([not echo.low for echo in echoes]),
         "brightness": math.log2(max(ordered[len(ordered) // 2], 0.1)),
-        "contrast": sorted(echo.contrast for echo in echoes)[len(echoes) // 2],
     }

@@ -19,7 +19,6 @@ Mask = NDArray[np.bool_]
 
 _RISE_PER_M = 0.006
 _RISE_FROM_M = 30.0
-_CONTRAST = 2.0
 _GROWTH_SIGMAS = 1.5
 _UNSEEN_M = 100.0
 _VOLUME = 2.5
@@ -80,9 +79,8 @@ class Heights:
     high, bright, low, upright, grows, mirrored : ndarray, bool
         Whether a point stands out; is near the water and reaches its threshold; does not reach it; belongs to a face
         that water does not have; may return to a confirmed object; is below the water under a body.
-    brightness, contrast : ndarray, float64
-        Intensity divided by the threshold, 0 without thresholds; octaves by which it exceeds that of the water at the
-        same range in other directions.
+    brightness : ndarray, float64
+        Intensity divided by the threshold; 0 without thresholds.
     unseen : ndarray, float64
         1 where the water has no echoes but those that an object itself may have, 0 where echoes show it all around.
     alone : ndarray, float64
@@ -106,7 +104,6 @@ class Heights:
     grows: Mask
     mirrored: Mask
     brightness: Floats
-    contrast: Floats
     unseen: Floats
     alone: Floats
     run: NDArray[np.int32]
@@ -155,9 +152,8 @@ class Sea:
         bodies = high | upright
         beside_water = np.abs(height) <= rise
         unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
-        seen, contrast = self._background.compare(echoes.xyz, echoes.intensity, beside_water & ~upright, time_s)
-        reached, brightness = _brightness(echoes, threshold)
-        bright = reached | (contrast >= _CONTRAST)
+        seen = self._background.share(echoes.xyz, beside_water & ~upright, time_s)
+        bright, brightness = _brightness(echoes, threshold)
         alone = np.maximum(unseen, 1 - seen / _COMMON)
         mirrored = np.zeros_like(bodies) if water is None else water.mirrored(height, deviation, bodies)
         grows = (height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)) | upright
@@ -170,12 +166,11 @@ class Sea:
             loose,
             high,
             bright & beside_water,
-            ~reached,
+            ~bright,
             upright,
             grows,
             mirrored,
             brightness,
-            contrast,
             unseen,
             alone,
             faces.run,

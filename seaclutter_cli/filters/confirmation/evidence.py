@@ -22,10 +22,8 @@ FEATURES = (
     "beams",
     "slenderness",
     "row",
-    "crowd",
     "bright_share",
     "brightness",
-    "contrast",
 )
 """Names of the features, in the order of `features_of`; logarithms are to base 2.
 
@@ -33,11 +31,10 @@ Height of the top in metres; logarithm of the number of echoes, of that times th
 and of the neighbours of each that stand out; the share of these that lie on one surface with it; height of the 10th
 percentile in heights at which points stand out; the upright face in extents of upright objects, at most two, and in
 heights of the top; logarithm of the number of beams that its height spans, and of its width across the line of sight by
-its height; where the water has no echoes, logarithm of the number of echoes beside each other in one beam; logarithm of
-the number of clusters at nearly its range. With intensities: the share of echoes that reach their thresholds, the
-logarithm of the intensity in thresholds, and of that in intensities of the water in other directions.
+its height; where the water has no echoes, logarithm of the number of echoes beside each other in one beam. With
+intensities: the share of echoes that reach their thresholds, and the logarithm of the intensity in thresholds.
 """
-OF_SHAPE = 12
+OF_SHAPE = 11
 """Number of the features that need no intensities; without any, these have curves of their own."""
 LEAST, MOST = -3.0, 3.0
 

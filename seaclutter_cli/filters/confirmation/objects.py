@@ -20,7 +20,6 @@ _BEAMS_IN_REACH = 2.0
 _MAX_CELL = 1 << 19
 _DENSITY_AT_M, _MOST_EXTENTS = 10.0, 2.0
 _LEAST_M, _LEAST_SPACING_M, _FEW, _LEAST_BRIGHTNESS = 0.05, 0.01, 0.01, 0.1
-_NEAR_RATIO = 1.25
 _APART_M = 1e4
 
 
@@ -180,20 +179,12 @@ def features_of(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Bea
         np.log2(np.maximum(extent / spacing, 0) + 1),
         np.log2((width + _LEAST_M) / np.maximum(extent, _LEAST_M)),
         clusters.mean(heights.alone) * np.log2(clusters.mean(heights.run)),
-        np.log2(_at_range(range_m)),
     )
     if echoes.intensity is None:
         return np.array(shape)
-    middle = [clusters.ranked(values, count // 2)[0] for values in (heights.brightness, heights.contrast)]
+    (brightness,) = clusters.ranked(heights.brightness, count // 2)
     bright = clusters.mean((heights.brightness >= 1).astype(np.int32))
-    return np.array((*shape, bright, np.log2(np.maximum(middle[0], _LEAST_BRIGHTNESS)), middle[1]))
-
-
-def _at_range(range_m: Floats) -> NDArray[np.int64]:
-    """Return how many clusters are at nearly the range of each, shape (K,)."""
-    ordered = np.sort(range_m)
-    nearest, farthest = (np.searchsorted(ordered, range_m * ratio) for ratio in (1 / _NEAR_RATIO, _NEAR_RATIO))
-    return farthest - nearest
+    return np.array((*shape, bright, np.log2(np.maximum(brightness, _LEAST_BRIGHTNESS))))
 
 
 def _width_m(echoes: Echoes, clusters: Clusters) -> Floats:
