@@ -92,7 +92,7 @@ def test_confirmed_and_unconfirmed_clusters(water, visit):
         page.settle()
         return page.page.evaluate("window.drawn")
 
-    assert outlines() == ["#14213d"] * 2 + ["#870f1e"] * 3
+    assert outlines() == ["#14213d"] * 2 + ["#870f1e"] * 5
     assert legend.inner_text().endswith("confirmed cluster\nunconfirmed cluster")
     page.page.get_by_role("button", name="Kept points").click()
     assert outlines() == ["#14213d", "#14213d"]
