@@ -72,6 +72,10 @@ class TestEnds:
         assert np.mean(shares(results, boat)) > 0.9
         assert not any(result.keep.any() for result in (*results[:10], *results[25:]))
 
+    def test_a_boat_that_closes_in_at_18_m_s(self):
+        boat = Body(50, 5, vx=-18.0, points=30)
+        assert min(shares(run(sea_log(1, [boat], times(12), drops=0)), boat)) > 0.9
+
     def test_what_is_seen_once_is_removed(self):
         splash = replace(BOAT, seen=(1.0, 1.05))
         assert shares(run(sea_log(1, [splash], times(25))), splash) == [0.0]

@@ -144,6 +144,7 @@ class Sea:
             height, deviation, shown = water.above(x, y, z, water.cells)
         level, sigma = z - height, 0.0 if water is None else water.sigma_m
         beyond = _RISE_PER_M * np.maximum(echoes.range_m - _RISE_FROM_M, 0)
+        bright, brightness = _brightness(echoes, threshold)
         rise = np.maximum(self._params.min_rise_m, self._params.rise_sigmas * deviation) + beyond
         linked, loose = faces.neighbors(height > rise)
         solid = ~_in_volume(linked, loose, water)
@@ -153,7 +154,6 @@ class Sea:
         beside_water = np.abs(height) <= rise
         unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
         seen = self._background.share(echoes.xyz, beside_water & ~upright, time_s)
-        bright, brightness = _brightness(echoes, threshold)
         alone = np.maximum(unseen, 1 - seen / _COMMON)
         mirrored = np.zeros_like(bodies) if water is None else water.mirrored(height, deviation, bodies)
         grows = (height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)) | upright
