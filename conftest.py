@@ -1,5 +1,6 @@
 """Environment of the doctests, and the option ``--quick``."""
 
+import gc
 import os
 from pathlib import Path
 from time import perf_counter
@@ -42,6 +43,11 @@ def pytest_collection_modifyitems(config, items):
             chosen[test] = item
     items[:] = chosen.values()
     config.hook.pytest_deselected(items=others)
+
+
+def pytest_collection_finish():
+    """Let no garbage collection go through the modules and the thousands of tests again, which takes half a second."""
+    gc.freeze()
 
 
 def pytest_runtest_setup(item):
