@@ -44,9 +44,11 @@ def mcap_packets(folder):
 
 def packet_topic(folder, driver, container="mcap"):
     """Write a recording with the packet topic of a driver."""
-    from tests.sources.shared.driver_topics import DRIVERS, robosense_packets, write_topic
+    from tests.sources.shared.driver_topics import DRIVERS, pairs, robosense_packets, write_topic
 
     few = robosense_packets(24, step=300) if driver.startswith("rslidar") else None
+    if driver == "hesai_ros_driver":
+        few = pairs(hesai.make_packets(hesai.XT32, 0.12, start=340.0)[0])
     path = write_topic(DRIVERS[driver], container, folder, few)
     if path.is_dir():
         (file,) = (file for file in path.iterdir() if file.suffix != ".yaml")
