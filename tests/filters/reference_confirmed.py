@@ -162,11 +162,11 @@ class ConfirmedObjects:
             return None
         if is_own:
             return -1
-        count = len(self.params.initial_thresholds)
-        if point.range_m >= self.params.end_m:
+        count, range_m = len(self.params.initial_thresholds), point.range_m
+        if range_m >= self.params.end_m:
             return count
         edges = [self.params.own_ship_m + ring * self.params.ring_width_m for ring in range(count)]
-        return max(ring for ring, edge in enumerate(edges) if not ring or point.range_m >= edge)
+        return max(ring for ring, edge in enumerate(edges) if not ring or range_m >= edge)
 
     def is_used(self, point: Point, ring: int | None) -> bool:
         """Return whether a point may belong to water or objects."""

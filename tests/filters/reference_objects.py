@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -117,13 +117,16 @@ class Background:
         now = {(ring + step, sector) for ring, sector in of_water for step in (-1, 0, 1)}
         cells = now | self.seen.keys()
         self.seen = {cell: kept * self.seen.get(cell, 0.0) + (1 - kept) * (cell in now) for cell in cells}
+        shares = {cell: self.share(*cell) for cell in set(map(cell_of, echoes))}
         for echo in echoes:
-            ring, sector = cell_of(echo)
-            own = {(sector + step) % background._SECTORS for step in range(-background._BESIDE, background._BESIDE + 1)}
-            others = set(range(background._SECTORS)) - own
-            share = sum(self.seen.get((ring, other), 0.0) for other in others) / len(others)
-            echo.alone = max(echo.unseen, 1 - share / heights._COMMON)
+            echo.alone = max(echo.unseen, 1 - shares[cell_of(echo)] / heights._COMMON)
             echo.grows |= echo.alone > heights.ALONE and echo.solid and not echo.mirrored
+
+    def share(self, ring: int, sector: int) -> float:
+        """Return how often the other sectors of a ring had echoes of water."""
+        own = {(sector + step) % background._SECTORS for step in range(-background._BESIDE, background._BESIDE + 1)}
+        others = set(range(background._SECTORS)) - own
+        return sum(self.seen.get((ring, other), 0.0) for other in others) / len(others)
 
 
 def cell_of(echo: Echo) -> tuple[int, int]:
@@ -221,7 +224,7 @@ class Thing:
     evidence: float
     near: bool
 
-    @property
+    @cached_property
     def cells(self) -> list[XY]:
         """Mean position of the points in each cell of half a metre."""
         members: dict[tuple[int, int], list[XY]] = {}
@@ -234,7 +237,7 @@ class Thing:
     def top(self) -> float:
         return max(echo.height for echo in self.echoes)
 
-    @property
+    @cached_property
     def center(self) -> XY:
         x, y = (mean(values) for values in zip(*(echo.xy for echo in self.echoes), strict=True))
         return x, y
@@ -251,9 +254,9 @@ def clusters_of(echoes: Sequence[Echo], lidar: "Beams", params: Any) -> list[lis
     and what is not are clusters of their own.
     """
     reach, places = params.cluster_tolerance_m / objects._BEAMS_IN_REACH, []
+    apart_per_m = math.tan(math.radians(lidar.spacing_deg))
     for x, y, z, range_m, beside in ((*echo.xyz, echo.range_m, echo.beside) for echo in echoes):
-        apart = math.tan(math.radians(lidar.spacing_deg)) * range_m
-        places.append((x, y, z * (reach / max(apart, reach)) + (0 if beside else objects._APART_M)))
+        places.append((x, y, z * (reach / max(apart_per_m * range_m, reach)) + (0 if beside else objects._APART_M)))
     places, free, found = places_of(places), np.ones(len(echoes), bool), []
     for first in range(len(echoes)):
         if not free[first]:
