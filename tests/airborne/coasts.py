@@ -1,5 +1,8 @@
 """Points of tiles with waves and a coast, and what the separation makes of them."""
 
+from copy import deepcopy
+from functools import lru_cache
+
 import numpy as np
 
 from seaclutter_cli.airborne.separation import separate
@@ -27,15 +30,23 @@ def tile(ground, *, height=0.1, length=15.0, level=0.0, speckle=True, seed=5):
 
     ``ground`` returns the elevation of the ground; where it is below the water, there is water.
     """
-    rng = np.random.default_rng(seed)
-    x, y = (rng.uniform(0, side, 240_000) for side in SIZE)
-    bottom = ground(x, y, relief(rng, x, y))
-    surface = waves(rng, x, y, height, length) + (level(x, y) if callable(level) else level)
+    x, y, bumps, surface, rng = _sea(height, length, seed)
+    bottom = ground(x, y, bumps)
+    surface = surface + (level(x, y) if callable(level) else level)
+    rng = deepcopy(rng)
     land = bottom > surface
     water = rng.gamma(2.0, 30, len(x)) if speckle else rng.normal(60, 10, len(x))
     intensity = np.where(land, rng.normal(200, 40, len(x)), water).clip(0)
     columns = {"intensity": intensity, "number_of_returns": np.ones(len(x), int)}
     return np.stack((x, y, np.maximum(bottom, surface))), land, columns
+
+
+@lru_cache(maxsize=8)
+def _sea(height, length, seed):
+    """Return positions, the relief and the waves there, and the generator that goes on from here; not to be changed."""
+    rng = np.random.default_rng(seed)
+    x, y = (rng.uniform(0, side, 240_000) for side in SIZE)
+    return x, y, relief(rng, x, y), waves(rng, x, y, height, length), rng
 
 
 def shares(xyz, land, columns, **params):
