@@ -109,12 +109,10 @@ class ClusterFinder:
 
     def _any_near(self, xyz: Points, own: tuple[Indices, Indices], other: tuple[Indices, Indices]) -> Mask:
         """Return which pairs of cells, given by start and count, have near points: small pairs, or one of any size."""
-        if len(own[0]) == 1:
+        if (own[1] * other[1] > _BLOCK).any():
             return np.array([self._any_near_of_many(*(xyz[:, spans(*cell)] for cell in (own, other)))])
-        pair = np.repeat(np.arange(len(own[0])), own[1])
-        times = other[1][pair]
-        a, b = np.repeat(spans(*own), times), spans(other[0][pair], times)
-        return np.bincount(np.repeat(pair, times), self._near(xyz[:, a] - xyz[:, b]), len(own[0])) > 0
+        pair, a, b = _members(own, other)
+        return np.bincount(pair, self._near(xyz[:, a] - xyz[:, b]), len(own[0])) > 0
 
     def _any_near_of_many(self, own: Points, other: Points) -> bool:
         """Return whether any point of one set is near a point of the other, both of shape (3, n)."""
@@ -192,6 +190,24 @@ class DbscanFinder:
         reach = self._eps_m * (1 + _ROUNDING)
         distance, index = tree.query(self._xyz[:, query].T, np.arange(1, count + 1), distance_upper_bound=reach)
         return distance, np.minimum(index, len(among) - 1)
+
+
+def pairs_within(xyz: Points, reach_m: float) -> Indices:
+    """Return the pairs of finite points, shape (3, N), that are closer than a reach, each once, shape (2, n)."""
+    cells = cells_of(xyz, reach_m)
+    own, other = np.concatenate((np.tile(np.arange(len(cells)), (2, 1)), *cells.pairs()), axis=1)
+    pair, a, b = _members((cells.start[own], cells.count[own]), (cells.start[other], cells.count[other]))
+    a, b = np.stack((a, b)).compress((a < b) | (pair >= len(cells)), axis=1)  # the first pairs are of a cell and itself
+    a, b = cells.order[a], cells.order[b]
+    x, y, z = xyz.take(a, axis=1) - xyz.take(b, axis=1)
+    return np.stack((a, b)).compress(np.sqrt(x * x + y * y + z * z) < reach_m, axis=1)
+
+
+def _members(own: tuple[Indices, Indices], other: tuple[Indices, Indices]) -> tuple[Indices, Indices, Indices]:
+    """Return the pairs of members of pairs of spans, given by start and count, with the number of their pair."""
+    pair = np.repeat(np.arange(len(own[0])), own[1])
+    times = other[1][pair]
+    return np.repeat(pair, times), np.repeat(spans(*own), times), spans(other[0][pair], times)
 
 
 def _numbered(component: Indices, min_points: int) -> Indices:

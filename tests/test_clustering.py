@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from seaclutter_cli import clustering
-from seaclutter_cli.clustering import ClusterFinder, euclidean_clusters
+from seaclutter_cli.clustering import ClusterFinder, euclidean_clusters, pairs_within
 
 TOLERANCES = st.sampled_from([1.5, 1.0, 0.1, 0.7, 1e-6, 1e6])
 
@@ -94,6 +94,14 @@ def test_dense_lumps_that_almost_touch(distance, implementations):
     other[:, 0] = [0, 0.2, 0.2]
     both = np.concatenate((lump, other + np.array([[0.5 + distance], [0], [0]])), axis=1)
     check(both, 1.5, 5)
+
+
+@pytest.mark.parametrize("size", [0, 1, 30, 400])
+def test_pairs_within_a_reach(size):
+    xyz = np.random.default_rng(size).uniform(0, 5, (3, size)).round(1)
+    near = np.linalg.norm(xyz[:, :, None] - xyz[:, None], axis=0) < 1.05
+    found = np.sort(pairs_within(xyz, 1.05), axis=0).T.tolist()
+    assert sorted(found) == np.argwhere(np.triu(near, 1)).tolist()
 
 
 def test_clusters_are_numbered_by_their_first_points_and_small_ones_are_left_out():

@@ -69,7 +69,7 @@ ALLOWED = {
     "messages": BASE,
     "sensors": BASE,
     "sources": BASE | {"messages", "sensors"},
-    "tracking": BASE | {"clustering", "water"},
+    "tracking": BASE | {"clustering", "filters", "water"},
     "sinks": BASE | {"messages", "tracking"},
     "labels": BASE,
     "clustering": BASE,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.clustering import euclidean_clusters
+from seaclutter_cli.clustering import euclidean_clusters, pairs_within
 from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.groups import group_sizes, group_starts
 
@@ -25,7 +25,7 @@ _CRAFT_M, _CRAFT_WIDE_M = 15.0, 3.5
 _STERN_M, _BROADEST = 2.5, 0.45
 _CLOSE, _CLOSE_ACROSS, _NEAR = 0.45, 0.2, 0.8
 _LEAST_SHARE = 0.4
-_SPREAD, _APART = 0.015, 1e3
+_SPREAD, _APART = 0.015, 2e3
 _UP = np.array([0.0, 0.0, 1.0])
 _TOWARDS = np.array([part(np.arange(2 * YAWS) * (np.pi / 2 / YAWS)) for part in (np.cos, np.sin)], np.float32)
 _SKIN_M = 0.1
@@ -185,7 +185,7 @@ def _clusters(xyz: Floats, tolerance_m: float, min_points: int) -> Indices:
         across_m = np.minimum(np.maximum(_CLOSE_ACROSS * tolerance_m, _SPREAD * nearest_m), tight_m)
         scaled = _along_and_across(thinned.take(wide, axis=1), number[wide]) * _FLATTENED
         scaled /= np.stack((tight_m, across_m / np.maximum(nearest_m, _CELL_M), tight_m))[:, number[wide]]
-        scaled[2] += _APART * number[wide]  # clusters are searched at once, far above each other
+        scaled[0] += _APART * number[wide]  # clusters are searched at once, far behind each other
         parts = euclidean_clusters(scaled, 1.0, 1)
         joined = _joined(thinned[:2, wide], parts, tolerance_m)
         number[wide] = np.where(joined < 0, -1, number.max() + 1 + joined)
@@ -197,7 +197,9 @@ def _clusters(xyz: Floats, tolerance_m: float, min_points: int) -> Indices:
 def _projected(points: Floats) -> NDArray[np.float32]:
     """Return the coordinates of points, shape (…, 2), in directions at 0°, 2°, … 178°."""
     x, y = (points[..., k, None].astype(np.float32) for k in (0, 1))
-    return np.asarray(x * _TOWARDS[0] + y * _TOWARDS[1])
+    along = x * _TOWARDS[0]
+    along += y * _TOWARDS[1]
+    return np.asarray(along)
 
 
 def _along_and_across(xyz: Floats, number: Indices) -> Floats:
@@ -216,19 +218,20 @@ def _joined(xy: Floats, part: Indices, tolerance_m: float) -> Indices:
     So boats beside each other, too wide together, or beside a quay are apart, and a boat that is seen in pieces is one.
     What is small beside the largest part is of none, -1, because it may be of a pontoon or a neighbour.
     """
-    from scipy.spatial import cKDTree  # slow to import
-
     cells, owner = _cells(xy, part)
     low, high = _widths(xy, part)
-    pairs = cKDTree(cells).query_pairs(_NEAR * tolerance_m, output_type="ndarray")
-    of = np.sort(owner[pairs], axis=1)
-    some = (of[:, 0] != of[:, 1]) & _are_small(low, high)[of].all(axis=1)
-    gap = np.linalg.norm(cells[pairs[some, 0]] - cells[pairs[some, 1]], axis=1)
-    of = of[some][np.lexsort((*of[some].T, gap))]
+    small = np.flatnonzero(_are_small(low, high)[owner])
+    pairs = small[pairs_within(np.column_stack((cells[small], np.zeros(len(small)))).T, _NEAR * tolerance_m)]
+    pairs = pairs[:, owner[pairs[0]] != owner[pairs[1]]]
+    of = np.sort(owner[pairs], axis=0)
+    gap = np.hypot(*(cells[pairs[0]] - cells[pairs[1]]).T)
+    of = of[:, np.lexsort((*of, gap))].T
     whole = np.arange(low.shape[1])
     _, nearest = np.unique(of @ (len(whole), 1), return_index=True)
     for a, b in of[np.sort(nearest)].tolist():
         one, other = whole[a], whole[b]
+        if one == other:
+            continue
         least, most = np.minimum(low[:, one], low[:, other]), np.maximum(high[:, one], high[:, other])
         beam, length = np.sort(most - least)[[0, -1]]
         if length <= _CRAFT_M and beam <= min(_CRAFT_WIDE_M, max(_STERN_M, _BROADEST * length)):
@@ -251,7 +254,9 @@ def _across(xy: Floats) -> NDArray[np.float32]:
     """Return the coordinates of points, shape (2, n), in directions at 0°, 10°, … 170°, shape (18, n)."""
     x, y = xy.astype(np.float32)
     cos, sin = _HALF_TURN[..., None]
-    return np.asarray(cos * x + sin * y)  # not a product of matrices, whose threads wait for each other
+    across = cos * x  # not a product of matrices, whose threads wait for each other
+    across += sin * y
+    return np.asarray(across)
 
 
 def _are_small(low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.filters.neighbors import nearest
 from seaclutter_cli.tracking.detections import Detections
 
 Floats = NDArray[np.float64]
@@ -137,26 +138,23 @@ class Tracker:
         tracks = self._tracks
         if not tracks or not len(found):
             return []
-        from scipy.spatial import cKDTree  # slow to import
-
-        moved = [one.velocity * (time_s - one.seen_s) for one in tracks]
+        elapsed_s = time_s - np.array([one.seen_s for one in tracks])
+        moved = np.array([one.velocity for one in tracks]) * elapsed_s[:, None]
         gate = np.array([one.gate_m(time_s, interval_s) for one in tracks])
-        cells = np.concatenate([one.cells + shift for one, shift in zip(tracks, moved, strict=True)])
         owner = np.repeat(np.arange(len(tracks)), [len(one.cells) for one in tracks])
+        cells = np.concatenate([one.cells for one in tracks]) + moved[owner]
         shape = len(tracks), len(found)
         forth, back = np.zeros(shape), np.zeros(shape)
-        distance, index = cKDTree(found.cells).query(cells)
+        index, distance = nearest(found.cells, cells)
         met = distance <= gate[owner]
         np.add.at(forth, (owner[met], found.owner[index[met]]), 1)
-        distance, index = cKDTree(cells).query(found.cells)
+        index, distance = nearest(cells, found.cells)
         near = distance <= gate[owner[index]]
         np.add.at(back, (owner[index[near]], found.owner[near]), 1)
         counts = np.bincount(owner), np.bincount(found.owner)
         overlap = np.maximum(forth / counts[0][:, None], back / counts[1])
-        apart = np.linalg.norm(
-            np.array([one.center + shift for one, shift in zip(tracks, moved, strict=True)])[:, None] - found.centers,
-            axis=2,
-        )
+        centers = np.array([one.center for one in tracks]) + moved
+        apart = np.linalg.norm(centers[:, None] - found.centers, axis=2)
         cost = 1 - overlap + _DISTANCE_WEIGHT * np.minimum(apart / gate[:, None], 2) + 2.0 * ~found.kept
         cost += _NEW_PENALTY * np.array([one.is_new for one in tracks])[:, None]
         rows, columns = np.nonzero(overlap >= _LEAST_OVERLAP)
