@@ -65,8 +65,8 @@ class Confirmed(Filter):
        surface. An object of such echoes has the least evidence.
     4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. What is beside no face is
        an object of its own, so that wash does not belong to the hull before it. The evidence of a frame
-       is the logarithm of the odds that an object is a target: the sum of one curve for each of thirteen features
-       (`FEATURES`), learned from logs of two simulators; without intensities, of eleven.
+       is the logarithm of the odds that an object is a target: the sum of one curve for each of ten features
+       (`FEATURES`), learned from logs of two simulators; without intensities, of eight.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
        most tracks have in common. The score of a track is its mean evidence within ``look_ahead_s``
        of the frame, plus what it collected before, as in the track score of Sittler [1]_: independent looks add up, one

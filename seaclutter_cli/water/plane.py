@@ -196,7 +196,7 @@ def _reweighted(cells: PolarCells, plane: Plane) -> tuple[Plane, Floats]:
         weight[residual > 0] *= _ABOVE
         weight *= cells.trust
         sums = (products @ weight).tolist()
-        if sums[0] < MIN_SUPPORT:
+        if sums[0] < LEAST_SUPPORT:
             break
         plane = _least_squares(sums)
     return plane, weight
@@ -237,6 +237,20 @@ class WaterEchoes:
         trust[cells.number] = cells.trust
         used = np.flatnonzero(of_water[cells.cell] & flat)
         return cls(height_m[used], cells.cell[used], trust[cells.cell[used]])
+
+    def tilt_variance(self) -> float:
+        """Return the variance of the slope of the plane, which follows the waves near the lidar, against the sea.
+
+        Far from it, heights spread more than near by that times the square of the distance: a median over the far half
+        of the cells, since few of them hold boats.
+        """
+        cell, number, count = np.unique(self.cell, return_inverse=True, return_counts=True)
+        distance = np.square(NEAREST_M + (cell % _RINGS + 0.5) * _STEP_M)
+        far = distance > distance.mean() if len(cell) >= _MIN_CELLS else np.zeros(0, np.bool_)
+        if not far.any():
+            return 0.0
+        square = np.bincount(number, weights=self.height_m**2) / count
+        return max(0.0, float(np.median((square[far] - np.median(square[~far])) / distance[far])))
 
     def mean_level(self, band_m: float) -> tuple[float, float]:
         """Return the offset of the mean water from the plane and its standard deviation, from echoes within a band.

@@ -18,6 +18,7 @@ _SMOOTHING_M = 2.5
 _TRUNCATION = 4.0
 _WEIGHTS = int(_TRUNCATION * _SMOOTHING_M / _CELL_M)
 _MAX_PER_CELL = 3
+_COARSE = 4
 _MIN_DEPTH_M, _DEPTH_SIGMAS = 0.3, 4.5
 _SHRINKAGE = 2.0
 _ROUGHNESS = 0.5
@@ -44,6 +45,20 @@ class GridCells:
             number = column.astype(np.int32) * np.int32(_CELLS) + row.astype(np.int32)
         number[~inside] = BEYOND
         return cls(number)
+
+    def beside(self, bodies: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which of N positions are in the cells of others, ``bodies``, or next to them, shape (N,).
+
+        Beyond the grid, all are.
+        """
+        body = np.zeros(BEYOND + 1, np.bool_)
+        body[self.number[bodies]] = True
+        around = np.zeros((_CELLS + 2, _CELLS + 2), np.bool_)
+        around[1:-1, 1:-1] = body[:BEYOND].reshape(_CELLS, _CELLS)
+        beside = around[:-2] | around[1:-1] | around[2:]
+        body[:BEYOND] = (beside[:, :-2] | beside[:, 1:-1] | beside[:, 2:]).reshape(-1)
+        body[BEYOND] = True
+        return body[self.number]
 
 
 @dataclass(frozen=True)
@@ -103,12 +118,14 @@ def _smoothing() -> Floats:
 class WaterSurface:
     """The water around a lidar in one frame: its mean plane, the standard deviation around it, and the swell above it.
 
-    ``cells`` are the cells of the N points that the estimate received, ``level_deviation_m`` is the standard deviation
-    of the error of the plane at the lidar.
+    ``tilt_variance`` is the variance of the slope of the plane against the sea farther away, ``cells`` are the cells of
+    the N points that the estimate received, ``level_deviation_m`` is the standard deviation of the error of the plane
+    at the lidar.
     """
 
     plane: Plane
     sigma_m: float
+    tilt_variance: float
     swell: Swell
     cells: GridCells
     level_deviation_m: float
@@ -121,35 +138,32 @@ class WaterSurface:
         Notes
         -----
         Where many echoes support the swell, half of the deviation remains as waves too short for the grid. Where there
-        are none, the plane is all that is known, and the deviation is that of the water plus that of the plane.
+        are none, the plane is all that is known, and the deviation is that of the water and of the plane's slope.
         """
         swell, echoes = self.swell.at(GridCells.of(x, y) if cells is None else cells)
         unknown = _SHRINKAGE / (echoes + _SHRINKAGE)
-        deviation = self.sigma_m * np.sqrt(_ROUGHNESS**2 + unknown) + _RANGE_NOISE_M
+        of_plane = self.tilt_variance * (x * x + y * y)
+        deviation = np.sqrt(self.sigma_m**2 * (_ROUGHNESS**2 + unknown) + of_plane * unknown) + _RANGE_NOISE_M
         return z - self.plane.height(x, y) - swell, deviation, echoes
 
-    def mirrored(self, height: Floats, deviation: Floats, bodies: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return which of N echoes are mirrored: below the water within 60 m, with a body above, shape (N,).
+    def mirrored(
+        self, x: Floats, y: Floats, height: Floats, deviation: Floats, bodies: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """Return which of N echoes are mirrored: below the water with a body above, shape (N,).
 
         ``bodies`` tells which of them belong to bodies. An image is where the body is, as far below the water as that
-        rises above it.
+        rises above it. Beyond the grid, cells are four times as large.
         """
         below = height < -mirrored_below_m(deviation)
-        return np.asarray(below & self.beside(bodies) & (self.cells.number != BEYOND))
+        beside = self.beside(bodies)
+        far = self.cells.number == BEYOND
+        if (below & far).any():
+            beside[far] = GridCells.of(x[far] / _COARSE, y[far] / _COARSE).beside(bodies[far])
+        return np.asarray(below & beside)
 
     def beside(self, bodies: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return which of N echoes are in the cells of others, ``bodies``, or next to them, shape (N,).
-
-        Beyond the grid, all are.
-        """
-        body = np.zeros(BEYOND + 1, np.bool_)
-        body[self.cells.number[bodies]] = True
-        around = np.zeros((_CELLS + 2, _CELLS + 2), np.bool_)
-        around[1:-1, 1:-1] = body[:BEYOND].reshape(_CELLS, _CELLS)
-        beside = around[:-2] | around[1:-1] | around[2:]
-        body[:BEYOND] = (beside[:, :-2] | beside[:, 1:-1] | beside[:, 2:]).reshape(-1)
-        body[BEYOND] = True
-        return body[self.cells.number]
+        """Return which of N echoes are in the cells of others, ``bodies``, or next to them, shape (N,)."""
+        return self.cells.beside(bodies)
 
     def height(self, x: Floats, y: Floats) -> Floats:
         """Return z of the water at given positions, in metres."""

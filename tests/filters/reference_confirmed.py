@@ -142,13 +142,12 @@ class ConfirmedObjects:
         if self.own_ship:
             level = water and Plane(water.plane.a, water.plane.b, water.plane.c)
             upright = np.array([one.number for one in echoes if one.upright], np.intp)
-            self.own_ship.see(frame, level and WaterSurface(level, water.sigma, None, None, 0.0), upright)
+            self.own_ship.see(frame, level and WaterSurface(level, water.sigma, 0.0, None, None, 0.0), upright)
         self.background.mark(echoes, time_s)
         candidates = candidates_of(echoes)
-        sigma = 0.0 if water is None else water.sigma
-        things = self.things([one for one in candidates if not one.near], sigma, near=False)
+        things = self.things([one for one in candidates if not one.near], near=False)
         if self.tracks.approach(self.params.own_ship_m, time_s):
-            things += self.things([one for one in candidates if one.near], sigma, near=True)
+            things += self.things([one for one in candidates if one.near], near=True)
         things.sort(key=lambda thing: thing.center)
         self.tracks.turn(things, time_s)
         reasons = [self.by_zone(point, ring) for point, ring in zip(points, rings, strict=True)]
@@ -183,9 +182,9 @@ class ConfirmedObjects:
             return Reason.FAR if self.params.far == "drop" else Reason.KEPT
         return Reason.KEPT
 
-    def things(self, candidates: Sequence[Echo], sigma: float, *, near: bool) -> list[Thing]:
+    def things(self, candidates: Sequence[Echo], *, near: bool) -> list[Thing]:
         clusters = clusters_of(candidates, self.beams, self.params)
-        said = evidence_of(clusters, sigma, self.beams, self.params)
+        said = evidence_of(clusters, self.beams, self.params)
         return [Thing(own, evidence, near) for own, evidence in zip(clusters, said, strict=True)]
 
     def confirm(self, scan: Scan) -> None:

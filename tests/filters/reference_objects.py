@@ -156,9 +156,13 @@ def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, fac
         one.grows = one.grows or one.upright
     bodies = {grid_cell(*one.xy) for one in echoes if one.high or one.upright} - {None}
     around = {(x + i, y + j) for x, y in bodies for i in (-1, 0, 1) for j in (-1, 0, 1)}
+    bodies = {far_cell(*one.xy) for one in echoes if one.high or one.upright} - {None}
+    far_around = {(x + i, y + j) for x, y in bodies for i in (-1, 0, 1) for j in (-1, 0, 1)} | {None}
     for one in echoes:
+        cell = grid_cell(*one.xy)
+        beside = far_cell(*one.xy) in far_around if cell is None else cell in around
         deepest = -max(water_surface._MIN_DEPTH_M, water_surface._DEPTH_SIGMAS * one.deviation)
-        one.mirrored = water is not None and one.height < deepest and grid_cell(*one.xy) in around
+        one.mirrored = water is not None and one.height < deepest and beside
     bodies = {grid_cell(*one.xy) for one in echoes if one.upright} - {None}
     around = {(x + i, y + j) for x, y in bodies for i in (-1, 0, 1) for j in (-1, 0, 1)} | {None}
     for one in echoes:
@@ -166,15 +170,20 @@ def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, fac
     return echoes
 
 
+def far_cell(x: float, y: float) -> tuple[int, int] | None:
+    """Return the cell of a position beyond the grid on one of four times its size; none beyond that or in the grid."""
+    coarse = water_surface._COARSE
+    return None if grid_cell(x, y) else grid_cell(x / coarse, y / coarse)
+
+
 def echo_of(number: int, point: Point, ring: int, water: Surface | None, params: Any) -> Echo:
     """Return a point with all that the water says of it; without water, every point is high."""
     height, deviation, shown = point.z + heights._UNSEEN_M, 0.0, 0.0
     if water is not None:
         height, deviation, shown = water.above(*point.xyz)
-    beyond = heights._RISE_PER_M * max(point.range_m - heights._RISE_FROM_M, 0)
     threshold = [*params.initial_thresholds, -math.inf][max(ring, 0)]
     reached = params.use_intensity and point.intensity >= threshold
-    rise = max(params.min_rise_m, params.rise_sigmas * deviation) + beyond
+    rise = max(params.min_rise_m, params.rise_sigmas * deviation)
     return Echo(
         number,
         point,
@@ -319,12 +328,12 @@ class Beams:
         return any(low <= one <= high for one in self.seen)
 
 
-def evidence_of(groups: Sequence[Sequence[Echo]], sigma: float, lidar: Beams, params: Any) -> list[float]:
+def evidence_of(groups: Sequence[Sequence[Echo]], lidar: Beams, params: Any) -> list[float]:
     """Return the evidence of the shape of each object: one curve for each of its features."""
     stored = tables()["all" if params.use_intensity else "shape"]
     found = []
     for own in groups:
-        features = shape_of(own, sigma, lidar, params)
+        features = shape_of(own, lidar)
         if params.use_intensity:
             features |= light_of(own)
         assert set(features) == set(stored["curves"])
@@ -352,7 +361,7 @@ def on_curve(curve: dict[str, list[float]], value: float) -> float:
     return odds[-1]
 
 
-def shape_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any) -> dict[str, float]:
+def shape_of(echoes: Sequence[Echo], lidar: Beams) -> dict[str, float]:
     """Return the features of an object's shape by name."""
     count = len(echoes)
     ordered = sorted(echo.height for echo in echoes)
@@ -365,12 +374,9 @@ def shape_of(echoes: Sequence[Echo], sigma: float, lidar: Beams, params: Any) ->
     across = [math.cos(azimuth) * echo.point.y - math.sin(azimuth) * echo.point.x for echo in echoes]
     return {
         "height_m": top,
-        "echoes": math.log2(count),
+        "extent_m": extent,
         "density": math.log2(count * (mean([echo.range_m for echo in echoes]) / 10) ** 2),
         "echoes_beside": math.log2(max(beside, 0.01) / count),
-        "surface": sum(echo.linked for echo in echoes) / max(beside, 1),
-        "lowest": ordered[count // 10] / mean([echo.rise for echo in echoes]),
-        "face": min(face / max(params.min_extent_m, params.extent_sigmas * sigma), 2.0),
         "face_share": face / max(top, 0.05),
         "beams": math.log2(max(extent / spacing, 0.0) + 1),
         "slenderness": math.log2((max(across) - min(across) + 0.05) / max(extent, 0.05)),

@@ -6,6 +6,7 @@ It shares with the program only the constants, so that tuning them changes both.
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from statistics import median
 from typing import NamedTuple
 
 import numpy as np
@@ -31,10 +32,11 @@ class Plane(NamedTuple):
 
 @dataclass
 class Surface:
-    """The water in one frame: plane, deviation, swell, and deviation of the level."""
+    """The water in one frame: plane, deviation, variance of the slope, swell, and deviation of the level."""
 
     plane: Plane
     sigma: float
+    tilt: float
     swell: "Swell"
     level_sigma: float
 
@@ -42,7 +44,8 @@ class Surface:
         """Return the height of a point above the water, its standard deviation, and how many echoes show the water."""
         swell, echoes = self.swell.at(x, y)
         unknown = surface._SHRINKAGE / (echoes + surface._SHRINKAGE)
-        deviation = self.sigma * math.sqrt(surface._ROUGHNESS**2 + unknown) + surface._RANGE_NOISE_M
+        variance = self.sigma**2 * (surface._ROUGHNESS**2 + unknown) + self.tilt * (x * x + y * y) * unknown
+        deviation = math.sqrt(variance) + surface._RANGE_NOISE_M
         return self.plane.height_of(x, y, z) - swell, deviation, echoes
 
     def level(self, x: float, y: float) -> float:
@@ -55,7 +58,7 @@ class Water:
 
     def __init__(self) -> None:
         self.plane: Plane | None = None
-        self.sigma = self.variance = 0.0
+        self.sigma = self.tilt = self.variance = 0.0
         self.seen_s = 0.0
 
     def step(self, points: Sequence[XYZ], faces: Sequence[Face], time_s: float) -> Surface | None:
@@ -117,6 +120,7 @@ class Water:
         if fitted.a + offset < 0:
             old = 0.0 if first else math.exp((self.seen_s - time_s) / tracker._SIGMA_TIME_S)
             self.sigma = old * self.sigma + (1 - old) * sigma
+            self.tilt = old * self.tilt + (1 - old) * tilt_variance(flat, trust, fitted)
             self.plane = Plane(fitted.a + offset, fitted.b, fitted.c)
             self.variance, self.seen_s = variance, time_s
 
@@ -136,7 +140,7 @@ class Water:
         swell = Swell((x, y, h) for x, y, h in flat if abs(h) <= band(self.sigma))
         swell = Swell((x, y, h) for x, y, h in flat if abs(h - swell.at(x, y)[0]) <= band(self.sigma))
         variance = self.held_variance(time_s) + (tracker._CRESTS * self.sigma) ** 2
-        return Surface(level, self.sigma, swell, math.sqrt(variance))
+        return Surface(level, self.sigma, self.tilt, swell, math.sqrt(variance))
 
     def new_variance(self, cells: "Cells", fitted: Plane, weights: Mapping["Key", float], time_s: float) -> float:
         if self.plane is None or sum(weights.values()) >= plane.LEAST_SUPPORT:
@@ -233,7 +237,7 @@ def reweighted(cells: Cells, start: Plane) -> tuple[Plane, dict[Key, float]]:
             residual = fitted.height_of(*cell.lowest)
             weight = max(0.0, 1 - (residual / (3 * scale)) ** 2) ** 2
             weights[key] = (weight * plane._ABOVE if residual > 0 else weight) * cell.trust
-        if sum(weights.values()) < plane.MIN_SUPPORT:
+        if sum(weights.values()) < plane.LEAST_SUPPORT:
             break
         matrix = [[0.0] * 3 for _ in range(3)]
         right = [0.0] * 3
@@ -274,6 +278,25 @@ def solved(matrix: list[list[float]], right: list[float]) -> list[float]:
                 factor = rows[k][i] / rows[i][i]
                 rows[k] = [a - factor * b for a, b in zip(rows[k], rows[i], strict=True)]
     return [rows[i][3] / rows[i][i] for i in range(3)]
+
+
+def tilt_variance(points: Sequence[XYZ], trust: Mapping[tuple[int, int], float], level: Plane) -> float:
+    """Return how much the mean square of heights grows with the square of the distance, as a median over far cells."""
+    squares: dict[tuple[int, int], list[float]] = {}
+    for point in points:
+        cell = cell_of(*point[:2])
+        if cell in trust:
+            squares.setdefault(cell, []).append(level.height_of(*point) ** 2)
+    if len(squares) < plane._MIN_CELLS:
+        return 0.0
+    distance = {cell: (plane.NEAREST_M + (cell[1] + 0.5) * plane._STEP_M) ** 2 for cell in squares}
+    mean = {cell: sum(values) / len(values) for cell, values in squares.items()}
+    middle = sum(distance.values()) / len(distance)
+    far = [cell for cell in squares if distance[cell] > middle]
+    if not far:
+        return 0.0
+    near = median(mean[cell] for cell in squares if distance[cell] <= middle)
+    return max(0.0, median((mean[cell] - near) / distance[cell] for cell in far))
 
 
 def mean_level(

@@ -29,7 +29,7 @@ OTHER_PARAMS = [
     {"look_ahead_s": 1.2, "memory_s": 1.0, "score_threshold": 2.4},
     {"look_ahead_s": 0.0},
     {"cluster_tolerance_m": 0.6, "min_cluster_points": 1, "growth_m": 0.0, "growth_height_m": 0.4},
-    {"min_rise_m": 0.05, "rise_sigmas": 1.0, "min_extent_m": 1.5, "extent_sigmas": 4.0},
+    {"min_rise_m": 0.05, "rise_sigmas": 1.0},
 ]
 
 

@@ -67,12 +67,14 @@ def test_flat_echoes_near_the_water_are_not_kept():
     assert kept(run(log_with(lambda rng, _: in_box(rng, 60, (15, 0, 0.05 - MAST_M), (3, 3, 0.05))))) < 0.02
 
 
-def test_mirrored_echoes_are_no_candidates():
-    """A quay, and its image below the water."""
+@pytest.mark.parametrize("distance_m", [20.0, 90.0])
+def test_mirrored_echoes_are_no_candidates(distance_m):
+    """A quay, and its image below the water, which has no echoes at 90 m."""
 
     def quay(rng, _):
-        bearing, elevation = (axis.ravel() for axis in np.meshgrid(np.arange(-20, 20, 0.5), np.arange(-16, 4, 0.5)))
-        x = np.full(len(bearing), 20.0)
+        across, down = np.arange(-20, 20, 0.5) * 20 / distance_m, np.arange(-16, 4, 0.5) * 20 / distance_m
+        bearing, elevation = (axis.ravel() for axis in np.meshgrid(across, down))
+        x = np.full(len(bearing), distance_m)
         y, z = x * np.tan(np.radians(bearing)), x * np.tan(np.radians(elevation))
         return np.column_stack((x, y, z, rng.uniform(20, 60, len(x))))
 

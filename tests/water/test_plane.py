@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.water.plane import Plane, PolarCells, WaterEchoes, fit_plane, level_variance
+from seaclutter_cli.water.plane import MIN_SUPPORT, Plane, PolarCells, WaterEchoes, fit_plane, level_variance
 
 
 def spread(rng, size, level_m, noise_m=0.05, slope=(0.0, 0.0)):
@@ -56,6 +56,29 @@ def test_few_flat_echoes_near_the_lidar_win_over_mirrored_ones_below_quays():
     plane, _ = fit_plane(PolarCells.of(np.hstack((near, mirrored)), quays), None)
     assert plane.level_m == pytest.approx(-1.2, abs=0.2)
     assert abs(plane.slope_x) + abs(plane.slope_y) < 0.05
+
+
+def test_a_plane_that_only_some_far_cells_support_is_tilted_as_they_are():
+    """A lidar 6 m up sees the water in eight cells from 30 m on, which are hardly trusted."""
+    bearing, distance = (axis.ravel() for axis in np.meshgrid(np.radians(np.arange(8) * 45 + 5), (30.5, 30.6, 30.7)))
+    x, y = distance * np.cos(bearing), distance * np.sin(bearing)
+    cells = PolarCells.of(np.stack((x, y, -6 + 0.04 * x - 0.02 * y)))
+    assert cells.trust.sum() < MIN_SUPPORT
+    plane, _ = fit_plane(cells, None)
+    assert (plane.level_m, plane.slope_x, plane.slope_y) == pytest.approx((-6, 0.04, -0.02), abs=0.01)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.01, 0.02])
+@pytest.mark.parametrize("boats", [0.0, 0.15])
+def test_heights_that_spread_with_the_distance_show_the_tilt_of_the_plane(tilt, boats):
+    rng = np.random.default_rng(8)
+    points = spread(rng, 6000, 0.0)
+    distance = np.hypot(*points[:2])
+    cells = PolarCells.of(points[:, distance > 5])
+    height = points[2] + tilt * distance * rng.standard_normal(len(distance))
+    boat = cells.cell < boats * cells.cell.max()
+    echoes = WaterEchoes(np.where(boat, 2.0, height[distance > 5]), cells.cell, np.ones(len(boat)))
+    assert np.sqrt(echoes.tilt_variance()) == pytest.approx(tilt, rel=0.15, abs=0.001)
 
 
 def test_cells_are_trusted_by_flat_echoes_and_nearness():

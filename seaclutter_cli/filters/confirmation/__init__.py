@@ -42,10 +42,6 @@ class ConfirmedParams(RingIntensityParams):
     rise_sigmas: NotNegative = key(
         4.0, "Height above the water at which points stand out, in standard deviations of the water."
     )
-    min_extent_m: Positive = key(0.45, "Minimum vertical extent of an object that stands upright, in metres.")
-    extent_sigmas: NotNegative = key(
-        2.0, "Vertical extent of an object that stands upright, in standard deviations of the water."
-    )
     cluster_tolerance_m: Positive = key(1.5, "Distance below which points belong to one object, in metres.")
     min_cluster_points: Count = key(3, "Minimum number of points of an object.")
     score_threshold: Annotated[float, Interval(ge=-4, le=6)] = key(

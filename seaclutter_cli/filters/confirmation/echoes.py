@@ -17,8 +17,6 @@ from seaclutter_cli.water.surface import BEYOND, mirrored_below_m
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_RISE_PER_M = 0.006
-_RISE_FROM_M = 30.0
 _GROWTH_SIGMAS = 1.5
 _UNSEEN_M = 100.0
 _VOLUME = 2.5
@@ -110,11 +108,6 @@ class Heights:
     water: WaterSurface | None
 
     @property
-    def sigma_m(self) -> float:
-        """Standard deviation of the water; 0 without water."""
-        return 0.0 if self.water is None else self.water.sigma_m
-
-    @property
     def apart(self) -> Mask | None:
         """Whether points are in no face and beside none, as wash behind a hull is, shape (M,); None without water."""
         return None if self.water is None else ~self.water.beside(self.upright)
@@ -143,9 +136,8 @@ class Sea:
         else:
             height, deviation, shown = water.above(x, y, z, water.cells)
         level, sigma = z - height, 0.0 if water is None else water.sigma_m
-        beyond = _RISE_PER_M * np.maximum(echoes.range_m - _RISE_FROM_M, 0)
         bright, brightness = _brightness(echoes, threshold)
-        rise = np.maximum(self._params.min_rise_m, self._params.rise_sigmas * deviation) + beyond
+        rise = np.maximum(self._params.min_rise_m, self._params.rise_sigmas * deviation)
         linked, loose = faces.neighbors(height > rise)
         solid = ~_in_volume(linked, loose, water)
         upright = faces.stands(level, sigma) & (height >= -mirrored_below_m(deviation)) & solid
@@ -155,7 +147,7 @@ class Sea:
         unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
         seen = self._background.share(echoes.xyz, beside_water & ~upright, time_s)
         alone = np.maximum(unseen, 1 - seen / _COMMON)
-        mirrored = np.zeros_like(bodies) if water is None else water.mirrored(height, deviation, bodies)
+        mirrored = np.zeros_like(bodies) if water is None else water.mirrored(x, y, height, deviation, bodies)
         grows = (height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)) | upright
         grows |= (alone > ALONE) & solid & ~mirrored
         return Heights(

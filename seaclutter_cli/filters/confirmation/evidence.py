@@ -12,12 +12,9 @@ Floats = NDArray[np.float64]
 
 FEATURES = (
     "height_m",
-    "echoes",
+    "extent_m",
     "density",
     "echoes_beside",
-    "surface",
-    "lowest",
-    "face",
     "face_share",
     "beams",
     "slenderness",
@@ -27,14 +24,13 @@ FEATURES = (
 )
 """Names of the features, in the order of `features_of`; logarithms are to base 2.
 
-Height of the top in metres; logarithm of the number of echoes, of that times the square of the range in tens of metres,
-and of the neighbours of each that stand out; the share of these that lie on one surface with it; height of the 10th
-percentile in heights at which points stand out; the upright face in extents of upright objects, at most two, and in
-heights of the top; logarithm of the number of beams that its height spans, and of its width across the line of sight by
-its height; where the water has no echoes, logarithm of the number of echoes beside each other in one beam. With
+Height of the top in metres; metres from the 10th percentile of the heights to the highest; logarithm of the number of
+echoes times the square of the range in tens of metres, and of the neighbours of each that stand out; the upright face
+in heights of the top; logarithm of the number of beams that its height spans, and of its width across the line of sight
+by its height; where the water has no echoes, logarithm of the number of echoes beside each other in one beam. With
 intensities: the share of echoes that reach their thresholds, and the logarithm of the intensity in thresholds.
 """
-OF_SHAPE = 11
+OF_SHAPE = 8
 """Number of the features that need no intensities; without any, these have curves of their own."""
 LEAST, MOST = -3.0, 3.0
 

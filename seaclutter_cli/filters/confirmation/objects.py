@@ -18,7 +18,7 @@ Indices = NDArray[np.intp]
 _CELL_M = 0.5
 _BEAMS_IN_REACH = 2.0
 _MAX_CELL = 1 << 19
-_DENSITY_AT_M, _MOST_EXTENTS = 10.0, 2.0
+_DENSITY_AT_M = 10.0
 _LEAST_M, _LEAST_SPACING_M, _FEW, _LEAST_BRIGHTNESS = 0.05, 0.01, 0.01, 0.1
 _APART_M = 1e4
 
@@ -151,30 +151,26 @@ def find_objects(
     clusters = Clusters.among(echoes, candidates, beams, params, heights.apart)
     if not len(clusters):
         return []
-    evidence = log_odds(features_of(echoes, clusters, heights, beams, params))
+    evidence = log_odds(features_of(echoes, clusters, heights, beams))
     evidence[fills_volume(clusters.sum(heights.linked), clusters.sum(heights.loose))] = LEAST
     return clusters.objects(echoes, heights, evidence, near=near)
 
 
-def features_of(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams, params: ConfirmedParams) -> Floats:
+def features_of(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams) -> Floats:
     """Return the features of each cluster, shape (F, K), in the order of `FEATURES`; the last only with intensities."""
     count = clusters.count
     (top,) = clusters.ranked(heights.height_m, count - np.clip(count // 4, 1, 3))
     (face,) = clusters.ranked(heights.face_m, count - 1 - count // 4)
     (lowest,) = clusters.ranked(heights.height_m, count // 10)
-    linked, loose = clusters.sum(heights.linked), clusters.sum(heights.loose)
-    range_m, beside = clusters.mean(echoes.range_m), linked + loose
+    range_m, beside = clusters.mean(echoes.range_m), clusters.sum(heights.linked + heights.loose)
     extent = clusters.greatest(heights.height_m) - lowest
     spacing = np.maximum(sum(_beside(echoes, clusters, beams)) / 2, _LEAST_SPACING_M)
     width = _width_m(echoes, clusters)
     shape = (
         top,
-        np.log2(count),
+        extent,
         np.log2(count * (range_m / _DENSITY_AT_M) ** 2),
         np.log2(np.maximum(beside, _FEW) / count),
-        linked / np.maximum(beside, 1),
-        lowest / clusters.mean(heights.rise_m),
-        np.minimum(face / np.maximum(params.min_extent_m, params.extent_sigmas * heights.sigma_m), _MOST_EXTENTS),
         face / np.maximum(top, _LEAST_M),
         np.log2(np.maximum(extent / spacing, 0) + 1),
         np.log2((width + _LEAST_M) / np.maximum(extent, _LEAST_M)),
