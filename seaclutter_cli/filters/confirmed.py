@@ -14,10 +14,10 @@ from seaclutter_cli.filters.confirmation.echoes import ALONE, Echoes, Heights, S
 from seaclutter_cli.filters.confirmation.evidence import LEAST
 from seaclutter_cli.filters.confirmation.objects import DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
-from seaclutter_cli.filters.neighbors import nearest, within
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
 from seaclutter_cli.interfaces import Filter
+from seaclutter_cli.neighbors import nearest, within
 from seaclutter_cli.structure.search import MIN_FRAMES
 from seaclutter_cli.water.beams import Sight
 

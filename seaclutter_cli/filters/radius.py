@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.filters.base import ROUNDING, WholeFrameFilter, valid_points
-from seaclutter_cli.filters.neighbors import nth_neighbor_distances
 from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.neighbors import nth_neighbor_distances
 from seaclutter_cli.params import Count, NotNegative, Positive, key
 from seaclutter_cli.scenes import SceneParams, make_scene_tracker
 

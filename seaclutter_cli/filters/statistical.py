@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.base import ROUNDING, WholeFrameFilter, valid_points
-from seaclutter_cli.filters.neighbors import mean_neighbor_distance
 from seaclutter_cli.frame import Frame
+from seaclutter_cli.neighbors import mean_neighbor_distance
 from seaclutter_cli.params import Count, NotNegative, Positive, key
 
 Floats = NDArray[np.float64]

@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.filters.neighbors import nearest
+from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.tracking.detections import Detections
 
 Floats = NDArray[np.float64]

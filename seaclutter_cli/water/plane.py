@@ -244,12 +244,15 @@ class WaterEchoes:
         Far from it, heights spread more than near by that times the square of the distance: a median over the far half
         of the cells, since few of them hold boats.
         """
-        cell, number, count = np.unique(self.cell, return_inverse=True, return_counts=True)
+        count = np.bincount(self.cell)
+        cell = np.flatnonzero(count)
+        if len(cell) < _MIN_CELLS:
+            return 0.0
+        square = np.bincount(self.cell, weights=self.height_m**2)[cell] / count[cell]
         distance = np.square(NEAREST_M + (cell % _RINGS + 0.5) * _STEP_M)
-        far = distance > distance.mean() if len(cell) >= _MIN_CELLS else np.zeros(0, np.bool_)
+        far = distance > distance.mean()
         if not far.any():
             return 0.0
-        square = np.bincount(number, weights=self.height_m**2) / count
         return max(0.0, float(np.median((square[far] - np.median(square[~far])) / distance[far])))
 
     def mean_level(self, band_m: float) -> tuple[float, float]:

@@ -138,7 +138,7 @@ class WaterSurface:
         Notes
         -----
         Where many echoes support the swell, half of the deviation remains as waves too short for the grid. Where there
-        are none, the plane is all that is known, and the deviation is that of the water and of the plane's slope.
+        are none, only the plane is known, and the deviation includes the error of its slope.
         """
         swell, echoes = self.swell.at(GridCells.of(x, y) if cells is None else cells)
         unknown = _SHRINKAGE / (echoes + _SHRINKAGE)
@@ -155,15 +155,11 @@ class WaterSurface:
         rises above it. Beyond the grid, cells are four times as large.
         """
         below = height < -mirrored_below_m(deviation)
-        beside = self.beside(bodies)
+        beside = self.cells.beside(bodies)
         far = self.cells.number == BEYOND
         if (below & far).any():
             beside[far] = GridCells.of(x[far] / _COARSE, y[far] / _COARSE).beside(bodies[far])
         return np.asarray(below & beside)
-
-    def beside(self, bodies: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return which of N echoes are in the cells of others, ``bodies``, or next to them, shape (N,)."""
-        return self.cells.beside(bodies)
 
     def height(self, x: Floats, y: Floats) -> Floats:
         """Return z of the water at given positions, in metres."""

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from seaclutter_cli import neighbors
 from seaclutter_cli.cloud import from_array
-from seaclutter_cli.filters import FILTERS, neighbors
+from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.radius import Preset
 from seaclutter_cli.reading import frames
 from seaclutter_cli.selection import Selection

@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from seaclutter_cli import neighbors as neighbor_search
 from seaclutter_cli.filters import FILTERS
-from seaclutter_cli.filters import neighbors as neighbor_search
 from seaclutter_cli.frame import Reason
 from tests.filters.frames import make_frame, on_axis, row_and_points
 from tests.filters.reference_points import outliers_of, points_of

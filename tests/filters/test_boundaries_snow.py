@@ -7,9 +7,9 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from seaclutter_cli import neighbors as neighbor_search
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.filters import FILTERS
-from seaclutter_cli.filters import neighbors as neighbor_search
 from tests.filters.frames import make_frame, on_axis
 from tests.filters.steps import INVALID, KEPT, LOW, OUTLIER, above, below, reasons
 

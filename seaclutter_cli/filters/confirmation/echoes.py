@@ -110,7 +110,7 @@ class Heights:
     @property
     def apart(self) -> Mask | None:
         """Whether points are in no face and beside none, as wash behind a hull is, shape (M,); None without water."""
-        return None if self.water is None else ~self.water.beside(self.upright)
+        return None if self.water is None else ~self.water.cells.beside(self.upright)
 
 
 class Sea:

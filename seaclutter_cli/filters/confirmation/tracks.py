@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.evidence import LEAST
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
-from seaclutter_cli.filters.neighbors import nearest
+from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.water.beams import Sight
 
 Floats = NDArray[np.float64]

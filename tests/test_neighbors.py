@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seaclutter_cli.filters.neighbors import nearest, nth_neighbor_distances, within
+from seaclutter_cli.neighbors import nearest, nth_neighbor_distances, within
 
 
 def distances(points, query):
