@@ -68,12 +68,12 @@ class Confirmed(Filter):
        is the logarithm of the odds that an object is a target: the sum of one curve for each of ten features
        (`FEATURES`), learned from logs of two simulators; without intensities, of eight.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
-       most tracks have in common. The score of a track is its mean evidence within ``look_ahead_s``
-       of the frame, plus what it collected before, as in the track score of Sittler [1]_: independent looks add up, one
-       in the time in which the water becomes independent of what it was, about a second. Evidence is forgotten over
-       ``memory_s``. Frames before an object appeared have the least evidence, except with ``causal``. An object is
-       missed only where a beam would have met it, and given up when its evidence is used up. What has the least
-       evidence in a frame is not kept in it.
+       most tracks have in common. The score of a track is the evidence that it collected before, that within
+       ``look_ahead_s`` after the frame, and a third of the mean of the frame and the two beside it, less 0.35. As in
+       the track score of Sittler [1]_, independent looks add up, one in the time in which the water becomes independent
+       of what it was, about a second. Evidence is forgotten over ``memory_s``. The frame before an object appeared has
+       the least evidence, except with ``causal``. An object is missed only where a beam would have met it, and given up
+       when its evidence is used up. What has the least evidence in a frame is not kept in it.
     6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
        and all where the water has no echoes.
 

@@ -378,8 +378,8 @@ def shape_of(echoes: Sequence[Echo], lidar: Beams) -> dict[str, float]:
         "density": math.log2(count * (mean([echo.range_m for echo in echoes]) / 10) ** 2),
         "echoes_beside": math.log2(max(beside, 0.01) / count),
         "face_share": face / max(top, 0.05),
-        "beams": math.log2(max(extent / spacing, 0.0) + 1),
-        "slenderness": math.log2((max(across) - min(across) + 0.05) / max(extent, 0.05)),
+        "beams": math.log2(max(extent / spacing, 1.0)),
+        "slenderness": math.log2((max(across) - min(across) + 0.05) / max(extent + spacing, 0.05)),
         "row": mean([echo.alone for echo in echoes]) * math.log2(mean([echo.run for echo in echoes])),
     }
 

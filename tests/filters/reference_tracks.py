@@ -20,9 +20,8 @@ class Entry:
     step_s: float
     memory: float
 
-    def is_around(self, time_s: float, span_s: float) -> bool:
-        reach = max(span_s + SLACK_S, tracks._NEIGHBOR_STEPS * self.step_s)
-        return abs(self.time_s - time_s) <= reach
+    def is_beside(self, time_s: float) -> bool:
+        return abs(self.time_s - time_s) <= tracks._NEIGHBOR_STEPS * self.step_s
 
 
 def missed(echoes: int) -> float:
@@ -86,17 +85,24 @@ class Track:
         step = tracks._FIRST_STEP_S
         if self.history:
             step = min(time_s - self.history[-1].time_s, tracks._MAX_STEP_S)
-        low, high = tracks._LEAST_MEMORY, tracks._MOST_MEMORY
-        memory = self.memory * math.exp(-step / memory_s) + evidence * step / tracks._DECORRELATION_S
-        self.history.append(Entry(time_s, evidence, max(step, 1e-3), min(max(memory, low), high)))
+        memory = remembered(self.memory, evidence, step, memory_s)
+        self.history.append(Entry(time_s, evidence, max(step, 1e-3), memory))
 
-    def score(self, time_s: float, span_s: float) -> float:
-        around = [one for one in self.history if one.is_around(time_s, span_s)]
-        before = [one for one in self.history if one.time_s < time_s and not one.is_around(time_s, span_s)]
-        usual_s = sum(one.step_s for one in around) / len(around)
-        looks = [(one.evidence, one.step_s) for one in around] + [(tracks._DOUBT, usual_s)]
-        average = sum(said * step_s for said, step_s in looks) / sum(step_s for _, step_s in looks)
-        return average + (before[-1].memory if before else 0.0)
+    def score(self, time_s: float, params: Any) -> float:
+        around = [one.evidence for one in self.history if one.is_beside(time_s)]
+        before = [one.memory for one in self.history if one.time_s < time_s and not one.is_beside(time_s)]
+        until_s = time_s + params.look_ahead_s + SLACK_S
+        after = 0.0
+        for one in sorted(self.history, key=lambda one: -one.time_s):
+            if time_s < one.time_s <= until_s and not one.is_beside(time_s):
+                after = remembered(after, one.evidence, one.step_s, params.memory_s)
+        average = sum(around) / len(around)
+        return (before[-1] if before else 0.0) + tracks._LOOK * (average + tracks._DOUBT) + after
+
+
+def remembered(memory: float, evidence: float, step_s: float, memory_s: float) -> float:
+    total = memory * math.exp(-step_s / memory_s) + evidence * step_s / tracks._DECORRELATION_S
+    return min(max(total, 0.0), tracks._MOST_MEMORY)
 
 
 class Tracks:

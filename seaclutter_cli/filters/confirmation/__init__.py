@@ -30,8 +30,8 @@ class ConfirmedParams(RingIntensityParams):
     )
     look_ahead_s: Annotated[float, Interval(ge=0, le=5)] = key(
         0.5,
-        "Time before and after a frame from which its objects are confirmed, in seconds; less time after it where "
-        "more than 1.5 million points would wait.",
+        "Time after a frame whose evidence counts for its objects, in seconds; less where more than 1.5 million points "
+        "would wait.",
     )
     causal: bool = key(
         False,

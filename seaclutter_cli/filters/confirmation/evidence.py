@@ -26,9 +26,10 @@ FEATURES = (
 
 Height of the top in metres; metres from the 10th percentile of the heights to the highest; logarithm of the number of
 echoes times the square of the range in tens of metres, and of the neighbours of each that stand out; the upright face
-in heights of the top; logarithm of the number of beams that its height spans, and of its width across the line of sight
-by its height; where the water has no echoes, logarithm of the number of echoes beside each other in one beam. With
-intensities: the share of echoes that reach their thresholds, and the logarithm of the intensity in thresholds.
+in heights of the top; logarithm of the number of beams that the extent spans, at least one, and of the width across the
+line of sight by the extent and the distance to the next beam; where the water has no echoes, logarithm of the number of
+echoes beside each other in one beam. With intensities: the share of echoes that reach their thresholds, and the
+logarithm of the intensity in thresholds.
 """
 OF_SHAPE = 8
 """Number of the features that need no intensities; without any, these have curves of their own."""

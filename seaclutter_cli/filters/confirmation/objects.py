@@ -172,8 +172,8 @@ def features_of(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Bea
         np.log2(count * (range_m / _DENSITY_AT_M) ** 2),
         np.log2(np.maximum(beside, _FEW) / count),
         face / np.maximum(top, _LEAST_M),
-        np.log2(np.maximum(extent / spacing, 0) + 1),
-        np.log2((width + _LEAST_M) / np.maximum(extent, _LEAST_M)),
+        np.log2(np.maximum(extent / spacing, 1)),
+        np.log2((width + _LEAST_M) / np.maximum(extent + spacing, _LEAST_M)),
         clusters.mean(heights.alone) * np.log2(clusters.mean(heights.run)),
     )
     if echoes.intensity is None:

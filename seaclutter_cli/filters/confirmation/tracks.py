@@ -18,8 +18,8 @@ from seaclutter_cli.water.beams import Sight
 Floats = NDArray[np.float64]
 
 _DECORRELATION_S = 1.0
-_LEAST_MEMORY, _MOST_MEMORY = 0.0, 3.0
-_DOUBT = -2.2
+_MOST_MEMORY = 3.0
+_LOOK, _DOUBT = 0.35, -1.0
 _MISSED_ECHOES, _MISSED_POWER = 2.3, 1.65
 _MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
 _KNOWN_AFTER_S = 0.5
@@ -202,9 +202,8 @@ class Tracker:
         the most cells and evidence does, and the others start tracks of their own. A track is neither found nor missed
         if most of its cells lie in an object of another track, such as a boat alongside another, or between the beams.
 
-        An object that continues no track has the least evidence in the frames before, as far as ``look_ahead_s`` back,
-        so that spray, which stays for less than that, is not confirmed. With ``causal``, these
-        frames do not count: upright objects are kept at once.
+        An object that continues no track has the least evidence in the frames before, so that spray that flashes up in
+        one frame is not confirmed. With ``causal``, these frames do not count: upright objects are kept at once.
         """
         objects, votes, covered = found.objects, found.votes, found.covered
         interval = self._interval_s(time_s)
@@ -229,21 +228,22 @@ class Tracker:
         return result
 
     def score(self, track: Track, time_s: float) -> float:
-        """Return the score of a track at a time: the mean evidence around it, and the memory of what was before.
+        """Return the score of a track at a time: its evidence before and after, and some of that around the time.
 
-        Around it are at least the frame before and the frame after, even if they are a little more than the look-ahead
-        apart, and one look that misses it: the fewer frames, the less they prove.
+        Around it are the frame, the one before and the one after, even if that is more than the look-ahead away.
         """
-        span = self._params.look_ahead_s + _SLACK_S
-        around, before = [], 0.0
+        around, before, after = [], 0.0, 0.0
         for item in track.history:
-            if abs(item.time_s - time_s) <= max(span, _NEIGHBOR_STEPS * item.step_s):
-                around.append(item)
+            if abs(item.time_s - time_s) <= _NEIGHBOR_STEPS * item.step_s:
+                around.append(item.evidence)
             elif item.time_s < time_s:
                 before = item.memory
-        total, span_s = sum(item.evidence * item.step_s for item in around), sum(item.step_s for item in around)
-        one_s = span_s / len(around)
-        return (total + _DOUBT * one_s) / (span_s + one_s) + before
+        for item in reversed(track.history):
+            if item.time_s - time_s <= _NEIGHBOR_STEPS * item.step_s:
+                break
+            if item.time_s - time_s <= self._params.look_ahead_s + _SLACK_S:
+                after = self._remembered(after, item.evidence, item.step_s)
+        return before + _LOOK * (sum(around) / len(around) + _DOUBT) + after
 
     def _interval_s(self, time_s: float) -> float:
         return 0.0 if self._time_s is None else time_s - self._time_s
@@ -286,14 +286,17 @@ class Tracker:
     def _collect(self, track: Track, time_s: float, evidence: float) -> None:
         """Add the evidence of a frame."""
         step = min(time_s - track.history[-1].time_s, _MAX_STEP_S) if track.history else _FIRST_STEP_S
-        gained = evidence * step / _DECORRELATION_S
-        remembered = track.memory * math.exp(-step / self._params.memory_s)
-        track.memory = min(max(remembered + gained, _LEAST_MEMORY), _MOST_MEMORY)
+        track.memory = self._remembered(track.memory, evidence, step)
         track.history.append(Evidence(time_s, evidence, max(step, 1e-3), track.memory))
         reach = max(self._params.look_ahead_s, _NEIGHBOR_STEPS * _MAX_STEP_S)
         oldest = self._since_s - reach - _MAX_STEP_S
         while len(track.history) > 1 and track.history[1].time_s < oldest:
             track.history.popleft()
+
+    def _remembered(self, memory: float, evidence: float, step_s: float) -> float:
+        """Return the memory after a step with some evidence."""
+        remembered = memory * math.exp(-step_s / self._params.memory_s)
+        return min(max(remembered + evidence * step_s / _DECORRELATION_S, 0.0), _MOST_MEMORY)
 
 
 def _in_sight(tracks: Sequence[Track], sight: Sight, time_s: float) -> list[Track]:
