@@ -71,8 +71,8 @@ class Confirmed(Filter):
        most tracks have in common. The score of a track is the evidence that it collected before, that within
        ``look_ahead_s`` after the frame, and a third of the mean of the frame and the two beside it, less 0.35. As in
        the track score of Sittler [1]_, independent looks add up, one in the time in which the water becomes independent
-       of what it was, about a second. Evidence is forgotten over ``memory_s``. The frame before an object appeared has
-       the least evidence, except with ``causal``. An object is missed only where a beam would have met it, and given up
+       of what it was, about a second. Evidence is forgotten over ``memory_s``. What appears must stay for
+       ``look_ahead_s``, except with ``causal``. An object is missed only where a beam would have met it, and given up
        when its evidence is used up. What has the least evidence in a frame is not kept in it.
     6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
        and all where the water has no echoes.
@@ -257,7 +257,7 @@ class Confirmed(Filter):
         undecided = np.zeros((2, 2), np.int64)
         for found, track in zip(one.objects, one.tracks, strict=True):
             score = self._tracker.score(track, one.time_s)
-            is_kept = score > self._params.score_threshold and found.evidence > LEAST
+            is_kept = score > self._params.score_threshold and found.evidence > LEAST and track.stays
             if 0 < score <= _SURE:
                 undecided[int(is_kept)] += 1, len(found.points)
             if not is_kept:

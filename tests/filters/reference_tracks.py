@@ -41,6 +41,8 @@ class Track:
     velocity: XY = (0.0, 0.0)
     top: float = 0.0
     echoes: int = 1
+    absent_s: float = 0.0
+    stood_s: float = -math.inf
     outside: bool = False
     from_outside: bool = False
     whole: "Track | None" = None
@@ -49,6 +51,10 @@ class Track:
     @property
     def memory(self) -> float:
         return self.history[-1].memory if self.history else 0.0
+
+    @property
+    def stays(self) -> bool:
+        return self.stood_s - self.born_s + SLACK_S >= self.absent_s
 
     @property
     def is_new(self) -> bool:
@@ -174,6 +180,8 @@ class Tracks:
         ]
         for track, thing in zip(result, things, strict=True):
             track.collect(thing.evidence, time_s, self.params.memory_s)
+            if thing.evidence > evidence.LEAST:
+                track.stood_s = time_s
         recognise(things, result, votes)
         lost = [(track, hidden) for track, hidden in zip(self.tracks, covered, strict=True) if track not in result]
         for track, hidden in lost:
@@ -186,11 +194,10 @@ class Tracks:
         return result
 
     def appeared(self, thing: Thing, time_s: float) -> Track:
-        """Return the track of an object without evidence until now."""
+        """Return the track of an object that was not there until now."""
         track = begun(thing, time_s)
-        for earlier_s in [] if self.params.causal else self.times:
-            if time_s - self.params.look_ahead_s - SLACK_S <= earlier_s < time_s:
-                track.collect(evidence.LEAST, earlier_s, self.params.memory_s)
+        if self.times and not self.params.causal:
+            track.absent_s = min(time_s - self.times[0], self.params.look_ahead_s)
         return track
 
     def inherit(

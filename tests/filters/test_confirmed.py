@@ -99,8 +99,8 @@ class TestInterruptions:
         kept = shares(run(sea_log(1, [boat], times(55), drops=0), causal=causal), boat)
         assert kept == [1.0] * (20 + 55 - round(10 * returns_s))
 
-    @pytest.mark.parametrize(("lasts_s", "kept"), [(0.15, 0.0), (0.8, 1.0)])
-    def test_spray_stays_for_less_than_an_object(self, lasts_s, kept):
+    @pytest.mark.parametrize(("lasts_s", "kept"), [(0.45, 0.0), (0.8, 1.0)])
+    def test_spray_for_less_than_the_look_ahead(self, lasts_s, kept):
         spray = replace(BOAT, seen=(1.0, 1.0 + lasts_s))
         assert set(shares(run(sea_log(1, [spray], times(30), drops=0)), spray)) == {kept}
 

@@ -57,7 +57,9 @@ class Track:
     its top ``top_m`` above the water, and it had so many ``echoes``. ``velocity``, shape (2,), is relative to the
     lidar, so own ship's motion is part of it. It was ever seen, and confirmed, beyond ``start_m`` if ``seen_outside``
     and ``from_outside``; in the latter case, it is not own ship when it comes nearer, nor is what is ``part_of`` it.
-    ``memory`` is its evidence, and ``history`` that of the frames that decisions still need.
+    It was ``absent_s`` before it appeared, at most the look-ahead; 0 if that does not count. It last had more than the
+    least evidence at ``stood_s``. ``memory`` is its evidence, and ``history`` that of the frames that decisions still
+    need.
     """
 
     cells: Floats
@@ -67,6 +69,8 @@ class Track:
     velocity: Floats = field(default_factory=lambda: np.zeros(2))
     top_m: float = 0.0
     echoes: int = 1
+    absent_s: float = 0.0
+    stood_s: float = -math.inf
     seen_outside: bool = False
     from_outside: bool = False
     part_of: "Track | None" = None
@@ -85,6 +89,11 @@ class Track:
         In simulated logs that is a half with 3, 15 % with 8 and 5 % with 14.
         """
         return max(-_MISSED_POWER * math.log(max(self.echoes / _MISSED_ECHOES, 1)), LEAST)
+
+    @property
+    def stays(self) -> bool:
+        """Whether it stood for as long as it was absent before: spray is soon gone."""
+        return self.stood_s - self.born_s >= self.absent_s - _SLACK_S
 
     def coasts(self, time_s: float, interval_s: float) -> bool:
         """Return whether it may be seen again; ``interval_s`` as for `gate_m`.
@@ -141,7 +150,7 @@ class Tracker:
         self._tracks: list[Track] = []
         self._since_s = -np.inf
         self._time_s: float | None = None
-        self._recent_s: list[float] = []
+        self._start_s: float | None = None
         self._yaw_rate = 0.0
 
     def approached(self, start_m: float, time_s: float) -> bool:
@@ -202,14 +211,14 @@ class Tracker:
         the most cells and evidence does, and the others start tracks of their own. A track is neither found nor missed
         if most of its cells lie in an object of another track, such as a boat alongside another, or between the beams.
 
-        An object that continues no track has the least evidence in the frames before, so that spray that flashes up in
-        one frame is not confirmed. With ``causal``, these frames do not count: upright objects are kept at once.
+        An object that continues no track must stay for as long as it was absent before, at most ``look_ahead_s``. With
+        ``causal``, it need not: upright objects are kept at once.
         """
         objects, votes, covered = found.objects, found.votes, found.covered
         interval = self._interval_s(time_s)
         self._since_s, self._time_s = since_s, time_s
-        oldest_s = time_s - self._params.look_ahead_s - _SLACK_S
-        self._recent_s = [earlier_s for earlier_s in self._recent_s if oldest_s <= earlier_s < time_s]
+        if self._start_s is None:
+            self._start_s = time_s
         tracks: list[Track | None] = [None] * len(objects)
         known = np.array([1 + max(track.memory, 0.0) for track in self._tracks])
         for t, candidates in _by_track(votes, known).items():
@@ -217,6 +226,9 @@ class Tracker:
             for k in sorted(candidates, key=lambda k: k != first):
                 tracks[k] = self._continued(self._tracks[t], objects[k], time_s, is_first=k == first)
         result = [track or self._begun(one, time_s) for track, one in zip(tracks, objects, strict=True)]
+        for track, one in zip(result, objects, strict=True):
+            if one.evidence > LEAST:
+                track.stood_s = time_s
         self._recognise(objects, result, votes)
         seen = {id(track) for track in result}
         missing = [one for one, hidden in zip(self._tracks, covered, strict=True) if id(one) not in seen and not hidden]
@@ -224,7 +236,6 @@ class Tracker:
             self._collect(track, time_s, track.missed)
         unseen = [one for one in self._tracks if id(one) not in seen and one.coasts(time_s, interval)]
         self._tracks = unseen + result
-        self._recent_s.append(time_s)
         return result
 
     def score(self, track: Track, time_s: float) -> float:
@@ -262,9 +273,8 @@ class Tracker:
             track.velocity = parent.velocity
             track.seen_outside |= parent.seen_outside
             track.from_outside, track.part_of = parent.from_outside, parent.part_of or parent
-        elif not self._params.causal:
-            for earlier_s in self._recent_s:
-                self._collect(track, earlier_s, LEAST)
+        elif not self._params.causal and self._start_s is not None:
+            track.absent_s = min(time_s - self._start_s, self._params.look_ahead_s)
         self._collect(track, time_s, found.evidence)
         return track
 
