@@ -34,6 +34,6 @@ from seaclutter_cli.sensors.packets import Packets as Packets
 from seaclutter_cli.sensors.packets import point_dtype as point_dtype
 from seaclutter_cli.sensors.packets import view_packets as view_packets
 from seaclutter_cli.sinks.formats import OutputFormat as OutputFormat
-from seaclutter_cli.sources.shared.cloud_source import CloudSource as CloudSource
+from seaclutter_cli.sources.shared import CloudSource as CloudSource
 from seaclutter_cli.truth import Boxes as Boxes
 from seaclutter_cli.truth import Truth as Truth

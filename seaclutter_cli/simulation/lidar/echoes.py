@@ -11,22 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Floats, Ints
+from seaclutter_cli.sensors.packets import point_dtype
 from seaclutter_cli.simulation.lidar.models import Lidar, NoiseParams
 from seaclutter_cli.truth import CLUTTER
 
 _SURFACE_M = 0.1
 
-POINT = np.dtype(
-    [
-        ("x", "<f4"),
-        ("y", "<f4"),
-        ("z", "<f4"),
-        ("intensity", "<f4"),
-        ("ring", "<u2"),
-        ("timestamp", "<f8"),
-        ("label", "<u2"),
-    ]
-)
+POINT = np.dtype([*point_dtype().descr, ("label", "<u2")])
 """A simulated point: the fields of RoboSense's driver and the truth, as in `seaclutter_cli.truth`."""
 
 
@@ -50,20 +41,9 @@ class Shots:
         """Largest distance of an origin from the first one, in metres."""
         return float(np.linalg.norm(self.origins - self.origins[0], axis=1).max())
 
-    @cached_property
-    def _by_azimuth(self) -> tuple[Floats, Ints]:
-        order = np.argsort(self.azimuths, kind="stable")
-        return self.azimuths[order], order
-
     def between(self, first: float, last: float) -> Ints:
         """Return the shots from one azimuth counter-clockwise to another, both in radians, in firing order."""
-        if last - first >= 2 * np.pi:
-            return np.arange(len(self))
-        azimuths, order = self._by_azimuth
-        first, last = (first + np.pi) % (2 * np.pi) - np.pi, (last + np.pi) % (2 * np.pi) - np.pi
-        start, end = np.searchsorted(azimuths, first), np.searchsorted(azimuths, last, side="right")
-        chosen = order[start:end] if first <= last else np.concatenate((order[start:], order[:end]))
-        return np.sort(chosen)
+        return np.flatnonzero((self.azimuths - first) % (2 * np.pi) <= last - first)
 
 
 @dataclass

@@ -8,7 +8,7 @@ import numpy as np
 from seaclutter_cli.arrays import Floats, Ints
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.lidar.models import Lidar
-from seaclutter_cli.simulation.marine.motion import Pose, Ride, Tracks, rotations
+from seaclutter_cli.simulation.marine.motion import Pose, Ride, rotations
 from seaclutter_cli.simulation.marine.scene import SceneObjectParams
 from seaclutter_cli.simulation.marine.shapes import SHAPES, Mesh, intersect_box, intersect_triangles
 from seaclutter_cli.simulation.marine.terrain import Moment
@@ -34,7 +34,7 @@ class Bodies:
     def __init__(self, objects: Sequence[SceneObjectParams]) -> None:
         self.objects = objects
         self.meshes = [SHAPES[item.shape].scaled(*(float(size) for size in item.size_m)) for item in objects]
-        self._tracks = Tracks([item.track for item in objects])
+        self._tracks = [item.track for item in objects]
         # Bodies longer than a wave follow it less.
         self._follow = np.array(
             [item.wave_response * min(1.0, _FOLLOW_LENGTH_M / float(item.size_m[0])) for item in objects]
@@ -45,7 +45,8 @@ class Bodies:
         times_s = np.full(len(self.objects), start_s)
         for _ in range(2):
             positions, rotation = ride.at(times_s)
-            x, y, heading = self._tracks.at(times_s)
+            places = [track.at(times_s[k : k + 1]) for k, track in enumerate(self._tracks)]
+            x, y, heading = np.concatenate(places, axis=1) if places else np.empty((3, 0))
             offset = np.stack((x, y, np.zeros_like(x)), axis=1) - positions
             in_lidar = np.einsum("oi,oij->oj", offset, rotation)
             times_s = start_s + lidar.firing_times_s(np.arctan2(in_lidar[:, 1], in_lidar[:, 0]))

@@ -1,6 +1,6 @@
 """Motion of vessels, along a path and with the waves, and of the lidar on its vessel or vehicle."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,9 +20,6 @@ class Leg(NamedTuple):
     y_m: float
     heading_rad: float
     speed_ms: float
-
-
-_NEVER = Leg(np.inf, np.inf, 0.0, 0.0, 0.0, 0.0)
 
 
 class Track:
@@ -53,7 +50,9 @@ class Track:
         """Return x and y in metres and the heading in radians at given times, shape (T,) each."""
         legs = np.array(self.legs)
         which = np.clip(np.searchsorted(legs[:, 0], times_s, side="right") - 1, 0, None)
-        return _along(legs[which], times_s)
+        start, _, x, y, heading, speed = legs[which].T
+        along = speed * (times_s - start)
+        return x + along * np.cos(heading), y + along * np.sin(heading), heading
 
 
 class SmoothTrack(Track):
@@ -66,28 +65,6 @@ class SmoothTrack(Track):
         if not middles:
             return x, y, heading
         return x, y, np.interp(times_s, middles, np.unwrap([leg.heading_rad for leg in self.legs[:-1]]))
-
-
-class Tracks:
-    """Many paths, O of them, each evaluated at its own time."""
-
-    def __init__(self, tracks: Sequence[Track]) -> None:
-        most = max((len(track.legs) for track in tracks), default=1)
-        # Shorter paths are padded with legs that never start.
-        padded = [[*track.legs, *[_NEVER] * (most - len(track.legs))] for track in tracks]
-        self._legs = np.array(padded, np.float64).reshape(-1, most, len(_NEVER))
-
-    def at(self, times_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return x and y in metres and the heading in radians of each path at its time, shape (O,) each."""
-        which = np.clip((self._legs[..., 0] <= times_s[:, None]).sum(axis=1) - 1, 0, None)
-        return _along(self._legs[np.arange(len(which)), which], times_s)
-
-
-def _along(legs: Floats, times_s: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return x, y and heading on a leg each, shape (T, 6), at a time each."""
-    start, _, x, y, heading, speed = legs.T
-    along = speed * (times_s - start)
-    return x + along * np.cos(heading), y + along * np.sin(heading), heading
 
 
 def rotations(yaw: Floats, pitch: Floats, roll: Floats) -> Floats:

@@ -3,7 +3,7 @@ import pytest
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.marine.bodies import add_body_echoes, bearings
-from seaclutter_cli.simulation.marine.motion import Pose, Track, Tracks
+from seaclutter_cli.simulation.marine.motion import Pose
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 
 
@@ -27,23 +27,3 @@ def test_no_shot_that_hits_a_body_is_left_out(shape):
         first, last = bearings(fired, [mesh], [pose])
         add_body_echoes(fired, some, fired.between(float(first[0]), float(last[0])), mesh, pose, (0.5, 1))
         np.testing.assert_allclose(some.range_m, every.range_m, rtol=1e-12)
-
-
-@pytest.mark.parametrize(("first", "last"), [(-0.5, 0.7), (3.0, 3.5), (-3.5, -3.0), (-3.0, 3.0), (0.0, 7.0)])
-def test_shots_between_bearings(first, last):
-    fired = shots()
-    angles = (fired.azimuths - first) % (2 * np.pi)
-    np.testing.assert_array_equal(fired.between(first, last), np.flatnonzero(angles <= last - first))
-
-
-def test_many_tracks_match_single_ones():
-    tracks = [
-        Track(((0.0, 0.0), (10.0, 0.0), (10.0, 20.0)), 2.0, 0.0, 1.0),
-        Track(((3.0, 4.0),), 0.0, 30.0, 0.0),
-        Track(((-5.0, 1.0), (0.0, 9.0)), 1.5, 0.0, -3.0),
-    ]
-    many = Tracks(tracks)
-    for times in ([0.0, 0.0, 0.0], [7.5, 2.0, 40.0], [3.0, 100.0, -9.0]):
-        found = np.array(many.at(np.array(times)))
-        each = [np.concatenate(track.at(np.array([time]))) for track, time in zip(tracks, times, strict=True)]
-        np.testing.assert_allclose(found.T, each, atol=1e-12)
