@@ -8,7 +8,7 @@ import click
 from seaclutter_cli.commands.console import ARGUMENTS
 from seaclutter_cli.commands.groups import CommandGroup
 from seaclutter_cli.commands.options import command
-from seaclutter_cli.runs.options import logs, objects
+from seaclutter_cli.runs.options import logs
 
 _OUTPUTS = ("-o", "--output", "--figures", "--log-file")
 _FLAGS = ("--force", "-q", "--quiet", "-v", "--verbose", "--debug", "--json")
@@ -47,7 +47,7 @@ _LABELS = [
     command(
         "labels propose",
         "runs.label_proposal.propose_labels",
-        objects.ProposeOptions,
+        logs.ProposeOptions,
         """Label the objects in LOGS with boxes, for a person to correct.
 
         The boxes are those of `objects`, with ids, a class guessed from the size (buoy up to 2 m, small craft up to
@@ -60,7 +60,7 @@ _LABELS = [
     command(
         "labels compare",
         "runs.labels.compare_labels",
-        objects.CompareOptions,
+        logs.CompareOptions,
         """Show what differs between labels A and B of the same frames: what a person corrected, how good A was.
 
         Boxes of a frame belong together if they overlap, seen from above. They must be numbered by frames.
@@ -109,7 +109,7 @@ COMMANDS = (
     command(
         "objects",
         "runs.objects.find_objects",
-        objects.ObjectsOptions,
+        logs.ObjectsOptions,
         """Follow the objects in LOGS over time: where they are, how large, and how they move.
 
         LOGS are filtered with the method `confirmed`, unless another one or a configuration is given. Clusters of the
@@ -122,7 +122,7 @@ COMMANDS = (
     command(
         "suspects",
         "runs.suspects.find_suspects",
-        objects.SuspectsOptions,
+        logs.SuspectsOptions,
         """List what a filter removed from LOGS that may have been a target, and what it kept that may be clutter.
 
         No labels are needed. Bodies are clusters that rise out of the water, or lie alone on it; they are followed over

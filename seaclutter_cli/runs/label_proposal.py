@@ -21,7 +21,7 @@ from seaclutter_cli.reading import frames
 from seaclutter_cli.runs.batch import prepared, run_all
 from seaclutter_cli.runs.objects import ObjectsWork, RecordedObjects, objects_config
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options.objects import ProposeOptions
+from seaclutter_cli.runs.options.logs import ProposeOptions
 from seaclutter_cli.runs.outputs import is_folder, may_appear
 from seaclutter_cli.runs.recordings import LABEL_SUFFIX, RecordingsResult, open_recording
 from seaclutter_cli.selection import cloud_channels

@@ -22,8 +22,7 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all, without_labels
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options.logs import LabelCheckOptions
-from seaclutter_cli.runs.options.objects import CompareOptions
+from seaclutter_cli.runs.options.logs import CompareOptions, LabelCheckOptions
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, Result
 from seaclutter_cli.text import UNKNOWN, count, printable, share, table
 from seaclutter_cli.truth import Boxes, Truth

@@ -19,7 +19,7 @@ from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.checks import FitChecks
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options.objects import SuspectsOptions
+from seaclutter_cli.runs.options.logs import SuspectsOptions
 from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, data_of
 from seaclutter_cli.selection import (
