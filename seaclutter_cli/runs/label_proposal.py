@@ -1,10 +1,13 @@
-"""Proposal of labels from the objects of recordings."""
+"""Proposal of labels from the objects of recordings, and their files."""
 
+import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -13,9 +16,9 @@ from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.labels.boxes import Proposal
-from seaclutter_cli.labels.json_boxes import JsonForm
-from seaclutter_cli.labels.proposals import DOUBTFUL, FOLDER_FORMS, LEAST_FRAMES, files_of, proposals, write_proposals
+from seaclutter_cli.labels.boxes import IGNORE, Labelled, Proposal
+from seaclutter_cli.labels.csv import COLUMNS, PROPOSED
+from seaclutter_cli.labels.json_boxes import SEEPERSEA, SUSTECHPOINTS, JsonForm
 from seaclutter_cli.options import function_of
 from seaclutter_cli.reading import frames
 from seaclutter_cli.runs.batch import prepared, run_all
@@ -31,6 +34,11 @@ from seaclutter_cli.sinks.point_files import FRAME_WRITERS
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, printable, table
 
+FOLDER_FORMS: Mapping[str, JsonForm] = {"sustechpoints": SUSTECHPOINTS, "seepersea": SEEPERSEA}
+"""Forms with a folder for each recording; a CSV file is the other one."""
+
+SURE, DOUBTFUL = "sure", "doubtful"
+LEAST_FRAMES = 3
 _NANO = 10**9
 _MOST_SHOWN = 20
 
@@ -77,30 +85,27 @@ def _write(work: "ProposeWork", target: Path, outcome: "ProposedLabels", to: str
     """Write the labels of a recording; of a form with a folder, the clouds too."""
     if to not in FOLDER_FORMS:
         with AtomicFile(target, group) as file:
-            write_proposals(file.stream, outcome.found, outcome.numbers)
+            write_proposals(file.stream, outcome.found, outcome.indices)
         return
     form = FOLDER_FORMS[to]
     folder = AtomicFolder(target, group)
     with folder:
         for name in (form.folder, form.clouds, *(["timestamp"] if form.complete else [])):
             (folder.part / name).mkdir()
-        for name, content in files_of(form, outcome.found, outcome.numbers):
+        for name, content in files_of(form, outcome.found, outcome.indices):
             with folder.open(name) as stream:
                 stream.write(content)
         _write_clouds(work, folder, form)
 
 
 def _write_clouds(work: "ProposeWork", folder: AtomicFolder, form: JsonForm) -> None:
-    source = open_recording(work.recording, work.reading)
-    try:
+    with closing(open_recording(work.recording, work.reading)) as source:
         for frame in frames(source, work.reading.selection):
             with folder.open(f"{form.clouds}/{frame.index:06d}.pcd") as stream:
                 FRAME_WRITERS["pcd"](stream, _viewed(frame))
             if form.complete:
                 with folder.open(f"timestamp/{frame.index:06d}.txt") as stream:
                     stream.write(f"{frame.stamp_ns // _NANO}.{frame.stamp_ns % _NANO:09d}\n".encode())
-    finally:
-        source.close()
 
 
 def _viewed(frame: Frame) -> Cloud:
@@ -116,12 +121,11 @@ def _viewed(frame: Frame) -> Cloud:
 
 @dataclass(kw_only=True)
 class ProposedLabels(RecordedObjects):
-    """Proposed labels of one recording: boxes, doubtful ones first, and the numbers of its frames."""
+    """Proposed labels of one recording: boxes, doubtful ones first."""
 
     data = "recording error damage seconds=rounded_s frames boxes doubtful classes"
 
     found: list[Proposal] = field(default_factory=list, repr=False)
-    numbers: list[int] = field(default_factory=list, repr=False)
 
     @property
     def boxes(self) -> int:
@@ -180,7 +184,6 @@ class ProposeWork(ObjectsWork):
         super().study(source, labels, outcome, observer)
         if isinstance(outcome, ProposedLabels):
             outcome.found = proposals(rows_as_mappings(outcome.rows))
-            outcome.numbers = outcome.indices
 
 
 @dataclass(frozen=True)
@@ -195,3 +198,47 @@ class ProposalResult(RecordingsResult):
         """Return what was proposed, and what to do with it."""
         advice = "The labels are the method's own: correct them, doubtful ones first, before you evaluate with them."
         return "\n\n".join(filter(None, (self.details(), advice if any(one.found for one in self.outcomes) else "")))
+
+
+def proposals(rows: Iterable[Mapping[str, Any]]) -> list[Proposal]:
+    """Return a box for each row of a table of objects, doubtful tracks first, then by track and frame.
+
+    Tracks that were seen in fewer than three frames are left out. The boxes of a track in which it was not confirmed
+    are doubtful.
+    """
+    tracks: dict[int, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        tracks.setdefault(row["track_id"], []).append(row)
+    found = []
+    for number, own in tracks.items():
+        if sum(row["state"] != "lost" for row in own) < LEAST_FRAMES:
+            continue
+        ((kind, _),) = Counter(row["class"] for row in own).most_common(1)
+        kind = IGNORE if kind == "structure" else kind
+        for row in own:
+            center, size = (row["x_m"], row["y_m"], row["z_m"]), (row["length_m"], row["width_m"], row["height_m"])
+            labelled = Labelled(str(number), kind, center, size, row["yaw_rad"], proposed=True)
+            mark = SURE if row["state"] == "confirmed" else DOUBTFUL
+            found.append(Proposal(row["frame"], labelled, row["score"], mark))
+    return sorted(found, key=lambda one: (one.mark, one.score, int(one.labelled.track), one.frame))
+
+
+def write_proposals(stream: BinaryIO, found: Sequence[Proposal], frames: Iterable[int]) -> None:
+    """Write a CSV file; frames without an object are labelled as empty, and marked as proposed, too."""
+    stream.write(f"{','.join((*COLUMNS, PROPOSED, 'score'))}\n".encode())
+    for one in found:
+        box = (*one.labelled.center, *one.labelled.size, one.labelled.yaw)
+        numbers = ",".join(f"{value:.3f}" for value in box)
+        row = f"{one.frame},{one.labelled.track},{one.labelled.kind},{numbers},{one.mark},{one.score:.3f}\n"
+        stream.write(row.encode())
+    empty = sorted(set(frames) - {one.frame for one in found})
+    stream.writelines(f"{frame},,none,,,,,,,,{SURE},\n".encode() for frame in empty)
+
+
+def files_of(form: JsonForm, found: Iterable[Proposal], frames: Sequence[int]) -> Iterator[tuple[str, bytes]]:
+    """Yield the name and the content of the label file of each frame."""
+    by_frame: dict[int, list[Proposal]] = {frame: [] for frame in frames}
+    for one in found:
+        by_frame[one.frame].append(one)
+    for frame, own in by_frame.items():
+        yield f"{form.folder}/{frame:06d}.json", json.dumps(form.content(own), indent=1).encode() + b"\n"

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 import seaclutter
 from seaclutter_cli.commands import cli
 from seaclutter_cli.labels import open_labels
-from seaclutter_cli.labels.proposals import FOLDER_FORMS, proposals
+from seaclutter_cli.runs.label_proposal import FOLDER_FORMS, proposals
 from tests.paths import ROOT
 
 SEA = ROOT / "samples" / "sea.mcap"
