@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.separation import separate
 from seaclutter_cli.airborne.settings import TileSettings
-from seaclutter_cli.airborne.strips import Column
+from seaclutter_cli.airborne.squares import Column
 from seaclutter_cli.airborne.surface import NEVER, OTHER, WATER
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.simulation.airborne.recording import simulate_strips

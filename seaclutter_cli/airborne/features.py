@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Interval
 
-from seaclutter_cli.airborne.neighborhoods import Neighborhoods, PointBlock
-from seaclutter_cli.airborne.texture import TEXTURE, Levels, levels_of, texture
+from seaclutter_cli.airborne.texture import TEXTURE, Levels, Neighborhoods, PointBlock, levels_of, texture
 from seaclutter_cli.arrays import Floats
 from seaclutter_cli.params import Positive, key
 

@@ -1,18 +1,20 @@
 """The table of features that distinguishes water from land: one row for each square of eight by eight cells."""
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.strips import Column
 from seaclutter_cli.airborne.surface import GROUND, WATER
 from seaclutter_cli.airborne.waves import WindowWaves
 from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.grids.cells import joined
 from seaclutter_cli.grids.elevation import BLOCK, NOWHERE, Cells, ElevationGrid, GriddedPoints
+
+Column = Callable[[str], NDArray[Any] | None]
+"""Returns an attribute of all points by its LAS name, shape (N,); None if the tile does not have it."""
 
 SIDE = 8
 """Width of a square in cells."""

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from seaclutter_cli.grids.land_cells import LandCells
+from seaclutter_cli.grids.elevation import LandCells
 
 
 def test_text_keeps_all_cells():

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.airborne.separation import separate
-from seaclutter_cli.airborne.strips import looks_of, strips_of
+from seaclutter_cli.airborne.strips import looks_of, strip_levels, strips_of
 from seaclutter_cli.airborne.surface import OTHER, SeparationParams
-from seaclutter_cli.airborne.tides import strip_levels
 from seaclutter_cli.grids.elevation import GriddedPoints
 
 SPEED_M_S, RADIUS_M = 60.0, 120.0

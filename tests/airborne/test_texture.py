@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seaclutter_cli.airborne import neighborhoods, texture
+from seaclutter_cli.airborne import texture
 from seaclutter_cli.airborne.features import FEATURES, FeatureParams, NonSeaPoints, features_of
 
 
@@ -80,9 +80,9 @@ def test_blocks_threads_and_position_do_not_matter(monkeypatch, features):
     points = non_sea(xy, height, rng.uniform(0, 500, 700))
     params = FeatureParams(features=features)
     expected = features_of(points, params)
-    monkeypatch.setattr(neighborhoods, "threads", lambda: 3)
-    monkeypatch.setattr(neighborhoods, "_BLOCK_POINTS", 50)
-    monkeypatch.setattr(neighborhoods, "_BLOCK_PAIRS", 400)
+    monkeypatch.setattr(texture, "threads", lambda: 3)
+    monkeypatch.setattr(texture, "_BLOCK_POINTS", 50)
+    monkeypatch.setattr(texture, "_BLOCK_PAIRS", 400)
     monkeypatch.setattr(texture, "_BINS", 5000)
     np.testing.assert_allclose(features_of(points, params), expected, rtol=1e-9, atol=1e-9)
     far = NonSeaPoints(points.xy + np.array([[5e5], [4e6]]), points.height_m, points.intensity, 1.0)

@@ -14,7 +14,7 @@ from seaclutter_cli.airborne.settings import TileSettings, parse_settings
 from seaclutter_cli.airborne.surface import NEVER, WATER
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError, InputError, SelectionError, UsageError, about, requiring
-from seaclutter_cli.grids.land_cells import LandCells
+from seaclutter_cli.grids.elevation import LandCells
 from seaclutter_cli.options import function_of
 from seaclutter_cli.runs.batch import run_batch
 from seaclutter_cli.runs.classify.maps import MappedTile, map_files, mapped, pixel_of
