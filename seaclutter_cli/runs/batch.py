@@ -23,6 +23,7 @@ from seaclutter_cli.runs.recordings import (
     NO_LABELS,
     NOT_PROCESSED,
     LabelFile,
+    O,
     Outcome,
     assign_labels,
     expand,
@@ -38,7 +39,6 @@ from seaclutter_cli.text import count, listed
 if TYPE_CHECKING:  # imports all filters, which tiles do not need
     from seaclutter_cli.config import Config
 
-O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
 T = TypeVar("T")
 _MIB = 2**20
 

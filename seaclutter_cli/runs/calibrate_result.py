@@ -150,7 +150,7 @@ class TradeOff:
 
 
 @dataclass(frozen=True)
-class CalibrationResult(RecordingsResult):
+class CalibrationResult(RecordingsResult[Calibrated]):
     """Result of a calibration, which started from a configuration: thresholds and far limit.
 
     It is ``labelled`` if labels separated clutter from targets. There is a ``mounting`` of the lidar if the water shows
@@ -166,7 +166,6 @@ class CalibrationResult(RecordingsResult):
         "end_kept=calibration.keep_end rings mounting trade_off warnings damage"
     )
 
-    outcomes: Sequence[Calibrated]
     start: Config
     calibration: Calibration
     found: Thresholds

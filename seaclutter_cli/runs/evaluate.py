@@ -85,7 +85,7 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
             table, summary = (stack.enter_context(AtomicFile(it, files)) if it else None for it in targets.values())
             earlier = None if options.without_labels else without_labels(works, observer)
             outcomes = run_all(works, options.batch, observer, earlier=earlier)
-            comparison = Comparison(chosen, outcomes)
+            comparison = Comparison(outcomes, chosen)
             if table:
                 table.stream.writelines(frame_table([one.rows for one in outcomes if one.rows and not one.error]))
             if summary:
@@ -283,13 +283,12 @@ def warn_once(observer: Observer, outcome: Evaluated, texts: Iterable[str]) -> N
 
 
 @dataclass(frozen=True)
-class Comparison(RecordingsResult):
+class Comparison(RecordingsResult[Evaluated]):
     """Result of the evaluation of several recordings: the methods that were compared, and each recording's outcome."""
 
     data = "methods=totals recordings=outcomes configs"
 
     variants: Sequence[Variant]
-    outcomes: Sequence[Evaluated]
 
     def totals(self) -> dict[str, Summary]:
         """Return the sums over all recordings without an error."""

@@ -240,11 +240,8 @@ def _span(limits: Sequence[float]) -> str:
     return f" {limits[0]:g} to {limits[1]:g}" if limits[0] <= limits[1] else ""
 
 
-@dataclass(frozen=True)
-class InfoResult(RecordingsResult):
+class InfoResult(RecordingsResult[Content]):
     """Content of several recordings, as text and as data."""
-
-    outcomes: Sequence[Content]
 
     @property
     def failed(self) -> bool:

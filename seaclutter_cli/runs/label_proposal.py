@@ -186,13 +186,10 @@ class ProposeWork(ObjectsWork):
             outcome.found = proposals(rows_as_mappings(outcome.rows))
 
 
-@dataclass(frozen=True)
-class ProposalResult(RecordingsResult):
+class ProposalResult(RecordingsResult[ProposedLabels]):
     """Proposed labels of several recordings."""
 
     data = "recordings=outcomes"
-
-    outcomes: Sequence[ProposedLabels]
 
     def as_text(self) -> str:
         """Return what was proposed, and what to do with it."""

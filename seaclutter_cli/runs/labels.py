@@ -151,22 +151,15 @@ class _LabelCheckWork(RecordingWork[CheckedLabels]):
         outcome.findings = check.findings(outcome.boxes, outcome.visible)
 
 
-@dataclass(frozen=True)
-class LabelCheckResult(RecordingsResult):
+class LabelCheckResult(RecordingsResult[CheckedLabels]):
     """Result of the check of the labels of several recordings."""
 
     data = "recordings=outcomes"
-
-    outcomes: Sequence[CheckedLabels]
 
     @property
     def failed(self) -> bool:
         """Whether any labels have a probable mistake, or any recording could not be read."""
         return any(outcome.error or outcome.findings for outcome in self.outcomes)
-
-    def as_text(self) -> str:
-        """Return the result as human-readable text."""
-        return self.details()
 
 
 @function_of(CompareOptions)

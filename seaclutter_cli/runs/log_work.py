@@ -333,12 +333,11 @@ class LogOutcome(Outcome):
 
 
 @dataclass(frozen=True)
-class LogSummary(RecordingsResult, Generic[L]):
+class LogSummary(RecordingsResult[L]):
     """Outcomes of work on several recordings with logs as outputs, and the duration of the run in seconds."""
 
     is_summary = True
 
-    outcomes: Sequence[L]
     seconds: float = 0.0
 
     def as_text(self) -> str:

@@ -1,6 +1,5 @@
 """Proposal of a mask of own ship's structure from recordings."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -75,12 +74,11 @@ class _MaskWork(RecordingWork[Outcome]):
 
 
 @dataclass(frozen=True)
-class MaskResult(RecordingsResult):
+class MaskResult(RecordingsResult[Outcome]):
     """Proposed mask: the structure within a range."""
 
     data = "recordings=outcomes frames=found.frames at_rest=found.at_rest share=found.share sectors=found.mask.sectors"
 
-    outcomes: Sequence[Outcome]
     found: FoundStructure
     reach_m: float
 

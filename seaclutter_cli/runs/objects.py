@@ -177,13 +177,10 @@ def objects_config(options: ConfigOptions) -> Config:
     return configured(options if is_given else replace(options, method="confirmed"))
 
 
-@dataclass(frozen=True)
-class ObjectsResult(RecordingsResult):
+class ObjectsResult(RecordingsResult[RecordedObjects]):
     """Objects of several recordings."""
 
     data = "recordings=outcomes"
-
-    outcomes: Sequence[RecordedObjects]
 
     def lines(self) -> Iterator[bytes]:
         """Yield the lines of the table (CSV) without its head."""
@@ -196,7 +193,3 @@ class ObjectsResult(RecordingsResult):
         types = [(name, _TYPES[kind]) for name, kind in COLUMNS.items()]
         rows = [tuple(np.nan if value is None else value for value in row) for row in parsed(self.lines())]
         return np.array(rows, types)
-
-    def as_text(self) -> str:
-        """Return the objects of each recording as human-readable text."""
-        return self.details()

@@ -3,7 +3,6 @@
 import os
 import shutil
 from collections import Counter
-from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -165,12 +164,11 @@ class Planned(Outcome):
 
 
 @dataclass(frozen=True)
-class RunPlan(RecordingsResult):
+class RunPlan(RecordingsResult[Planned]):
     """What a run would do with each recording, and the free space for the outputs; None in object storage."""
 
     data = "recordings=outcomes bytes_in free_bytes"
 
-    outcomes: Sequence[Planned]
     free_bytes: int | None = None
 
     @property

@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from operator import attrgetter
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from seaclutter_cli.buckets import fetch, mirror_of
 from seaclutter_cli.errors import FieldError, InputError, SeaclutterError, SelectionError, UsageError
@@ -142,6 +142,9 @@ class Outcome(WithData):
         return ""
 
 
+O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
+
+
 class Result(ABC, WithData):
     """Result of a run, as text and as data."""
 
@@ -171,11 +174,11 @@ class Result(ABC, WithData):
         return "\n\n".join(filter(None, dict.fromkeys((self.details(), self.as_text()))))
 
 
-class RecordingsResult(Result):
-    """Result of a run over several recordings."""
+@dataclass(frozen=True)
+class RecordingsResult(Result, Generic[O]):
+    """Result of a run over several recordings: the outcome of each."""
 
-    outcomes: Sequence[Outcome]
-    """Outcome of each recording."""
+    outcomes: Sequence[O]
 
     @property
     def failed(self) -> bool:
@@ -195,6 +198,10 @@ class RecordingsResult(Result):
         """Return the outcomes without an error as human-readable text."""
         done = (outcome for outcome in self.outcomes if not outcome.error and not outcome.has_nothing)
         return "\n\n".join(filter(None, (outcome.as_text() for outcome in done)))
+
+    def as_text(self) -> str:
+        """Return the result as human-readable text, by default its details."""
+        return self.details()
 
 
 def statuses(outcomes: Sequence[Outcome]) -> str:

@@ -81,7 +81,7 @@ def report(options: ReportOptions) -> "ReportResult":
             files |= {folder / name: content for name, content in drawn.items()}
     write_files(files, replace=options.force)
     sizes = {path: len(content) for path, content in files.items()}
-    return ReportResult(comparison.variants, comparison.outcomes, collected, sizes)
+    return ReportResult(comparison.outcomes, comparison.variants, collected, sizes)
 
 
 class _Studied(FrameListener):
@@ -211,7 +211,7 @@ def view_logs(options: ViewOptions) -> "ViewResult":
         stack.close()
         if not may_appear([options.target], comparison.outcomes, observer):
             files.discard()
-    return ViewResult(comparison.variants, comparison.outcomes, options.target)
+    return ViewResult(comparison.outcomes, comparison.variants, options.target)
 
 
 @dataclass(frozen=True)
@@ -284,7 +284,7 @@ def filter_or_replay(
     if variant:
         replayed = zip(pairs, topics, strict=True)
         works = [_ReplayWork(reading, *pair, variants, [listener], topic=topic) for pair, topic in replayed]
-    return Comparison(variants, [work.run(observer) for work in works]), listener
+    return Comparison([work.run(observer) for work in works], variants), listener
 
 
 def _recorded_run(recordings: Sequence[Recording], reading: ReadOptions) -> tuple[Variant | None, Sequence[str]]:

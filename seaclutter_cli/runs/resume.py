@@ -9,7 +9,7 @@ from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from time import time
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from mcap.exceptions import McapError
@@ -28,7 +28,7 @@ from seaclutter_cli.registry import packages
 from seaclutter_cli.runs.batch import Work
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
-from seaclutter_cli.runs.recordings import LabelFile, Outcome, open_recording
+from seaclutter_cli.runs.recordings import LabelFile, O, open_recording
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.threads import in_threads
@@ -36,7 +36,6 @@ from seaclutter_cli.threads import in_threads
 if TYPE_CHECKING:  # imports all filters, which tiles do not need
     from seaclutter_cli.config import Config
 
-O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
 
 _MIB = 2**20
 _MAX_COUNT = 2**53

@@ -160,10 +160,9 @@ class ClassifiedLog(Outcome):
 
 
 @dataclass(frozen=True)
-class ScenePrediction(RecordingsResult):
+class ScenePrediction(RecordingsResult[ClassifiedLog]):
     """Predicted scenes of several recordings, among the classes of the model."""
 
-    outcomes: Sequence[ClassifiedLog]
     classes: Sequence[str]
 
     def as_text(self) -> str:
@@ -179,10 +178,9 @@ class ScenePrediction(RecordingsResult):
 
 
 @dataclass(frozen=True)
-class SceneEvaluation(RecordingsResult):
+class SceneEvaluation(RecordingsResult[ClassifiedLog]):
     """Evaluation of a classifier on several recordings, by the classes of the model."""
 
-    outcomes: Sequence[ClassifiedLog]
     classes: Sequence[str]
 
     @property

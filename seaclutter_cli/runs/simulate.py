@@ -273,13 +273,10 @@ class _SimulateWork(Work[_Simulated]):
         return _Simulated(recording=output.stem, seed=self.options.seed or 0, output=output, error=reason)
 
 
-@dataclass(frozen=True)
-class SeedsResult(RecordingsResult):
+class SeedsResult(RecordingsResult[_Simulated]):
     """Outcomes of simulations, one for each seed."""
 
     is_summary = True
-
-    outcomes: Sequence[_Simulated]
 
     def as_text(self) -> str:
         """Return how many were simulated."""

@@ -223,12 +223,11 @@ def _chosen(suspects: Mapping[str, Sequence[Suspect]], most: int) -> dict[int, d
 
 
 @dataclass(frozen=True)
-class SuspectsResult(RecordingsResult):
+class SuspectsResult(RecordingsResult[RecordedSuspects]):
     """Suspects of several recordings, and how many of each kind the text shows."""
 
     data = "recordings=outcomes"
 
-    outcomes: Sequence[RecordedSuspects]
     shown: int = 10
 
     def as_csv(self) -> bytes:

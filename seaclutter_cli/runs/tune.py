@@ -61,7 +61,7 @@ def tune(options: TuneOptions) -> "TuningResult":
     batch = BatchOptions() if history else options.batch  # frames reach listeners in this process only
     outcomes = run_all(works, batch, observer, earlier=without_labels(works, observer))
     scores = _split_scores(outcomes, [one.name for one in combinations], options.hold_out)
-    result = TuningResult(options.sweeps, combinations, outcomes, *scores)
+    result = TuningResult(outcomes, options.sweeps, combinations, *scores)
     if may_appear(targets.values(), result.outcomes, observer):
         write_files(_files(result, history, options), replace=options.force)
         if options.output and not result.best:
@@ -159,7 +159,7 @@ def _split_scores(outcomes: Sequence[Evaluated], names: Sequence[str], share: fl
 
 
 @dataclass(frozen=True)
-class TuningResult(RecordingsResult):
+class TuningResult(RecordingsResult[Evaluated]):
     """Result of a sweep over methods and parameter values: all combinations, and their scores.
 
     ``tuned`` are sums for each combination over the frames used for tuning, ``judged`` over those ``held_out``, if any.
@@ -169,7 +169,6 @@ class TuningResult(RecordingsResult):
 
     sweeps: Sequence[Sweep]
     combinations: Sequence[Variant]
-    outcomes: Sequence[Evaluated]
     tuned: _Part
     judged: _Part
     held_out: str | None

@@ -272,13 +272,10 @@ class SeparatedTile(TileOutcome):
         return self.tile, *counts, *waves, f"{self.seconds:.2f}"
 
 
-@dataclass(frozen=True)
-class SeparateResult(RecordingsResult):
+class SeparateResult(RecordingsResult[SeparatedTile]):
     """Separation of several tiles."""
 
     is_summary = True
-
-    outcomes: Sequence[SeparatedTile]
 
     @property
     def tiles(self) -> list[SeparatedTile]:

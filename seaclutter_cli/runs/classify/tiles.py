@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 from numpy.typing import NDArray
 
@@ -19,7 +19,7 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.options.classifiers import WritingTiles
 from seaclutter_cli.runs.outputs import Paths, is_file, is_folder, prepare_outputs
-from seaclutter_cli.runs.recordings import Outcome
+from seaclutter_cli.runs.recordings import O, Outcome
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las
 from seaclutter_cli.sinks.point_files import POINT_WRITERS, with_columns, write_points
@@ -39,8 +39,6 @@ from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile
 from seaclutter_cli.text import count
 from seaclutter_cli.threads import in_threads
-
-O = TypeVar("O", bound=Outcome)  # noqa: E741 - an outcome
 
 LAS = (".las", ".laz")
 _MEMORY_PER_TILE = 1500 * 2**20
