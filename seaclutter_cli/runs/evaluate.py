@@ -312,7 +312,7 @@ class Comparison(RecordingsResult[Evaluated]):
         found = [outcome.indications for outcome in self.outcomes if outcome.indications and outcome.known]
         if not found:
             return None
-        total = type(found[0])()
+        total = found[0].of(len(self.variants))
         for one in found:
             total.update(one)
         return {variant.name: total.of_method(m) for m, variant in enumerate(self.variants)}

@@ -215,13 +215,13 @@ class SuspectFinder:
     most 500 suspects of each kind are kept, and the bodies of the last five seconds.
     """
 
-    def __init__(self, methods: int = 1, mounting: Mounting | None = None) -> None:
+    def __init__(self, methods: int = 1, mounting: Mounting | None = None, tally: Tally | None = None) -> None:
         self._mounting = mounting or Mounting()
         self._bodies: dict[Track, Body] = {}
         self._listed: dict[str, list[tuple[float, int, Suspect]]] = {"removed": [], "kept": []}
         self._time_s: float | None = None
         self._number = 0
-        self.tally = Tally.of(methods)
+        self.tally = tally or Tally.of(methods)
         self.unjudged = 0
         self._begin()
 

@@ -2,54 +2,49 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.frame import FilterResult, Frame, Reason
-from seaclutter_cli.suspects.finder import SuspectFinder
+from seaclutter_cli.suspects.finder import SuspectFinder, Tally
 from seaclutter_cli.water import Mounting
 
 Counts = NDArray[np.int64]
-Sums = NDArray[np.float64]
 
 RANGES_M = (0.0, 15.0, 30.0, 60.0, np.inf)
 HEIGHTS_M = (-np.inf, 0.0, 0.25, 0.5)
 """Edges of the ranges and heights above the water by which points of the water are counted."""
+_SHAPE = len(HEIGHTS_M) - 1, len(RANGES_M) - 1
 
 
 @dataclass
-class Indications:
+class Indications(Tally):
     """Sums over the frames of recordings for M methods, and what they indicate.
 
-    ``looks`` is in how many frames likely targets were seen, ``seconds`` their time; ``lost`` and ``changes``, shape
-    (M,), are looks in which they were lost, and changes between kept and lost. ``doubtful`` are kept clusters that are
-    unlike targets. ``kept_score`` and ``lost_score`` are sums of the scores of bodies over ``kept_looks`` and
-    ``lost_looks``. ``water`` are the points of the water by height and range, shape (H, R), ``water_kept`` those kept,
-    shape (M, H, R); ``same``, shape (M, M), the points that two methods treat alike, of all ``points``.
+    ``water`` are the points of the water by height and range, shape (H, R), ``water_kept`` those kept, shape (M, H, R);
+    ``same``, shape (M, M), the points that two methods treat alike, of all ``points``.
     """
 
     frames: int = 0
-    looks: int = 0
-    seconds: float = 0.0
     points: int = 0
-    lost: Counts = field(default_factory=lambda: np.zeros(0, np.int64))
-    changes: Counts = field(default_factory=lambda: np.zeros(0, np.int64))
-    doubtful: Counts = field(default_factory=lambda: np.zeros(0, np.int64))
-    kept_score: Sums = field(default_factory=lambda: np.zeros(0))
-    kept_looks: Counts = field(default_factory=lambda: np.zeros(0, np.int64))
-    lost_score: Sums = field(default_factory=lambda: np.zeros(0))
-    lost_looks: Counts = field(default_factory=lambda: np.zeros(0, np.int64))
-    water: Counts = field(default_factory=lambda: np.zeros((len(HEIGHTS_M) - 1, len(RANGES_M) - 1), np.int64))
-    water_kept: Counts = field(default_factory=lambda: np.zeros((0, len(HEIGHTS_M) - 1, len(RANGES_M) - 1), np.int64))
+    water: Counts = field(default_factory=lambda: np.zeros(_SHAPE, np.int64))
+    water_kept: Counts = field(default_factory=lambda: np.zeros((0, *_SHAPE), np.int64))
     same: Counts = field(default_factory=lambda: np.zeros((0, 0), np.int64))
+
+    @classmethod
+    def of(cls, methods: int) -> Self:
+        """Return the sums over no frame."""
+        sums = super().of(methods)
+        sums.water_kept = np.zeros((methods, *_SHAPE), np.int64)
+        sums.same = np.zeros((methods, methods), np.int64)
+        return sums
 
     def update(self, other: "Indications") -> None:
         """Add the frames of another recording, of the same methods."""
         for item in fields(self):
-            own, added = getattr(self, item.name), getattr(other, item.name)
-            setattr(self, item.name, added if np.size(own) == 0 else own + added)
+            setattr(self, item.name, getattr(self, item.name) + getattr(other, item.name))
 
     def of_method(self, m: int) -> dict[str, Any]:
         """Return what the sums indicate for a method; None where there is nothing to count."""
@@ -80,11 +75,8 @@ class Indicator:
     """Collector of the indications of a recording for several methods."""
 
     def __init__(self, methods: int, mounting: Mounting | None = None) -> None:
-        self._finder = SuspectFinder(methods, mounting)
-        shape = len(HEIGHTS_M) - 1, len(RANGES_M) - 1
-        self._sums = Indications(
-            water_kept=np.zeros((methods, *shape), np.int64), same=np.zeros((methods, methods), np.int64)
-        )
+        self._sums = Indications.of(methods)
+        self._finder = SuspectFinder(methods, mounting, self._sums)
 
     def add(self, frame: Frame, results: Sequence[FilterResult | None]) -> None:
         """Add a frame with its results, None for a method that could not use it."""
@@ -107,7 +99,4 @@ class Indicator:
     def finish(self) -> Indications:
         """Return the sums."""
         self._finder.finish()
-        tally = self._finder.tally
-        for item in fields(tally):
-            setattr(self._sums, item.name, getattr(tally, item.name))
         return self._sums
