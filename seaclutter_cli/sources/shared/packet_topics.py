@@ -80,8 +80,10 @@ class _Candidate:
         self._family = self._family or self._recognise(longest)
         if self._family is None:
             self.is_done = True
-        else:
+        elif self._gathers:
             self._gather(found, self._family)
+        else:
+            self._try(longest)
 
     def _recognise(self, packets: Packets) -> PacketFamily | None:
         """Return the family that sent packets, of which the only one is taken as it is; None for IMU packets."""
@@ -119,6 +121,11 @@ class _Candidate:
             self.finish()
 
     @property
+    def _gathers(self) -> bool:
+        """Whether a decoder needs more than the packets of one message."""
+        return has_single_packets(self.channel) or self._calibrates or bool(self.companion)
+
+    @property
     def _calibrates(self) -> bool:
         return self._family is not None and self._family.calibrates
 
@@ -138,9 +145,8 @@ class _Candidate:
             self.is_done = True
             self._note(str(error))
         except InputError as error:
-            if not self._calibrates:
-                self._samples.data.clear()
             self._fail(str(error))
+            self.is_done |= self._gathers and not self._calibrates
         else:
             self.make, self.packet_bytes = make, sample.payloads.shape[1]
             self.is_done, self.problems = True, []
