@@ -89,9 +89,8 @@ class Config:
 
     def make_filter(self) -> Filter:
         """Return a new filter of the method."""
-        make: Any = FILTERS[self.method]
-        with naming_method(make, "its parameters"):
-            method: Filter = make(self.filter)
+        with naming_method(self.kind, "its parameters"):
+            method: Filter = self.kind(self.filter)
         return method
 
     @property
@@ -108,19 +107,9 @@ class Config:
         return DEFAULT_SENSOR if self.sensor == SensorParams() and _are_default(params) else self.sensor
 
     @property
-    def has_scenes(self) -> bool:
-        """Whether the method has presets for classes of scene."""
-        return FILTERS[self.method].has_scenes
-
-    @property
-    def has_water(self) -> bool:
-        """Whether the method estimates the water."""
-        return FILTERS[self.method].has_water
-
-    @property
-    def needs_height(self) -> bool:
-        """Whether the method depends on the heights of points."""
-        return FILTERS[self.method].needs_height
+    def kind(self) -> Any:
+        """Class of the method."""
+        return FILTERS[self.method]
 
     def as_dict(self) -> dict[str, dict[str, Any]]:
         """Return the configuration as the sections of a file."""

@@ -58,9 +58,9 @@ class Checks:
         if not filtered:
             thresholds.append(_ThresholdCheck(config, sensor.model if sensor else None))
         self._waiting: list[list[_Check]] = [thresholds, [_RangeCheck(config.ring_edges)]]
-        if config.needs_height:
+        if config.kind.needs_height:
             self._waiting.append([_PlaneCheck(config.method)])
-        if config.has_water:
+        if config.kind.has_water:
             self._waiting += [[_MountingCheck(config.filter)], [_LandCheck(config.filter)]]
 
     def add(self, result: FilterResult) -> list[str]:
@@ -119,7 +119,7 @@ class _ThresholdCheck:
     """
 
     def __init__(self, config: Config, sensor: str | None) -> None:
-        self._edges, self._needs_water = np.asarray(config.ring_edges, np.float64), config.has_water
+        self._edges, self._needs_water = np.asarray(config.ring_edges, np.float64), config.kind.has_water
         top = SENSORS[sensor].max_intensity if sensor and sensor in SENSORS else None
         self._sensor, self._top = sensor, np.inf if top is None else top
         rings = max(0, len(self._edges) - 1)
@@ -298,7 +298,7 @@ class FitChecks(Checks):
             self._written_anew = change
             self._warn([change])
         self._frames += 1
-        if self._frames == _SHOWS_BEAMS and self._config.has_water and result.frame.valid.any():
+        if self._frames == _SHOWS_BEAMS and self._config.kind.has_water and result.frame.valid.any():
             from seaclutter_cli.structure.search import BeamGrid
 
             self._sensor.add(result.frame)
@@ -340,7 +340,7 @@ class FitChecks(Checks):
         if not tally.counts[Reason.KEPT]:
             removed = f"{share(int(tally.counts[most]), tally.points_in)} were removed"
             yield f"no points are left; {removed}: {reason_names(self._config.ring_edges)[most]}"
-        elif self._config.has_water and tally.water_frames <= _FEW_WATER * tally.frames:
+        elif self._config.kind.has_water and tally.water_frames <= _FEW_WATER * tally.frames:
             frames = f"{without:,} of {count(tally.frames, 'frame')}"
             yield f"no water seen in {frames}; heights are then unknown, and every object that stays is kept"
 

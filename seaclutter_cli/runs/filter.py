@@ -242,7 +242,9 @@ def _append(table: AtomicFile | None, outcome: FilterOutcome) -> None:
 
 def _frame_table(config: Config, rows: "PackedRows | IO[bytes]") -> FrameTable:
     """Return the table for the frames of a recording, whose lines are written to ``rows``."""
-    return FrameTable(rows.write, len(config.ring_edges[1:]), scenes=config.has_scenes, water=config.has_water)
+    return FrameTable(
+        rows.write, len(config.ring_edges[1:]), scenes=config.kind.has_scenes, water=config.kind.has_water
+    )
 
 
 @dataclass(frozen=True)
@@ -283,7 +285,7 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
             recording=self.recording.name,
             output=self.output,
             edges=self.config.ring_edges,
-            has_water=self.config.has_water,
+            has_water=self.config.kind.has_water,
             bytes_in=input_bytes(self.recording),
             error=reason,
         )
@@ -336,7 +338,7 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
     def written(self, options: McapOptions, labels: Labels | None) -> McapOptions:
         """Return the options of the output with those that depend on the configuration."""
         config = self.config
-        options = replace(options, config=config.to_yaml(), water=config.has_water, method=config.method)
+        options = replace(options, config=config.to_yaml(), water=config.kind.has_water, method=config.method)
         if not self.options.with_scene:
             return options
         from seaclutter_cli.reporting.sample import scene_updates

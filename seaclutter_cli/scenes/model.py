@@ -30,21 +30,17 @@ _MAX_BYTES = 2**26
 _MOST_S, _MOST_WORK_BYTES = 60.0, 2**29
 
 
-def top_view(xyz: NDArray[np.float64], extent_m: float) -> NDArray[np.uint8]:
+def top_view(xyz: NDArray[np.float64], extent_m: float, size: int = IMAGE_SIZE) -> NDArray[np.uint8]:
     """Return the top view of a frame: the cells of a square around the lidar that contain a point.
 
     Coordinates, shape (3, N), are in metres; x points forward, which is up in the image, y to the left. The image,
-    shape (224, 224), uint8, is 1 where there is a point, otherwise 0; the upper and the left edge of a cell belong to
-    it. Points with a coordinate that is not finite, and points exactly at the origin, are not returns and are ignored.
+    shape (size, size), uint8, of an even size, is 1 where there is a point, otherwise 0; the upper and the left edge of
+    a cell belong to it. Points with a coordinate that is not finite, and points exactly at the origin, are not returns
+    and are ignored.
 
     This is the binary image of [Bi] (point cloud to image converter). It is computed in single precision, which may
     shift the edge of a cell by some micrometres.
     """
-    return mark_cells(xyz, extent_m, IMAGE_SIZE)
-
-
-def mark_cells(xyz: NDArray[np.float64], extent_m: float, size: int) -> NDArray[np.uint8]:
-    """Return a `top_view` of any even size, shape (size, size), uint8."""
     image = np.zeros(size * size, np.uint8)
     middle, in_middle = (size + 1) * (size // 2), 0
     # In blocks, because allocating arrays for a whole frame each time costs more than the computation.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import InputError, requiring
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.scenes import TrainingParams
-from seaclutter_cli.scenes.model import IMAGE_SIZE, mark_cells
+from seaclutter_cli.scenes.model import IMAGE_SIZE, top_view
 from seaclutter_cli.scenes.network import make_network
 from seaclutter_cli.text import count, share, table
 
@@ -44,7 +44,7 @@ class Examples:
 
     def add(self, xyz: NDArray[np.float64]) -> bool:
         """Add a frame of the recording, coordinates of shape (3, N); return whether any point is in view."""
-        sketch = np.flatnonzero(mark_cells(xyz, self.extent_m * _WIDER, _SKETCH_SIZE)).astype(np.int32)
+        sketch = np.flatnonzero(top_view(xyz, self.extent_m * _WIDER, _SKETCH_SIZE)).astype(np.int32)
         if len(sketch):
             self._recording.append(len(self.recordings) - 1)
             self._sketches.append(sketch)
@@ -63,7 +63,7 @@ class Examples:
         """Return the top view of a frame, shape (224, 224), rotated about the lidar."""
         x, y = self._coordinates(index)
         cos, sin = np.cos(rotation_rad), np.sin(rotation_rad)
-        return mark_cells(np.stack((cos * x - sin * y, sin * x + cos * y, np.zeros(len(x)))), self.extent_m, IMAGE_SIZE)
+        return top_view(np.stack((cos * x - sin * y, sin * x + cos * y, np.zeros(len(x)))), self.extent_m)
 
     def images(self, indices: Sequence[int] | NDArray[np.int64], rng: np.random.Generator | None) -> NDArray[np.uint8]:
         """Return top views, shape (B, 1, 224, 224), rotated at random if there is a generator.

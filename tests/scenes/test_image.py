@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seaclutter_cli.scenes.model import IMAGE_SIZE, mark_cells, top_view
+from seaclutter_cli.scenes.model import IMAGE_SIZE, top_view
 
 ANY = st.one_of(
     st.floats(-80, 80),
@@ -101,7 +101,7 @@ def test_the_input_is_not_changed():
 
 def test_finer_cells_subdivide_those_of_a_view():
     xyz = np.random.default_rng(1).uniform(-70, 70, (3, 40000))
-    finer = mark_cells(xyz, 60.0, 4 * IMAGE_SIZE).reshape(IMAGE_SIZE, 4, IMAGE_SIZE, 4)
+    finer = top_view(xyz, 60.0, 4 * IMAGE_SIZE).reshape(IMAGE_SIZE, 4, IMAGE_SIZE, 4)
     np.testing.assert_array_equal(finer.any(axis=(1, 3)), top_view(xyz, 60.0))
 
 

@@ -67,7 +67,7 @@ def test_one_row_per_frame(tmp_path):
 def test_every_method_fills_its_columns(tmp_path, method):
     config = load_config(method=method)
     log = cloud_log(tmp_path / "in.mcap", frames=2, points=60)
-    columns = {"scenes": config.has_scenes, "water": config.has_water}
+    columns = {"scenes": config.kind.has_scenes, "water": config.kind.has_water}
     with table(tmp_path / "frames.csv", len(config.ring_edges[1:]), **columns) as sink:
         filter_log(log, tmp_path / "out.mcap", method=method, sinks=[sink])
     for row in rows_of(tmp_path / "frames.csv"):
