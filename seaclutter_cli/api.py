@@ -102,7 +102,6 @@ class Log(AbstractContextManager["Log"]):
         self._source, self._release = source, release
 
     def __exit__(self, *error: object) -> None:
-        """Close the log."""
         self.close()
 
     @property

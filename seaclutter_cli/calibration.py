@@ -52,7 +52,6 @@ class FarLimit:
         np.maximum.at(self._most, bin_index, near)
 
     def __iadd__(self, other: Self) -> Self:
-        """Add the ranges of another search."""
         self._counts += other._counts
         np.minimum(self._least, other._least, out=self._least)
         np.maximum(self._most, other._most, out=self._most)
@@ -206,7 +205,6 @@ class Calibration:
         return Thresholds(rings, float(edges[-1]), last_m, self.points - sum(ring.points for ring in rings))
 
     def _up_to(self, last_m: float | None) -> NDArray[np.float64]:
-        """Return the edges of the range rings up to a range, at least one."""
         start_m, width_m = self.params.own_ship_m, self.params.ring_width_m
         count = max(1, math.ceil((last_m - start_m) / width_m - 1e-9)) if last_m is not None else 1
         if count >= len(self._edges):

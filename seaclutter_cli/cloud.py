@@ -114,7 +114,6 @@ class Cloud:
     pose: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        """Check that the layout fits the data, and that its parts are of a usual size."""
         if len(self.fields) > MAX_FIELDS:
             raise CloudError(f"{count(len(self.fields), 'field')}, at most {MAX_FIELDS:,} are supported")
         if not -_MAX_STAMP_NS <= self.stamp_ns < _MAX_STAMP_NS:

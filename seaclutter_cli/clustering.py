@@ -174,7 +174,6 @@ class DbscanFinder:
         return labels
 
     def _core(self, keep: Mask) -> Mask:
-        """Return a mask of the core points of a subset."""
         core = self._finder.cell_sizes(keep) >= self._min_points
         few, kept = np.flatnonzero(keep & ~core), np.flatnonzero(keep)
         if len(few) and len(kept) >= self._min_points:
@@ -222,7 +221,6 @@ def _numbered(component: Indices, min_points: int) -> Indices:
 
 
 def _in_different_components(component: Indices, pairs: Indices) -> Indices:
-    """Return the pairs of cells that are in different components."""
     return pairs.take(np.flatnonzero(component[pairs[0]] != component[pairs[1]]), axis=1)
 
 
@@ -338,7 +336,6 @@ def spans(start: Indices, count: Indices) -> Indices:
 
 
 def _along_axis(values: Points, side: float, tolerance_m: float) -> Indices:
-    """Return the cell numbers of coordinates along an axis, from 0."""
     least = values.min()
     with np.errstate(over="ignore"):
         if (values.max() - least) / side < _FEW_CELLS:

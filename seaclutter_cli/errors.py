@@ -167,11 +167,9 @@ class MissingExtraError(SeaclutterError):
     """
 
     def __init__(self, feature: str, extra: str) -> None:
-        """Name the feature and the extra that provides it."""
         super().__init__(feature, extra)  # pickle makes copies of these
 
     def __str__(self) -> str:
-        """Return the message."""
         return "{} requires an optional dependency: pip install 'seaclutter[{}]'".format(*self.args)
 
 

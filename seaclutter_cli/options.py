@@ -225,7 +225,6 @@ class Option:
     annotation: str = ""
 
     def __post_init__(self) -> None:
-        """Tell the flags from the name of the value."""
         words = self.text.split()
         self.flags = [word for word in words if word.startswith("-")] or words
         self.metavar = next((word for word in words if word not in self.flags), None)
@@ -291,7 +290,6 @@ class Options:
     writes_remotely: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
-        """Make a dataclass of a class."""
         own = {name: value for name, value in vars(cls).items() if isinstance(value, Option)}
         for name, value in own.items():
             value.name, value.annotation = name, inspect.get_annotations(cls)[name]
@@ -355,7 +353,6 @@ def documented(text: str | None, kind: Any, raises: str = "") -> str:
 
 
 def _shown(annotation: str) -> str:
-    """Return the type of what is given for an option."""
     if annotation.startswith("Converted["):
         annotation = ast.unparse(ast.parse(annotation, mode="eval").body.slice.elts[0])  # type: ignore[attr-defined]
     return re.sub(r"Grouped\[(\w+)\]", r"\1 | None", annotation.replace("OptionalPath", "PathLike | None"))

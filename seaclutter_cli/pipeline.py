@@ -323,13 +323,11 @@ def _has_coordinates(frame: Frame, source: Source) -> bool:
 
 
 def _require_fields(source: Source, topic: str, tally: TopicTally) -> None:
-    """Raise `FieldError` if no frame had the fields that the method needs."""
     if tally.unfit and not tally.frames:
         raise FieldError(f"{source.name}, {topic}: {tally.unfit[0]}") from tally.unfit[0]
 
 
 def _observe(source: Source, selection: Selection, filters: Mapping[str, Sequence[Filter]]) -> None:
-    """Pass all frames to the filters that need a first pass."""
     waiting = {topic: [method for method in methods if method.needs_first_pass] for topic, methods in filters.items()}
     if not any(waiting.values()):
         return

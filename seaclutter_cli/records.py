@@ -115,7 +115,6 @@ class Damage:
     lost_messages: int | None = None
 
     def __str__(self) -> str:
-        """Return one line for the user."""
         position = f"{self.path}" if self.offset is None else f"{self.path}: byte {self.offset}"
         amounts = []
         if self.lost_messages is not None:

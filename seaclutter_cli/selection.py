@@ -229,7 +229,6 @@ class Window:
 
 
 def _bound(moment: Moment | None, first_ns: int) -> int | None:
-    """Return a limit as log time, given that of the first message."""
     if moment is None or isinstance(moment, datetime):
         return None if moment is None else (_in_utc(moment) - _EPOCH) // timedelta(microseconds=1) * 1000
     return first_ns + round(moment * _NANO)

@@ -42,11 +42,9 @@ class Url:
     key: str = ""
 
     def __str__(self) -> str:
-        """Return the URL as text."""
         return f"{self.scheme}://{self.bucket}/{self.key}"
 
     def __truediv__(self, name: str) -> Self:
-        """Return the URL of an object in this folder."""
         return type(self)(self.scheme, self.bucket, f"{self.key}/{name}".removeprefix("/"))
 
     @property

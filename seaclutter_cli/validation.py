@@ -106,7 +106,6 @@ def build(kind: type[Any], values: Mapping[str, Any], section: str, owner: str, 
 
 
 def _with_current_names(kind: type[Any], values: Mapping[str, Any], section: str) -> Mapping[str, Any]:
-    """Return values with former names of keys replaced by the current names."""
     names = {former: one.name for one in fields(kind) if (former := one.metadata.get("formerly"))}
     for former, current in names.items():
         if former in values and current not in values:

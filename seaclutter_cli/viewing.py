@@ -71,7 +71,6 @@ class FrameStream(FrameListener):
         self._recording.disconnect()
 
     def _points(self, frame: Frame, result: FilterResult | None) -> None:
-        """Log raw points shaded by intensity, kept points, and removed points by reason."""
         valid = frame.valid
         self._cloud("world/raw", frame, valid, _shades(frame, valid), 1.0)
         for reason, color in palette.REASONS.items():

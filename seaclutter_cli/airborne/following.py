@@ -225,7 +225,6 @@ def _ranges(details: CellDetails, lowest: Cells, water: Mask) -> Cells:
 def _are_objects(
     group: NDArray[np.int32], member: Mask, sure: Mask, sea: FollowedSurface, rise: Cells, cell_m: float
 ) -> Mask:
-    """Return whether each group of cells is an object."""
     own, groups = group[member], int(group.max(initial=0)) + 1
     cells, certain, shine, height, crests = (
         np.bincount(own, weights, groups)

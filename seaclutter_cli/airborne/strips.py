@@ -122,7 +122,6 @@ def _fitted(place: Floats, values: Floats) -> Floats:
 
 
 def _at(plane: Floats, place: Floats) -> Floats:
-    """Return the values of a plane at places, shape (2, N)."""
     return np.asarray(plane[0] + plane[1:] @ place)
 
 

@@ -53,7 +53,6 @@ class SeparationParams(SurfaceParams):
         return CALM_M if self.height_m == "auto" else self.height_m
 
     def __post_init__(self) -> None:
-        """Check that ``island_m`` is at least ``height_m``."""
         super().__post_init__()
         if self.island_m is not None and self.island_m < self.threshold_m:
             raise ValueError(f"island_m ({self.island_m:g}) must not be less than height_m ({self.threshold_m:g})")

@@ -87,7 +87,6 @@ class _Program(CommandGroup):
 
 @contextmanager
 def _reported_errors() -> Iterator[None]:
-    """Print errors as one line and exit; with ``--debug``, let them pass."""
     try:
         yield
     except click.exceptions.NoArgsIsHelpError as error:

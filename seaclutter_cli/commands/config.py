@@ -36,7 +36,6 @@ class _ListOptions(Options):
 
 
 def _show(console: Console, **sources: Any) -> None:
-    """Print the effective configuration."""
     from seaclutter_cli.runs.methods import configured
 
     effective = configured(ConfigOptions(**sources))
@@ -47,7 +46,6 @@ def _show(console: Console, **sources: Any) -> None:
 
 
 def _check(_: Console, files: Sequence[str]) -> None:
-    """Print whether files are valid; exit with an error if any is not."""
     from seaclutter_cli.config import load_config
 
     context, valid = click.get_current_context(), True

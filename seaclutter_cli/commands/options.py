@@ -38,7 +38,6 @@ class _Command(click.Command):
     """Command whose help shows the usual options first, and the others in groups."""
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write a section for each group."""
         sections: dict[str, list[tuple[str, str]]] = {name: [] for name in ("Options", *_GROUPS)}
         for parameter in self.get_params(ctx):
             if isinstance(parameter, click.Option) and (record := parameter.get_help_record(ctx)):
@@ -137,7 +136,6 @@ def _of_working_folder(context: click.Context, _: click.Parameter, value: Any) -
 
 
 def _parameter(name: str, one: Option, words: Mapping[str, str]) -> click.Parameter:
-    """Return the parameter of a command for an option."""
     is_required = one.required or one.default is MISSING
     if not one.flags[0].startswith("-"):
         number = -1 if one.flags[0].endswith("...") else 1

@@ -77,7 +77,6 @@ class LabelCheck:
         return found
 
     def _fitted(self) -> Iterator[Finding]:
-        """Yield what the fit of the boxes shows."""
         if sum(len(one.targets) for one in self._sample.frames) < _MIN_BOXES:
             return
         fit = LabelFit(self._sample.frames, self.params.box_margin_m, self.params.min_visible_points)

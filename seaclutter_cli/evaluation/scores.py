@@ -46,7 +46,6 @@ class PointCounts:
     clutter_out: int = 0
 
     def __add__(self, other: "PointCounts") -> "PointCounts":
-        """Return the sums."""
         return PointCounts(*map(add, astuple(self), astuple(other)))
 
     @property

@@ -23,7 +23,6 @@ class SurfaceParams:
     height_m: Positive = key(0.5, "A point higher than this above the opened surface is a non-sea point, T_max.")
 
     def __post_init__(self) -> None:
-        """Check that the window can be computed."""
         if self.window_m > MAX_WINDOW_CELLS * self.cell_m:
             raise ValueError(f"window_m ({self.window_m:g}) must not exceed {MAX_WINDOW_CELLS} cells of cell_m")
 

@@ -84,7 +84,6 @@ class _Pool(AbstractContextManager["_Pool"]):
         self._workers: list[_Worker] = []
 
     def give(self, waiting: deque[int], tasks: Sequence[Task[Any]]) -> list[int]:
-        """Give waiting tasks to idle processes and return their numbers."""
         while waiting and len(self._workers) < self._size:
             self._workers.append(_Worker(self._context, max(1, min(threads(), cores() // self._size))))
         given = []
@@ -95,7 +94,6 @@ class _Pool(AbstractContextManager["_Pool"]):
         return given
 
     def answers(self) -> Iterator[tuple[int, str, Any]]:
-        """Yield answers, as `Pool.answers` says."""
         busy = {worker.pipe: worker for worker in self._workers if worker.is_busy}
         for pipe in wait(list(busy)):
             worker = busy[pipe]
@@ -164,7 +162,6 @@ class _Worker:
 
 
 def _work(pipe: Connection, environment: Mapping[str, str]) -> None:
-    """Run the tasks that come from a pipe until it closes."""
     handle_interrupts()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the first one ends the others
     os.environ.clear()

@@ -64,7 +64,6 @@ def _names(header: str) -> list[str]:
 
 
 def _check_header(path: Path, names: Sequence[str]) -> str:
-    """Return the column that identifies the frame of a line."""
     key = next((key for key in _KEYS if key in names), None)
     missing = [name for name in COLUMNS[1:] if name not in names]
     if key is None:

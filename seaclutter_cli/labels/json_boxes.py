@@ -148,7 +148,6 @@ def number(item: Any, key: str) -> float:
 
 
 def _numbers(item: Any, keys: tuple[str, str, str]) -> tuple[float, float, float]:
-    """Return the finite numbers at three keys."""
     first, second, third = (number(item, key) for key in keys)
     return first, second, third
 

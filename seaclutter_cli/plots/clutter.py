@@ -39,7 +39,6 @@ class ClutterDensity:
         self._count(*np.unique(cells[column < self._columns], return_counts=True))
 
     def __iadd__(self, other: Self) -> Self:
-        """Add the counts of another histogram with the same parameters."""
         self._all_whole = self._all_whole and other._all_whole
         self._count(other._cells, other._counts)
         return self
@@ -77,7 +76,6 @@ class ClutterDensity:
 
     @property
     def _intensity(self) -> Floats:
-        """Middle intensity of each cell."""
         key = self._cells & ((1 << _KEY_BITS) - 1)
         # 0 is exact; all other values become the middle of their row.
         half = np.where(key == 0, 0, 1 << (31 - _KEY_BITS)).astype(np.uint32)

@@ -80,7 +80,6 @@ def _draw_intensity(figure: "Figure", collected: Collector) -> None:
 
 
 def _draw_rings(figure: "Figure", collected: Collector, *, name: str) -> None:
-    """Draw the threshold or correction of each range ring over the frames."""
     values: NDArray[np.float32] = collected.histories[0][name]
     edges = collected.methods[0].edges
     axes = figure.add_subplot()
@@ -117,7 +116,6 @@ def _ring_colors(count: int) -> list[str]:
 
 
 def _draw_reasons(figure: "Figure", collected: Collector) -> None:
-    """Draw the number of points of each frame by reason."""
     counts = np.nan_to_num(collected.histories[0]["counts"])
     used = [reason for reason in palette.REASONS if counts[:, reason].any()]
     axes = figure.add_subplot()
@@ -156,7 +154,6 @@ def _draw_alarms(figure: "Figure", collected: Collector) -> None:
 
 
 def _draw_water(figure: "Figure", collected: Collector) -> None:
-    """Draw level and significant wave height of the water over the frames."""
     water = collected.histories[0]["water"]
     panels = figure.subplots(2, 1, sharex=True)
     for axes, name, label in zip(panels, _WATER_LABELS, _WATER_LABELS.values(), strict=True):

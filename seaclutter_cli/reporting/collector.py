@@ -53,7 +53,6 @@ class History:
         self._scenes.append((result.scene if result else None) or "")
 
     def __getitem__(self, name: str) -> Series:
-        """Return a column."""
         return np.array(self._rows, self._type)[name]
 
     @property

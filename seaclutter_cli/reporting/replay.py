@@ -32,7 +32,6 @@ def filtered_topics(source: Source) -> list[str]:
 
 
 def _diagnostics_topic(source: Source, topic: str) -> str:
-    """Return the topic with the diagnostics of a cloud topic."""
     recorded = recorded_topics(source.metadata)
     found = (name for name, one in recorded.items() if (one.content, one.clouds) == (DIAGNOSTICS, topic))
     return next(found, TOPIC)

@@ -45,7 +45,6 @@ _MIB = 2**20
 
 @contextmanager
 def _engine(options: BatchOptions, works: "Sequence[Work[Any]]", observer: Observer) -> Iterator[Engine[Any]]:
-    """Return the engine for work on some recordings."""
     if options.cluster is not None:
         from seaclutter_cli.jobs.cluster.connection import connection_to
         from seaclutter_cli.jobs.cluster.engine import Cluster  # asyncio takes time to import
@@ -188,7 +187,6 @@ class _Messages(Silent):
 
     @contextmanager
     def progress(self, title: str, total: int | None, unit: str = "frame") -> Iterator[Step]:  # noqa: ARG002
-        """Report the share that is done after each frame, if the total is known."""
         done = itertools.count(1)
         yield lambda: self.report(min(next(done) / total, 1.0)) if total else None
 

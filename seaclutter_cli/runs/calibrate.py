@@ -241,7 +241,6 @@ class _TargetSearch:
         self._topics: dict[str, tuple[float, Confirmed]] = {}
 
     def add(self, frame: Frame) -> None:
-        """Add a frame, in order."""
         time_s = frame.stamp_ns / 1e9
         if frame.topic not in self._topics:
             self._topics[frame.topic] = time_s, Confirmed(self._params)
@@ -253,7 +252,6 @@ class _TargetSearch:
             method.reset()
 
     def finish(self) -> None:
-        """Count the frames that wait."""
         for _, method in self._topics.values():
             self._count(method.flush())
 

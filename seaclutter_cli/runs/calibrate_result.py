@@ -276,7 +276,6 @@ class CalibrationResult(RecordingsResult[Calibrated]):
         return [{**data_of(ring, _OF_RING), "threshold": threshold} for ring, threshold in pairs]
 
     def _sentences(self) -> list[str]:
-        """Return sentences about the input and the far limit of clutter."""
         found, total = self.found, self.total
         least, most = self.calibration.intensity
         without = f" ({count(total.unlabelled, 'unlabelled frame')} left out)" if total.unlabelled else ""
@@ -303,7 +302,6 @@ class CalibrationResult(RecordingsResult[Calibrated]):
         ]
 
     def _table(self) -> list[str]:
-        """Return the lines of the table of range rings, with notes behind them."""
         rows, notes = [], []
         for ring in self.found.rings:
             below = share(ring.below, ring.points)

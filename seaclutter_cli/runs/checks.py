@@ -177,7 +177,6 @@ class _ThresholdCheck:
         return self._in_ring(blind, "can pass") if blind.any() else None
 
     def _in_ring(self, rings: NDArray[np.bool_], problem: str) -> str:
-        """Return a warning about the first of some range rings."""
         k = int(np.flatnonzero(rings)[0])
         others = int(np.count_nonzero(rings)) - 1
         more = f" (and {count(others, 'other range ring')})" if others else ""

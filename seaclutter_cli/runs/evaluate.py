@@ -254,7 +254,6 @@ class EvaluateWork(RecordingWork[Evaluated]):
         yield from (f"labels: {finding.text}" for finding in label_check.findings(most.targets, most.visible))
 
     def _indicated(self, every: Iterable[Filtered], outcome: Evaluated) -> Iterator[Filtered]:
-        """Yield filtered frames, and store what they indicate at the end."""
         from seaclutter_cli.runs.suspects import mounting_of  # not needed with labels
         from seaclutter_cli.suspects.indications import Indicator
 
@@ -357,7 +356,6 @@ class Comparison(RecordingsResult[Evaluated]):
         return f"\n\n{table(('recording', 'method', *heads), rows)}{more}"
 
     def _title(self, totals: Mapping[str, Summary]) -> str:
-        """Return what was compared: recordings, frames, targets and, where they are labelled, points."""
         done = sum(bool(outcome.known) for outcome in self.outcomes)
         skipped = sum(outcome.has_nothing for outcome in self.outcomes)
         first = max(totals.values(), key=lambda summary: summary.frames)

@@ -241,7 +241,6 @@ def _append(table: AtomicFile | None, outcome: FilterOutcome) -> None:
 
 
 def _frame_table(config: Config, rows: "PackedRows | IO[bytes]") -> FrameTable:
-    """Return the table for the frames of a recording, whose lines are written to ``rows``."""
     return FrameTable(
         rows.write, len(config.ring_edges[1:]), scenes=config.kind.has_scenes, water=config.kind.has_water
     )

@@ -194,7 +194,6 @@ def _opened(path: Path) -> tuple[Labels, set[int]]:
 
 
 def _boxes(labels: Labels, number: int) -> Boxes:
-    """Return the boxes of a frame, targets and areas to ignore."""
     truth = labels.truth(Frame.of_arrays(np.empty((0, 3)), index=number))
     parts = [part for part in (truth.targets, truth.ignored) if part is not None] if truth else []
     return Boxes(

@@ -271,7 +271,6 @@ def grid(sweeps: Sequence[Sweep], options: MethodOptions) -> list[Variant]:
 
 
 def _check_keys(sweeps: Sequence[Sweep], bases: Sequence[Base]) -> None:
-    """Raise `UsageError` for a key that no method has, or that is given twice."""
     for sweep in sweeps:
         if not any(sweep.applies_to(base) for base in bases):
             known = "; ".join(f"method {base.name} has: {', '.join(base.keys)}" for base in bases)

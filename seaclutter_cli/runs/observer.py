@@ -87,7 +87,6 @@ class _Raising:
         self.inner = inner
 
     def __getattr__(self, name: str) -> Any:
-        """Return a method of the inner observer, or its log file."""
         return getattr(self.inner, name)
 
     def fail(self, error: SeaclutterError) -> None:

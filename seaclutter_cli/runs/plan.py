@@ -91,7 +91,6 @@ class _PlanWork(Work["Planned"]):
     exists: bool
 
     def run(self, observer: Observer) -> "Planned":
-        """Return what would be done; an error is the reason why it would be refused."""
         planned = self.without_result(None)
         try:
             self._look(planned)

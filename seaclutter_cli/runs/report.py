@@ -98,13 +98,11 @@ class _Studied(FrameListener):
         self._found: list[dict[str, Any]] = []
 
     def begin(self, recording: str) -> None:
-        """Start a recording."""
         self.finish()
         self._finders.append((recording, finder_for(self._config)))
         self.collector.begin(recording)
 
     def add(self, scored: ScoredFrame) -> None:
-        """Take a frame."""
         self.collector.add(scored)
         self._finders[-1][1].add(scored.frame, scored.results[:1])
 
@@ -229,7 +227,6 @@ class ViewResult(Comparison):
 
 
 def _recorded(times_ns: Sequence[int]) -> str:
-    """Return first and last frame time in UTC, if a recording has times of its own."""
     try:
         first, last = (datetime.fromtimestamp(time_ns // _NANO, UTC) for time_ns in times_ns)
     except (OverflowError, ValueError, OSError):  # there are none, or no such dates

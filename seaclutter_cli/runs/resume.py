@@ -213,7 +213,6 @@ def digest_of_paths(paths: Iterable[Path]) -> str:
 
 
 def _files(path: Path) -> list[tuple[str, Path]]:
-    """Return a file, or those in a folder, with their names in it."""
     if mirror := mirror_of(path):
         mirror.know(path)
     inside = sorted(path.rglob("*")) if path.is_dir() else [path]

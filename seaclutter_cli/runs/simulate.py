@@ -263,7 +263,6 @@ class _SimulateWork(Work[_Simulated]):
         return outcome
 
     def simulate(self, observer: Observer) -> SimulationResult | TileSimulationResult:
-        """Simulate a labelled recording, or a tile if the output is a LAS or LAZ file."""
         (output,) = self.recording.paths
         simulate_one = _simulate_tile if output.suffix.lower() in _TILE_SUFFIXES else _simulate_recording
         return simulate_one(str(self.options.scene), output, self.options, observer)

@@ -214,7 +214,6 @@ def _part(
 
 
 def _chosen(suspects: Mapping[str, Sequence[Suspect]], most: int) -> dict[int, dict[str, Suspect]]:
-    """Return the first suspects by frame and name."""
     found: dict[int, dict[str, Suspect]] = {}
     for kind, listed in suspects.items():
         for number, one in enumerate(listed[:most], 1):

@@ -120,7 +120,6 @@ class _ThresholdHistory(FrameListener):
         self._rows.append([np.nan if ideal is None else ideal, *used])
 
     def plot(self, suffix: str) -> bytes:
-        """Return the content of the plot file; ``suffix`` is ``.png`` or ``.svg``."""
         ideal, *curves = np.array(self._rows, np.float64).reshape(-1, 1 + len(self._names)).T
         keys = {name.partition("=")[0] for name in self._names}
         title = keys.pop() if len(keys) == 1 and not any(" " in name for name in self._names) else None
@@ -212,7 +211,6 @@ class TuningResult(RecordingsResult[Evaluated]):
 
     @property
     def _parts(self) -> dict[str, _Part]:
-        """Scores by the name of their part."""
         return {"tuned": self.tuned, **({"held out": self.judged} if self.held_out else {})}
 
     def recordings(self) -> list[dict[str, Any]]:
@@ -255,7 +253,6 @@ class TuningResult(RecordingsResult[Evaluated]):
         return f"{tables}\n\n{legend}"
 
     def _table(self) -> str:
-        """Return a table of all combinations on the frames used for tuning."""
         cells = score_cells(self.tuned, FRAME_ERRORS)
         first = ["method"] if self._several else []
         keys = [sweep.key for sweep in self.sweeps]

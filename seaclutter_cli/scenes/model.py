@@ -144,7 +144,6 @@ class SceneModel:
         return tuple(names), extent_m
 
     def _check_run(self) -> None:
-        """Check the output for an empty image."""
         try:
             out = self._run(np.zeros((IMAGE_SIZE, IMAGE_SIZE), np.uint8))
         except ModelError:

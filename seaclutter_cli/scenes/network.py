@@ -106,7 +106,6 @@ class _Writer:
         self.initializers: list[Any] = []
 
     def add(self, kind: str, inputs: Sequence[str], **attributes: Any) -> str:
-        """Add a node and return the name of its output."""
         from onnx import helper
 
         name = f"{kind.lower()}{len(self.nodes)}"

@@ -51,7 +51,6 @@ class Examples:
         return len(sketch) > 0
 
     def __len__(self) -> int:
-        """Return the number of frames."""
         return len(self._sketches)
 
     @property
@@ -92,7 +91,6 @@ class Examples:
         return self._alignments_rad[index]
 
     def _coordinates(self, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return x and y of the cells of a frame in metres."""
         row, column = np.divmod(self._sketches[index], _SKETCH_SIZE)
         middle, cell_m = _SKETCH_SIZE / 2 - 0.5, 2 * self.extent_m / (IMAGE_SIZE * _FINER)
         return (middle - row) * cell_m, (middle - column) * cell_m
@@ -247,7 +245,6 @@ class _Trainer:
         self._rng = np.random.default_rng(params.seed)
 
     def run(self, on_epoch: Callable[[Epoch], object]) -> Trained:
-        """Train the network and return it with the weights of its best epoch."""
         epochs: list[Epoch] = []
         weights: dict[str, Any] = {}
         for _ in range(self._params.epochs):

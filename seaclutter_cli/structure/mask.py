@@ -41,7 +41,6 @@ class Sector:
     range_max_m: float
 
     def __post_init__(self) -> None:
-        """Check the order of the limits."""
         names = [field.name for field in fields(self)]
         values = astuple(self)
         if not np.isfinite(values).all():

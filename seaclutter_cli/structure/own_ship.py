@@ -93,7 +93,6 @@ class OwnShip:
             self._decide()
 
     def _decide(self) -> None:
-        """End a window."""
         found = self._search.found()
         self.level_m, self.beams_deg = self._search.level_m, self._search.beams_deg
         self.is_at_rest = found.is_at_rest

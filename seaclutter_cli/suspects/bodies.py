@@ -100,7 +100,6 @@ class BodyFinder:
 
 
 def _largest(clusters: Clusters) -> Clusters:
-    """Return at most `_MAX_BODIES` clusters, those with the most points."""
     if len(clusters) <= _MAX_BODIES:
         return clusters
     chosen = np.sort(np.argsort(-clusters.count, kind="stable")[:_MAX_BODIES])

@@ -75,7 +75,6 @@ def connection_to(address: str, *, insecure: bool = False, workers: int | None =
 
 @contextmanager
 def _scheduler(address: str) -> Iterator["Client"]:
-    """Connect to a scheduler that runs."""
     make = _client_class()
     security = _certificates(required=True) if address.startswith("tls:") else None
     try:

@@ -139,7 +139,6 @@ class _Pool:
         return sum(job.number is not None for job in self._jobs.values())
 
     def give(self, waiting: deque[int], tasks: Sequence[Task[Any]]) -> list[int]:
-        """Give waiting tasks to idle workers and return their numbers; ask new workers whether they can be used."""
         given: list[int] = []
         with self._connection():
             busy = {job.worker for job in self._jobs.values()}
@@ -189,7 +188,6 @@ class _Pool:
         self._note(address, content)
 
     def answers(self) -> Iterator[tuple[int, str, Any]]:
-        """Yield answers, as `Pool.answers` says."""
         with self._connection():
             with suppress(Empty):
                 key, kind, content = self._events.get(timeout=max(0.0, self._next_look_s - monotonic()))
@@ -305,7 +303,6 @@ def _nothing(_: Report) -> None:
 
 
 def _sent(task: Task[Any]) -> tuple[bytes, str]:
-    """Return the arguments of `run_remotely`."""
     return pickle.dumps(task), str(Path.cwd())
 
 

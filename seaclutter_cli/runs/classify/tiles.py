@@ -200,7 +200,6 @@ class _Window(Recording):
 
     @property
     def size(self) -> int:
-        """Size of its chunks in bytes."""
         return self.tile.size
 
 
