@@ -1,6 +1,6 @@
 """Exact Euclidean clusters, and density-based ones (DBSCAN) as in the evaluation of [Bi], in bounded memory."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ _REACH = 2
 _FEW_CELLS = 1 << 20
 _ALL_PAIRED = 100
 _CELLS_AT_ONCE = 1 << 13
+_TABLE = 32
 _BLOCK = 1 << 14
 _ROUNDING = 1e-9
 _STEPS = np.array([(i, j) for i in range(_REACH + 1) for j in range(-_REACH, _REACH + 1) if (i, j) >= (0, 0)])
@@ -272,17 +273,24 @@ class Cells:
             yield np.stack(np.tril_indices(len(self), -1))
             return
         stride = int(self.height.max()) + 1 + _REACH
-        key = self.column * stride + self.height
-        sought = self.columns + (_STEPS @ (self.row, 1))[:, None]
-        other = np.searchsorted(self.columns, sought)
+        before = _ranks(self.column * stride + self.height, len(self.columns) * stride)
+        sought = self.columns + (_STEPS @ np.array((self.row, 1)))[:, None]
+        other = _ranks(self.columns, int(sought[-1, -1]))(sought)
         known = np.append(self.columns, -1)[other] == sought
         for start in range(0, len(self), _CELLS_AT_ONCE):
             column = self.column[start : start + _CELLS_AT_ONCE]
             step, own = known[:, column].nonzero()
             beside = other[step, column[own]] * stride + self.height[own + start]
-            first = np.searchsorted(key, beside - np.where(step, _REACH, -1))  # upwards only in the same column
-            found = np.searchsorted(key, beside + _REACH, side="right") - first
+            first = before(beside - np.where(step, _REACH, -1))  # upwards only in the same column
+            found = before(beside + _REACH + 1) - first
             yield np.stack((np.repeat(own + start, found), spans(first, found)))
+
+
+def _ranks(ordered: Indices, largest: int) -> Callable[[Indices], Indices]:
+    """Return what tells how many of ascending numbers are less than others, from 0 to a largest one."""
+    if largest > _TABLE * len(ordered):
+        return lambda others: np.asarray(np.searchsorted(ordered, others))
+    return np.cumsum(np.bincount(ordered + 1, minlength=largest + 1)).take
 
 
 def cells_of(xyz: Points, tolerance_m: float) -> Cells:

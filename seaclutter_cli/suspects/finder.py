@@ -273,7 +273,7 @@ class SuspectFinder:
             body.loose += float(bodies.loose[k])
             body.size_m += float(sizes[k])
             body.top_m = max(body.top_m, float(bodies.top_m[k]))
-            body.speed_ms = float(np.hypot(*track.velocity))
+            body.speed_ms = abs(track.velocity)
             body.moved(moment[2], bodies.found.centers[k])
             body.changes += body.was_kept != is_kept[:, k]
             body.was_kept = is_kept[:, k]

@@ -13,6 +13,7 @@ from seaclutter_cli.groups import group_sizes, group_starts
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 DIRECTIONS = 36
 YAWS = 45
@@ -70,7 +71,7 @@ class Detections:
     spans: Floats
     rises: Floats
     points: Indices
-    kept: NDArray[np.bool_]
+    kept: Mask
     cells: Floats
     owner: Indices
 
@@ -118,16 +119,15 @@ class Detections:
         frame = result.frame
         # Without thresholds, the reason of the water is the same as that of objects.
         doubtful = np.equal(result.reason, Reason.UNCONFIRMED) & (result.rings is not None)
-        subsets = [np.flatnonzero(mask & frame.valid) for mask in (result.keep, doubtful)]
-        members, numbers, kept = [], [], 0
-        for subset in subsets:
-            cluster = _clusters(frame.coordinates.take(subset, axis=1), tolerance_m, min_points)
-            order = np.argsort(cluster, kind="stable")[np.count_nonzero(cluster < 0) :]
-            members.append(subset[order])
-            numbers.append(cluster[order] + kept)
-            kept = kept or int(cluster.max(initial=-1)) + 1
-        kept *= bool(len(members[0]))
-        return cls.made(frame.coordinates.take(np.concatenate(members), axis=1), np.concatenate(numbers), kept, up)
+        members = np.flatnonzero((result.keep | doubtful) & frame.valid)
+        doubtful = doubtful[members]
+        cluster = _clusters(frame.coordinates.take(members, axis=1), doubtful, tolerance_m, min_points)
+        seen = np.flatnonzero(cluster >= 0)
+        key = (doubtful * len(members) + cluster)[seen]
+        # Five times faster than a stable `numpy.argsort`.
+        key, place = np.divmod(np.sort(key * len(members) + seen), max(len(members), 1))
+        kept = int(np.count_nonzero(key[group_starts(key)] < len(members)))
+        return cls.made(frame.coordinates.take(members[place], axis=1), key, kept, up)
 
     @classmethod
     def made(cls, xyz: Floats, cluster: Indices, kept: int, up: Floats = _UP) -> "Detections":
@@ -152,7 +152,7 @@ class Detections:
         hulls = xy.T[farthest + starts[chosen, None]]
         number = np.full(len(starts), -1)
         number[chosen] = np.arange(len(chosen))
-        owner = number[cluster]
+        owner = np.repeat(number, count)
         return cls(
             hulls,
             centers[chosen],
@@ -164,8 +164,8 @@ class Detections:
         )
 
 
-def _clusters(xyz: Floats, tolerance_m: float, min_points: int) -> Indices:
-    """Return the cluster of each point, shape (N,); -1 for small ones.
+def _clusters(xyz: Floats, doubtful: Mask, tolerance_m: float, min_points: int) -> Indices:
+    """Return the cluster of each point, shape (N,), doubtful ones apart from others; -1 for small ones.
 
     What is larger than a small craft is divided at gaps of half the tolerance, a fifth across the line of sight, far
     off at wider ones. One point of each cell of 0.1 m by 0.1 m by 1 m is searched for neighbours.
@@ -173,9 +173,12 @@ def _clusters(xyz: Floats, tolerance_m: float, min_points: int) -> Indices:
     if not xyz.shape[1]:
         return np.empty(0, np.int64)
     column, row, level = np.clip(np.floor(xyz / _THINNED_M), -_MAX_CELL, _MAX_CELL - 1).astype(np.int64) + _MAX_CELL
+    column += doubtful * (2 * _MAX_CELL)
     first, cell = _unique((column * (2 * _MAX_CELL) + row) * (2 * _MAX_CELL) + level)
-    thinned = xyz.take(first, axis=1)
-    number = euclidean_clusters(thinned * _FLATTENED, tolerance_m, 1)
+    thinned, doubtful = xyz.take(first, axis=1), doubtful[first]
+    flat = thinned * _FLATTENED
+    flat[0] += doubtful * (np.ptp(flat[0]) + 2 * tolerance_m)
+    number = euclidean_clusters(flat, tolerance_m, 1)
     is_small = _are_small(*_widths(thinned[:2], number))
     nearest_m = np.full(len(is_small), np.inf)
     np.minimum.at(nearest_m, number, np.hypot(*thinned[:2]))
@@ -187,7 +190,7 @@ def _clusters(xyz: Floats, tolerance_m: float, min_points: int) -> Indices:
         scaled /= np.stack((tight_m, across_m / np.maximum(nearest_m, _CELL_M), tight_m))[:, number[wide]]
         scaled[0] += _APART * number[wide]  # clusters are searched at once, far behind each other
         parts = euclidean_clusters(scaled, 1.0, 1)
-        joined = _joined(thinned[:2, wide], parts, tolerance_m)
+        joined = _joined(thinned[:2, wide], parts, doubtful[wide], tolerance_m)
         number[wide] = np.where(joined < 0, -1, number.max() + 1 + joined)
     number = number[cell]
     large = np.bincount(number + 1)[1:] >= min_points
@@ -212,7 +215,7 @@ def _along_and_across(xyz: Floats, number: Indices) -> Floats:
     return np.stack((np.hypot(x, y), np.arctan2(to_x * y - to_y * x, to_x * x + to_y * y), z))
 
 
-def _joined(xy: Floats, part: Indices, tolerance_m: float) -> Indices:
+def _joined(xy: Floats, part: Indices, doubtful: Mask, tolerance_m: float) -> Indices:
     """Return the number of the whole of each point: parts that are near each other, up to the size of a small craft.
 
     So boats beside each other, too wide together, or beside a quay are apart, and a boat that is seen in pieces is one.
@@ -221,7 +224,9 @@ def _joined(xy: Floats, part: Indices, tolerance_m: float) -> Indices:
     cells, owner = _cells(xy, part)
     low, high = _widths(xy, part)
     small = np.flatnonzero(_are_small(low, high)[owner])
-    pairs = small[pairs_within(np.column_stack((cells[small], np.zeros(len(small)))).T, _NEAR * tolerance_m)]
+    level = np.zeros(low.shape[1])
+    level[part] = tolerance_m * doubtful
+    pairs = small[pairs_within(np.column_stack((cells, level[owner]))[small].T, _NEAR * tolerance_m)]
     pairs = pairs[:, owner[pairs[0]] != owner[pairs[1]]]
     of = np.sort(owner[pairs], axis=0)
     gap = np.hypot(*(cells[pairs[0]] - cells[pairs[1]]).T)
@@ -233,7 +238,8 @@ def _joined(xy: Floats, part: Indices, tolerance_m: float) -> Indices:
         if one == other:
             continue
         least, most = np.minimum(low[:, one], low[:, other]), np.maximum(high[:, one], high[:, other])
-        beam, length = np.sort(most - least)[[0, -1]]
+        widths = (most - least).tolist()
+        beam, length = min(widths), max(widths)
         if length <= _CRAFT_M and beam <= min(_CRAFT_WIDE_M, max(_STERN_M, _BROADEST * length)):
             whole[whole == other] = one
             low[:, one], high[:, one] = least, most

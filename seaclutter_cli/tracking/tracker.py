@@ -1,16 +1,19 @@
 """Tracks: detections of one object in successive frames."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.groups import group_sizes, group_starts
 from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.tracking.detections import Detections
 
 Floats = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 _GATE_M, _GATE_SIGMAS, _MAX_GATE_M = 0.8, 2.0, 8.0
 _LEAST_OVERLAP = 0.25
@@ -21,12 +24,13 @@ _JITTER_M, _JITTER_SHARE, _LEARNED = 0.15, 0.1, 0.2
 _STEP_M, _STEP_SPEED_MS, _MAX_STEP_M = 0.4, 5.0, 4.0
 _KNOWN_AFTER_S, _NEW_COAST_S, _COAST_S = 0.5, 0.5, 8.0
 _SLACK_S = 1e-6
+_TO_COMPLEX = np.array([1, 1j])
 
 
 V = TypeVar("V", float, Floats)
 
 
-def ahead(position: V, both: V, velocity: V, dt: float, acceleration: float) -> tuple[V, V, V]:
+def ahead(position: V, both: V, velocity: V, dt: V | float, acceleration: float) -> tuple[V, V, V]:
     """Return the variances of position, both, and velocity after a time, for white noise of acceleration."""
     return (
         position + 2 * dt * both + dt**2 * velocity + acceleration * dt**3 / 3,
@@ -39,17 +43,17 @@ def ahead(position: V, both: V, velocity: V, dt: float, acceleration: float) -> 
 class Track:
     """An object over time, as it was when last seen.
 
-    ``center`` and ``velocity``, shape (2,), are filtered; ``variance`` are those of position, both, and velocity.
+    ``center`` and ``velocity``, complex numbers, are filtered; ``variance`` are those of position, both, and velocity.
     ``cells``, shape (m, 2), are its parts, ``jitter_m`` is by how far detections miss the place where they are
     expected. It was seen in ``hits`` of the frames since ``first_s``, and missed in others.
     """
 
     number: int
-    center: Floats
+    center: complex
     cells: Floats
     first_s: float
     seen_s: float
-    velocity: Floats
+    velocity: complex
     variance: tuple[float, float, float]
     jitter_m: float
     hits: int = 1
@@ -66,28 +70,16 @@ class Track:
         share = self.hits / (self.hits + self.misses)
         return share * (1 - math.exp(-(self.seen_s - self.first_s) / _KNOWN_AFTER_S))
 
-    def predicted(self, time_s: float) -> tuple[float, float, float]:
-        """Return the variances at a time."""
-        return ahead(*self.variance, time_s - self.seen_s, _ACCELERATION)
-
-    def gate_m(self, time_s: float, interval_s: float) -> float:
-        """Return the distance from the place where its parts are expected within which they may be.
-
-        Slow scans, whose frames are ``interval_s`` apart, see other parts of a body each time.
-        """
-        spread = math.sqrt(self.predicted(time_s)[0] + self.jitter_m**2)
-        step = min(_STEP_M + _STEP_SPEED_MS * interval_s, _MAX_STEP_M)
-        return min(max(_GATE_M + _GATE_SIGMAS * spread, step), _MAX_GATE_M)
-
-    def update(self, center: Floats, cells: Floats, time_s: float, jitter_m: float) -> None:
+    def update(self, center: complex, cells: Floats, time_s: float, jitter_m: float) -> None:
         """Add a detection (Kalman filter of constant velocity)."""
-        position, both, velocity = self.predicted(time_s)
+        elapsed_s = time_s - self.seen_s
+        position, both, velocity = ahead(*self.variance, elapsed_s, _ACCELERATION)
         jitter_m = max(jitter_m, self.jitter_m)
         gain = position / (position + jitter_m**2), both / (position + jitter_m**2)
-        expected = self.center + self.velocity * (time_s - self.seen_s)
+        expected = self.center + self.velocity * elapsed_s
         off = center - expected
         self.center, self.velocity = expected + gain[0] * off, self.velocity + gain[1] * off
-        unexplained = max(float(off @ off) / 2 - position, 0.0)
+        unexplained = max((off.real**2 + off.imag**2) / 2 - position, 0.0)
         self.jitter_m = math.sqrt((1 - _LEARNED) * self.jitter_m**2 + _LEARNED * unexplained)
         self.variance = (1 - gain[0]) * position, (1 - gain[0]) * both, velocity - gain[1] * both
         self.cells, self.seen_s = cells, time_s
@@ -106,13 +98,16 @@ class Tracker:
         """Return the track of each detection of a frame; None for doubtful ones that continue no track."""
         interval_s = 0.0 if self._time_s is None else time_s - self._time_s
         self._time_s = time_s
-        splits = np.split(found.cells, np.flatnonzero(np.diff(found.owner)) + 1) if len(found) else []
-        sizes = np.hypot(*np.ptp(found.hulls, axis=1).T) if len(found) else np.empty(0)
+        starts = group_starts(found.owner)
+        ends = starts + group_sizes(starts, len(found.owner))
+        cells = [found.cells[start:end] for start, end in zip(starts.tolist(), ends.tolist(), strict=True)]
+        centers = (found.centers @ _TO_COMPLEX).tolist()
+        jitters_m = (_JITTER_M + _JITTER_SHARE * np.hypot(*np.ptp(found.hulls, axis=1).T)).tolist()
         result: list[Track | None] = [None] * len(found)
         pairs = self._pairs(found, time_s, interval_s)
         for t, d in pairs:
             track = self._tracks[t]
-            track.update(found.centers[d], splits[d], time_s, _JITTER_M + _JITTER_SHARE * sizes[d])
+            track.update(centers[d], cells[d], time_s, jitters_m[d])
             result[d] = track
         seen = {t for t, _ in pairs}
         for t, track in enumerate(self._tracks):
@@ -121,13 +116,13 @@ class Tracker:
         self._tracks = [one for one in self._tracks if time_s - one.seen_s <= (new_coast_s if one.is_new else _COAST_S)]
         for d in np.flatnonzero(found.kept).tolist():
             if result[d] is None:
-                result[d] = self._begin(found.centers[d], splits[d], time_s, _JITTER_M + _JITTER_SHARE * sizes[d])
+                result[d] = self._begin(centers[d], cells[d], time_s, jitters_m[d])
         return result
 
-    def _begin(self, center: Floats, cells: Floats, time_s: float, jitter_m: float) -> Track:
+    def _begin(self, center: complex, cells: Floats, time_s: float, jitter_m: float) -> Track:
         self._born += 1
         variance = jitter_m**2, 0.0, _SPEED_MS**2
-        self._tracks.append(Track(self._born, center, cells, time_s, time_s, np.zeros(2), variance, jitter_m))
+        self._tracks.append(Track(self._born, center, cells, time_s, time_s, 0j, variance, jitter_m))
         return self._tracks[-1]
 
     def _pairs(self, found: Detections, time_s: float, interval_s: float) -> list[tuple[int, int]]:
@@ -139,22 +134,21 @@ class Tracker:
         if not tracks or not len(found):
             return []
         elapsed_s = time_s - np.array([one.seen_s for one in tracks])
-        moved = np.array([one.velocity for one in tracks]) * elapsed_s[:, None]
-        gate = np.array([one.gate_m(time_s, interval_s) for one in tracks])
+        moved = np.array([one.velocity for one in tracks]) * elapsed_s
+        gate = _gates_m(tracks, elapsed_s, interval_s)
         owner = np.repeat(np.arange(len(tracks)), [len(one.cells) for one in tracks])
-        cells = np.concatenate([one.cells for one in tracks]) + moved[owner]
+        cells = np.concatenate([one.cells for one in tracks]) + np.column_stack((moved.real, moved.imag))[owner]
         shape = len(tracks), len(found)
-        forth, back = np.zeros(shape), np.zeros(shape)
         index, distance = nearest(found.cells, cells)
         met = distance <= gate[owner]
-        np.add.at(forth, (owner[met], found.owner[index[met]]), 1)
+        forth = _counted(owner[met], found.owner[index[met]], shape)
         index, distance = nearest(cells, found.cells)
         near = distance <= gate[owner[index]]
-        np.add.at(back, (owner[index[near]], found.owner[near]), 1)
+        back = _counted(owner[index[near]], found.owner[near], shape)
         counts = np.bincount(owner), np.bincount(found.owner)
         overlap = np.maximum(forth / counts[0][:, None], back / counts[1])
         centers = np.array([one.center for one in tracks]) + moved
-        apart = np.linalg.norm(centers[:, None] - found.centers, axis=2)
+        apart = np.abs(centers[:, None] - found.centers @ _TO_COMPLEX)
         cost = 1 - overlap + _DISTANCE_WEIGHT * np.minimum(apart / gate[:, None], 2) + 2.0 * ~found.kept
         cost += _NEW_PENALTY * np.array([one.is_new for one in tracks])[:, None]
         rows, columns = np.nonzero(overlap >= _LEAST_OVERLAP)
@@ -170,3 +164,20 @@ class Tracker:
     def forget(self) -> None:
         """Forget all tracks; numbers go on."""
         self._tracks, self._time_s = [], None
+
+
+def _counted(rows: Indices, columns: Indices, shape: tuple[int, int]) -> Indices:
+    """Return how often each pair of a row and a column occurs."""
+    return np.bincount(rows * shape[1] + columns, minlength=shape[0] * shape[1]).reshape(shape)
+
+
+def _gates_m(tracks: Sequence[Track], elapsed_s: Floats, interval_s: float) -> Floats:
+    """Return the distances from the places where parts of tracks are expected within which they may be, shape (T,).
+
+    Slow scans, whose frames are ``interval_s`` apart, see other parts of a body each time.
+    """
+    position, both, velocity = np.array([one.variance for one in tracks]).T
+    position, _, _ = ahead(position, both, velocity, elapsed_s, _ACCELERATION)
+    spread = np.sqrt(position + np.square([one.jitter_m for one in tracks]))
+    step = min(_STEP_M + _STEP_SPEED_MS * interval_s, _MAX_STEP_M)
+    return np.asarray(np.clip(_GATE_M + _GATE_SIGMAS * spread, step, _MAX_GATE_M))
