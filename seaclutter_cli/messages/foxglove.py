@@ -39,7 +39,6 @@ def _unorganised(
     data: Buffer,
     extra: Any,
 ) -> Cloud:
-    """Return a cloud of whole points, in one row."""
     if stride <= 0 and len(data):
         raise CloudError(f"the point stride must be positive, got {stride} bytes")
     size = len(data) // stride if stride > 0 else 0

@@ -202,7 +202,6 @@ def _copy(values: NDArray[Any], field: PointField, out: NDArray[np.uint8], *, or
 
 
 def _declared_points(data: bytes) -> int:
-    """Return the number of points that Draco data declare."""
     if data[: len(_MAGIC)] != _MAGIC or len(data) < _HEADER:
         raise CloudError("the Draco data have no header")
     kind, flags = data[7], int.from_bytes(data[9:11], "little")

@@ -212,7 +212,6 @@ def _list_of(items: dict[str, Any]) -> dict[str, Any]:
 
 
 def _detections_schema() -> Content:
-    """Return the JSON schema of the outermost fields."""
     anything = {"type": "array", "items": {"type": "object"}}
     properties = {"header": {"type": "object"}, "detections": anything}
     return {"title": "vision_msgs.Detection3DArray", "type": "object", "properties": properties}

@@ -177,26 +177,20 @@ class SensorClock:
         """Return the corrections to add to the sensor's times of packets, given the recorder's, all in nanoseconds."""
         behind = recorded_ns - sensor_ns
         right = ((behind > -DAY_NS) & (behind < DAY_NS)) | (recorded_ns <= 0)
-        found = np.zeros(len(behind), np.int64)
-        start = 0
-        while start < len(behind):
-            shift = self._begin(int(behind[start]), right=bool(right[start]))
-            rest = behind[start:]
-            other = ~right[start:] if shift is None else right[start:] | (abs(rest - shift) > _DRIFT_NS)
-            end = start + int(other.argmax()) if other.any() else len(behind)
-            found[start : max(end, start + 1)] = shift or 0
-            start = max(end, start + 1)
+        found = [
+            self._shift(one, right=is_right) for one, is_right in zip(behind.tolist(), right.tolist(), strict=True)
+        ]
         if self._facts is not None and self._shift_ns is not None:
             self._facts.details["clock"] = "not synchronised, shifted to the recording time"
-        return found
+        return np.array(found, np.int64)
 
-    def _begin(self, behind_ns: int, *, right: bool) -> int | None:
-        """Return the correction that starts at a packet; None if the clock is correct."""
+    def _shift(self, behind_ns: int, *, right: bool) -> int:
+        """Return the correction of a packet: that of the one before, unless its clock is right or diverges from it."""
         if right:
             self._shift_ns = None
         elif self._shift_ns is None or abs(behind_ns - self._shift_ns) > _DRIFT_NS:
             self._shift_ns = behind_ns
-        return self._shift_ns
+        return self._shift_ns or 0
 
 
 class LossCounter:

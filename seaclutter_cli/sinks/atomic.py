@@ -123,7 +123,6 @@ class AtomicFile(CompleteFile, AbstractContextManager["AtomicFile"]):
             raise
 
     def _create(self) -> None:
-        """Create the incomplete file."""
         if self._target.exists() and not self._target.is_file():
             raise OutputError(f"{self.path}: not a regular file, cannot be replaced")
         self.stream = self._new(self.part)
@@ -299,12 +298,10 @@ def _note_removal(error: BaseException | None, path: Path) -> None:
 
 
 def _appeared(path: Path) -> str:
-    """Return the message about an output that appeared while it was written."""
     return f"{path}: appeared while this run was writing it; use --force to replace it; this run's file was removed"
 
 
 def _explain(path: Path, error: OSError) -> str:
-    """Return the message about an output that cannot be written."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         where = "scratch folder" if mirror_of(path) else "disk"
         return f"{path}: the {where} is full; the incomplete file was removed"

@@ -287,13 +287,11 @@ def message_of(frame: Frame) -> Message:
 
 
 def _filtered_message(codec: CloudCodec, options: McapOptions, result: FilterResult) -> Buffer:
-    """Return the message with the points of a frame that were kept."""
     cloud, kept = result.frame.cloud, filtered_cloud(result, options)
     return message_of(result.frame).data if kept is cloud else codec.encode(kept)
 
 
 def _removed_message(codec: CloudCodec, result: FilterResult) -> Buffer:
-    """Return the message with the points of a frame that were removed, and their reasons."""
     mask = ~result.keep
     return codec.encode(result.frame.cloud.select(mask).with_field("reason", result.reason[mask]))
 

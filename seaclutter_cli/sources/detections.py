@@ -4,7 +4,7 @@ See https://github.com/Autoferry/sensor_fusion_dataset. Positions are relative t
 east and down. Here x points north, y west and z up, as clouds have it.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,7 +41,6 @@ class DetectionSource(TimedSource):
     """Detections as clouds on a topic for each sensor, own ship on ``/pose``; `InputError` for other files."""
 
     format = "Autoferry detections"
-    channels: Sequence[Channel] = ()
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -58,16 +57,13 @@ class DetectionSource(TimedSource):
         if bearings:
             self.warnings.append(f"{self.name}: {bearings:,} detections of cameras are left out; they are bearings")
         self._found.sort(key=lambda one: one.stamp_ns)
-        self._channels = {
-            topic: Channel(number, topic, "cdr", ros2_schema(_POSE if topic == "/pose" else _CLOUD))
-            for number, topic in enumerate((*_TOPICS.values(), "/pose"), 1)
+        kinds = dict.fromkeys(_TOPICS.values(), _CLOUD) | {"/pose": _POSE}
+        self.channels = [Channel(k, topic, "cdr", ros2_schema(kinds[topic])) for k, topic in enumerate(kinds, 1)]
+        self._channels = {channel.topic: channel for channel in self.channels}
+        self._times_ns = {
+            channel.id: [one.stamp_ns for one in self._found if channel.topic in ("/pose", one.topic)]
+            for channel in self.channels
         }
-
-        self.channels = list(self._channels.values())
-        times = {
-            topic: [one.stamp_ns for one in self._found if topic in ("/pose", one.topic)] for topic in self._channels
-        }
-        self._times_ns = {channel.id: times[topic] for topic, channel in self._channels.items()}
 
     def records(self, start_ns: int | None = None, end_ns: int | None = None) -> Iterator[Message]:
         """Yield the messages with log times in ``[start_ns, end_ns)`` in order; own ship's position comes first."""

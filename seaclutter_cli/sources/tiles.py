@@ -235,7 +235,6 @@ def find_tiles(tiles: PathLike | Iterable[PathLike]) -> list[Path]:
 
 
 def _reason(pattern: str, files: Iterable[Path]) -> str:
-    """Return why a pattern refers to no tile, and what to do."""
     if pattern.startswith("ept://") or pattern.endswith(_EPT) or any(file.name == _EPT for file in files):
         return "Entwine point tiles (EPT) are not read; write a part of them to a file, as with pdal translate"
     if is_url(pattern):

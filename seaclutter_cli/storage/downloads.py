@@ -59,7 +59,6 @@ class Download:
                 return
 
     def _fetch(self, found: StoredObject, path: Path, start: int) -> None:
-        """Copy a range of an object."""
         at, stop = start, min(start + _RANGE, found.size)
         with explained(found.url):
             result = store_of(found.url).get(found.url.key, options=range_options(found, start, stop))

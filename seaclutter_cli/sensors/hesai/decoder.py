@@ -182,11 +182,9 @@ class Hesai(PacketFamily):
 
 
 def _model(payloads: NDArray[np.uint8]) -> HesaiModel | None:
-    """Return the model that sent any of the payloads, shape (P, L); None if there is none."""
     return next((model for model in MODELS if len(_matching(model, payloads))), None)
 
 
 def _matching(model: HesaiModel, payloads: NDArray[np.uint8]) -> NDArray[np.void]:
-    """Return the payloads, shape (P, L), that are packets of a model."""
     data = view_packets(payloads, model.layouts.get(payloads.shape[1], next(iter(model.layouts.values()))))
     return data[model.matches(data)]

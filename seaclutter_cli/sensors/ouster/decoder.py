@@ -214,7 +214,6 @@ class OusterDecoder:
             begin += most - count
 
     def _complete(self, *, is_last: bool = False) -> PacketFrame:
-        """Return the frame of the pending packets."""
         packets, self._pending = Packets.joined(self._pending), []
         data, times_ns = view_packets(packets.payloads, self._layout), packets.times_ns
         partial = self._count_lost(data, is_last=is_last)
@@ -269,7 +268,6 @@ def _is_damaged(place: int, after: int, *, before: int, per_revolution: int) -> 
 
 
 def _details(metadata: OusterMetadata) -> dict[str, str]:
-    """Return facts about a sensor for display."""
     signal = PROFILES[metadata.profile].has_signal
     first, last = metadata.window
     details = {

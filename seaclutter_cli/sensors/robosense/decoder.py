@@ -126,7 +126,6 @@ class Geometry:
         return _select(points.reshape(-1).view(self._dtype), (distance >= least) & (distance <= most))
 
     def _measured(self, measured: NDArray[Any]) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
-        """Return distances in units and intensities, shape (B, C)."""
         distance, intensity = measured["distance"].astype(np.uint16), measured["intensity"]
         if (mask := self._device.model.format.distance_mask) != _WHOLE:
             distance &= mask

@@ -73,7 +73,6 @@ def _possible(data: NDArray[np.uint8]) -> Sequence[str]:
 
 
 def _guess(allowed: Sequence[str], info: NDArray[np.uint8]) -> str | None:
-    """Return the model that device information shows; None if it does not."""
     if allowed == _SHARED:
         return next((name for packet in info if (name := _guess_classic(packet))), None)
     if allowed == _HELIOS:
@@ -224,7 +223,6 @@ def find_device(
 
 
 def _read_device(model: RobosenseModel, packet: NDArray[np.uint8]) -> Device:
-    """Return the sensor described by a device information packet, shape (1248,)."""
     is_classic = model.name in _CLASSIC
     old = is_classic and packet[41:44].tobytes() in _OLD_VERSIONS
     rpm, start, end = (int(packet[offset]) << 8 | int(packet[offset + 1]) for offset in (8, 32, 34))

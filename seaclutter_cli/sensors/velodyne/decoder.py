@@ -283,7 +283,6 @@ class VelodyneDecoder:
         return np.where(used, azimuths, azimuths[:, 7:8])
 
     def _revolutions(self, cut: Cut) -> Iterator[PacketFrame]:
-        """Yield the complete revolutions and drop their packets."""
         while (end := self._next_end(cut)) is not None:
             packet, block, ended = end
             yield self._frame(packet, block, cut, ended=ended)

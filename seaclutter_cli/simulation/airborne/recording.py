@@ -162,7 +162,6 @@ class TileRenderer:
         hits: NDArray[np.void],
         rng: np.random.Generator,
     ) -> None:
-        """End the rays that hit an object on its surface."""
         highest = float(patch.top.max()) + 1.0 + abs(sea.heave(*item.position_m))
         reach = 0.5 * float(np.hypot(*item.size_m[:2])) + 2.0
         near_y = reach + highest * np.abs(pulses.slope)
@@ -258,7 +257,6 @@ def _cells_below(
 def _echoes(
     pulses: Pulses, hits: NDArray[np.void], lidar: AirborneParams, rng: np.random.Generator
 ) -> NDArray[np.void]:
-    """Combine rays into echoes and discard weak ones."""
     starts = range(0, len(hits), _BLOCK)
     blocks = [_groups(hits, np.arange(start, min(start + _BLOCK, len(hits))), lidar) for start in starts]
     found = []

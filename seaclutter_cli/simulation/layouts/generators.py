@@ -318,7 +318,6 @@ def plantation(trees: Trees, plan: Plan) -> Scene:
 
 
 def _tree(plan: Plan, trees: Trees, position: tuple[float, float], step_m: float) -> None:
-    """Add a tree: its labelled part and its crown."""
     width, height, reflectivity = plan.uniform(*trees.width_m), plan.uniform(*trees.height_m), plan.uniform(0.3, 0.65)
     length = max(width, 1.15 * step_m) if trees is APPLE else width
     heading = 180.0 * plan.integer(0, 1) if trees is APPLE else plan.uniform(-180, 180)

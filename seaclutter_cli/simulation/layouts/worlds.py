@@ -287,7 +287,6 @@ def clearance_m(scene: Scene, item: SceneObjectParams) -> float:
 
 
 def _drawn(families: Sequence[str], rng: np.random.Generator) -> dict[str, Any]:
-    """Return a value of each parameter."""
     ranges = dict(RANGES)
     for name in families:
         ranges |= FAMILIES[name].ranges
@@ -297,7 +296,6 @@ def _drawn(families: Sequence[str], rng: np.random.Generator) -> dict[str, Any]:
 def _with(
     scene: Scene, drawn: Mapping[str, Any], families: Sequence[str], about: str, rng: np.random.Generator
 ) -> Scene:
-    """Return a scene with the drawn values."""
 
     def section(kind: type[Any]) -> dict[str, Any]:
         return {key.name: drawn[key.name] for key in fields(kind) if key.name in drawn}

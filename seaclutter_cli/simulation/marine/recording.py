@@ -172,7 +172,6 @@ def _capture(scene: Scene, stream: BinaryIO) -> Iterator[_Write]:
 
 
 def _columns(lidar: Lidar, frame: SimulatedFrame) -> Columns:
-    """Return the content of the data packets of a frame."""
     shots = lidar.columns * len(lidar.rings)
     distance, intensity = np.zeros(shots), np.zeros(shots, np.uint8)
     distance[frame.shots], intensity[frame.shots] = frame.distances_m, frame.points["intensity"]

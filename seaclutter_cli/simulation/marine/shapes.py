@@ -133,7 +133,6 @@ def _hull(start: float = 0.15) -> list[Point]:
 
 
 def _block(x: Point, y: Point, bottom: float, top: float, *, taper: float = 1.0) -> Triangles:
-    """Return a prism on a rectangle."""
     return _prism([(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])], bottom, top, taper=taper)
 
 

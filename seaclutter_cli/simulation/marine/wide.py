@@ -167,7 +167,6 @@ class WideWater(MarineWater):
         echoes.add(hits.shots[met], distance[met], reflectance, CLUTTER)
 
     def _own(self, time_s: float) -> tuple[float, float, float]:
-        """Return position and heading of own ship at a time."""
         x, y, heading = (float(one[0]) for one in self._wide.own.track.at(np.array([time_s])))
         return x, y, heading
 

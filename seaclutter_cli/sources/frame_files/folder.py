@@ -2,7 +2,7 @@
 
 import os
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
@@ -40,8 +40,6 @@ class FolderSource(TimedSource):
     otherwise from the rate. ``columns`` describe files that do not name theirs, see `parse_columns`. `InputError` if
     there are no frames, frames of several formats, or they cannot be read.
     """
-
-    channels: Sequence[Channel] = ()
 
     def __init__(self, path: Path, *, rate_hz: float = 10.0, columns: str | None = None) -> None:
         super().__init__()

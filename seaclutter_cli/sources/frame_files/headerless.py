@@ -188,7 +188,6 @@ def doubt(points: Points, most: float = _OFTEN) -> str | None:
 
 
 def _within(name: str, values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return which values are those of a column with this name."""
     least, limit = _LIMITS[name]
     is_within = (values >= least) & (values <= limit)
     return is_within & (values == np.rint(values)) if name in _INTEGERS else is_within
@@ -241,7 +240,6 @@ class _Excerpt:
                 self._blocks.append((start, file.read(_BLOCK_BYTES)))
 
     def points(self, layout: np.dtype[np.void]) -> Points:
-        """Return the points of a layout."""
         size = layout.itemsize
         return np.concatenate([np.frombuffer(data[: len(data) // size * size], layout) for _, data in self._blocks])
 

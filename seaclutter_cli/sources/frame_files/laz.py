@@ -64,7 +64,6 @@ class _Reader:
         self._worker.request(request)
 
     def read_n_points(self, n: int) -> bytearray:
-        """Return the bytes of the next points."""
         size = n * self._point_size
         while len(self._read) < size and self._left:
             block = self._worker.block()
@@ -95,13 +94,11 @@ class _Worker:
         self._answers = cast("BinaryIO", self._process.stdout)
 
     def request(self, request: _Request) -> None:
-        """Send a request."""
         with suppress(BrokenPipeError):  # noticed when the answer is read
             pickle.dump(request, self._requests)
             self._requests.flush()
 
     def block(self) -> bytearray:
-        """Return the next block of the answer."""
         (size,) = SIZE.unpack(self._read(SIZE.size))
         if size < 0:
             raise CloudError(f"the compressed points are damaged: {self._read(-size).decode()}")
@@ -114,7 +111,6 @@ class _Worker:
         return data
 
     def end(self) -> None:
-        """End the process."""
         self._process.kill()
         with suppress(BrokenPipeError):
             self._requests.close()

@@ -24,8 +24,6 @@ _MAX_HEADER = 2**20
 
 @dataclass
 class _Element:
-    """An element of the header, such as vertex or face."""
-
     name: str
     count: int
     properties: list[tuple[str, str]] = field(default_factory=list)

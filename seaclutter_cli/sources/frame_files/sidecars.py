@@ -206,6 +206,5 @@ def _quaternion(x_rad: float, y_rad: float, z_rad: float) -> tuple[float, float,
     about_x = np.array([[1, 0, 0], [0, cx, sx], [0, -sx, cx]])
     about_y = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]])
     about_z = np.array([[cz, sz, 0], [-sz, cz, 0], [0, 0, 1]])
-    x, y, z, w = Rotation.from_matrix(about_x @ about_y @ about_z).as_quat()
-    sign = 1 if w >= 0 else -1
-    return sign * float(x), sign * float(y), sign * float(z), sign * float(w)
+    x, y, z, w = Rotation.from_matrix(about_x @ about_y @ about_z).as_quat(canonical=True).tolist()
+    return x, y, z, w

@@ -263,7 +263,6 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
         return chunk.offset + chunk.size > len(self._file)
 
     def _is_verified(self, chunk: McapChunk) -> bool:
-        """Return whether a checksum has verified the content of an unpacked chunk."""
         return chunk.header is not None and chunk.header.crc != 0 and not self._is_cut(chunk)
 
     def _each_message(

@@ -210,11 +210,9 @@ class _Interface:
     offset_s: int = 0
 
     def time_ns(self, ticks: int) -> int:
-        """Return a time stamp in nanoseconds of Unix time."""
         return max(min(ticks * 10**9 // self.ticks + self.offset_s * 10**9, _LATEST_NS), -_LATEST_NS)
 
     def times_ns(self, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return time stamps, shape (N,), in nanoseconds of Unix time."""
         whole, rest = divmod(10**9, self.ticks)
         if rest or int(ticks.max()) > _LATEST_NS // 2 // whole or int(ticks.min()) < 0:
             return np.array([self.time_ns(tick & (2**64 - 1)) for tick in ticks.tolist()], np.int64)

@@ -284,7 +284,6 @@ class CaptureSource(Source):
             stream.conclude(self._path, "where the capture begins or ends", own)
 
     def _start(self, decoders: Sequence[PacketDecoder]) -> list[CloudStream]:
-        """Return the streams of the sensors, given new decoders."""
         self.facts = {channel.topic: one.facts for channel, one in zip(self.channels, decoders, strict=True)}
         self.warn(*(f"{topic}: {text}" for topic, facts in self.facts.items() for text in facts.warnings))
         sizes = (sensor.flow.length for sensor in self._sensors)
@@ -305,7 +304,6 @@ class _Merge:
         self._latest_ns = [0] * len(streams)
 
     def add(self, number: int, frame: PacketFrame) -> Iterator[Message]:
-        """Add a frame, and yield the frames whose order is now known."""
         self._waiting[number].append(frame)
         self._latest_ns[number] = frame.stamp_ns
         while all(self._waiting) or max(map(len, self._waiting)) > _MAX_WAITING:
@@ -317,7 +315,6 @@ class _Merge:
         return min(self._latest_ns)
 
     def finish(self) -> Iterator[Message]:
-        """Yield the waiting frames."""
         while any(self._waiting):
             yield from self._next()
 
@@ -331,7 +328,6 @@ class _Merge:
 
 
 def _found(search: SensorSearch, udp: Udp, damage: Sequence[Damage]) -> str:
-    """Return a description of a capture without sensors, and advice."""
     flows = sorted(search.flows.values(), key=lambda flow: flow.count * flow.length, reverse=True)
     found = [str(flow) for flow in flows[:_SHOWN_FLOWS]]
     if len(flows) > _SHOWN_FLOWS:

@@ -202,7 +202,6 @@ class Udp:
 
 
 def _gather(file: LogFile, offsets: NDArray[np.int64], size: int) -> _Payloads:
-    """Return the bytes at offsets in a file, shape (D, size)."""
     start, stop = int(offsets.min()), int(offsets.max()) + size
     block = file[start:stop]
     return np.ndarray((stop - start - size + 1, size), np.uint8, block, strides=(1, 1))[offsets - start]

@@ -315,7 +315,6 @@ def _unpacked(packed: memoryview, chunk: BagRecord, *, ends_bag: bool, bag_bytes
 
 
 def _decompress(compression: str, packed: memoryview, size: int, most: int) -> tuple[Buffer, bool]:
-    """Return the data that can be decompressed, and whether it is complete."""
     with suppress(*DECOMPRESSION_ERRORS):
         # One byte more than expected reveals the end; limited by the packed size because it is allocated.
         expected = min(size, _MAX_RATIO * len(packed), most)
@@ -326,7 +325,6 @@ def _decompress(compression: str, packed: memoryview, size: int, most: int) -> t
 
 
 def _channel_of(view: Bytes[Buffer], record: BagRecord) -> Channel:
-    """Return the channel that a connection record describes."""
     entries = parse_fields(bytes(view[record.data : record.end])) or {}
     definition = entries.pop(b"message_definition", b"")
     text = {name.decode("utf-8", "replace"): value.decode("utf-8", "replace") for name, value in entries.items()}

@@ -64,7 +64,6 @@ class _GuardedConnection(sqlite3.Connection):
     """A connection that interrupts endless statements: pages of a damaged file may refer to one another in circles."""
 
     def guard(self, size: int) -> None:
-        """Set the limits for a file of ``size`` bytes."""
         self._most = (_STEPS_LEAST + _STEPS_PER_BYTE * size) // _HANDLER_STEPS
         self._taken = 0
         self.set_progress_handler(self._is_endless, _HANDLER_STEPS)
@@ -73,7 +72,6 @@ class _GuardedConnection(sqlite3.Connection):
             super().execute(f"PRAGMA {setting}")
 
     def execute(self, *arguments: Any) -> sqlite3.Cursor:
-        """Execute a statement, and count its steps."""
         self._taken = 0
         return super().execute(*arguments)
 

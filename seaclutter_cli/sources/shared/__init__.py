@@ -42,6 +42,7 @@ class SourceWrapper(Source):
 class TimedSource(Source):
     """A recording that knows the times of its messages, in order and by channel id, before it is read."""
 
+    channels: Sequence[Channel] = ()
     _times_ns: Mapping[int, Sequence[int]]
 
     @property
@@ -65,8 +66,6 @@ class CloudSource(TimedSource):
 
     A cloud for which `cloud` raises `CloudError` is damage.
     """
-
-    channels: Sequence[Channel] = ()
 
     def __init__(self, name: str, stamps_ns: Sequence[int], topic: str = "/points") -> None:
         super().__init__()
