@@ -102,7 +102,7 @@ def errors(frames: Sequence[Compared]) -> tuple[Any, ...]:
         hits += len(good)
         wrong += len(rows) - len(good)
         single = np.setdiff1d(np.arange(len(rows)), [n for _, n in pairs]).astype(np.int64)
-        here = targets.contains(np.column_stack([rows[name] for name in ("x_m", "y_m", "z_m")]).T, NEAR_M).any(axis=0)
+        here = targets.covers(np.column_stack([rows[name] for name in ("x_m", "y_m", "z_m")]).T, NEAR_M)
         at_target = (overlap > 0).any(axis=0) | here
         parts += np.count_nonzero(at_target[single])
         stray += np.count_nonzero(~at_target[single])

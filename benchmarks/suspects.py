@@ -75,7 +75,7 @@ def at(suspect: Suspect, boxes: Boxes, margin_m: float = 1.0) -> set[str]:
     """Return the targets at whose box, from above, a suspect is."""
     place = np.array([[suspect.x_m], [suspect.y_m], [0.0]])
     flat = Boxes(boxes.tracks, boxes.classes, boxes.centers * (1, 1, 0), boxes.sizes, boxes.yaws)
-    return {boxes.tracks[k] for k in np.flatnonzero(flat.contains(place, margin_m)[:, 0])}
+    return {track for track, inside in zip(boxes.tracks, flat.members(place, margin_m), strict=True) if len(inside)}
 
 
 def correlation(one: Sequence[Any], other: Sequence[Any]) -> float:

@@ -36,32 +36,26 @@ class Boxes:
         tracks, classes = (tuple(names[row] for row in rows.tolist()) for names in (self.tracks, self.classes))
         return Boxes(tracks, classes, self.centers[rows], self.sizes[rows], self.yaws[rows])
 
-    def contains(self, xyz: NDArray[np.float64], margin_m: float) -> NDArray[np.bool_]:
-        """Return which of N points, shape (3, N), are inside which box, shape (M, N).
-
-        Boxes are inflated by a margin on every side, and faces count as inside. A point with a non-finite coordinate is
-        in no box.
+    def covers(self, xyz: NDArray[np.float64], margin_m: float) -> NDArray[np.bool_]:
+        """Return which points are inside any box, shape (N,); arguments as for `members`.
 
         Examples
         --------
         >>> boxes = Boxes(("1",), ("buoy",), np.zeros((1, 3)), np.array([[2.0, 1, 1]]), np.array([np.pi / 2]))
-        >>> boxes.contains(np.array([[0.0, 0.9], [0.9, 0], [0, 0]]), 0)
-        array([[ True, False]])
+        >>> boxes.covers(np.array([[0.0, 0.9], [0.9, 0], [0, 0]]), 0)
+        array([ True, False])
         """
-        inside = np.zeros((len(self), xyz.shape[1]), np.bool_)
-        for row, members in zip(inside, self.members(xyz, margin_m), strict=True):
-            row[members] = True
-        return inside
-
-    def covers(self, xyz: NDArray[np.float64], margin_m: float) -> NDArray[np.bool_]:
-        """Return which points are inside any box, shape (N,); arguments as for `contains`."""
         covered = np.zeros(xyz.shape[1], np.bool_)
         for members in self.members(xyz, margin_m):
             covered[members] = True
         return covered
 
     def members(self, xyz: NDArray[np.float64], margin_m: float) -> Iterator[NDArray[np.int64]]:
-        """Yield the indices of the points inside each box; arguments as for `contains`."""
+        """Yield the indices of those of N points, shape (3, N), that are inside each box.
+
+        Boxes are inflated by a margin on every side, and faces count as inside. A point with a non-finite coordinate is
+        in no box.
+        """
         halves = self.sizes / 2 + margin_m
         for center, half, yaw in zip(self.centers, halves, self.yaws, strict=True):
             reach = np.hypot(half[0], half[1]) * (1 + _ROUNDING)

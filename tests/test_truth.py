@@ -26,7 +26,6 @@ def test_points_in_boxes(seed, margin_m):
         turn = np.array([[np.cos(yaw), np.sin(yaw), 0], [-np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
         with np.errstate(invalid="ignore"):
             row[:] = (np.abs(turn @ (xyz.T - center).T) <= size[:, None] / 2 + margin_m).all(axis=0)
-    np.testing.assert_array_equal(boxes.contains(xyz, margin_m), expected)
     np.testing.assert_array_equal(boxes.covers(xyz, margin_m), expected.any(axis=0))
     assert [inside.tolist() for inside in boxes.members(xyz, margin_m)] == [
         np.flatnonzero(r).tolist() for r in expected
@@ -35,4 +34,5 @@ def test_points_in_boxes(seed, margin_m):
 
 def test_boxes_of_any_size():
     boxes = Boxes(("1", "2"), ("a", "b"), np.zeros((2, 3)), np.array([[1e308] * 3, [0.0] * 3]), np.zeros(2))
-    assert boxes.contains(np.array([[0.0, 1e9], [0, 0], [0, 0]]), 0).tolist() == [[True, True], [True, False]]
+    found = boxes.members(np.array([[0.0, 1e9], [0, 0], [0, 0]]), 0)
+    assert [inside.tolist() for inside in found] == [[0, 1], [0]]

@@ -1,7 +1,5 @@
 """Objects from classified points: clusters with a class, a box and an area."""
 
-import csv
-import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -18,10 +16,6 @@ from seaclutter_cli.grids.cells import nearest
 from seaclutter_cli.grids.elevation import sliced
 from seaclutter_cli.params import Count, Positive, Share, key
 
-COLUMNS = (
-    *("tile", "object", "class", "probability", "points", "x", "y", "length", "width", "yaw"),
-    *("height", "area_m2"),
-)
 _LEAST_SIDE_M, _AROUND_M = 0.1, 10.0
 _TOP, _DOUBT, _STEEPNESS = 0.9, 1.75, 6.0
 
@@ -229,16 +223,3 @@ def smallest_rectangle(xy: Floats) -> tuple[tuple[float, float], tuple[float, fl
     if width > length:
         length, width, yaw = width, length, yaw - np.pi / 2
     return (float(center[0]), float(center[1])), (length, width), float(yaw), area
-
-
-def as_csv(tiles: Sequence[tuple[str, Sequence[FoundObject]]]) -> str:
-    """Return a CSV table with a line for each object of each tile; lengths in metres, yaw in radians."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for tile, objects in tiles:
-        for one in objects:
-            numbers = [f"{value:.3f}" for value in (*one.center, *one.size)]
-            last = [f"{one.yaw:.4f}", f"{one.height_m:.2f}", f"{one.area_m2:.1f}"]
-            writer.writerow((tile, one.number, one.name, f"{one.probability:.3f}", one.points, *numbers, *last))
-    return text.getvalue()

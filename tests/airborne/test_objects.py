@@ -1,6 +1,3 @@
-import csv
-import io
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,7 +6,6 @@ from hypothesis import strategies as st
 from seaclutter_cli.airborne.features import NonSeaPoints
 from seaclutter_cli.airborne.objects import (
     ObjectFindingParams,
-    as_csv,
     find_objects,
     likely_object,
     object_around,
@@ -105,10 +101,7 @@ def shoelace(corners):
     return 0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
-def test_csv_and_outlines_of_objects():
+def test_outlines_of_objects():
     objects, _ = two_objects()
-    rows = list(csv.DictReader(io.StringIO(as_csv([("a", objects), ("b", [])]))))
-    assert [row["class"] for row in rows] == ["ship", "seaweed"]
-    assert (rows[0]["tile"], float(rows[0]["length"]), float(rows[0]["yaw"])) == ("a", 40.0, 0.4)
     assert shoelace(objects[0].corners_in(1.0)) == pytest.approx(320, rel=1e-3)
     assert objects[1].attributes["class"] == "seaweed"

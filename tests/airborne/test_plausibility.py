@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seaclutter_cli.airborne.objects import FoundObject, as_csv
+from seaclutter_cli.airborne.objects import FoundObject
 from seaclutter_cli.airborne.plausibility import doubts_about_objects, doubts_about_sea
 from seaclutter_cli.airborne.separation import SeaState, Separation
 from seaclutter_cli.airborne.surface import OTHER, WATER
 from seaclutter_cli.runs.classify.maps import MappedTile, geojson_of
+from seaclutter_cli.runs.classify.predict import ClassifiedTile
 from seaclutter_cli.runs.observer import SILENT
 from seaclutter_cli.sources.tiles import Crs
 from tests.paths import ROOT, shared
@@ -72,8 +73,10 @@ def test_ships_of_a_kilometre():
 def test_boxes_in_feet():
     feet = SHIP.placed(0.3048)
     assert feet.center == pytest.approx((1000 / 0.3048, 2000 / 0.3048))
-    assert ",3280.840,6561.680,120.000,20.000," in as_csv([("t", [feet])])
-    (feature,) = json.loads(geojson_of([MappedTile("t", Crs(unit_m=0.3048), objects=[feet])], SILENT))["features"]
+    tile = MappedTile("t", Crs(unit_m=0.3048), objects=[feet])
+    ((name, *_, x, y, length, width, yaw, _, _),) = ClassifiedTile(recording="t", map=tile).rows()
+    assert (name, x, y, length, width, yaw) == ("t", "3280.840", "6561.680", "120.000", "20.000", f"{feet.yaw:.4f}")
+    (feature,) = json.loads(geojson_of([tile], SILENT))["features"]
     ring = np.array(feature["geometry"]["coordinates"][0][:4])
     np.testing.assert_allclose(ring * 0.3048, SHIP.corners, atol=1e-3)
     assert feature["properties"]["coordinates"] == "tile"

@@ -31,12 +31,11 @@ def test_labels_are_read_as_written(name, tmp_path):
         assert truth.targets is None
         assert truth.points.shape == (labelled.size,)
         assert truth.points.dtype == np.int64
-        inside = targets.contains(labelled.coordinates, 0.01)
-        tracks = [set(truth.points[row]) for row in inside]
+        tracks = [set(truth.points[inside]) for inside in targets.members(labelled.coordinates, 0.01)]
         assert set().union(*tracks) == set(truth.points) - {0}
         assert all(len(numbers) == 1 and not numbers & {0, 65535} for numbers in tracks)
         assert len(set().union(*tracks)) == len(targets)
-        assert not truth.points[~inside.any(axis=0)].any()
+        assert not truth.points[~targets.covers(labelled.coordinates, 0.01)].any()
     labels.finish()
 
 

@@ -30,7 +30,7 @@ def test_seepersea_width_is_along_x(tmp_path):
     targets = open_labels(tmp_path).truth(frame()).targets
     assert targets.classes == ("ship",)
     xyz = np.array([[6.5, 0, 0.5], [13.5, 0, 0.5], [10, 3.5, 0.5], [10, 0, 1.2]]).T
-    assert targets.contains(xyz, 0).tolist() == [[True, True, False, False]]
+    assert targets.covers(xyz, 0).tolist() == [True, True, False, False]
 
 
 @pytest.mark.parametrize("empty", [b"", b" \n", b"\xef\xbb\xbf", b"{}", b"[]", b"null"])

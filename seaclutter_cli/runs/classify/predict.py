@@ -14,7 +14,7 @@ import numpy as np
 from seaclutter_cli.airborne.classification import ClassifiedPoints, classify_points
 from seaclutter_cli.airborne.forest import class_name
 from seaclutter_cli.airborne.model import ObjectModel, load_model
-from seaclutter_cli.airborne.objects import FoundObject, as_csv
+from seaclutter_cli.airborne.objects import FoundObject
 from seaclutter_cli.airborne.plausibility import doubts_about_objects
 from seaclutter_cli.airborne.surface import WATER
 from seaclutter_cli.errors import InputError, OutputError, UsageError, about, opening
@@ -39,9 +39,14 @@ from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions
 from seaclutter_cli.runs.outputs import write_files
 from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.sinks.atomic import CompleteFile, OutputGroup
+from seaclutter_cli.sinks.csv import csv_lines
 from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile, find_tiles, open_tile
 from seaclutter_cli.text import count, printable, table
 
+_COLUMNS = (
+    *("tile", "object", "class", "probability", "points", "x", "y", "length", "width", "yaw"),
+    *("height", "area_m2"),
+)
 _DIMENSIONS = {
     "predicted_class": ("u1", "0 none, 1 ship ... 8 garbage"),
     "probability": ("f4", "of the predicted class"),
@@ -142,7 +147,7 @@ def _staging(target: Path) -> Iterator[Path]:
 def _tables(tiles: Sequence["ClassifiedTile"], options: ClassifyTilesOptions, observer: Observer) -> dict[Path, bytes]:
     tables: dict[Path, bytes] = {}
     if options.csv_file:
-        tables[options.csv_file] = as_csv([(tile.recording, tile.objects) for tile in tiles]).encode()
+        tables[options.csv_file] = csv_lines([_COLUMNS, *(row for tile in tiles for row in tile.rows())])
     if options.geojson_file:
         tables[options.geojson_file] = geojson_of([tile.map for tile in tiles], observer)
     return tables
@@ -194,6 +199,13 @@ class ClassifiedTile(TileOutcome):
     def named_objects(self) -> list[dict[str, Any]]:
         """Return the objects with the names of their classes."""
         return [{"class": one.name, **vars(one)} for one in self.objects]
+
+    def rows(self) -> Iterator[tuple[object, ...]]:
+        """Yield the row of each object in a table; lengths in metres, yaw in radians."""
+        for one in self.objects:
+            numbers = [f"{value:.3f}" for value in (*one.center, *one.size)]
+            last = [f"{one.yaw:.4f}", f"{one.height_m:.2f}", f"{one.area_m2:.1f}"]
+            yield self.recording, one.number, one.name, f"{one.probability:.3f}", one.points, *numbers, *last
 
     def described(self, min_probability: float) -> str:
         """Return the objects in lines of at most 80 characters; positions are rounded to the metre."""

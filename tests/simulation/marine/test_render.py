@@ -37,15 +37,15 @@ def assert_labels_fit_boxes(frame, within=1.0):
     """
     points = frame.points
     xyz = np.array([points[axis] for axis in "xyz"], float)
-    tight, wide = frame.boxes.contains(xyz, 0.25), frame.boxes.contains(xyz, 0.5)
+    tight, wide = (frame.boxes.members(xyz, margin_m) for margin_m in (0.25, 0.5))
     ignored = np.zeros(len(points), bool)
     for track, kind, inside, near in zip(frame.boxes.tracks, frame.boxes.classes, tight, wide, strict=True):
         own = points["label"] == int(track)
         if kind == "ignore":
-            ignored |= near
+            ignored[near] = True
         elif own.any():
-            assert inside[own].mean() > 0.85 * within
-            assert near[own].mean() >= within
+            assert own[inside].sum() > 0.85 * within * own.sum()
+            assert own[near].sum() >= within * own.sum()
     assert not (points["label"] == IGNORED).any() or ignored[points["label"] == IGNORED].mean() >= within
     assert {str(label) for label in np.unique(points["label"])} <= {*frame.boxes.tracks, "0"}
 
