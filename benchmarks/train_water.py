@@ -20,9 +20,9 @@ from sklearn.ensemble import HistGradientBoostingClassifier
 from training_tiles import ATTRIBUTES, PUBLIC, WET, Tile, simulations, windows
 
 from seaclutter_cli.airborne.separation import LeveledTile
+from seaclutter_cli.airborne.shores import UNIT, Trees, around
 from seaclutter_cli.airborne.squares import Squares, square_of, squares_in
 from seaclutter_cli.airborne.surface import SeparationParams
-from seaclutter_cli.airborne.water_model import UNIT, Trees, around
 from seaclutter_cli.grids.elevation import NOWHERE, GriddedPoints
 
 VERSION = 1

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.following import CellDetails, follow_waves, height_limits
-from seaclutter_cli.airborne.shores import Shores, commonest_level, island_cells, shores_of
+from seaclutter_cli.airborne.shores import Shores, commonest_level, island_cells, shores_of, water_model
 from seaclutter_cli.airborne.squares import Column, SquareEchoes, Squares, square_table
 from seaclutter_cli.airborne.strips import looks_of, strip_levels, strips_of
 from seaclutter_cli.airborne.surface import CALM_M, NEVER, OTHER, SeparationParams, Surface
-from seaclutter_cli.airborne.water_model import water_model
 from seaclutter_cli.airborne.waves import Waves, WindowWaves, estimate_waves, window_waves
 from seaclutter_cli.arrays import Floats, Mask
 from seaclutter_cli.errors import InputError

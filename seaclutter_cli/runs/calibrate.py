@@ -21,7 +21,7 @@ from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import map_frames
-from seaclutter_cli.plots.clutter import draw_clutter
+from seaclutter_cli.plots.curves import draw_clutter
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.calibrate_result import Calibrated, CalibrationResult, Candidate, Clutter, TradeOff

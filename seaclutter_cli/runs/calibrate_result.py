@@ -17,7 +17,7 @@ from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.zones import MAX_RINGS
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.plots.clutter import ClutterDensity
+from seaclutter_cli.plots.curves import ClutterDensity
 from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.options.logs import CalibrateOptions
 from seaclutter_cli.runs.recordings import RecordingsResult, data_of

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from seaclutter_cli.airborne.objects import FoundObject
-from seaclutter_cli.airborne.plausibility import doubts_about_objects, doubts_about_sea
+from seaclutter_cli.airborne.objects import FoundObject, doubts_about_objects, doubts_about_sea
 from seaclutter_cli.airborne.separation import SeaState, Separation
 from seaclutter_cli.airborne.surface import OTHER, WATER
 from seaclutter_cli.runs.classify.maps import MappedTile, geojson_of

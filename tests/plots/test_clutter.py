@@ -12,7 +12,7 @@ from PIL import Image
 from seaclutter_cli.calibration import Calibration
 from seaclutter_cli.errors import MissingExtraError, UsageError
 from seaclutter_cli.filters.joint import JointParams
-from seaclutter_cli.plots.clutter import ClutterDensity, draw_clutter
+from seaclutter_cli.plots.curves import ClutterDensity, draw_clutter
 from seaclutter_cli.plots.figure import check_target, render
 
 

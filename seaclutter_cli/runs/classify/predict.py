@@ -11,11 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.airborne.classification import ClassifiedPoints, classify_points
 from seaclutter_cli.airborne.forest import class_name
-from seaclutter_cli.airborne.model import ObjectModel, load_model
-from seaclutter_cli.airborne.objects import FoundObject
-from seaclutter_cli.airborne.plausibility import doubts_about_objects
+from seaclutter_cli.airborne.model import ClassifiedPoints, ObjectModel, classify_points, load_model
+from seaclutter_cli.airborne.objects import FoundObject, doubts_about_objects
 from seaclutter_cli.airborne.surface import WATER
 from seaclutter_cli.errors import InputError, OutputError, UsageError, about, opening
 from seaclutter_cli.options import function_of

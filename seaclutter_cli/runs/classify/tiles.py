@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.plausibility import doubts_about_sea
+from seaclutter_cli.airborne.objects import doubts_about_sea
 from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.errors import InputError, UsageError, about

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.airborne.classification import tile_features
 from seaclutter_cli.airborne.forest import Samples, class_name, join, predict, split_samples, train
-from seaclutter_cli.airborne.model import ObjectModel
+from seaclutter_cli.airborne.model import ObjectModel, tile_features
 from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.errors import InputError, about
