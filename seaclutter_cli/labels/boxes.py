@@ -1,19 +1,26 @@
-"""Labelled objects, options of the readers, and the truth of a frame that they become."""
+"""Labelled objects, options of the readers, the truth of a frame that they become, and folders of label files."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from seaclutter_cli.errors import LabelError
+from seaclutter_cli.errors import LabelError, about, opening
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.text import printable
+from seaclutter_cli.paths import natural_order
+from seaclutter_cli.text import count, printable
 from seaclutter_cli.truth import Boxes, Truth
 
 IGNORE = "ignore"
 MAX_OBJECTS = 10_000
 """Maximum number of labelled objects and areas in a frame."""
+_HINT = "check that the labels belong to this log"
+_CLOUDS = (".pcd", ".bin", ".ply", ".npy", ".las", ".laz")
+_SECONDS = re.compile(r"(?<![\d.])[1-9]\d{9}\.\d+(?![\d.])", re.ASCII)
 
 
 class Labelled(NamedTuple):
@@ -93,3 +100,104 @@ class LabelOptions:
     def number(self, frame: Frame) -> int:
         """Return the number of a frame in the labels, from 0."""
         return frame.message.sequence if self.by_sequence and frame.message else frame.index
+
+
+def label_folder(path: Path, name: str, suffix: str) -> Path | None:
+    """Return the folder of label files: the subfolder of this name or the path itself; None if neither has any."""
+    return next((folder for folder in (path / name, path) if files_in(folder, (suffix,))), None)
+
+
+def files_in(folder: Path, suffixes: Collection[str]) -> list[Path]:
+    """Return the files with one of the suffixes, in frame order; hidden files are left out."""
+    if not folder.is_dir():
+        return []
+    files = [file for file in folder.iterdir() if file.suffix.lower() in suffixes and not file.name.startswith(".")]
+    seconds = [_SECONDS.search(file.stem) for file in files]
+    if all(seconds):
+        # Fractions printed by Python vary in length, and 0.25 s comes before 0.3 s.
+        return sorted(files, key=lambda file: Decimal(_SECONDS.findall(file.stem)[0]))
+    return sorted(files, key=natural_order)
+
+
+def _assigned(folder: Path, suffix: str, clouds: str, *, complete: bool) -> tuple[dict[int, Path], bool]:
+    """Return the label files in a folder by the number of their frame, and whether every frame must have one.
+
+    If there are clouds, in the sibling folder of this name or in the folder itself, label files belong to those of the
+    same name: `LabelError` if a label file has no cloud or, if the labels must be ``complete``, a cloud no label file.
+    Otherwise they are assigned by order; incomplete ones by frame numbers in their names, if they are some.
+    """
+    files = files_in(folder, (suffix,))
+    if beside := files_in(folder.parent / clouds, _CLOUDS) or files_in(folder, _CLOUDS):
+        return _by_name(files, beside, complete=complete), complete
+    numbers = [int(file.stem) if re.fullmatch("[0-9]{1,18}", file.stem) else -1 for file in files]
+    # Consecutive numbers that start above 0 belong to a longer sequence, not to this log.
+    consecutive = min(numbers) > 0 and max(numbers) - min(numbers) + 1 == len(set(numbers))
+    if complete or min(numbers) < 0 or len(set(numbers)) < len(files) or consecutive:
+        return dict(enumerate(files)), True
+    return dict(zip(numbers, files, strict=True)), False
+
+
+def _by_name(labels: Sequence[Path], clouds: Sequence[Path], *, complete: bool) -> dict[int, Path]:
+    """Return the assignment of label files to clouds of the same name, in the order of the clouds."""
+    named = {label.stem: label for label in labels}
+    stems = [cloud.stem for cloud in clouds]
+    counts = f"{count(len(labels), 'label file')}, {count(len(clouds), 'frame')}"
+    orphan = next((label for label in labels if label.stem not in set(stems)), None)
+    if orphan is not None:
+        raise LabelError(f"{orphan}: no frame {orphan.stem} in {clouds[0].parent} ({counts})")
+    unlabelled = next((cloud for cloud in clouds if cloud.stem not in named), None)
+    if complete and unlabelled is not None:
+        raise LabelError(f"{labels[0].parent}: no labels for frame {unlabelled.name} ({counts})")
+    return {number: named[stem] for number, stem in enumerate(stems) if stem in named}
+
+
+class FileLabels:
+    """Labels with one file per frame in a folder, read on demand; errors of ``read`` need not name the file."""
+
+    def __init__(
+        self,
+        folder: Path,
+        suffix: str,
+        clouds: str,
+        read: Callable[[Path, Frame], Truth | None],
+        options: LabelOptions,
+        *,
+        complete: bool,
+    ) -> None:
+        self._folder, self._read = folder, read
+        self._files, self._complete = _assigned(folder, suffix, clouds, complete=complete)
+        self._number = options.number
+        self._last = -1
+        self._labelled = False
+
+    def truth(self, frame: Frame) -> Truth | None:
+        """Return the truth from the file of a frame; None without content, `LabelError` if it does not fit."""
+        number = self._number(frame)
+        self._last = max(self._last, number)
+        file = self._files.get(number)
+        if file is None:
+            if self._complete:
+                files = count(len(self._files), "file")
+                raise LabelError(f"{self._folder}: no label file for frame {number} of the log, only {files}")
+            return None
+        with opening(file, LabelError), about(f"{file}: frame {number}", LabelError):
+            truth = self._read(file, frame)
+        self._labelled |= truth is not None
+        return truth
+
+    @property
+    def frames(self) -> Sequence[int]:
+        """Numbers of the frames that have files."""
+        return sorted(self._files)
+
+    def finish(self) -> None:
+        """Check, after a complete log, that it had frames for all files, and a labelled one; or raise `LabelError`."""
+        left = {number: file for number, file in self._files.items() if number > self._last}
+        if left:
+            first = min(left)
+            raise LabelError(
+                f"{self._folder}: the log has no frames for {count(len(left), 'label file')}, from "
+                f"{left[first].name} (frame {first}) on; {_HINT}"
+            )
+        if not self._labelled:
+            raise LabelError(f"{self._folder}: no frame of the log is labelled; {_HINT}")

@@ -10,8 +10,16 @@ from typing import Any
 from seaclutter_cli.documents import MAX_JSON_BYTES, DocumentError, load_json
 from seaclutter_cli.errors import LabelError, about
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.labels.boxes import Labelled, LabelOptions, Proposal, checked, truth_of
-from seaclutter_cli.labels.files import FileLabels, files_in, label_folder
+from seaclutter_cli.labels.boxes import (
+    FileLabels,
+    Labelled,
+    LabelOptions,
+    Proposal,
+    checked,
+    files_in,
+    label_folder,
+    truth_of,
+)
 from seaclutter_cli.paths import open_regular
 from seaclutter_cli.truth import Truth
 

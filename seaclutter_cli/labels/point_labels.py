@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.labels.boxes import LabelOptions
-from seaclutter_cli.labels.files import FileLabels, label_folder
+from seaclutter_cli.labels.boxes import FileLabels, LabelOptions, label_folder
 from seaclutter_cli.paths import open_regular, read_whole
 from seaclutter_cli.text import count, printable
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seaclutter_cli.airborne import texture
+from seaclutter_cli.airborne import features as module
 from seaclutter_cli.airborne.features import FEATURES, FeatureParams, NonSeaPoints, features_of
 
 
@@ -80,10 +80,10 @@ def test_blocks_threads_and_position_do_not_matter(monkeypatch, features):
     points = non_sea(xy, height, rng.uniform(0, 500, 700))
     params = FeatureParams(features=features)
     expected = features_of(points, params)
-    monkeypatch.setattr(texture, "threads", lambda: 3)
-    monkeypatch.setattr(texture, "_BLOCK_POINTS", 50)
-    monkeypatch.setattr(texture, "_BLOCK_PAIRS", 400)
-    monkeypatch.setattr(texture, "_BINS", 5000)
+    monkeypatch.setattr(module, "threads", lambda: 3)
+    monkeypatch.setattr(module, "_BLOCK_POINTS", 50)
+    monkeypatch.setattr(module, "_BLOCK_PAIRS", 400)
+    monkeypatch.setattr(module, "_BINS", 5000)
     np.testing.assert_allclose(features_of(points, params), expected, rtol=1e-9, atol=1e-9)
     far = NonSeaPoints(points.xy + np.array([[5e5], [4e6]]), points.height_m, points.intensity, 1.0)
     np.testing.assert_allclose(features_of(far, params)[:, :11], expected[:, :11], rtol=1e-5, atol=1e-6)
