@@ -24,7 +24,7 @@ from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.runs.convert import convert_log
-from seaclutter_cli.runs.options.methods import ConfigOptions, MethodLike
+from seaclutter_cli.runs.options import ConfigOptions, MethodLike
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily, PacketFrame, Packets
 from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.truth import Truth

@@ -14,8 +14,7 @@ from seaclutter_cli.messages import find_codec
 from seaclutter_cli.options import function_of, option
 from seaclutter_cli.pipeline import HeldRecord, RecordHolder
 from seaclutter_cli.reading import read, with_attitudes
-from seaclutter_cli.runs.options import Decoding, Places, ReadOptions
-from seaclutter_cli.runs.options.methods import ConfigOptions
+from seaclutter_cli.runs.options import ConfigOptions, Decoding, Places, ReadOptions
 from seaclutter_cli.runs.recordings import expand, open_recording
 from seaclutter_cli.selection import cloud_channels
 
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.config import Config
     from seaclutter_cli.interfaces import Filter, Source
     from seaclutter_cli.records import Damage, SensorFacts
-    from seaclutter_cli.runs.options.methods import MethodLike
+    from seaclutter_cli.runs.options import MethodLike
     from seaclutter_cli.selection import Moment
     from seaclutter_cli.urls import PathLike
 

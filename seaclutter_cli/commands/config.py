@@ -14,7 +14,7 @@ from seaclutter_cli.commands.options import command
 from seaclutter_cli.commands.printer import show, show_error, show_exactly
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.options import Anything, Choice, Options, option
-from seaclutter_cli.runs.options.methods import ConfigOptions
+from seaclutter_cli.runs.options import ConfigOptions
 from seaclutter_cli.text import printable
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from seaclutter_cli.commands.console import DEBUG, NOTES, Console
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.options import Choice, Flag, Group, Kind, Number, Option, Options, Whole, declared
 from seaclutter_cli.registry import imported
-from seaclutter_cli.runs.options.methods import WORKING_CONFIG, ConfigFile, MethodName
+from seaclutter_cli.runs.options import WORKING_CONFIG, ConfigFile, MethodName
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -28,8 +28,8 @@ from seaclutter_cli.runs.calibrate_result import Calibrated, CalibrationResult, 
 from seaclutter_cli.runs.evaluate import EvaluateWork
 from seaclutter_cli.runs.methods import Variant, configured
 from seaclutter_cli.runs.observer import Observer, Silent, raising
+from seaclutter_cli.runs.options import ConfigOptions
 from seaclutter_cli.runs.options.logs import CalibrateOptions
-from seaclutter_cli.runs.options.methods import ConfigOptions
 from seaclutter_cli.runs.outputs import write_files
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.text import count

@@ -16,7 +16,7 @@ from seaclutter_cli.errors import ConfigError, UsageError
 from seaclutter_cli.evaluation import IDEAL
 from seaclutter_cli.filters import FILTERS, OPTIONAL
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options.methods import ConfigOptions, MethodOptions
+from seaclutter_cli.runs.options import ConfigOptions, MethodOptions
 from seaclutter_cli.validation import yaml_value
 
 _GLOBAL_INTENSITY_AT = {

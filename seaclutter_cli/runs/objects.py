@@ -18,8 +18,8 @@ from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.checks import FitChecks, warn_if_filtered
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.options import ConfigOptions
 from seaclutter_cli.runs.options.logs import ObjectsOptions
-from seaclutter_cli.runs.options.methods import ConfigOptions
 from seaclutter_cli.runs.outputs import PackedRows, may_appear
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.selection import cloud_channels

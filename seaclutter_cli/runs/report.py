@@ -26,9 +26,8 @@ from seaclutter_cli.runs.methods import Variant, is_default, note_left_out, with
 from seaclutter_cli.runs.methods import variants as variants_of
 from seaclutter_cli.runs.objects import follower_of
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options import ReadOptions
+from seaclutter_cli.runs.options import MethodOptions, ReadOptions
 from seaclutter_cli.runs.options.logs import ReportOptions, ViewOptions
-from seaclutter_cli.runs.options.methods import MethodOptions
 from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
 from seaclutter_cli.runs.recordings import LabelFile, open_recording, require_frames
 from seaclutter_cli.runs.suspects import finder_for, listed

@@ -16,8 +16,7 @@ from seaclutter_cli.options import (
     grouped,
     option,
 )
-from seaclutter_cli.runs.options import BatchOptions, Observed, OfLogs, Places, ReadOptions, Replacing
-from seaclutter_cli.runs.options.methods import Settings
+from seaclutter_cli.runs.options import BatchOptions, Observed, OfLogs, Places, ReadOptions, Replacing, Settings
 from seaclutter_cli.scenes import TrainingParams
 
 if TYPE_CHECKING:

@@ -24,14 +24,15 @@ from seaclutter_cli.registry import imported
 from seaclutter_cli.runs.options import (
     LABELS_HELP,
     BatchOptions,
+    ConfigOptions,
     LabelSources,
+    MethodOptions,
     Observed,
     OfLabelledLogs,
     OfLogs,
     ReadOptions,
     Replacing,
 )
-from seaclutter_cli.runs.options.methods import ConfigOptions, MethodOptions
 from seaclutter_cli.sinks.options import FORMATS, McapOptions
 
 if TYPE_CHECKING:
