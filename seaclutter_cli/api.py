@@ -186,10 +186,7 @@ class Log(AbstractContextManager["Log"]):
 
 
 def filter_frames(
-    frames: Iterable[Frame],
-    method: MethodLike | None = None,
-    config: Settings | None = None,
-    **parameters: Any,
+    frames: Iterable[Frame], method: MethodLike | None = None, config: Settings | None = None, **parameters: Any
 ) -> Iterator[FilterResult]:
     """Filter the frames of one recording, with the results of the command line.
 

@@ -134,12 +134,7 @@ class Calibration:
     """
 
     def __init__(
-        self,
-        params: RingIntensityParams,
-        *,
-        filter_rate: float,
-        max_left: float | None = None,
-        keep_end: bool = False,
+        self, params: RingIntensityParams, *, filter_rate: float, max_left: float | None = None, keep_end: bool = False
     ) -> None:
         params = replace(params, start_m=params.own_ship_m)  # range rings begin at one range
         self.params, self.filter_rate, self.max_left, self.keep_end = params, filter_rate, max_left, keep_end

@@ -71,13 +71,7 @@ _CONFIG = [
         "Print the effective configuration, ready to save and edit.",
         messages=("as_json",),
     ),
-    command(
-        "config check",
-        _check,
-        _CheckOptions,
-        "Check configuration files and list all errors.",
-        messages=(),
-    ),
+    command("config check", _check, _CheckOptions, "Check configuration files and list all errors.", messages=()),
     command(
         "config list",
         "runs.builtin.list_builtin",

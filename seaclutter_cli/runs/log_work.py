@@ -19,14 +19,7 @@ from seaclutter_cli.runs.batch import RecordingWork, run_all, size_of
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import WritingLogs
 from seaclutter_cli.runs.outputs import Paths, Root, inputs_of, is_file, is_folder, prepare_outputs, write_manifest
-from seaclutter_cli.runs.recordings import (
-    Outcome,
-    RecordingsResult,
-    assign_labels,
-    expand,
-    require_frames,
-    statuses,
-)
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, assign_labels, expand, require_frames, statuses
 from seaclutter_cli.runs.resume import (
     RunIdentity,
     earlier_outcomes,

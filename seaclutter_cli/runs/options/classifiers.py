@@ -5,17 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Literal
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.options import (
-    Converted,
-    Grouped,
-    Kind,
-    Number,
-    OptionalPath,
-    Place,
-    Whole,
-    grouped,
-    option,
-)
+from seaclutter_cli.options import Converted, Grouped, Kind, Number, OptionalPath, Place, Whole, grouped, option
 from seaclutter_cli.runs.options import BatchOptions, Observed, OfLogs, Places, ReadOptions, Replacing, Settings
 from seaclutter_cli.scenes import TrainingParams
 
@@ -127,10 +117,7 @@ class OfTiles(Replacing, Observed):
     )
     config: OptionalPath = option("-c --config", "Settings file.", default=None, kind=Place())
     settings: Converted[Sequence[str] | Mapping[str, Any], tuple[str, ...]] = option(
-        "-s --set KEY=VALUE",
-        "Set a key, such as separation.window_m=30; repeatable.",
-        default=(),
-        kind=Settings(),
+        "-s --set KEY=VALUE", "Set a key, such as separation.window_m=30; repeatable.", default=(), kind=Settings()
     )
 
     def loaded(self, base: TileSettings | None = None) -> TileSettings:
