@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.groups import group_sizes, group_starts
+from seaclutter_cli.arrays import group_sizes, group_starts
 
 Indices = NDArray[np.int64]
 Points = NDArray[np.float64]

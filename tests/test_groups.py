@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seaclutter_cli.groups import group_sizes, group_starts
+from seaclutter_cli.arrays import group_sizes, group_starts
 
 
 @given(st.lists(st.integers(-3, 3)))

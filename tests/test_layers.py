@@ -28,7 +28,6 @@ BASE = {
     "truth",
     "interfaces",
     "params",
-    "groups",
     "registry",
     "given",
 }
@@ -60,7 +59,6 @@ ALLOWED = {
     "cloud": {"text", "errors", "records"},
     "frame": {"text", "errors", "records", "cloud"},
     "truth": {"errors"},
-    "groups": set(),
     "registry": {"errors"},
     "given": {"errors", "frame", "interfaces", "paths"},
     "interfaces": BASE - {"given"},

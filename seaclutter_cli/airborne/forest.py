@@ -8,9 +8,8 @@ import numpy as np
 from annotated_types import Ge, Interval
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Floats, Ints, Mask
+from seaclutter_cli.arrays import Floats, Ints, Mask, group_sizes, group_starts
 from seaclutter_cli.errors import InputError, requiring
-from seaclutter_cli.groups import group_sizes, group_starts
 from seaclutter_cli.params import Count, key
 from seaclutter_cli.threads import executor, threads
 from seaclutter_cli.truth import OBJECT_CLASSES

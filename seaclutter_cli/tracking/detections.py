@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import group_sizes, group_starts
 from seaclutter_cli.clustering import euclidean_clusters, pairs_within
 from seaclutter_cli.frame import FilterResult, Reason
-from seaclutter_cli.groups import group_sizes, group_starts
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.groups import group_sizes, group_starts
+from seaclutter_cli.arrays import group_sizes, group_starts
 from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.tracking.detections import Detections
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.groups import group_sizes
+from seaclutter_cli.arrays import group_sizes
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import group_sizes, group_starts
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, fills_volume
 from seaclutter_cli.filters.confirmation.evidence import LEAST, log_odds
-from seaclutter_cli.groups import group_sizes, group_starts
 from seaclutter_cli.water.beams import Beams
 
 Floats = NDArray[np.float64]
