@@ -70,11 +70,9 @@ class Pool(Protocol):
 
     def give(self, waiting: deque[int], tasks: Sequence[Task[Any]]) -> list[int]:
         """Give waiting tasks to idle processes and return their numbers."""
-        ...
 
     def answers(self) -> Iterator[tuple[int, str, Any]]:
         """Yield number of the task, kind and content of what processes have sent."""
-        ...
 
 
 def run_with_retries(pool: Pool, tasks: Sequence[Task[R]], on_share: OnShare) -> Results[R]:

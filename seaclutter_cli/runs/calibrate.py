@@ -146,7 +146,7 @@ def _trade_off(
     if frames < _MIN_FRAMES:
         raise LabelError(f"{count(frames, 'labelled frame')}: too few to compare filter rates")
     quiet = Silent()  # warnings and damage were reported when the log was read before
-    quiet.progress = observer.progress  # type: ignore[assignment,method-assign]
+    quiet.progress = observer.progress  # type: ignore[method-assign]
     observer = raising(quiet)
     used = Candidate(options.filter_rate, options.max_left)
     compared = candidates(used)

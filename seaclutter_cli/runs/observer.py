@@ -3,7 +3,7 @@
 import itertools
 import logging
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, Protocol, cast
 
 from seaclutter_cli.errors import SeaclutterError
@@ -30,46 +30,36 @@ class Observer(Protocol):
     ! /points: no point can pass: ...
     """
 
-    def progress(self, title: str, total: int | None, unit: str = "frame") -> AbstractContextManager[Step]:
+    def progress(self, title: str, total: int | None, unit: str = "frame") -> AbstractContextManager[Step]:  # noqa: ARG002
         """Start a progress display of ``total`` frames, if known; yield the function to call after each frame.
 
         Over several recordings or tiles, the unit is ``MiB`` of input, or ``recording`` or ``tile`` if there is less
         than one MiB.
         """
-        ...
+        return nullcontext(lambda: None)
 
     def note(self, text: str, *, detail: bool = False) -> None:
         """Receive a message about the course of the run; a detail is for verbose output only."""
-        ...
 
     def warn(self, text: str) -> None:
         """Receive a warning."""
-        ...
 
     def damage(self, damage: Sequence[Damage]) -> None:
         """Receive the parts of a recording that could not be used."""
-        ...
 
     def fail(self, error: SeaclutterError) -> None:
         """Receive the error that ended the work on a single recording."""
-        ...
 
     def done(self, line: str, damage: Sequence[Damage], error: SeaclutterError | None) -> None:
         """Receive the end of one of several recordings: a line about it, its damage, and the error that ended it."""
-        ...
 
 
-class Silent:
+class Silent(Observer):
     """Observer that shows nothing."""
 
     def __repr__(self) -> str:
         """Return the name of the only one that is needed, for the documentation of functions."""
         return "SILENT"
-
-    @contextmanager
-    def progress(self, title: str, total: int | None, unit: str = "frame") -> Iterator[Step]:  # noqa: ARG002
-        """Yield a function that does nothing."""
-        yield lambda: None
 
     def _ignore(self, *_: Any, **__: Any) -> None:
         """Ignore what results also contain."""
