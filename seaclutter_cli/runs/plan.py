@@ -11,7 +11,7 @@ from typing import Any
 from seaclutter_cli.buckets import mirror_of, on_paths
 from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.options import function_of
-from seaclutter_cli.runs.batch import Work, input_bytes, run_batch
+from seaclutter_cli.runs.batch import input_bytes
 from seaclutter_cli.runs.convert import ConvertWork
 from seaclutter_cli.runs.filter import filter_run
 from seaclutter_cli.runs.info import excerpt_of
@@ -22,8 +22,8 @@ from seaclutter_cli.runs.outputs import Root, prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expected_frames, open_recording
 from seaclutter_cli.runs.resume import earlier_of
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
-from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, data_size, table
+from seaclutter_cli.threads import in_threads
 
 _STATUSES = ("do", "skip", "refuse")
 
@@ -72,8 +72,9 @@ def plan_convert(options: ConvertOptions) -> "RunPlan":
 def _plan(run: LogRun[W], observer: Observer) -> "RunPlan":
     run.prepare(observer, dry=True)
     prepare_outputs(run.others, {}, force=run.works[0].replaces, dry=True)
-    works = [_PlanWork(work.recording, work, exists=os.path.lexists(work.output)) for work in run.works]
-    planned = [works[0].run(observer)] if len(works) == 1 else run_batch(works, run.options.batch.here(), observer)
+    planned = in_threads(_planned, run.works)
+    for one in planned:
+        observer.done("", one.damage, None) if len(planned) > 1 else observer.damage(one.damage)
     target = run.works[0].target
     folder = next(above for above in target.absolute().parents if above.exists())
     result = RunPlan(planned, None if mirror_of(target) else shutil.disk_usage(folder).free)
@@ -82,48 +83,36 @@ def _plan(run: LogRun[W], observer: Observer) -> "RunPlan":
     return result
 
 
-@dataclass(frozen=True)
-class _PlanWork(Work["Planned"]):
-    """A look at one recording and at its output, which ``exists`` or not."""
+def _planned(work: LogWork[Any, Any]) -> "Planned":
+    """Return what would be done with one recording; an error is the reason why it would be refused."""
+    recording, size = work.recording, input_bytes(work.recording)
+    planned = Planned(recording=recording.name, input=recording.paths[0], output=work.output, bytes_in=size)
+    try:
+        _look(work, planned)
+    except SeaclutterError as error:
+        planned.error = str(error)
+    return planned
 
-    recording: Recording
-    work: LogWork[Any, Any]
-    exists: bool
 
-    def run(self, observer: Observer) -> "Planned":
-        planned = self.without_result(None)
-        try:
-            self._look(planned)
-        except SeaclutterError as error:
-            planned.error = str(error)
-        observer.damage(planned.damage)
-        return planned
-
-    def without_result(self, reason: str | None) -> "Planned":
-        recording, target = self.recording, self.work.output
-        size = input_bytes(recording)
-        return Planned(recording=recording.name, input=recording.paths[0], output=target, bytes_in=size, error=reason)
-
-    def _look(self, planned: "Planned") -> None:
-        options = self.work.options
-        if self.exists and options.batch.resume:
-            outcome, planned.reason = earlier_of(self.work)
-            if outcome is not None:
-                planned.skipped, planned.frames, planned.reason = True, outcome.frames, "the output is complete"
-                return
-        elif self.exists:
-            root = Root(self.work.output, OUTPUT_FORMATS[self.work.form].marker)
-            prepare_outputs({"-o": self.work.output}, {}, force=options.force, root=root, dry=True)
-            planned.reason = "replaces the output"
-        part = excerpt_of(self.recording)
-        if part is None and mirror_of(self.recording.paths[0]):
-            return  # it would have to be copied
-        with closing(open_recording(self.recording, options.reading)) as source:
-            if part is not None:
-                source.counts.update(part.messages)
-            clouds = self.work.clouds(source)
-            planned.frames = expected_frames(source, clouds, options.reading.selection)
-            planned.damage = list(source.damage)
+def _look(work: LogWork[Any, Any], planned: "Planned") -> None:
+    options, exists = work.options, os.path.lexists(work.output)
+    if exists and options.batch.resume:
+        outcome, planned.reason = earlier_of(work)
+        if outcome is not None:
+            planned.skipped, planned.frames, planned.reason = True, outcome.frames, "the output is complete"
+            return
+    elif exists:
+        root = Root(work.output, OUTPUT_FORMATS[work.form].marker)
+        prepare_outputs({"-o": work.output}, {}, force=options.force, root=root, dry=True)
+        planned.reason = "replaces the output"
+    part = excerpt_of(work.recording)
+    if part is None and mirror_of(work.recording.paths[0]):
+        return  # it would have to be copied
+    with closing(open_recording(work.recording, options.reading)) as source:
+        if part is not None:
+            source.counts.update(part.messages)
+        planned.frames = expected_frames(source, work.clouds(source), options.reading.selection)
+        planned.damage = list(source.damage)
 
 
 @dataclass(kw_only=True)
@@ -156,10 +145,6 @@ class Planned(Outcome):
         damaged = f"; {count(len(self.damage), 'damaged part')}" if self.damage else ""
         again = f"{self.reason + '; ' if self.reason else ''}-> {self.output}{damaged}"
         return self.error or (self.reason if self.skipped else again)
-
-    def line(self) -> str:
-        """Return nothing: the result lists all recordings."""
-        return ""
 
 
 @dataclass(frozen=True)

@@ -226,10 +226,6 @@ class BatchOptions(Options):
         """Return whether the work is on a single recording, in this process."""
         return recordings == 1 and self.cluster is None
 
-    def here(self) -> BatchOptions:
-        """Return the options for a look at the recordings on this machine."""
-        return BatchOptions(jobs=None if self.cluster else self.jobs, fail_fast=self.fail_fast)
-
 
 class Replacing(Options):
     """Whether outputs may replace files."""
