@@ -50,24 +50,19 @@ class BagSource(ChunkedSource[Chunk, Content]):
         self._header: BagRecord | None = None
         self._channels: dict[int, Channel] = {}
         self._counts: Counter[int] = Counter()
-        self._timed: dict[int, Chunk] = {}
-        self._untimed: dict[int, Chunk] = {}
-        self._first_use: dict[int, int] = {}
-        self._infos: dict[int, int] = {}
+        self._found: list[tuple[Chunk, Index | None]] = []
+        """Chunks and what their own index says, None if it is missing or damaged."""
+        self._infos: dict[int, Index] = {}
+        """What the end of the bag says about the chunks at some offsets."""
         self._seen: Counter[Op] = Counter()
         self._look_at_records()
         if self._header is not None and self._header.fields.get(b"encryptor"):
             raise InputError(f"{self._path}: the bag is encrypted; decrypt it first (rosbag decrypt)")
-        self._unpack_untimed()
+        self._place_chunks()
         self._read_metadata()
 
     def _look_at_records(self) -> None:
-        """Find channels, chunks and damage in one pass without unpacking a chunk.
-
-        Chunks have their offsets as keys; ``_untimed`` ones must be unpacked for times and counts. ``_first_use`` has
-        the offset of a chunk with messages of each connection, ``_infos`` the number of messages of each chunk
-        according to the index at the end of the bag.
-        """
+        """Find channels, chunks and damage in one pass without unpacking a chunk."""
         compression: bytes | None = None
         gaps: list[tuple[int, int]] = []
         runs: list[tuple[int, int]] = []
@@ -91,7 +86,7 @@ class BagSource(ChunkedSource[Chunk, Content]):
                     self._channels.setdefault(record.number(b"conn"), _channel_of(self._file, record))
         self.compression = _COMPRESSIONS.get(compression) if compression else None
         if compression in {None, b"none"}:
-            self._untimed |= {start: Chunk(start, end - start, *_ANY_TIME) for start, end in runs}
+            self._found += [(Chunk(start, end - start, *_ANY_TIME), None) for start, end in runs]
         else:  # what looks like messages are parts of damaged data
             gaps, runs = gaps + runs, []
         self._report_gaps(gaps, counted=bool(runs))
@@ -100,7 +95,7 @@ class BagSource(ChunkedSource[Chunk, Content]):
     def _report_gaps(self, gaps: list[tuple[int, int]], *, counted: bool) -> None:
         """Report skipped parts, with the messages of lost chunks unless they are ``counted`` among those outside."""
         for start, end in _joined(gaps):
-            lost = 0 if counted else sum(count for offset, count in self._infos.items() if start <= offset < end)
+            lost = 0 if counted else sum(info[2].total() for at, info in self._infos.items() if start <= at < end)
             problem = f"damaged; reading resumes at byte {end}"
             if start == end:
                 problem = "a record of wrong length"
@@ -120,7 +115,7 @@ class BagSource(ChunkedSource[Chunk, Content]):
             self._report(None, "the recorder did not close the bag; it is read without its index", 0)
         expected = self._header.number(b"conn_count"), self._header.number(b"chunk_count")
         if self._seen[Op.CONNECTION] >= expected[0] and self._seen[Op.CHUNK_INFO] >= expected[1]:
-            self._listed = sum(self._infos.values()) if self._infos else None
+            self._listed = sum(counts.total() for *_, counts in self._infos.values()) if self._infos else None
         elif missing > -len(self._file):
             problem = "the index at the end of the bag is incomplete; the bag is read without it"
             if missing > 0:
@@ -130,37 +125,38 @@ class BagSource(ChunkedSource[Chunk, Content]):
     def _take_chunk(self, record: BagRecord) -> None:
         unpacked = min(record.number(b"size"), limits().bytes_of("chunk", len(self._file)))
         chunk = Chunk(record.start, record.end - record.start, *_ANY_TIME, unpacked=unpacked)
-        index = None if record.repaired else read_index(self._file, record.end)
-        if index is None:
-            self._untimed[record.start] = chunk
-        else:
-            self._add_chunk(chunk, index)
-
-    def _add_chunk(self, chunk: Chunk, index: Index) -> None:
-        start_ns, end_ns, counts = index
-        self._timed[chunk.offset] = replace(chunk, start_ns=start_ns, end_ns=end_ns, messages=counts.total())
-        self._counts += counts
-        for connection in counts:
-            self._first_use.setdefault(connection, chunk.offset)
+        self._found.append((chunk, None if record.repaired else read_index(self._file, record.end)))
 
     def _take_info(self, record: BagRecord) -> None:
-        """Add or check the times of a chunk, and count its messages in case it is lost."""
-        offset = record.number(b"chunk_pos")
-        start_ns, end_ns = record.time_ns(b"start_time"), record.time_ns(b"end_time")
         entries = self._file[record.data : record.end]
         counts: Counter[int] = Counter()
         for connection, messages in _COUNT.iter_unpack(entries[: len(entries) // _COUNT.size * _COUNT.size]):
             counts[connection] += messages
-        self._infos[offset] = counts.total()
-        if offset in self._untimed and counts:
-            self._add_chunk(self._untimed.pop(offset), (start_ns, end_ns, counts))
-        chunk = self._timed.get(offset)
-        if chunk is not None and (chunk.start_ns, chunk.end_ns) != (start_ns, end_ns):
-            # Its index and its chunk info contradict each other.
-            self._untimed[offset] = Chunk(offset, chunk.size, *_ANY_TIME, unpacked=chunk.unpacked)
-            del self._timed[offset]
-            if index := read_index(self._file, offset + chunk.size):
-                self._counts -= index[2]
+        times_ns = record.time_ns(b"start_time"), record.time_ns(b"end_time")
+        self._infos[record.number(b"chunk_pos")] = (*times_ns, counts)
+
+    def _place_chunks(self) -> None:
+        """Give chunks the times of their index, or of their messages if they have none, or two that differ."""
+        first: dict[int, Chunk] = {}
+        untimed = []
+        for chunk, own in self._found:
+            info = self._infos.get(chunk.offset)
+            index = own or (info if info and info[2] else None)
+            if index is None or (info and info[:2] != index[:2]):
+                untimed.append(chunk)
+                continue
+            start_ns, end_ns, counts = index
+            self._chunks.append(replace(chunk, start_ns=start_ns, end_ns=end_ns, messages=counts.total()))
+            self._counts += counts
+            first = dict.fromkeys(counts, self._chunks[-1]) | first
+        for connection, chunk in first.items():
+            if connection not in self._channels:
+                self._read(chunk)
+        for chunk in untimed:
+            if messages := self._read(chunk):
+                times, size = [message.log_time_ns for message in messages], len(messages)
+                self._chunks.append(replace(chunk, start_ns=min(times), end_ns=max(times), messages=size))
+                self._counts.update(message.channel.id for message in messages)
 
     def _read_metadata(self) -> None:
         """Take the records that this program writes to a bag as a message, whose channels are then hidden."""
@@ -189,19 +185,6 @@ class BagSource(ChunkedSource[Chunk, Content]):
     def _indexed(self, chunk: Chunk) -> Counter[int] | None:
         index = read_index(self._file, chunk.offset + chunk.size)
         return index[2] if index else None
-
-    def _unpack_untimed(self) -> None:
-        """Unpack the chunks where unknown channels first occur, and those with unknown times."""
-        self._chunks = list(self._timed.values())
-        for connection, offset in self._first_use.items():
-            if connection not in self._channels and offset in self._timed:
-                self._read(self._timed[offset])
-        for chunk in self._untimed.values():
-            messages = self._read(chunk)
-            if messages:
-                times, size = [message.log_time_ns for message in messages], len(messages)
-                self._chunks.append(replace(chunk, start_ns=min(times), end_ns=max(times), messages=size))
-                self._counts.update(message.channel.id for message in messages)
 
     def _messages(self, chunk: Chunk, unpacked: Callable[[], Content]) -> list[Message]:
         content, size, problem = unpacked()
