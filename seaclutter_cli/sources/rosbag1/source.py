@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from itertools import chain
 from struct import Struct
@@ -14,12 +13,11 @@ from seaclutter_cli.records import Buffer, Channel, Message, Schema
 from seaclutter_cli.sources.rosbag1.records import MAGIC, NANO, BagRecord, Op, parse_fields, read_record, walk
 from seaclutter_cli.sources.shared.chunked import MAX_AHEAD_BYTES, Chunk, ChunkedSource
 from seaclutter_cli.sources.shared.log_file import Bytes
-from seaclutter_cli.sources.shared.unpacking import DECOMPRESSION_ERRORS, readable, unpacked_frame
+from seaclutter_cli.sources.shared.unpacking import readable
 from seaclutter_cli.text import count
 
 _COMPRESSIONS = {b"lz4": "lz4", b"bz2": "zstd", b"none": ""}
 _COUNT, _ENTRY = Struct("<II"), Struct("<II4x")
-_MAX_RATIO = 256
 _RUN_BYTES = 4 * 2**20
 _ANY_TIME = (0, 2**63)
 
@@ -283,7 +281,7 @@ def _unpacked(packed: memoryview, chunk: BagRecord, *, ends_bag: bool, bag_bytes
     if compression == b"none":
         content, whole = packed[:size] if chunk.repaired else packed, True
     elif compression in (b"bz2", b"lz4"):
-        unpacked, whole = _decompress(compression.decode(), packed, size, most)
+        unpacked, whole = readable(compression.decode(), packed, most)
         content = memoryview(unpacked)
     else:
         return memoryview(b""), f"a chunk with the unknown compression {compression.decode('utf-8', 'replace')!r}"
@@ -295,16 +293,6 @@ def _unpacked(packed: memoryview, chunk: BagRecord, *, ends_bag: bool, bag_bytes
             return content, "the bag ends inside a chunk"
         return content, f"a damaged chunk: {len(content):,} of {count(size, 'byte')} can be read"
     return content, "a record of wrong length, or damage after it" if chunk.repaired else None
-
-
-def _decompress(compression: str, packed: memoryview, size: int, most: int) -> tuple[Buffer, bool]:
-    with suppress(*DECOMPRESSION_ERRORS):
-        # One byte more than expected reveals the end; limited by the packed size because it is allocated.
-        expected = min(size, _MAX_RATIO * len(packed), most)
-        content, whole = unpacked_frame(compression, packed, expected)
-        if whole:
-            return content, True
-    return readable(compression, packed, most)
 
 
 def _channel_of(view: Bytes[Buffer], record: BagRecord) -> Channel:

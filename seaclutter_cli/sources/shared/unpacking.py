@@ -39,13 +39,7 @@ def unpacked(compression: str, packed: Buffer, size: int) -> Buffer:
     if compression == "zstd":
         with zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream:
             return stream.read(size + 1)
-    return unpacked_frame(compression, packed, size)[0]
-
-
-def unpacked_frame(compression: str, packed: Buffer, size: int) -> tuple[bytes, bool]:
-    """Return what `unpacked` returns for ``lz4`` or ``bz2``, and whether it is complete."""
-    decompressor = _INCREMENTAL[compression]()
-    return bytes(decompressor.decompress(packed, max_length=size + 1)), decompressor.eof
+    return bytes(_INCREMENTAL[compression]().decompress(packed, max_length=size + 1))
 
 
 def readable(compression: str, packed: Buffer, most: int) -> tuple[Buffer, bool]:
