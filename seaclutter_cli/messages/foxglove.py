@@ -32,12 +32,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def _unorganised(
-    stamp_ns: int,
-    frame_id: str,
-    stride: int,
-    fields: tuple[PointField, ...],
-    data: Buffer,
-    extra: Any,
+    stamp_ns: int, frame_id: str, stride: int, fields: tuple[PointField, ...], data: Buffer, extra: Any
 ) -> Cloud:
     if stride <= 0 and len(data):
         raise CloudError(f"the point stride must be positive, got {stride} bytes")

@@ -109,7 +109,7 @@ class AtomicFile(CompleteFile, AbstractContextManager["AtomicFile"]):
 
     def __init__(self, path: Path, group: "OutputGroup | None" = None, *, last: str = "") -> None:
         super().__init__(part_path(Path(os.path.realpath(path))), path, last=last)
-        self._group = group
+        self._group, self._is_alone = group or OutputGroup(), group is None
         # An interrupt may come before the context is entered; then the file is removed with this object, or at exit.
         self._latest: PartFile | None = None
         try:
@@ -144,11 +144,9 @@ class AtomicFile(CompleteFile, AbstractContextManager["AtomicFile"]):
         try:
             for stream in self._opened:
                 stream.close()
-            if self._group is None:
-                self.prepare()
-                self.publish()
-            else:
-                self._group.add(self)
+            self._group.add(self)
+            if self._is_alone:
+                self._group.__exit__(None, None, None)
         except BaseException as failure:
             self.discard()
             if isinstance(failure, OSError):
@@ -212,21 +210,20 @@ class OutputGroup(AbstractContextManager["OutputGroup"]):
             self.discard()
 
     def _complete(self) -> None:
-        if self._outer is None:
-            for file in self._files:
-                file.prepare(replace=self._replace)
-        for path in self._replaced:
-            if self._outer is not None:
+        if self._outer is not None:
+            for path in self._replaced:
                 self._outer.replaces(path)
-            elif self._replace:
-                if mirror := mirror_of(path):
-                    mirror.delete(path)
-                path.unlink(missing_ok=True)
+            while self._files:
+                self._outer.add(self._files.pop(0))
+            return
+        for file in self._files:
+            file.prepare(replace=self._replace)
+        for path in self._replaced if self._replace else ():
+            if mirror := mirror_of(path):
+                mirror.delete(path)
+            path.unlink(missing_ok=True)
         while self._files:
-            if self._outer is None:
-                self._files[0].publish(replace=self._replace)
-            else:
-                self._outer.add(self._files[0])
+            self._files[0].publish(replace=self._replace)
             del self._files[0]
 
 

@@ -19,13 +19,7 @@ from seaclutter_cli.sources.frame_files.sidecars import times_beside
 from seaclutter_cli.sources.pcap import metadata_of
 from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
 from seaclutter_cli.sources.shared.merged import MergedSource
-from seaclutter_cli.sources.shared.split import (
-    SplitSource,
-    joined,
-    joined_name,
-    numbered,
-    split_groups,
-)
+from seaclutter_cli.sources.shared.split import SplitSource, joined, joined_name, numbered, split_groups
 from seaclutter_cli.text import count
 
 

@@ -31,42 +31,26 @@ _MIN_HEIGHT_M = 0.5
 _FACADE_BEARINGS = 10  # 30 degrees
 
 
-@dataclass(frozen=True)
-class Horizon:
-    """Bearings around own ship at one moment, three degrees each, and which of them are closed, shape (120,).
+def horizon_class(closed: Mask) -> str | None:
+    """Return the class of a horizon, shape (120,): ``confined``, ``open``, or None for neither.
+
+    Confined: at least half of the bearings are closed, by facades of at least 30° on two sides, at least 90° apart.
+    Open: at most 35 % are closed, and no facade is wider than 60°.
+    """
+    share, facades = closed.mean(), _run_lengths(closed)
+    sides = np.flatnonzero(facades >= _FACADE_BEARINGS)
+    apart = np.abs(sides[:, None] - sides)
+    if share >= 0.5 and (np.minimum(apart, _BEARINGS - apart) >= _BEARINGS // 4).any():
+        return "confined"
+    return "open" if share <= 0.35 and facades.max() <= 2 * _FACADE_BEARINGS else None
+
+
+def horizon(scene: Scene, time_s: float = 0.0) -> Mask:
+    """Return which bearings around own ship are closed at a time, three degrees each, shape (120,).
 
     A bearing is closed if an object at least half a metre high is within `REACH_M` and reaches above the lowest beam. A
     single open bearing between two closed ones counts as closed, so a row of boats is one facade.
     """
-
-    closed: Mask
-
-    @property
-    def share(self) -> float:
-        """Share of the bearings that are closed."""
-        return float(self.closed.mean())
-
-    @property
-    def longest_deg(self) -> float:
-        """Width of the widest facade in degrees."""
-        return float(_run_lengths(self.closed).max()) * 360 / _BEARINGS
-
-    @property
-    def scene_class(self) -> str | None:
-        """``confined``, ``open``, or None for neither.
-
-        Confined: at least half of the bearings are closed, by facades of at least 30° on two sides, at least 90° apart.
-        Open: at most 35 % are closed, and no facade is wider than 60°.
-        """
-        sides = np.flatnonzero(_run_lengths(self.closed) >= _FACADE_BEARINGS)
-        apart = np.abs(sides[:, None] - sides)
-        if self.share >= 0.5 and (np.minimum(apart, _BEARINGS - apart) >= _BEARINGS // 4).any():
-            return "confined"
-        return "open" if self.share <= 0.35 and self.longest_deg <= 60 else None
-
-
-def horizon(scene: Scene, time_s: float = 0.0) -> Horizon:
-    """Return the horizon around own ship at a time."""
     x, y, heading = (float(value[0]) for value in scene.vessel.track.at(np.array([time_s])))
     bearings = heading + 2 * np.pi / _BEARINGS * np.arange(_BEARINGS)
     rays = np.stack((np.cos(bearings), np.sin(bearings), np.zeros(_BEARINGS)), axis=1)
@@ -78,7 +62,7 @@ def horizon(scene: Scene, time_s: float = 0.0) -> Horizon:
             distance = _distances(rays, (x, y), item, time_s)
             closed |= (distance <= REACH_M) & (scene.vessel.lidar_height_m - down * distance < height)
     between = np.roll(closed, 1) & np.roll(closed, -1)
-    return Horizon(closed | between)
+    return np.asarray(closed | between)
 
 
 def scene_class(scene: Scene) -> str | None:
@@ -94,7 +78,7 @@ def scene_class(scene: Scene) -> str | None:
         gap = float(np.median(distance[:, 1] - [float(item.size_m[0]) for item in trees]))
         return "dense" if gap <= 0.1 else "sparse" if gap >= 1.5 else None
     seconds = scene.recording.frames / 10
-    classes = {horizon(scene, time_s).scene_class for time_s in np.linspace(0, seconds, 4).tolist()}
+    classes = {horizon_class(horizon(scene, time_s)) for time_s in np.linspace(0, seconds, 4).tolist()}
     return classes.pop() if len(classes) == 1 else None
 
 

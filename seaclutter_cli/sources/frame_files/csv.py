@@ -14,13 +14,7 @@ from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.paths import open_regular, read_whole
 from seaclutter_cli.sources.frame_files.headerless import check_usual
-from seaclutter_cli.sources.frame_files.reading import (
-    MAX_LINE_BYTES,
-    check_lines,
-    column_names,
-    is_number,
-    parse_rows,
-)
+from seaclutter_cli.sources.frame_files.reading import MAX_LINE_BYTES, check_lines, column_names, is_number, parse_rows
 from seaclutter_cli.text import count
 
 _BOMS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}

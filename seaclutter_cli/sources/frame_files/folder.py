@@ -16,13 +16,7 @@ from seaclutter_cli.messages.metadata import SIDECAR, from_text
 from seaclutter_cli.paths import natural_order
 from seaclutter_cli.records import Channel, Message, Record
 from seaclutter_cli.sources.frame_files import FRAME_READERS, reader_of
-from seaclutter_cli.sources.frame_files.sidecars import (
-    Pose,
-    from_names,
-    from_time_files,
-    pose_message,
-    poses_beside,
-)
+from seaclutter_cli.sources.frame_files.sidecars import Pose, from_names, from_time_files, pose_message, poses_beside
 from seaclutter_cli.sources.shared import TimedSource
 
 _TYPE = "sensor_msgs/msg/PointCloud2"

@@ -26,10 +26,7 @@ _PIECE = 2**20
 _PACKED_PIECE = 4096
 _PACKED_FILE_PIECE = 2048
 """Bytes of a file that are unpacked at a time: each of them may become 32 KiB."""
-_INCREMENTAL: Mapping[str, Callable[[], Any]] = {
-    "lz4": lz4.frame.LZ4FrameDecompressor,
-    "bz2": bz2.BZ2Decompressor,
-}
+_INCREMENTAL: Mapping[str, Callable[[], Any]] = {"lz4": lz4.frame.LZ4FrameDecompressor, "bz2": bz2.BZ2Decompressor}
 
 
 def unpacked(compression: str, packed: Buffer, size: int) -> Buffer:
