@@ -109,19 +109,10 @@ class SceneUpdate:
         }
 
 
-@dataclass(frozen=True)
-class Detections3D:
-    """Objects of one frame, for a log."""
-
-    stamp_ns: int
-    frame_id: str
-    objects: Sequence[SceneTrack]
-
-    @property
-    def content(self) -> Content:
-        """Values of the fields of the message."""
-        head = {"stamp": Time(self.stamp_ns), "frame_id": self.frame_id.encode(errors="replace").decode()}
-        return {"header": head, "detections": [_detection(one, head) for one in self.objects]}
+def detections(stamp_ns: int, frame_id: str, objects: Sequence[SceneTrack]) -> Content:
+    """Return values of the fields of a ``vision_msgs/Detection3DArray`` with the objects of one frame."""
+    head = {"stamp": Time(stamp_ns), "frame_id": frame_id.encode(errors="replace").decode()}
+    return {"header": head, "detections": [_detection(one, head) for one in objects]}
 
 
 def scene_format(cloud_encoding: str) -> tuple[str, Schema, Callable[[Content], bytes]]:

@@ -4,8 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from seaclutter_cli.frame import FilterResult
+from seaclutter_cli.messages.definitions import Content
 from seaclutter_cli.messages.navigation import Navigation
-from seaclutter_cli.messages.scene import Detections3D, SceneBox, SceneTrack
+from seaclutter_cli.messages.scene import SceneBox, SceneTrack, detections
 from seaclutter_cli.records import Message, Record
 from seaclutter_cli.sinks.objects import pose_of
 from seaclutter_cli.tracking.follow import CANDIDATE, CONFIRMED, LOST, Follower, FrameObjects
@@ -45,9 +46,9 @@ class LiveObjects:
         self._shown[topic] = set(found)
         return found, gone
 
-    def detections(self, result: FilterResult) -> Detections3D:
+    def detections(self, result: FilterResult) -> Content:
         """Return the objects of a frame as a message."""
-        return Detections3D(result.frame.stamp_ns, result.frame.cloud.frame_id, _tracks(self.of(result)))
+        return detections(result.frame.stamp_ns, result.frame.cloud.frame_id, _tracks(self.of(result)))
 
 
 def _tracks(frame: FrameObjects) -> list[SceneTrack]:

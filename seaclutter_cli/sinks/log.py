@@ -217,7 +217,7 @@ class LogSink(ExitStack, Sink):
         if live := options.objects:
             encoding, schema, write = boxes.detections_format(text)
             number, _ = self._shared_channel(Channel(_NEW, boxes.OBJECTS_TOPIC, encoding, schema), taken)
-            outputs.append((number, lambda result: write(live.detections(result).content)))
+            outputs.append((number, lambda result: write(live.detections(result))))
         return outputs
 
     def _shared_channel(self, channel: Channel, taken: set[str]) -> tuple[int, str]:

@@ -91,6 +91,10 @@ class Pose:
         return cls(position, rotations(np.array([yaw]), np.array([pitch]), np.array([roll]))[0])
 
 
+Motion = Callable[[Floats, Floats, Floats], Floats]
+"""Height in metres and slopes along x and y at positions and times, shape (T,) each, as shape (3, T)."""
+
+
 class Ride:
     """Position and attitude of the lidar over time.
 
@@ -102,7 +106,7 @@ class Ride:
     def __init__(
         self,
         track: Track,
-        motion: Callable[[Floats, Floats, Floats], Floats],
+        motion: Motion,
         wave_response: float,
         mast: Floats,
         rocking: Callable[[Floats], tuple[Floats, Floats]] | None = None,

@@ -11,7 +11,7 @@ from scipy import fft
 from seaclutter_cli.arrays import Floats, Ints
 from seaclutter_cli.params import Positive, Share, key
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
-from seaclutter_cli.simulation.marine.motion import Leg, Pose, Track
+from seaclutter_cli.simulation.marine.motion import Leg, Motion, Pose, Track
 from seaclutter_cli.simulation.marine.shapes import intersect_box
 from seaclutter_cli.truth import CLUTTER
 
@@ -152,28 +152,19 @@ class Sea:
         heights = fft.ifft2(modes, workers=1, overwrite_x=True).real * _CELLS**2
         return WaveSurface(heights.astype(np.float32), self.cell_m)
 
-    def swell(self, shortest_m: float) -> "Swell":
-        """Return the strongest waves longer than ``shortest_m`` in metres, which are those that move a hull."""
+    def swell(self, shortest_m: float) -> Motion:
+        """Return the motion of the strongest waves longer than ``shortest_m``, which are those that move a hull."""
         kx, ky = (part.reshape(-1) for part in np.broadcast_arrays(self._kx, self._ky))
         long = np.flatnonzero(np.hypot(kx, ky) < 2 * np.pi / shortest_m)
-        amplitude, omega = self._amplitude.reshape(-1), self._omega.reshape(-1)
-        chosen = long[np.argsort(-np.abs(amplitude[long]), kind="stable")[:_SWELL_WAVES]]
-        return Swell(kx[chosen, None], ky[chosen, None], omega[chosen, None], amplitude[chosen, None])
+        amplitude = self._amplitude.reshape(-1)
+        chosen = long[np.argsort(-np.abs(amplitude[long]), kind="stable")[:_SWELL_WAVES], None]
+        kx, ky, omega, amplitude = kx[chosen], ky[chosen], self._omega.reshape(-1)[chosen], amplitude[chosen]
 
+        def motion(x: Floats, y: Floats, times_s: Floats) -> Floats:
+            modes = amplitude * np.exp(1j * (kx * x + ky * y - omega * times_s))
+            return np.stack([(factor * modes).sum(axis=0).real for factor in (1, 1j * kx, 1j * ky)])
 
-@dataclass(frozen=True)
-class Swell:
-    """The strongest long waves of a sea, W of them: wave vectors, frequencies and amplitudes, shape (W, 1) each."""
-
-    kx: Floats
-    ky: Floats
-    omega: Floats
-    amplitude: NDArray[np.complex128]
-
-    def at(self, x: Floats, y: Floats, times_s: Floats) -> Floats:
-        """Return height in metres and slopes along x and y at given positions and times, (T,) each, as shape (3, T)."""
-        modes = self.amplitude * np.exp(1j * (self.kx * x + self.ky * y - self.omega * times_s))
-        return np.stack([(factor * modes).sum(axis=0).real for factor in (1, 1j * self.kx, 1j * self.ky)])
+        return motion
 
 
 KELVIN = np.arcsin(1 / 3)

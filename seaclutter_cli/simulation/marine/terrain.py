@@ -112,12 +112,8 @@ class SeaTerrain:
     def __init__(self, params: SeaParams, hulls: Sequence[Any], own_length_m: float, seed: int) -> None:
         self.params, self.seed = params, seed
         self.waves = Sea(params, np.random.default_rng([seed, 0]))
-        self._swell = self.waves.swell(2 * own_length_m)
+        self.motion = self.waves.swell(2 * own_length_m)
         self.wakes = [Wake(track, length, width, params.foam_lifetime_s) for track, length, width in hulls]
-
-    def motion(self, x: Floats, y: Floats, times_s: Floats) -> Floats:
-        """Return height in metres and slopes along x and y of the long waves, shape (3, T)."""
-        return self._swell.at(x, y, times_s)
 
     def at(self, time_s: float) -> MarineWater:
         """Return the sea at a time."""

@@ -24,60 +24,49 @@ _Request = tuple[str, int | _Chunks, bytes, int, int]
 
 
 class LazBackend(AbstractContextManager["LazBackend"]):
-    """Backend of laspy that reads one LAZ file."""
+    """Backend and reader of laspy for one LAZ file; the other process works for it until the context exits."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._reader: _Reader | None = None
+        self._worker: _Worker | None = None
 
     def is_available(self) -> bool:
         """Return whether lazrs is installed."""
         return find_spec("lazrs") is not None
 
-    def create_reader(self, source: BinaryIO, header: Any, decompression_selection: Any = None) -> "_Reader":
+    def create_reader(self, source: BinaryIO, header: Any, decompression_selection: Any = None) -> "LazBackend":
         """Start to decompress all points of a file that is open at the first one."""
         del decompression_selection  # all dimensions
         return self._start(header, source.tell(), header.point_count)
 
-    def read_chunks(self, header: Any, chunks: _Chunks) -> "_Reader":
+    def read_chunks(self, header: Any, chunks: _Chunks) -> "LazBackend":
         """Start to decompress some chunks."""
         return self._start(header, chunks, sum(number for *_, number in chunks))
 
-    def _start(self, header: Any, place: int | _Chunks, points: int) -> "_Reader":
-        described = header.vlrs.get("LasZipVlr")[0].record_data
-        self._reader = _Reader((str(self._path.absolute()), place, described, header.point_format.size, points))
-        return self._reader
-
-    def __exit__(self, *_: object) -> None:
-        if self._reader is not None:
-            self._reader.release()
-
-
-class _Reader:
-    """Reader of laspy; the other process works for it until it is released."""
-
-    def __init__(self, request: _Request) -> None:
-        *_, self._point_size, points = request
-        self._left = points * self._point_size
-        self._read = bytearray()
+    def _start(self, header: Any, place: int | _Chunks, points: int) -> "LazBackend":
+        described, self._point_size = header.vlrs.get("LasZipVlr")[0].record_data, header.point_format.size
+        self._left, self._read = points * self._point_size, bytearray()
         self._worker = _IDLE.pop() if _IDLE else _Worker()
-        self._worker.request(request)
+        self._worker.request((str(self._path.absolute()), place, described, self._point_size, points))
+        return self
 
     def read_n_points(self, n: int) -> bytearray:
+        """Return the bytes of the next points."""
         size = n * self._point_size
-        while len(self._read) < size and self._left:
+        while self._worker and len(self._read) < size and self._left:
             block = self._worker.block()
             self._left -= len(block)
             self._read = self._read + block if self._read else block  # in most cases, what is asked for is one block
         read, self._read = self._read[:size], self._read[size:]
         return read
 
-    def release(self) -> None:
+    def __exit__(self, *_: object) -> None:
         """Keep the process for the next file, or end it if it has not answered completely."""
-        if self._left:
-            self._worker.end()
-        else:
-            _IDLE.append(self._worker)
+        if self._worker is not None:
+            if self._left:
+                self._worker.end()
+            else:
+                _IDLE.append(self._worker)
 
 
 class _Worker:

@@ -51,7 +51,7 @@ def test_swell_is_the_long_part_of_the_surface():
     water = sea(sea_state=3)
     surface = water.at(5.0)
     x = np.arange(0.0, 100.0, surface.cell_m)
-    height, slope_x, _ = water.swell(1.0).at(x, np.zeros_like(x), np.full_like(x, 5.0))
+    height, slope_x, _ = water.swell(1.0)(x, np.zeros_like(x), np.full_like(x, 5.0))
     assert np.corrcoef(height, surface.height(x, np.zeros_like(x)))[0, 1] > 0.9
     np.testing.assert_allclose(np.gradient(height, x)[1:-1], slope_x[1:-1], atol=0.02)
 
