@@ -43,7 +43,8 @@ class ElevationGrid:
 
     def __init__(self, cell_m: float) -> None:
         self.cell_m = cell_m
-        self._slots: dict[tuple[int, int], int] = {}
+        self.blocks: dict[tuple[int, int], int] = {}
+        """Index of each block in `lowest`, by its block number along x and y."""
         self._lowest = np.full((0, BLOCK, BLOCK), np.inf)
         self._extent = np.array([[2**62, -(2**62)]] * 2)
         self._points = 0
@@ -51,12 +52,7 @@ class ElevationGrid:
     @property
     def lowest(self) -> Cells:
         """Lowest elevation in metres, shape (S, 256, 256) for S blocks; plus infinity in empty cells."""
-        return self._lowest[: len(self._slots)]
-
-    @property
-    def blocks(self) -> dict[tuple[int, int], int]:
-        """Index of each block in `lowest`, by its block number along x and y."""
-        return self._slots
+        return self._lowest[: len(self.blocks)]
 
     def add(self, xyz: Floats) -> Ints:
         """Update cells with points, shape (3, N), in metres and finite; return the indices into ``lowest.ravel()``.
@@ -72,7 +68,7 @@ class ElevationGrid:
         self._grow(block)
         self._extent[:, 0] = np.minimum(self._extent[:, 0], place.min(axis=1))
         self._extent[:, 1] = np.maximum(self._extent[:, 1], place.max(axis=1))
-        slots = np.array([self._slots[key] for key in block], np.int64)
+        slots = np.array([self.blocks[key] for key in block], np.int64)
         column, row = place & (BLOCK - 1)
         cell = np.asarray((slots[which] << (2 * _BITS)) + (column << _BITS) + row)
         np.minimum.at(self._lowest.reshape(-1), cell, xyz[2])
@@ -85,11 +81,11 @@ class ElevationGrid:
         the bounding rectangle of all points.
         """
         reach = -(-halo // BLOCK)
-        for (column, row), slot in self._slots.items():
+        for (column, row), slot in self.blocks.items():
             out = np.full((BLOCK + 2 * halo,) * 2, np.inf)
             for i in range(-reach, reach + 1):
                 for j in range(-reach, reach + 1):
-                    other = self._slots.get((column + i, row + j))
+                    other = self.blocks.get((column + i, row + j))
                     if other is not None:
                         (to_x, from_x), (to_y, from_y) = _overlap(i, halo), _overlap(j, halo)
                         out[to_x, to_y] = values[other, from_x, from_y]
@@ -102,8 +98,8 @@ class ElevationGrid:
 
     def _grow(self, block: list[tuple[int, int]]) -> None:
         for key in block:
-            self._slots.setdefault(key, len(self._slots))
-        needed = len(self._slots)
+            self.blocks.setdefault(key, len(self.blocks))
+        needed = len(self.blocks)
         most = min(MAX_BLOCKS, FREE_BLOCKS + self._points // POINTS_PER_BLOCK)
         if needed > most:
             side = BLOCK * self.cell_m

@@ -71,9 +71,9 @@ def find_suspects(options: SuspectsOptions) -> "SuspectsResult":
     outputs = {"-o": options.output, "--pictures": folder / "suspect.png" if folder else None}
     pairs = prepared(options, outputs, observer, [config])
     is_given = bool(options.method or options.settings) or options.config is not None
-    drawn = options.shown if folder else 0
-    works = [_SuspectsWork(options.reading, *pair, config, is_given=is_given, drawn=drawn) for pair in pairs]
-    result = SuspectsResult(run_all(works, options.batch, observer), options.shown)
+    make = partial(_SuspectsWork, is_given=is_given, shown=options.shown, drawn=folder is not None)
+    works = [make(options.reading, *pair, config) for pair in pairs]
+    result = SuspectsResult(run_all(works, options.batch, observer))
     files = {options.output: result.as_csv()} if options.output else {}
     for number, outcome in enumerate(result.outcomes, 1):
         first = f"{number}-" if len(works) > 1 else ""
@@ -85,7 +85,10 @@ def find_suspects(options: SuspectsOptions) -> "SuspectsResult":
 
 @dataclass(kw_only=True)
 class RecordedSuspects(Outcome):
-    """Suspects of one recording by their kind, the most probable first; pictures of the first by name."""
+    """Suspects of one recording by their kind, the most probable first; pictures of the first by name.
+
+    The text has so many of each kind as are ``shown``.
+    """
 
     data = "recording error damage seconds=rounded_s method topic frames suspects=listed_suspects"
 
@@ -96,6 +99,7 @@ class RecordedSuspects(Outcome):
     unjudged: int = 0
     suspects: Mapping[str, Sequence[Suspect]] = field(default_factory=dict)
     pictures: dict[str, bytes] = field(default_factory=dict, repr=False)
+    shown: int = 10
 
     def listed_suspects(self) -> dict[str, list[dict[str, Any]]]:
         """Return the suspects of each kind as JSON-compatible data."""
@@ -107,7 +111,7 @@ class RecordedSuspects(Outcome):
         found = f"{count(removed, 'suspect')} removed, {kept:,} kept"
         return f"{self.method}, {count(self.frames, 'frame')}, {found}, {self.seconds:.1f} s"
 
-    def text(self, shown: int) -> str:
+    def as_text(self) -> str:
         """Return the first suspects of each kind as tables."""
         blocks = [
             f"{printable(self.recording)}: {self.method} on {printable(self.topic)}, {count(self.frames, 'frame')}"
@@ -118,8 +122,8 @@ class RecordedSuspects(Outcome):
                 blocks.append(f"{title}: none")
                 continue
             heads = ("", *_HEADS, "removed by") if kind == "removed" else ("", *_HEADS)
-            rows = [(number, *self._cells(one)) for number, one in enumerate(found[:shown], 1)]
-            more = f" (of {len(found):,})" if len(found) > shown else ""
+            rows = [(number, *self._cells(one)) for number, one in enumerate(found[: self.shown], 1)]
+            more = f" (of {len(found):,})" if len(found) > self.shown else ""
             blocks.append(f"{title}{more}:\n{table(heads, rows)}")
         if self.unjudged:
             blocks.append(f"{count(self.unjudged, 'cluster')} came in the last second, too late to be judged")
@@ -139,7 +143,8 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
 
     config: Config
     is_given: bool = field(kw_only=True)
-    drawn: int = field(kw_only=True)
+    shown: int = field(kw_only=True)
+    drawn: bool = field(kw_only=True)
     kind = RecordedSuspects
 
     def study(self, source: Source, labels: Labels | None, outcome: RecordedSuspects, observer: Observer) -> None:
@@ -147,19 +152,17 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
         clouds = cloud_channels(source, selection.topics)
         earlier = [name for one in recorded_of(source, [clouds[0].topic]) for name in one.methods]
         outcome.topic, outcome.method = clouds[0].topic, config.method if config else ", ".join(earlier)
-        finder = finder_for(self.config)
-        with self.progress(source, observer, clouds) as step:
-            every = _filtered(source, config, selection, removed)
-            if config:
-                every = FitChecks(config, source, outcome.topic, observer).checked(every)
-            for frame, (result,), _ in every:
-                if outcome.start_ns is None:
-                    outcome.start_ns = frame.stamp_ns
-                outcome.frames += 1
-                finder.add(frame, [result])
-                step()
+        outcome.shown, finder = self.shown, finder_for(self.config)
+        every = _filtered(source, config, selection, removed)
+        if config:
+            every = FitChecks(config, source, outcome.topic, observer).checked(every)
+        for frame, (result,), _ in self.stepped(every, source, observer, clouds):
+            if outcome.start_ns is None:
+                outcome.start_ns = frame.stamp_ns
+            outcome.frames += 1
+            finder.add(frame, [result])
         outcome.suspects, outcome.unjudged = finder.finish(), finder.unjudged
-        wanted = _chosen(outcome.suspects, self.drawn)
+        wanted = _chosen(outcome.suspects, self.shown) if self.drawn else {}
         if wanted:  # in a second pass, because suspects are known at the end
             for frame, (result,), _ in _filtered(source, config, selection, removed):
                 for name, one in wanted.get(frame.index, {}).items() if result else ():
@@ -182,9 +185,9 @@ def mounting_of(config: Config) -> Mounting:
     return found if isinstance(found, Mounting) else Mounting()
 
 
-def finder_for(config: Config, methods: int = 1) -> SuspectFinder:
+def finder_for(config: Config) -> SuspectFinder:
     """Return a new finder for the lidar of a configuration."""
-    return SuspectFinder(methods, mounting_of(config))
+    return SuspectFinder(1, mounting_of(config))
 
 
 def _filtered(source: Source, config: Config | None, selection: Selection, removed: str | None) -> Iterator[Filtered]:
@@ -221,13 +224,10 @@ def _chosen(suspects: Mapping[str, Sequence[Suspect]], most: int) -> dict[int, d
     return found
 
 
-@dataclass(frozen=True)
 class SuspectsResult(RecordingsResult[RecordedSuspects]):
-    """Suspects of several recordings, and how many of each kind the text shows."""
+    """Suspects of several recordings."""
 
     data = "recordings=outcomes"
-
-    shown: int = 10
 
     def as_csv(self) -> bytes:
         """Return all suspects as a table (CSV)."""
@@ -239,7 +239,3 @@ class SuspectsResult(RecordingsResult[RecordedSuspects]):
                     row["reasons"] = " ".join(f"{name}:{points}" for name, points in one.reasons.items())
                     lines.append(csv_line("" if row[name] is None else row[name] for name in COLUMNS))
         return b"".join(lines)
-
-    def as_text(self) -> str:
-        """Return the suspects of each recording as human-readable text."""
-        return "\n\n".join(one.text(self.shown) for one in self.outcomes if not one.error and not one.has_nothing)

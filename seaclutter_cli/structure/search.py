@@ -148,7 +148,7 @@ class StructureSearch:
     """
 
     def __init__(self, reach_m: float, mounting: Mounting | None = None, most_frames: int = _MOST_FRAMES) -> None:
-        self._reach_m, self._frames, self._dtype = reach_m, 0, np.min_scalar_type(most_frames)
+        self._reach_m, self.frames, self._dtype = reach_m, 0, np.min_scalar_type(most_frames)
         self._mounting = mounting or Mounting()
         self._bins = int(np.ceil(reach_m / _STEP_M))
         self._far_bins = int(np.ceil((_FAR_M - reach_m) / _FAR_STEP_M)) if reach_m < _FAR_M else 0
@@ -168,7 +168,7 @@ class StructureSearch:
             directions = self._grid.size
             self._counts = np.zeros((directions, self._bins), self._dtype)
             self._far = np.zeros((directions, self._far_bins), self._dtype)
-        self._frames += 1
+        self.frames += 1
         self._add_returns(self._grid, frame)
         if not finds_water:
             return
@@ -194,11 +194,6 @@ class StructureSearch:
         _count(self._far, direction, (range_m - self._reach_m) / _FAR_STEP_M)
 
     @property
-    def frames(self) -> int:
-        """Number of frames with points."""
-        return self._frames
-
-    @property
     def level_m(self) -> float | None:
         """Mean height of the water at the lidar in metres; None without water."""
         number, *_, level_m = self._planes.tolist()
@@ -212,20 +207,20 @@ class StructureSearch:
     def found(self) -> FoundStructure:
         """Return what the frames so far show."""
         nothing = StructureMask(())
-        if self._grid is None or self._frames < MIN_FRAMES:
-            return FoundStructure(nothing, self._frames, 0.0, None)
+        if self._grid is None or self.frames < MIN_FRAMES:
+            return FoundStructure(nothing, self.frames, 0.0, None)
         at_rest = self._rest(self._grid)
         seen = int(np.count_nonzero(self._counts.any(axis=1) | self._far.any(axis=1)))
         sectors = [] if at_rest is not None and at_rest >= _AT_REST else self._sectors(self._grid)
-        return FoundStructure(StructureMask(tuple(sectors)), self._frames, len(sectors) / max(seen, 1), at_rest)
+        return FoundStructure(StructureMask(tuple(sectors)), self.frames, len(sectors) / max(seen, 1), at_rest)
 
     def _sectors(self, grid: BeamGrid) -> list[Sector]:
-        constant = self._counts.max(axis=1) >= _STRONG * self._frames
+        constant = self._counts.max(axis=1) >= _STRONG * self.frames
         rows = np.flatnonzero(grid.unfolded(constant).any(axis=(1, 2)))
         if not len(rows):
             return []
         part = grid.between(max(int(rows[0]) - 1, 0), int(rows[-1]) + 2)
-        share = (part.of_rows(self._counts, grid) / np.float32(self._frames)).astype(np.float32)
+        share = (part.of_rows(self._counts, grid) / np.float32(self.frames)).astype(np.float32)
         share[self._height(part, (np.arange(self._bins) + 0.5) * _STEP_M) < _ABOVE_WATER_M] = 0
         cells = part.unfolded(share)
         parts = _connected(cells >= _STRONG, cells >= _WEAK)
@@ -246,10 +241,10 @@ class StructureSearch:
         """Return the share of the cells beyond the reach, well above the water, that are constant."""
         range_m = self._reach_m + (np.arange(self._far_bins) + 0.5) * _FAR_STEP_M
         high = self._height(grid, range_m) >= _HIGH_M
-        frames = float(self._far[high].sum()) / self._frames  # the mean number of cells that return in a frame
+        frames = float(self._far[high].sum()) / self.frames  # the mean number of cells that return in a frame
         if frames < _MIN_FAR_CELLS:
             return None
-        constant = float(self._far[high & (self._far >= _STRONG * self._frames)].sum()) / self._frames
+        constant = float(self._far[high & (self._far >= _STRONG * self.frames)].sum()) / self.frames
         return constant / frames
 
 
