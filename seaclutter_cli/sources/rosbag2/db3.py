@@ -36,18 +36,15 @@ class Db3Source(Source):
         self.name = path.name.removesuffix(".zstd").removesuffix(".db3")
         self.compression = "zstd" if path.suffix == ".zstd" else None
         self._path = path
-        self._stack = ExitStack()
-        try:
-            file = self._stack.enter_context(unpacked_file(path, self.damage))
-            self._db = open_database(file, self._stack)
-            self._channels = self._read_channels()
-            self.metadata = self._read_metadata()
-        except BROKEN as error:
-            self.close()
-            raise InputError(f"{path}: not a readable ROS 2 recording: {error}") from error
-        except BaseException:
-            self.close()
-            raise
+        with ExitStack() as stack:
+            file = stack.enter_context(unpacked_file(path, self.damage))
+            try:
+                self._db = open_database(file, stack)
+                self._channels = self._read_channels()
+                self.metadata = self._read_metadata()
+            except BROKEN as error:
+                raise InputError(f"{path}: not a readable ROS 2 recording: {error}") from error
+            self._stack = stack.pop_all()
         self._at_opening = len(self.damage)
 
     @property

@@ -147,17 +147,14 @@ class ChunkedSource(Source, Generic[C, P]):
     def __init__(self, path: Path) -> None:
         super().__init__()
         self._path = path
-        self._stack = ExitStack()
         self._chunks: list[C] = []
         self._hidden: set[int] = set()
         """Ids of channels with messages that are no messages of the recording."""
-        try:
-            file = self._stack.enter_context(unpacked_file(path, self.damage))
-            self._file = self._stack.enter_context(closing(LogFile(file)))
+        with ExitStack() as stack:
+            file = stack.enter_context(unpacked_file(path, self.damage))
+            self._file = stack.enter_context(closing(LogFile(file)))
             self._open()
-        except BaseException:
-            self.close()
-            raise
+            self._stack = stack.pop_all()
 
     @abstractmethod
     def _open(self) -> None:
