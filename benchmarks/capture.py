@@ -18,7 +18,7 @@ import numpy as np
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.sensors.robosense.models import MODELS
 from seaclutter_cli.sensors.robosense.packets import Columns, make_angles, write_data, write_info
-from seaclutter_cli.sinks.pcap import ethernet_udp, pcap_header, pcap_record
+from seaclutter_cli.simulation.marine.recording import ethernet_udp, pcap_header, pcap_record
 from seaclutter_cli.sources.formats import open_source
 
 PACKETS_PER_REVOLUTION = 150

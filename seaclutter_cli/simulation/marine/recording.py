@@ -1,6 +1,7 @@
 """Simulated recordings at sea or on land: frames rendered in several threads and written in order."""
 
 import json
+import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -27,7 +28,6 @@ from seaclutter_cli.simulation.marine.terrain import Ground, GroundParams, SeaTe
 from seaclutter_cli.simulation.marine.wide import WideSea, WideWater
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import csv_line
-from seaclutter_cli.sinks.pcap import ethernet_udp, pcap_header, pcap_record
 from seaclutter_cli.sinks.point_files import cloud_log
 from seaclutter_cli.threads import in_order, threads
 from seaclutter_cli.truth import IGNORED, Boxes
@@ -123,6 +123,31 @@ def _terrain(scene: Scene, hulls: Sequence[Any]) -> Terrain:
     if scene.physics:
         return WideSea(scene, scene.physics, params, hulls)
     return SeaTerrain(params, hulls, scene.vessel.length_m, seed)
+
+
+_MAGIC_NS = 0xA1B23C4D
+_ETHERNET, _SNAP = 1, 262144
+_DONT_FRAGMENT = 0x4000
+_SOURCE, _TARGET = bytes((192, 168, 1, 200)), bytes((192, 168, 1, 102))
+
+
+def pcap_header() -> bytes:
+    """Return the file header of a capture with nanosecond timestamps."""
+    return struct.pack("<IHHiIII", _MAGIC_NS, 2, 4, 0, 0, _SNAP, _ETHERNET)
+
+
+def pcap_record(time_ns: int, packet: bytes) -> bytes:
+    """Return the record of a packet with its Unix time in nanoseconds."""
+    return struct.pack("<IIII", *divmod(time_ns, 10**9), len(packet), len(packet)) + packet
+
+
+def ethernet_udp(port: int, payload: bytes) -> bytes:
+    """Return an Ethernet frame with a payload in a UDP packet over IPv4, from a port of a lidar to the same one."""
+    udp = struct.pack(">HHHH", port, port, 8 + len(payload), 0) + payload
+    head = struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(udp), 0, _DONT_FRAGMENT, 64, 17, 0) + _SOURCE + _TARGET
+    checksum: int = -sum(struct.unpack(">10H", head)) % 0xFFFF
+    head = head[:10] + checksum.to_bytes(2, "big") + head[12:]
+    return b"\x02\x00\x00\x00\x00\x01\x02\x00\x00\x00\x00\x02\x08\x00" + head + udp
 
 
 START_NS = 1_700_000_000 * 10**9

@@ -9,7 +9,7 @@ import pytest
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.sensors.packets import DecoderOptions
-from seaclutter_cli.sinks.pcap import ethernet_udp, pcap_header, pcap_record
+from seaclutter_cli.simulation.marine.recording import ethernet_udp, pcap_header, pcap_record
 from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.sources.pcap.records import PcapngReader, PcapReader
 from seaclutter_cli.sources.shared.log_file import LogFile

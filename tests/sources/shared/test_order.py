@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from seaclutter_cli.sensors.order import PacketOrder
 from seaclutter_cli.sensors.packets import NO_END, Packets
+from seaclutter_cli.sources.shared.packet_streams import PacketOrder
 
 
 class Numbered:
