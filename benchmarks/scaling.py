@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from logs import SHARES, write_log
 
-from seaclutter_cli.runs.batch import Work, run_batch
+from seaclutter_cli.runs.batch import Work, run_all
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.recordings import Outcome
@@ -77,7 +77,7 @@ def engine_cost(folder: Path) -> tuple[float, float]:
     for tasks in (2, TASKS) * REPEATED:
         works = [Nothing(Recording((folder / f"{number}.mcap",))) for number in range(tasks)]
         started = time.perf_counter()
-        run_batch(works, BatchOptions(jobs=2), SILENT)
+        run_all(works, BatchOptions(jobs=2), SILENT)
         times[tasks] = min(time.perf_counter() - started, times.get(tasks, np.inf))
     return times[2], (times[TASKS] - times[2]) / (TASKS - 2)
 

@@ -252,9 +252,11 @@ def run_all(
 ) -> list[O]:
     """Return the outcome of each recording; raise `SelectionError` if none has a frame in the selected time.
 
-    The only recording of a run is processed in this process, with its progress and messages as they come; `run_batch`
-    describes several, ``in_order`` and ``together``. ``earlier`` outcomes are None where work is left, and receive the
-    others, even if an interrupt ends the run.
+    ``observer`` receives messages and the progress of the only recording of a run, which is processed in this process;
+    of several, the progress of all together, and the end of each. ``in_order`` receives each outcome as soon as those
+    of all recordings before are known, except for recordings without a frame in the selected time. If the outcomes are
+    only of use ``together``, an error of one recording ends the run. ``earlier`` outcomes are None where work is left,
+    and receive the others, even if an interrupt ends the run.
     """
     outcomes = earlier or [None] * len(works)
     left = [number for number, outcome in enumerate(outcomes) if outcome is None]
@@ -265,7 +267,7 @@ def run_all(
                 done[k] = done_here = works[number].run(raising(observer) if together else observer)
                 in_order(done_here)
         else:
-            run_batch([works[number] for number in left], batch, observer, in_order, together=together, outcomes=done)
+            _run_batch([works[number] for number in left], batch, observer, in_order, done, together=together)
     finally:
         for number, outcome in zip(left, done, strict=True):
             outcomes[number] = outcome or works[number].without_result(NOT_PROCESSED)
@@ -282,23 +284,16 @@ def without_labels(works: Sequence[RecordingWork[O]], observer: Observer) -> lis
     return [None if work.labels else work.skipped(NO_LABELS) for work in works]
 
 
-def run_batch(
+def _run_batch(
     works: Sequence[Work[O]],
     options: BatchOptions,
     observer: Observer,
-    in_order: Callable[[O], object] = lambda _: None,
+    in_order: Callable[[O], object],
+    outcomes: list[O | None],
     *,
-    together: bool = False,
-    outcomes: list[O | None] | None = None,
-) -> list[O]:
-    """Do the work on several recordings and return the outcomes in the order of the recordings.
-
-    ``observer`` receives messages and the end of each recording as they come, and the progress of all together;
-    ``in_order`` each outcome as soon as those of all recordings before are known, except for recordings without a frame
-    in the selected time. If the outcomes are only of use ``together``, an error of one recording ends the run. Raise
-    `SeaclutterError` if an error ends it. ``outcomes``, None for each recording, receive those that are known.
-    """
-    outcomes = [None] * len(works) if outcomes is None else outcomes
+    together: bool,
+) -> None:
+    """Do the work on several recordings; ``outcomes``, None for each, receive those that are known."""
     passed = 0
     warn_here()
     with ExitStack() as stack, _progress(works, observer) as on_share, _engine(options, works, observer) as engine:
@@ -326,7 +321,6 @@ def run_batch(
                 passed += 1
             if error and options.fail_fast:
                 break
-    return [one or work.without_result(NOT_PROCESSED) for one, work in zip(outcomes, works, strict=True)]
 
 
 @contextmanager

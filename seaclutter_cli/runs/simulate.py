@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.options import function_of
-from seaclutter_cli.runs.batch import Work, run_batch
+from seaclutter_cli.runs.batch import Work, run_all
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options.logs import SimulateOptions
 from seaclutter_cli.runs.outputs import prepare_outputs
@@ -219,7 +219,7 @@ def _simulate_seeds(options: SimulateOptions, seeds: Sequence[int]) -> "SeedsRes
     prepare_outputs(targets, {"SCENE": Path(scene)}, force=options.force, observer=options.observer)
     one = replace(options, seeds=None, observer=SILENT)  # which other processes do not need
     works = [_SimulateWork(Recording((log,)), replace(one, seed=seed)) for seed, log in zip(seeds, logs, strict=True)]
-    return SeedsResult(run_batch(works, options.batch, options.observer))
+    return SeedsResult(run_all(works, options.batch, options.observer))
 
 
 @dataclass(kw_only=True)

@@ -15,7 +15,7 @@ import pytest
 import seaclutter
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.errors import SeaclutterError
-from seaclutter_cli.runs.batch import Work, run_batch
+from seaclutter_cli.runs.batch import Work, run_all
 from seaclutter_cli.runs.observer import Silent
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.recordings import Outcome
@@ -172,7 +172,7 @@ def works(count, kills=()):
 @pytest.mark.parametrize("jobs", [1, 3])
 def test_outcomes_come_in_order(jobs):
     passed, receiver = [], Receiver()
-    outcomes = run_batch(works(6), BatchOptions(jobs=jobs), receiver, lambda one: passed.append(one.recording))
+    outcomes = run_all(works(6), BatchOptions(jobs=jobs), receiver, lambda one: passed.append(one.recording))
     assert [one.recording for one in outcomes] == passed == [f"r{k}" for k in range(6)]
     assert sorted(line.split(":")[0] for line in receiver.lines) == passed
     assert sorted(text.split(": ")[:2] for text in receiver.warnings) == [[f"r{k}", "r"] for k in range(6)]
@@ -183,30 +183,30 @@ def test_messages_appear_when_they_come_if_recordings_come_one_after_another():
     stages = []
     receiver.done = lambda *_: stages.append("done")
     receiver.warn = lambda text: stages.append(text.split(":")[0])
-    run_batch(works(2), BatchOptions(jobs=1), receiver)
+    run_all(works(2), BatchOptions(jobs=1), receiver)
     assert stages == ["r0", "done", "r1", "done"]
 
     class Stops(Step):
         def run(self, observer):
             observer.warn("careful")
-            assert stages[-1] == "r0"
+            assert stages[-1] == self.recording.name
             return super().run(observer)
 
-    run_batch([Stops(Recording((Path("r0"),)))], BatchOptions(jobs=1), receiver)
+    run_all([Stops(Recording((Path(f"r{k}"),))) for k in range(2)], BatchOptions(jobs=1), receiver)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
 def test_results_of_use_only_together_end_with_the_first_error():
     receiver, passed = Receiver(), []
     with pytest.raises(SeaclutterError, match=r"r1: .*killed"):
-        run_batch(works(3, kills={1}), BatchOptions(jobs=2), receiver, passed.append, together=True)
+        run_all(works(3, kills={1}), BatchOptions(jobs=2), receiver, passed.append, together=True)
     assert not any(receiver.errors)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
 def test_a_recording_that_kills_its_process_fails_alone():
     receiver = Receiver()
-    outcomes = run_batch(works(5, kills={1}), BatchOptions(jobs=2), receiver)
+    outcomes = run_all(works(5, kills={1}), BatchOptions(jobs=2), receiver)
     assert [one.error is None for one in outcomes] == [True, False, True, True, True]
     assert "killed (SIGKILL), perhaps because memory ran out, 2 times" in outcomes[1].error
     assert sum(error is not None for error in receiver.errors) == 1

@@ -16,7 +16,7 @@ from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError, InputError, SelectionError, UsageError, about, requiring
 from seaclutter_cli.grids.elevation import LandCells
 from seaclutter_cli.options import function_of
-from seaclutter_cli.runs.batch import run_batch
+from seaclutter_cli.runs.batch import run_all
 from seaclutter_cli.runs.classify.maps import MappedTile, map_files, mapped, pixel_of
 from seaclutter_cli.runs.classify.tiles import (
     LAS,
@@ -108,10 +108,8 @@ def _run(
             raise UsageError(f"{work.target}: --resume needs LAS or LAZ outputs, which say which run wrote them")
         if not force:
             _recorded_run(work.target)
-    earlier = earlier_outcomes(works, observer, "separated") if batch.resume else [None] * len(works)
-    todo = [work for work, outcome in zip(works, earlier, strict=True) if outcome is None]
-    done = iter(run_batch(todo, jobs_for(batch, len(todo)), observer) if todo else [])
-    return [outcome or next(done) for outcome in earlier]
+    earlier = earlier_outcomes(works, observer, "separated") if batch.resume else None
+    return run_all(works, jobs_for(batch, len(works)), observer, earlier=earlier)
 
 
 @dataclass(frozen=True)
