@@ -19,6 +19,7 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import Filtered, run_each
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
+from seaclutter_cli.runs import score_tables as tables
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all, without_labels
 from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.methods import Variant, note_left_out, variants, with_ideal
@@ -26,22 +27,6 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import EvaluateOptions
 from seaclutter_cli.runs.outputs import may_appear, write_manifest
 from seaclutter_cli.runs.recordings import RecordingsResult, data_of
-from seaclutter_cli.runs.score_tables import (
-    ALARMS,
-    FRAME_ERRORS,
-    FRAMES,
-    OBJECTS,
-    POINTS,
-    R_FN,
-    R_FP,
-    TIMES,
-    FrameRows,
-    frame_table,
-    indications_text,
-    score_cells,
-    score_legend,
-    score_table,
-)
 from seaclutter_cli.runs.topic_statistics import Described
 from seaclutter_cli.selection import cloud_channels, filtered_by, main_topics, recorded_of, removed_topic, studied
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
@@ -87,7 +72,9 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
             outcomes = run_all(works, options.batch, observer, earlier=earlier)
             comparison = Comparison(outcomes, chosen)
             if table:
-                table.stream.writelines(frame_table([one.rows for one in outcomes if one.rows and not one.error]))
+                table.stream.writelines(
+                    tables.frame_table([one.rows for one in outcomes if one.rows and not one.error])
+                )
             if summary:
                 summary.stream.write(json.dumps(shown(comparison.as_dict()), indent=2).encode() + b"\n")
         if not may_appear(targets.values(), outcomes, observer):
@@ -112,7 +99,7 @@ class Evaluated(Described):
     data = "recording status reason error damage seconds=rounded_s methods=known"
 
     methods: Mapping[str, Summary]
-    rows: FrameRows | None = field(default=None, repr=False)
+    rows: tables.FrameRows | None = field(default=None, repr=False)
     parts: Parts | None = field(default=None, repr=False)
     indications: "Indications | None" = field(default=None, repr=False)
 
@@ -130,7 +117,7 @@ class Evaluated(Described):
     def figures(self) -> str:
         """Return frames and rates of the first method, for a line about the outcome."""
         name, first = next(iter(self.methods.items()))
-        rates = ", ".join(column.figure(first) for column in (R_FP, R_FN))
+        rates = ", ".join(column.figure(first) for column in (tables.R_FP, tables.R_FN))
         return f"{count(first.frames, 'labelled frame')}, {name}: {rates}, {self.seconds:.1f} s"
 
     @property
@@ -172,7 +159,7 @@ class EvaluateWork(RecordingWork[Evaluated]):
 
     def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
         """Filter the recording with every method, and score each frame."""
-        outcome.rows = FrameRows(self.recording.name) if self.tabulated else None
+        outcome.rows = tables.FrameRows(self.recording.name) if self.tabulated else None
         selection = studied(source, self.reading.selection)
         by = filtered_by(source, selection.topics)
         clouds = cloud_channels(source, selection.topics)
@@ -322,16 +309,15 @@ class Comparison(RecordingsResult[Evaluated]):
             return ""
         if (found := self.indications()) is not None:
             frames = sum(outcome.frames for outcome in self.outcomes)
-            return indications_text(found, f"{count(frames, 'frame')} without labels")
+            return tables.indications_text(found, f"{count(frames, 'frame')} without labels")
         totals = self.totals()
         points_known = any(summary.points for summary in totals.values())
-        groups = [ALARMS, (*(POINTS if points_known else ()), *TIMES)]
+        groups = [tables.ALARMS, (*(tables.POINTS if points_known else ()), *tables.TIMES)]
         if self.variants[0].config.evaluation.clustering == "dbscan":
-            groups.insert(1, OBJECTS)
-        tables = "\n\n".join(score_table(totals, columns) for columns in groups)
-        tables += self._by_recording(_MAX_ROWS)
-        foot = score_legend(tables, (column for columns in groups for column in columns))
-        return f"{self._title(totals)}\n\n{tables}\n\n{foot}"
+            groups.insert(1, tables.OBJECTS)
+        text = "\n\n".join(tables.score_table(totals, columns) for columns in groups) + self._by_recording(_MAX_ROWS)
+        foot = tables.score_legend(text, (column for columns in groups for column in columns))
+        return f"{self._title(totals)}\n\n{text}\n\n{foot}"
 
     def details(self) -> str:
         """Return the scores of each recording, if not all are in the text."""
@@ -348,9 +334,9 @@ class Comparison(RecordingsResult[Evaluated]):
         worst = sorted(sorted(range(len(known)), key=lambda k: -errors[k])[:shown])
         rows = []
         for recording, summaries in (known[k] for k in worst):
-            cells = score_cells(summaries, (FRAMES, *FRAME_ERRORS))
+            cells = tables.score_cells(summaries, (tables.FRAMES, *tables.FRAME_ERRORS))
             rows += [(printable(recording), name, *cells[name]) for name in summaries]
-        heads = (column.head for column in (FRAMES, *FRAME_ERRORS))
+        heads = (column.head for column in (tables.FRAMES, *tables.FRAME_ERRORS))
         left = len(known) - len(worst)
         more = f"\nworst of {len(known):,} recordings; all with -v, --manifest or --summary" if left else ""
         return f"\n\n{table(('recording', 'method', *heads), rows)}{more}"
