@@ -35,6 +35,9 @@ class PluginWarning(UserWarning):
     """Something that an installed package adds is not used."""
 
 
+OWN_WARNINGS = (RenamedKeyWarning, AdaptedThresholdsWarning, PluginWarning)
+
+
 class SeaclutterError(Exception):
     """An error in the data or during the run; its text is shown to the user unchanged.
 

@@ -15,7 +15,7 @@ import click
 from seaclutter_cli.commands.console import ARGUMENTS, DEBUG, LOG, show_each_warning_once
 from seaclutter_cli.commands.groups import VERSION, CommandGroup
 from seaclutter_cli.commands.printer import LogHandler, close_output, show, show_error, show_traceback
-from seaclutter_cli.errors import AdaptedThresholdsWarning, PluginWarning, RenamedKeyWarning, SeaclutterError
+from seaclutter_cli.errors import OWN_WARNINGS, SeaclutterError
 from seaclutter_cli.interrupts import exit_status, handle_interrupts, ignore_interrupts
 from seaclutter_cli.text import printable
 
@@ -79,7 +79,7 @@ class _Program(CommandGroup):
 
     def invoke(self, ctx: click.Context) -> Any:
         with _reported_errors(), warnings.catch_warnings():
-            for category in (RenamedKeyWarning, AdaptedThresholdsWarning, PluginWarning):
+            for category in OWN_WARNINGS:
                 warnings.simplefilter("always", category)
             warnings.showwarning = show_each_warning_once()
             return super().invoke(ctx)

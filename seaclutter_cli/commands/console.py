@@ -14,14 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 
 from seaclutter_cli.commands.printer import show, show_error, show_exactly, show_line
-from seaclutter_cli.errors import (
-    AdaptedThresholdsWarning,
-    OutputError,
-    PluginWarning,
-    RenamedKeyWarning,
-    SeaclutterError,
-    opening,
-)
+from seaclutter_cli.errors import OWN_WARNINGS, OutputError, SeaclutterError, opening
 from seaclutter_cli.options import OptionalPath, Options, Place, option
 from seaclutter_cli.text import printable, shortened
 
@@ -189,7 +182,7 @@ def show_each_warning_once() -> Callable[..., None]:
     shown: set[str] = set()
 
     def show_warning(message: Warning | str, category: type[Warning], filename: str, line: int, *_: Any) -> None:
-        own = issubclass(category, RenamedKeyWarning | AdaptedThresholdsWarning | PluginWarning)
+        own = issubclass(category, OWN_WARNINGS)
         origin = "" if own else f" ({category.__name__}, {filename}:{line})"
         text = f"Warning: {message}{origin}"
         if text not in shown:

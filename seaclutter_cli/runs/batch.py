@@ -20,7 +20,6 @@ from seaclutter_cli.runs.options import BatchOptions, OfLogs, ReadOptions
 from seaclutter_cli.runs.outputs import Paths, inputs_of, prepare_outputs
 from seaclutter_cli.runs.recordings import (
     MAX_NAMED,
-    NO_LABELS,
     NOT_PROCESSED,
     LabelFile,
     O,
@@ -281,7 +280,7 @@ def without_labels(works: Sequence[RecordingWork[O]], observer: Observer) -> lis
     if names := [work.recording.name for work in works if not work.labels]:
         skipped = f"{count(len(names), 'recording')} of {len(works):,} skipped"
         observer.warn(f"{skipped}, without labels: {listed(names, MAX_NAMED)}")
-    return [None if work.labels else work.skipped(NO_LABELS) for work in works]
+    return [None if work.labels else work.skipped("no labels") for work in works]
 
 
 def _run_batch(

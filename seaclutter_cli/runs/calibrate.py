@@ -211,15 +211,13 @@ class _CalibrateWork(RecordingWork[Calibrated]):
             raise TopicError(f"{source.name}: labels apply to one topic; choose from: -t {' -t '.join(topics)}")
         selector = ClutterSelector(params, labels, self.config.evaluation.box_margin_m)
         search = None if labels else _TargetSearch(params, outcome)
-        with self.progress(source, observer) as step:
-            for frame, clutter in map_frames(source, selection, selector.clutter):
-                if self.labelled_frames is not None and selector.frames - 1 not in self.labelled_frames:
-                    continue
+        every = map_frames(source, selection, selector.clutter)
+        for frame, clutter in self.stepped(every, source, observer):
+            if self.labelled_frames is None or selector.frames - 1 in self.labelled_frames:
                 found.add(frame, clutter)
                 outcome.note(frame)
                 if search:
                     search.add(frame)
-                step()
         if search:
             search.finish()
         self.finish(source, labels, selector.frames + selector.unlabelled)

@@ -37,8 +37,6 @@ if TYPE_CHECKING:
     from seaclutter_cli.labels import LabelOptions
 
 LABEL_SUFFIX = ".labels.csv"
-NO_LABELS = "no labels"
-"""Reason to skip a recording."""
 MAX_NAMED = 10
 """Maximum number of names in a message."""
 NOT_PROCESSED = "not processed"
