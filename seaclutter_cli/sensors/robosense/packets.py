@@ -138,15 +138,8 @@ def write_data(model: RobosenseModel, columns: Columns) -> NDArray[np.uint8]:
 
 
 def _write_classic_time(packets: NDArray[Any], times_ns: Ints) -> None:
-    microseconds = (times_ns // 1000).astype("datetime64[us]")
-    day, month = microseconds.astype("datetime64[D]"), microseconds.astype("datetime64[M]")
-    time, date = packets["time"], packets["time"]["date"]
-    date[:, 0] = month.astype("datetime64[Y]").astype(int) - 30
-    date[:, 1] = month.astype(int) % 12 + 1
-    date[:, 2] = (day - month).astype(int) + 1
-    seconds = times_ns // 10**9 % 86400
-    for index, (size, count) in enumerate(((3600, 24), (60, 60), (1, 60)), 3):
-        date[:, index] = seconds // size % count
+    time, moments = packets["time"], (times_ns // 10**9).astype("datetime64[s]").tolist()
+    time["date"] = [(one.year - 2000, one.month, one.day, one.hour, one.minute, one.second) for one in moments]
     time["milliseconds"], time["microseconds"] = times_ns // 10**6 % 1000, times_ns // 1000 % 1000
 
 
