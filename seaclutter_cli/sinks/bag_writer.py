@@ -74,7 +74,7 @@ class BagWriter(ChunkedWriter):
         known = {"md5sum": "*", "type": channel.schema.name, **dict(channel.metadata), "topic": topic}
         fields = {name: value.encode() for name, value in known.items()}
         definition = channel.schema.data.decode("utf-8", "replace") or "\n"  # readers refuse other bytes
-        data = _header_of({**fields, "message_definition": definition.encode()})
+        data = _fields(**{**fields, "message_definition": definition.encode()})
         number = self._numbers.setdefault(channel.id, len(self._numbers))
         head = _fields(op=bytes((_CONNECTION,)), conn=_U32.pack(number), topic=topic.encode())
         self._connections[channel.id] = head + data
@@ -144,10 +144,6 @@ class BagWriter(ChunkedWriter):
 
 
 def _fields(**fields: bytes) -> bytes:
-    return _header_of(fields)
-
-
-def _header_of(fields: Mapping[str, bytes]) -> bytes:
     """Return the fields of a header, preceded by their size."""
     return _sized(b"".join(_sized(name.encode() + b"=" + value) for name, value in fields.items()))
 

@@ -156,7 +156,7 @@ def _expand(
     with os.scandir(path) as entries:  # knows the kinds without a look at each file
         kinds = {path / entry.name: (entry.is_file(), entry.is_dir()) for entry in entries}
     children = sorted(kinds)
-    files = [child for child in children if kinds[child][0] and _has_suffix(child)]
+    files = [child for child in children if kinds[child][0] and is_log_name(child.name)]
     folders = [child for child in children if kinds[child][1]]
     if not files and is_frame_folder(path):
         return [Recording((path,))]
@@ -189,16 +189,12 @@ def _joined(group: list[Path], search: Search, note: Callable[[str], object]) ->
 
 def _has_recordings(path: Path, above: frozenset[Path]) -> bool:
     """Return whether a path is a recording, or has some below it, but not by way of a folder that contains it."""
-    if _has_suffix(path) and path.is_file():
+    if is_log_name(path.name) and path.is_file():
         return True
     with suppress(OSError):
         if path.is_dir() and (real := path.resolve()) not in above:
             return _is_recording(path) or any(_has_recordings(child, above | {real}) for child in path.iterdir())
     return False
-
-
-def _has_suffix(path: Path) -> bool:
-    return is_log_name(path.name)
 
 
 def _is_recording(folder: Path) -> bool:

@@ -9,7 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from seaclutter_cli.documents import read_document
-from seaclutter_cli.errors import CloudError, InputError, UsageError, opening
+from seaclutter_cli.errors import CloudError, InputError, opening
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.messages.metadata import SIDECAR, from_text
@@ -37,8 +37,6 @@ class FolderSource(TimedSource):
 
     def __init__(self, path: Path, *, rate_hz: float = 10.0, columns: str | None = None) -> None:
         super().__init__()
-        if not 0 < rate_hz < float("inf"):
-            raise UsageError(f"the rate must be positive and finite, got {rate_hz} frames per second")
         doubts: list[str] = []
         with opening(path):
             files = _find_frames(path)

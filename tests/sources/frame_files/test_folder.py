@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from seaclutter_cli.errors import InputError, UsageError
+from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.sources.frame_files.folder import FolderSource, is_frame_folder
@@ -140,13 +140,6 @@ def test_forbidden_folder_is_an_input_error(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="Permission denied"):
         FolderSource(tmp_path)
     assert not is_frame_folder(tmp_path)
-
-
-@pytest.mark.parametrize("rate_hz", [0, -1, float("nan"), float("inf")])
-def test_impossible_rates(tmp_path, rate_hz):
-    put(tmp_path / "0.bin")
-    with pytest.raises(UsageError, match="rate"):
-        FolderSource(tmp_path, rate_hz=rate_hz)
 
 
 def test_single_files(tmp_path):
