@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import group_sizes, group_starts
-from seaclutter_cli.clustering import euclidean_clusters, pairs_within
+from seaclutter_cli.clustering import euclidean_clusters, pairs_within, spans
 from seaclutter_cli.frame import FilterResult, Reason
 
 Floats = NDArray[np.float64]
@@ -138,30 +138,22 @@ class Detections:
             return cls(np.empty((0, DIRECTIONS, 2)), none, none, none, whole, np.empty(0, np.bool_), none, whole)
         starts = group_starts(cluster)
         count = group_sizes(starts, len(cluster))
-        chosen = np.sort(np.argsort(-count, kind="stable")[:_MAX_DETECTIONS])
+        if len(count) > _MAX_DETECTIONS:
+            chosen = np.sort(np.argsort(-count, kind="stable")[:_MAX_DETECTIONS])
+            points = spans(starts[chosen], count[chosen])
+            return cls.made(xyz.take(points, axis=1), cluster[points], int(np.count_nonzero(chosen < kept)), up)
         xy = xyz[:2]
-        spans, rises = (
+        heights, rises = (
             np.stack([reduce.reduceat(z, starts) for reduce in (np.minimum, np.maximum)], axis=1)
             for z in (xyz[2], up[0] * xyz[0] + up[1] * xyz[1] + up[2] * xyz[2])
         )
         centers = (np.add.reduceat(xy, starts, axis=1) / count).T
-        across, farthest = _across(xy), np.empty((len(chosen), DIRECTIONS), np.int64)
-        for row, start, end in zip(farthest, starts[chosen].tolist(), (starts + count)[chosen].tolist(), strict=True):
+        across, farthest = _across(xy), np.empty((len(count), DIRECTIONS), np.int64)
+        for row, start, end in zip(farthest, starts.tolist(), (starts + count).tolist(), strict=True):
             own = across[:, start:end]
             row[:_HALF], row[_HALF:] = own.argmax(axis=1), own.argmin(axis=1)
-        hulls = xy.T[farthest + starts[chosen, None]]
-        number = np.full(len(starts), -1)
-        number[chosen] = np.arange(len(chosen))
-        owner = np.repeat(number, count)
-        return cls(
-            hulls,
-            centers[chosen],
-            spans[chosen],
-            rises[chosen],
-            count[chosen],
-            chosen < kept,
-            *_cells(xy[:, owner >= 0], owner[owner >= 0]),
-        )
+        hulls, every = xy.T[farthest + starts[:, None]], np.arange(len(count))
+        return cls(hulls, centers, heights, rises, count, every < kept, *_cells(xy, np.repeat(every, count)))
 
 
 def _clusters(xyz: Floats, doubtful: Mask, tolerance_m: float, min_points: int) -> Indices:
