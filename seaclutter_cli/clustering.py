@@ -314,15 +314,8 @@ def cells_of(xyz: Points, tolerance_m: float) -> Cells:
     start = group_starts(key[order])
     columns = column[order[start]]
     first = group_starts(columns)
-    return Cells(
-        order,
-        start,
-        group_sizes(start, len(order)),
-        np.repeat(np.arange(len(first)), group_sizes(first, len(columns))),
-        z[order[start]],
-        columns[first],
-        row,
-    )
+    rank = np.repeat(np.arange(len(first)), group_sizes(first, len(columns)))
+    return Cells(order, start, group_sizes(start, len(order)), rank, z[order[start]], columns[first], row)
 
 
 def blocks(sizes: Indices, limit: int) -> Iterator[slice]:

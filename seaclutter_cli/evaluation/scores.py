@@ -256,10 +256,9 @@ class Summary:
 
     def as_dict(self) -> dict[str, Any]:
         """Return all scores by their JSON keys; rates are shares from 0 to 1."""
-        points = (
-            {}
-            if (found := self.points) is None
-            else {
+        points: dict[str, Any] = {}
+        if found := self.points:
+            points = {
                 **dict(zip(POINT_COLUMNS, astuple(found), strict=True)),
                 "clutter_removal": found.clutter_removal,
                 "target_loss": found.target_loss,
@@ -268,7 +267,6 @@ class Summary:
                 "point_f1": found.f1,
                 "R_c": found.clutter_share,
             }
-        )
         return {
             "frames": self.frames,
             "unlabelled_frames": self.unlabelled,

@@ -198,18 +198,11 @@ def take_sample(
         kinds = [points[shown] == CLUTTER, points[shown] == IGNORED]
         shown_truth = np.select(kinds, [IS_CLUTTER, IS_IGNORED], IS_TARGET).astype(np.uint8)
     intensity = np.full(frame.size, np.nan) if frame.intensity_name is None else frame.intensity
-    return Sample(
-        frame.index,
-        frame.size,
-        int(np.count_nonzero(frame.valid)),
-        frame.coordinates[:, shown].T.astype(np.float32),
-        intensity[shown].astype(np.float32),
-        reasons,
-        shown_truth,
-        weight,
-        *find_boxes(frame, results, truth, params),
-        next((result.water for result in results if result is not None and result.water is not None), None),
-    )
+    numbers = frame.index, frame.size, int(np.count_nonzero(frame.valid))
+    xyz, bright = (values.astype(np.float32) for values in (frame.coordinates[:, shown].T, intensity[shown]))
+    boxes, clusters = find_boxes(frame, results, truth, params)
+    water = next((result.water for result in results if result is not None and result.water is not None), None)
+    return Sample(*numbers, xyz, bright, reasons, shown_truth, weight, boxes, clusters, water)
 
 
 def _thin(

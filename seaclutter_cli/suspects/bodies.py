@@ -85,18 +85,10 @@ class BodyFinder:
             none = np.empty(0)
             return Bodies(points, clusters.start, found, none, none, none, none, none, flat, height)
         (top,) = clusters.ranked(heights.height_m, clusters.count - 1 - np.clip(clusters.count // 4, 0, 3))
-        return Bodies(
-            points,
-            clusters.start,
-            found,
-            top if heights.water is not None else np.full(len(top), np.nan),
-            np.minimum(top / clusters.mean(heights.rise_m), _MAX_RISE),
-            clusters.mean(heights.unseen),
-            clusters.sum(heights.linked),
-            clusters.sum(heights.loose),
-            flat,
-            height,
-        )
+        rise = np.minimum(top / clusters.mean(heights.rise_m), _MAX_RISE)
+        top = top if heights.water is not None else np.full(len(top), np.nan)
+        alone, linked, loose = clusters.mean(heights.unseen), clusters.sum(heights.linked), clusters.sum(heights.loose)
+        return Bodies(points, clusters.start, found, top, rise, alone, linked, loose, flat, height)
 
 
 def _largest(clusters: Clusters) -> Clusters:

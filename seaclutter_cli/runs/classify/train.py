@@ -103,15 +103,9 @@ def fit(samples: Samples, settings: TileSettings) -> "tuple[ObjectModel, Trainin
     votes = np.zeros((objects.shape[1], len(OBJECT_CLASSES) + 1), np.int64)
     np.add.at(votes, (which, predicted), 1)
     importances = dict(zip(settings.features.names, map(float, forest.feature_importances_.round(4)), strict=True))
-    report = TrainingReport(
-        codes,
-        Confusion.of(unseen.code, predicted, codes),
-        Confusion.of(objects[2], votes.argmax(axis=1), codes),
-        importances,
-        split,
-        len(seen.code),
-        len(unseen.code),
-    )
+    pairs = (unseen.code, predicted), (objects[2], votes.argmax(axis=1))
+    of_points, of_objects = (Confusion.of(true, found, codes) for true, found in pairs)
+    report = TrainingReport(codes, of_points, of_objects, importances, split, len(seen.code), len(unseen.code))
     return ObjectModel(settings, forest), report
 
 

@@ -135,13 +135,8 @@ class ReadOptions(Decoding):
         """Selected part of each recording."""
         from seaclutter_cli.selection import Selection
 
-        return Selection(
-            topics=self.topics,
-            start_s=self.start_s,
-            end_s=self.end_s,
-            frames=self.frames,
-            intensity_field=self.intensity_field,
-        )
+        names = ("topics", "start_s", "end_s", "frames", "intensity_field")
+        return Selection(**{name: getattr(self, name) for name in names})
 
 
 class Observed(Options):
