@@ -135,8 +135,7 @@ class ReadOptions(Decoding):
         """Selected part of each recording."""
         from seaclutter_cli.selection import Selection
 
-        names = ("topics", "start_s", "end_s", "frames", "intensity_field")
-        return Selection(**{name: getattr(self, name) for name in names})
+        return Selection(self.topics, self.start_s, self.end_s, self.frames, self.intensity_field)
 
 
 class Observed(Options):
