@@ -135,7 +135,13 @@ class ReadOptions(Decoding):
         """Selected part of each recording."""
         from seaclutter_cli.selection import Selection
 
-        return Selection(self.topics, self.start_s, self.end_s, self.frames, self.intensity_field)
+        return Selection(
+            topics=self.topics,
+            start_s=self.start_s,
+            end_s=self.end_s,
+            frames=self.frames,
+            intensity_field=self.intensity_field,
+        )
 
 
 class Observed(Options):
