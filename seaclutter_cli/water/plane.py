@@ -16,8 +16,9 @@ _BEARINGS = 36
 _STEP_M = 3.0
 _RINGS = int((FARTHEST_M - NEAREST_M) / _STEP_M) + 1
 _UPRIGHT = 0.1
-_SCALES_M = (0.8, 0.6, 0.45, 0.3, 0.3)
+_COARSE_M, _SCALES_M = (0.8, 0.6, 0.45), (0.3, 0.2, 0.13, 0.09, 0.06)
 _ABOVE = 0.4
+_OTHERS_M, _PASSES, _MOST, _CRESTED = 2.0, 6, 0.98, 1.5
 _SUPPORT, LEAST_SUPPORT = 0.4, 1.0
 _TILT_RIDGE = 5.0
 _MIN_CELLS = 8
@@ -158,10 +159,12 @@ def _cell(xyz: Floats) -> NDArray[np.int64]:
 def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
     """Return the plane of the lowest points, and the weight of each cell, shape (C,).
 
-    The fit is iteratively reweighted least squares with Tukey's weights. Points above the plane count 40 %, since what
-    rises out of the water is above it. Without a start, it starts from several levels and returns the lowest plane with
-    at least 40 % of the weight of the best one: decks and quays can have more cells than the water. Planes below the
-    lidar come first, unless they hold less than one cell that is fully trusted.
+    The fit is iteratively reweighted least squares with Tukey's weights, at finer and finer scales. Of the finest, that
+    counts at which the cells are most likely: calm water is at one height, whatever is above and below it, and rough
+    water is not. Cells are weighed with one and a half of that scale, so that crests count. Points above the plane
+    count 40 %, since what rises out of the water is above it. Without a start, it starts from several levels and
+    returns the lowest plane with at least 40 % of the weight of the best one: decks and quays can have more cells than
+    the water. Planes below the lidar come first, unless they hold less than one cell that is fully trusted.
     """
     if start is not None:
         return _reweighted(cells, start)
@@ -189,17 +192,41 @@ def level_variance(cells: PolarCells, plane: Plane, weight: Floats) -> float:
 def _reweighted(cells: PolarCells, plane: Plane) -> tuple[Plane, Floats]:
     x, y, z = cells.lowest
     products = np.stack((np.ones_like(x), x, y, z, x * x, x * y, y * y, x * z, y * z))
-    weight = np.zeros_like(z)
-    for scale in _SCALES_M:
-        residual = z - plane.height(x, y)
-        weight = np.maximum(1 - (residual / (3 * scale)) ** 2, 0) ** 2
-        weight[residual > 0] *= _ABOVE
-        weight *= cells.trust
+    fits, residual = [], z - plane.height(x, y)
+    for scale in (*_COARSE_M, *_SCALES_M):
+        weight = _weight(residual, scale) * cells.trust
         sums = (products @ weight).tolist()
         if sums[0] < LEAST_SUPPORT:
             break
         plane = _least_squares(sums)
-    return plane, weight
+        residual = z - plane.height(x, y)
+        fits.append((scale, plane, residual))
+    if not fits:
+        return plane, weight
+    scales, planes, residuals = zip(*(fits[len(_COARSE_M) :] or fits[-1:]), strict=True)
+    best = int(_log_likelihoods(np.array(residuals), np.array(scales)[:, None], cells.trust).argmax())
+    return planes[best], _weight(residuals[best], _CRESTED * scales[best]) * cells.trust
+
+
+def _weight(residual: Floats, scale: float) -> Floats:
+    """Return Tukey's weights of points at heights above a plane; of those above it, a part."""
+    weight = np.maximum(1 - (residual / (3 * scale)) ** 2, 0) ** 2
+    weight[residual > 0] *= _ABOVE
+    return np.asarray(weight)
+
+
+def _log_likelihoods(residuals: Floats, scales: Floats, trust: Floats) -> Floats:
+    """Return the logarithms of the likelihoods of the residuals of the cells, shape (S, C), at scales, shape (S, 1).
+
+    Some cells are water, whose deviation is the scale, others are within two metres; how many is most likely as well.
+    """
+    water = np.exp(-0.5 * (residuals / scales) ** 2) / (scales * math.sqrt(2 * math.pi))
+    share = np.full_like(scales, 0.5)
+    for _ in range(_PASSES):
+        of_water = share * water
+        share = (of_water / (of_water + (1 - share) / _OTHERS_M)) @ trust[:, None] / trust.sum()
+        share = np.clip(share, 1 - _MOST, _MOST)
+    return np.asarray(np.log(share * water + (1 - share) / _OTHERS_M) @ trust)
 
 
 def _least_squares(sums: Sequence[float]) -> Plane:

@@ -22,7 +22,7 @@ _COARSE = 4
 _MIN_DEPTH_M, _DEPTH_SIGMAS = 0.3, 4.5
 _SHRINKAGE = 2.0
 _ROUGHNESS = 0.5
-_RANGE_NOISE_M = 0.02
+RANGE_NOISE_M = 0.02
 
 
 def mirrored_below_m(deviation_m: Floats | float) -> Floats:
@@ -143,7 +143,7 @@ class WaterSurface:
         swell, echoes = self.swell.at(GridCells.of(x, y) if cells is None else cells)
         unknown = _SHRINKAGE / (echoes + _SHRINKAGE)
         of_plane = self.tilt_variance * (x * x + y * y)
-        deviation = np.sqrt(self.sigma_m**2 * (_ROUGHNESS**2 + unknown) + of_plane * unknown) + _RANGE_NOISE_M
+        deviation = np.sqrt(self.sigma_m**2 * (_ROUGHNESS**2 + unknown) + of_plane * unknown) + RANGE_NOISE_M
         return z - self.plane.height(x, y) - swell, deviation, echoes
 
     def mirrored(

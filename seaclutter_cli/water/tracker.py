@@ -18,7 +18,7 @@ from seaclutter_cli.water.plane import (
     fit_plane,
     level_variance,
 )
-from seaclutter_cli.water.surface import GridCells, Swell, WaterSurface, mirrored_below_m
+from seaclutter_cli.water.surface import RANGE_NOISE_M, GridCells, Swell, WaterSurface, mirrored_below_m
 from seaclutter_cli.water.trial import Trial
 
 _START_SIGMA_M = 0.1
@@ -40,17 +40,18 @@ class WaterTracker:
     For each frame, in order:
 
     1. *Plane*: the lowest echo of each polar cell of 10° by 3 m, from 5 to 45 m; a plane through them by iteratively
-       reweighted least squares, from the plane of the frame before. Echoes in faces belong to bodies, as do those above
-       their feet, such as decks, and echoes much lower than the plane before are mirrored; none of them counts, but
-       feet stand in the water. Cells count more that are near and have several echoes at one height, and none above,
-       as fog has. If more cells are wholly below the plane than at it, it is no water.
+       reweighted least squares, from the plane of the frame before, at the likeliest of five scales, because calm water
+       is at one height amid decks and images. Echoes in faces belong to bodies, as do those above their feet, such as
+       decks, and echoes much lower than the plane before are mirrored; none of them counts, but feet stand in the
+       water. Cells count more that are near and have several echoes at one height, and none above, as fog has. If more
+       cells are wholly below the plane than at it, it is no water.
     2. *Level and deviation*: medians over the echoes near that plane, with the weights of the cells. Far away, heights
        spread more, as the plane follows the waves near the lidar: by the variance of its slope against the sea.
     3. *Swell*: a mean over 2.5 m of the echoes near the plane, and then of those near this surface, so that it follows
        crests. Echoes in faces do not count.
     4. *Deviation of the level*: the standard error of the plane; three quarters of the water's deviation, as grazing
-       beams see crests rather than troughs; and, while no trusted cell is seen, own ship's heave, a random walk by one
-       deviation in a second.
+       beams see crests rather than troughs; the noise of ranges; and, while no trusted cell is seen, own ship's heave,
+       a random walk by one deviation in a second.
 
     **State**: the plane of the last frame with water, its variance, both deviations averaged over a second, and their
     time. Without water in a frame, they hold for five seconds; fifteen if own ship's attitude agreed with the water
@@ -113,7 +114,7 @@ class WaterTracker:
         cells_of_flat, height = GridCells(grid.number[flat]), (z - lowest.height(x, y))[flat]
         swell = Swell.of(cells_of_flat, height, np.abs(height) <= band)
         swell = Swell.of(cells_of_flat, height, np.abs(height - swell.at(cells_of_flat)[0]) <= band)
-        deviation = math.hypot(math.sqrt(self._variance_at(time_s)), _CRESTS * self._sigma_m)
+        deviation = math.hypot(math.sqrt(self._variance_at(time_s)), _CRESTS * self._sigma_m, RANGE_NOISE_M)
         return WaterSurface(lowest, self._sigma_m, self._tilt_variance, swell, grid, deviation)
 
     def _update(

@@ -6,7 +6,7 @@ It shares with the program only the constants, so that tuning them changes both.
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from statistics import median
+from statistics import NormalDist, median
 from typing import NamedTuple
 
 import numpy as np
@@ -45,7 +45,7 @@ class Surface:
         swell, echoes = self.swell.at(x, y)
         unknown = surface._SHRINKAGE / (echoes + surface._SHRINKAGE)
         variance = self.sigma**2 * (surface._ROUGHNESS**2 + unknown) + self.tilt * (x * x + y * y) * unknown
-        deviation = math.sqrt(variance) + surface._RANGE_NOISE_M
+        deviation = math.sqrt(variance) + surface.RANGE_NOISE_M
         return self.plane.height_of(x, y, z) - swell, deviation, echoes
 
     def level(self, x: float, y: float) -> float:
@@ -139,7 +139,7 @@ class Water:
         flat = [(x, y, level.height_of(x, y, z)) for (x, y, z), up in zip(points, stands, strict=True) if not up]
         swell = Swell((x, y, h) for x, y, h in flat if abs(h) <= band(self.sigma))
         swell = Swell((x, y, h) for x, y, h in flat if abs(h - swell.at(x, y)[0]) <= band(self.sigma))
-        variance = self.held_variance(time_s) + (tracker._CRESTS * self.sigma) ** 2
+        variance = self.held_variance(time_s) + (tracker._CRESTS * self.sigma) ** 2 + surface.RANGE_NOISE_M**2
         return Surface(level, self.sigma, self.tilt, swell, math.sqrt(variance))
 
     def new_variance(self, cells: "Cells", fitted: Plane, weights: Mapping["Key", float], time_s: float) -> float:
@@ -230,28 +230,55 @@ def band(sigma: float) -> float:
 
 
 def reweighted(cells: Cells, start: Plane) -> tuple[Plane, dict[Key, float]]:
-    """Return the result of iteratively reweighted least squares with Tukey's weights."""
-    fitted, weights = start, dict.fromkeys(cells, 0.0)
-    for scale in plane._SCALES_M:
-        for key, cell in cells.items():
-            residual = fitted.height_of(*cell.lowest)
-            weight = max(0.0, 1 - (residual / (3 * scale)) ** 2) ** 2
-            weights[key] = (weight * plane._ABOVE if residual > 0 else weight) * cell.trust
+    """Return the result of iteratively reweighted least squares with Tukey's weights, at the likeliest scale."""
+    fitted, fits = start, []
+    for scale in (*plane._COARSE_M, *plane._SCALES_M):
+        weights = weights_of(cells, fitted, scale)
         if sum(weights.values()) < plane.LEAST_SUPPORT:
             break
-        matrix = [[0.0] * 3 for _ in range(3)]
-        right = [0.0] * 3
-        for key, cell in cells.items():
-            x, y, z = cell.lowest
-            row = (1.0, x, y)
-            for i in range(3):
-                right[i] += weights[key] * row[i] * z
-                for j in range(3):
-                    matrix[i][j] += weights[key] * row[i] * row[j]
-        for i, ridge in enumerate((0.0, plane._TILT_RIDGE, plane._TILT_RIDGE)):
-            matrix[i][i] += ridge
-        fitted = Plane(*solved(matrix, right))
-    return fitted, weights
+        fitted = least_squares(cells, weights)
+        fits.append((scale, fitted))
+    if not fits:
+        return fitted, weights
+    fine = [fit for fit in fits if fit[0] in plane._SCALES_M] or fits[-1:]
+    scale, fitted = max(fine, key=lambda fit: log_likelihood(cells, fit[1], fit[0]))
+    return fitted, weights_of(cells, fitted, plane._CRESTED * scale)
+
+
+def weights_of(cells: Cells, fitted: Plane, scale: float) -> dict[Key, float]:
+    """Return Tukey's weights, of points above the plane a part."""
+    weights = {}
+    for key, cell in cells.items():
+        residual = fitted.height_of(*cell.lowest)
+        weight = max(0.0, 1 - (residual / (3 * scale)) ** 2) ** 2
+        weights[key] = (weight * plane._ABOVE if residual > 0 else weight) * cell.trust
+    return weights
+
+
+def least_squares(cells: Cells, weights: Mapping[Key, float]) -> Plane:
+    """Return the plane through the lowest points of weighted cells, with a ridge on its slopes."""
+    matrix = [[0.0] * 3 for _ in range(3)]
+    right = [0.0] * 3
+    for key, cell in cells.items():
+        x, y, z = cell.lowest
+        row = (1.0, x, y)
+        for i in range(3):
+            right[i] += weights[key] * row[i] * z
+            for j in range(3):
+                matrix[i][j] += weights[key] * row[i] * row[j]
+    for i, ridge in enumerate((0.0, plane._TILT_RIDGE, plane._TILT_RIDGE)):
+        matrix[i][i] += ridge
+    return Plane(*solved(matrix, right))
+
+
+def log_likelihood(cells: Cells, fitted: Plane, scale: float) -> float:
+    """Return the log-likelihood of a mixture of water of a deviation and others, with the share that it has."""
+    seen = [(cell.trust, NormalDist(0, scale).pdf(fitted.height_of(*cell.lowest))) for cell in cells.values()]
+    other, total, share = 1 / plane._OTHERS_M, sum(trust for trust, _ in seen), 0.5
+    for _ in range(plane._PASSES):
+        share = sum(trust * share * pdf / (share * pdf + (1 - share) * other) for trust, pdf in seen) / total
+        share = min(max(share, 1 - plane._MOST), plane._MOST)
+    return sum(trust * math.log(share * pdf + (1 - share) * other) for trust, pdf in seen)
 
 
 def level_variance(cells: Cells, fitted: Plane, weights: Mapping[Key, float]) -> float:

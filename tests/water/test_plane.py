@@ -134,3 +134,31 @@ def test_the_level_is_uncertain_by_noise_few_echoes_and_those_of_one_side_only()
     assert 5 * level_deviation(calm) < level_deviation(rough) < 0.1
     assert level_deviation(rough[:, :300]) > 2 * level_deviation(rough)
     assert level_deviation(ahead) > 2 * level_deviation(rough[:, : ahead.shape[1]])
+
+
+def around(rng, size, level_m, sectors):
+    """Return points at 6 to 30 m, each in one of some sectors of 10°, at the height of its sector."""
+    number = rng.integers(len(sectors), size=size)
+    bearing, distance = np.radians(10 * (sectors[number] + rng.random(size))), rng.uniform(6, 30, size)
+    return np.stack((distance * np.cos(bearing), distance * np.sin(bearing), level_m[number]))
+
+
+@pytest.mark.parametrize("start", [None, Plane(-1.7, 0.0, 0.0)])
+def test_calm_water_is_at_one_height_whatever_stands_in_it(start):
+    """Two thirds of the directions have decks and pontoons, 0.3 m to 1.2 m above the water."""
+    rng = np.random.default_rng(5)
+    water = around(rng, 600, np.full(12, -2.0), np.arange(0, 36, 3))
+    decks = around(rng, 1200, rng.uniform(-1.7, -0.8, 24), np.setdiff1d(np.arange(36), np.arange(0, 36, 3)))
+    points = np.hstack((water, decks)) + rng.normal(0, 0.02, (3, 1800))
+    cells = PolarCells.of(points)
+    plane, weight = fit_plane(cells, start)
+    assert plane.level_m == pytest.approx(-2, abs=0.1)
+    assert (cells.lowest[2, weight > 0] < -1.5).all()
+
+
+def test_rough_water_is_at_many_heights():
+    rng = np.random.default_rng(6)
+    x, y, _ = around(rng, 400, np.zeros(36), np.arange(36))
+    cells = PolarCells.of(np.stack((x, y, rng.normal(-2, 0.3, 400))))
+    _, weight = fit_plane(cells, None)
+    assert (weight > 0).mean() > 0.9
