@@ -287,7 +287,7 @@ class Cells:
 
 
 def _ranks(ordered: Indices, largest: int) -> Callable[[Indices], Indices]:
-    """Return what tells how many of ascending numbers are less than others, from 0 to a largest one."""
+    """Return a function that counts the ascending numbers below each of some others, which are 0 to ``largest``."""
     if largest > _TABLE * len(ordered):
         return lambda others: np.asarray(np.searchsorted(ordered, others))
     return np.cumsum(np.bincount(ordered + 1, minlength=largest + 1)).take

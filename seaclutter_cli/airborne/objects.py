@@ -1,4 +1,4 @@
-"""Objects from classified points: clusters with a class, a box and an area; signs that they, or the sea, are none."""
+"""Objects from classified points: clusters with a class, a box and an area; and warnings of implausible ones."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace

@@ -69,7 +69,7 @@ class Confirmed(Filter):
        (`FEATURES`), learned from logs of two simulators; without intensities, of eight.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
        most tracks have in common. The score of a track is the evidence that it collected before, that within
-       ``look_ahead_s`` after the frame, and a third of the mean of the frame and the two beside it, less 0.35. As in
+       ``look_ahead_s`` after the frame, and 0.35 times the mean, less 1, of the frame and the two beside it. As in
        the track score of Sittler [1]_, independent looks add up, one in the time in which the water becomes independent
        of what it was, about a second. Evidence is forgotten over ``memory_s``. What appears must stay for
        ``look_ahead_s``, except with ``causal``. An object is missed only where a beam would have met it, and given up

@@ -253,8 +253,8 @@ def run_all(
 
     ``observer`` receives messages and the progress of the only recording of a run, which is processed in this process;
     of several, the progress of all together, and the end of each. ``in_order`` receives each outcome as soon as those
-    of all recordings before are known, except for recordings without a frame in the selected time. If the outcomes are
-    only of use ``together``, an error of one recording ends the run. ``earlier`` outcomes are None where work is left,
+    of all recordings before are known, except for recordings without a frame in the selected time. If the outcomes
+    are needed ``together``, an error in one recording ends the run. ``earlier`` outcomes are None where work is left,
     and receive the others, even if an interrupt ends the run.
     """
     outcomes = earlier or [None] * len(works)

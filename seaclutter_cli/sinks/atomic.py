@@ -5,7 +5,7 @@ import io
 import os
 import shutil
 import weakref
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
@@ -144,9 +144,8 @@ class AtomicFile(CompleteFile, AbstractContextManager["AtomicFile"]):
         try:
             for stream in self._opened:
                 stream.close()
-            self._group.add(self)
-            if self._is_alone:
-                self._group.__exit__(None, None, None)
+            with self._group if self._is_alone else nullcontext(self._group) as group:
+                group.add(self)
         except BaseException as failure:
             self.discard()
             if isinstance(failure, OSError):

@@ -18,7 +18,7 @@ _RINGS = int((FARTHEST_M - NEAREST_M) / _STEP_M) + 1
 _UPRIGHT = 0.1
 _COARSE_M, _SCALES_M = (0.8, 0.6, 0.45), (0.3, 0.2, 0.13, 0.09, 0.06)
 _ABOVE = 0.4
-_OTHERS_M, _PASSES, _MOST, _CRESTED = 2.0, 6, 0.98, 1.5
+_OTHERS_M, _PASSES, _MOST, _WIDER = 2.0, 6, 0.98, 1.5
 _SUPPORT, LEAST_SUPPORT = 0.4, 1.0
 _TILT_RIDGE = 5.0
 _MIN_CELLS = 8
@@ -205,7 +205,7 @@ def _reweighted(cells: PolarCells, plane: Plane) -> tuple[Plane, Floats]:
         return plane, weight
     scales, planes, residuals = zip(*(fits[len(_COARSE_M) :] or fits[-1:]), strict=True)
     best = int(_log_likelihoods(np.array(residuals), np.array(scales)[:, None], cells.trust).argmax())
-    return planes[best], _weight(residuals[best], _CRESTED * scales[best]) * cells.trust
+    return planes[best], _weight(residuals[best], _WIDER * scales[best]) * cells.trust
 
 
 def _weight(residual: Floats, scale: float) -> Floats:

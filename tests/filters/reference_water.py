@@ -242,7 +242,7 @@ def reweighted(cells: Cells, start: Plane) -> tuple[Plane, dict[Key, float]]:
         return fitted, weights
     fine = [fit for fit in fits if fit[0] in plane._SCALES_M] or fits[-1:]
     scale, fitted = max(fine, key=lambda fit: log_likelihood(cells, fit[1], fit[0]))
-    return fitted, weights_of(cells, fitted, plane._CRESTED * scale)
+    return fitted, weights_of(cells, fitted, plane._WIDER * scale)
 
 
 def weights_of(cells: Cells, fitted: Plane, scale: float) -> dict[Key, float]:

@@ -150,7 +150,7 @@ class Tracker:
         self._tracks: list[Track] = []
         self._since_s = -np.inf
         self._time_s: float | None = None
-        self._start_s: float | None = None
+        self._start_s = math.inf
         self._yaw_rate = 0.0
 
     def approached(self, start_m: float, time_s: float) -> bool:
@@ -217,8 +217,7 @@ class Tracker:
         objects, votes, covered = found.objects, found.votes, found.covered
         interval = self._interval_s(time_s)
         self._since_s, self._time_s = since_s, time_s
-        if self._start_s is None:
-            self._start_s = time_s
+        self._start_s = min(self._start_s, time_s)
         tracks: list[Track | None] = [None] * len(objects)
         known = np.array([1 + max(track.memory, 0.0) for track in self._tracks])
         for t, candidates in _by_track(votes, known).items():
@@ -273,7 +272,7 @@ class Tracker:
             track.velocity = parent.velocity
             track.seen_outside |= parent.seen_outside
             track.from_outside, track.part_of = parent.from_outside, parent.part_of or parent
-        elif not self._params.causal and self._start_s is not None:
+        elif not self._params.causal:
             track.absent_s = min(time_s - self._start_s, self._params.look_ahead_s)
         self._collect(track, time_s, found.evidence)
         return track
