@@ -85,10 +85,6 @@ class Work(ABC, Generic[O]):
         """Files that the work writes."""
         return ()
 
-    def earlier(self) -> tuple[O | None, str]:
-        """Return the outcome of an earlier run whose output is complete; otherwise None, and what differs if any."""
-        return None, ""
-
     @abstractmethod
     def run(self, observer: Observer) -> O:
         """Do the work; an error of the recording is stored in the outcome."""

@@ -2,7 +2,7 @@
 
 import re
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial, reduce
 from operator import truediv
@@ -21,10 +21,10 @@ from seaclutter_cli.runs.options.logs import WritingLogs
 from seaclutter_cli.runs.outputs import Paths, Root, inputs_of, is_file, is_folder, prepare_outputs, write_manifest
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, assign_labels, expand, require_frames, statuses
 from seaclutter_cli.runs.resume import (
-    RunIdentity,
+    RecordedWork,
     earlier_outcomes,
     from_entries,
-    record_in,
+    metadata_in,
     same_output_accepted,
     to_entries,
 )
@@ -80,7 +80,7 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | No
 
 
 @dataclass(frozen=True)
-class LogWork(RecordingWork[L], Generic[L, O]):
+class LogWork(RecordingWork[L], RecordedWork[L], Generic[L, O]):
     """Work on one recording: its output, and the name of the output's format.
 
     The output of a single recording appears with the files of a ``group``, others by themselves. ``complete`` is the
@@ -157,30 +157,13 @@ class LogWork(RecordingWork[L], Generic[L, O]):
     def clouds(self, source: Source) -> list[Channel]:
         """Return the channels whose frames count."""
 
-    @abstractmethod
-    def identity(self) -> RunIdentity:
-        """Return what the output depends on."""
+    def records(self) -> Sequence[Mapping[str, Any]]:
+        """Return the records of runs in the output."""
+        return [one.entries for one in metadata_in(self.output) if one.name == RUN]
 
-    def earlier(self) -> tuple[L | None, str]:
-        """Return the outcome of an earlier run whose output is complete; otherwise None, and what differs if any.
-
-        Raise `UsageError` if the output is not that of a run, and may not be replaced.
-        """
-        try:
-            record = record_in(self.output)
-        except UsageError:
-            if self.options.force:
-                return None, ""
-            raise
-        if record is None:
-            return None, ""
-        outcome, difference = self.without_result(None), self.identity().difference(record)
-        try:
-            outcome.topics, outcome.damage = from_entries(record, self.recording.paths)
-        except ValueError as error:
-            difference = difference or str(error)
-        outcome.skipped = True
-        return (None, f"the earlier output is of {difference}") if difference else (outcome, "")
+    def restore(self, outcome: L, record: Mapping[str, Any]) -> None:
+        """Store the sums and the damage that a record has."""
+        outcome.topics, outcome.damage = from_entries(record, self.recording.paths)
 
     def record(self, source: Source, outcome: L) -> Metadata:
         """Return the metadata record of the run."""

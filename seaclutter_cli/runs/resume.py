@@ -3,13 +3,14 @@
 import hashlib
 import json
 import os
+from abc import abstractmethod
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from time import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from mcap.exceptions import McapError
@@ -18,9 +19,8 @@ from mcap.reader import make_reader
 from seaclutter_cli import __version__
 from seaclutter_cli.buckets import copies_removed, mirror_of
 from seaclutter_cli.documents import load_json
-from seaclutter_cli.errors import InputError, OutputError, UsageError
+from seaclutter_cli.errors import InputError, OutputError, SeaclutterError, UsageError
 from seaclutter_cli.frame import WATER_COLUMNS, Reason, Rings
-from seaclutter_cli.messages.metadata import RUN
 from seaclutter_cli.paths import open_regular
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Damage, Metadata
@@ -120,27 +120,77 @@ def _read_part(reading: ReadOptions) -> dict[str, Any]:
     return {name: value for name, value in asdict(reading).items() if name not in ("columns", "merge") or value}
 
 
-def earlier_outcomes(works: Sequence[Work[O]], observer: Observer, verb: str = "filtered") -> list[O | None]:
-    """Return the outcomes of earlier runs whose outputs are complete; None for recordings that must be done again.
+class RecordedWork(Work[O]):
+    """Work whose output has a record of its run, by which a later run recognises it."""
 
-    Notes say that these are ``verb`` again.
-    """
+    verb: ClassVar[str] = "filtered"
+    """What was done, in messages."""
+    options: Any
+    """Those of the run: at least ``force``."""
 
-    def look(work: Work[O]) -> tuple[O | None, str]:
+    @abstractmethod
+    def identity(self) -> RunIdentity:
+        """Return what the output depends on."""
+
+    @abstractmethod
+    def records(self) -> Sequence[Mapping[str, Any]]:
+        """Return the records of runs in the output, the last one of which counts."""
+
+    @abstractmethod
+    def restore(self, outcome: O, record: Mapping[str, Any]) -> str | None:
+        """Store what a record has in an outcome; return what the earlier run left out, if anything."""
+
+    def earlier(self) -> tuple[O | None, str]:
+        """Return the outcome of an earlier run whose output is complete; otherwise None, and what differs if any.
+
+        Raise `UsageError` if the output is not that of a run, and may not be replaced.
+        """
+        if not self.writes[0].exists():
+            return None, ""
+        try:
+            record = self._record()
+        except UsageError:
+            if self.options.force:
+                return None, ""
+            raise
+        outcome = self.without_result(None)
+        outcome.skipped = True
+        try:
+            difference = self.identity().difference(record) or self.restore(outcome, record)
+        except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
+            difference = f"incomplete record: {error!r}"
+        return (None, f"the earlier output is of {difference}") if difference else (outcome, "")
+
+    def _record(self) -> Mapping[str, Any]:
+        output, remedy = self.writes[0], "use --force to replace it"
+        try:
+            found = self.records()
+        except (McapError, SeaclutterError, OSError, ValueError, EOFError) as error:
+            kind = "log" if self.noun == "recording" else self.noun
+            raise UsageError(f"{output}: not a {self.verb} {kind}, not replaced ({error}); {remedy}") from error
+        if not found:
+            raise UsageError(f"{output}: without a record of its run, not replaced; {remedy}")
+        return found[-1]
+
+
+def earlier_outcomes(works: Sequence[RecordedWork[O]], observer: Observer) -> list[O | None]:
+    """Return the outcomes of earlier runs whose outputs are complete; None for recordings that must be done again."""
+
+    def look(work: RecordedWork[O]) -> tuple[O | None, str]:
         with copies_removed():
             return earlier_of(work) if os.path.lexists(work.writes[0]) else (None, "")
 
     found = in_threads(look, works)
     for work, (outcome, difference) in zip(works, found, strict=True):
         if difference:
-            observer.note(f"{work.recording.name}: {verb} again; {difference}")
+            observer.note(f"{work.recording.name}: {work.verb} again; {difference}")
         if outcome is not None:
             observer.damage(outcome.damage)
     return [outcome for outcome, _ in found]
 
 
-def earlier_of(work: Work[O]) -> tuple[O | None, str]:
-    """Return the outcome of an earlier run as `Work.earlier`, unless a file that it read was changed since."""
+def earlier_of(work: RecordedWork[O]) -> tuple[O | None, str]:
+    """Return the outcome of an earlier run as `RecordedWork.earlier`, unless a file that it read was changed since."""
     outcome, difference = work.earlier()
     if outcome is not None and _changed_after(work.reads, work.writes[0]):
         return None, "the earlier output is of an input that was changed since"
@@ -154,29 +204,13 @@ def same_output_accepted(work: Work[O]) -> Iterator[None]:
         yield
     except OutputError:
         with suppress(UsageError, OSError):  # not an output of a run, or none at all
-            if not mirror_of(work.writes[0]) and earlier_of(work)[0] is not None:
+            if isinstance(work, RecordedWork) and not mirror_of(work.writes[0]) and earlier_of(work)[0] is not None:
                 return
         raise
 
 
-def record_in(output: Path) -> Mapping[str, str] | None:
-    """Return the record of the run that wrote a file; None if there is no file.
-
-    Raise `UsageError` if the file is not a complete output of this program.
-    """
-    if not output.exists():
-        return None
-    try:
-        found = [one.entries for one in _metadata_in(output) if one.name == RUN]
-    except (McapError, InputError, OSError, ValueError, EOFError) as error:
-        raise UsageError(f"{output}: not a filtered log, not replaced ({error}); use --force to replace it") from error
-    if not found:
-        raise UsageError(f"{output}: without a record of its run, not replaced; use --force to replace it")
-    return found[-1]
-
-
-def _metadata_in(output: Path) -> list[Metadata]:
-    """Return the metadata records in an output. Of an MCAP file, only the end is read."""
+def metadata_in(output: Path) -> list[Metadata]:
+    """Return the metadata records in a log. Of an MCAP file, only the end is read."""
     if output.suffix.lower() != ".mcap" or output.is_dir():
         with closing(open_recording(Recording((output,)), ReadOptions())) as source:
             return list(source.metadata)
@@ -259,16 +293,12 @@ def to_entries(identity: RunIdentity, topics: Mapping[str, TopicTally], damage: 
 def from_entries(entries: Mapping[str, str], paths: Iterable[Path]) -> tuple[dict[str, TopicTally], list[Damage]]:
     """Return the sums over the frames of each topic, and the damage, that the entries of a record contain.
 
-    ``paths`` are the files of the recording. Raise `ValueError` if the record is not complete.
+    ``paths`` are the files of the recording.
     """
     by_name = {path.name: path for path in paths}
-    try:
-        outcome = load_json(entries["outcome"])
-        topics = {topic: _tally_from_json(tally) for topic, tally in outcome["topics"].items()}
-        damage = [_damage_from_json(item, by_name) for item in outcome["damage"]]
-    except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
-        raise ValueError(f"incomplete record: {error!r}") from error
-    return topics, damage
+    outcome = load_json(entries["outcome"])
+    topics = {topic: _tally_from_json(tally) for topic, tally in outcome["topics"].items()}
+    return topics, [_damage_from_json(item, by_name) for item in outcome["damage"]]
 
 
 def _tally_as_json(tally: TopicTally) -> dict[str, Any]:

@@ -40,20 +40,33 @@ class PartFile(io.FileIO):
             raise self.failure from error
 
 
-class CompleteFile:
-    """A complete file or folder, ``part``, that appears under its name with a group.
+class AtomicFile(AbstractContextManager["AtomicFile"]):
+    """A file that is written in the folder of its target, then renamed on success or removed after an error.
 
-    It is in a folder of the same file system, and removed with this object, or at exit. If the target is a symbolic
-    link, what it refers to is replaced. ``last`` is the file of a folder that appears last in object storage, and shows
-    that the folder is complete.
+    The context is the file; write to its ``stream``. The folder is created if necessary. In a group, the file is
+    renamed with the others. If the target is a symbolic link, what it refers to is replaced. ``last`` is the file of a
+    folder that appears last in object storage, and shows that the folder is complete. Raise `OutputError` if it cannot
+    be created or written, for example if the disk is full.
     """
 
-    def __init__(self, part: Path, path: Path, *, last: str = "") -> None:
-        self.part, self.path = part, path
-        self._target, self._last = Path(os.path.realpath(path)), last
+    def __init__(self, path: Path, group: "OutputGroup | None" = None, *, last: str = "") -> None:
+        self.path, self._target, self._last = path, Path(os.path.realpath(path)), last
+        self.part = part_path(self._target)
         self._opened: list[BinaryIO] = []  # to be closed before the removal
-        self._remover = weakref.finalize(self, _remove, part, self._opened)
+        self._remover = weakref.finalize(self, _remove, self.part, self._opened)
         self._pending: Pending | None = None
+        self._group, self._is_alone = group or OutputGroup(), group is None
+        # An interrupt may come before the context is entered; then the file is removed with this object, or at exit.
+        self._latest: PartFile | None = None
+        try:
+            self._target.parent.mkdir(parents=mirror_of(path) is not None, exist_ok=True)
+            self._create()
+        except OSError as error:
+            self.discard()
+            raise OutputError(f"{self.path}: cannot be written ({error.strerror})") from error
+        except BaseException:
+            self.discard()
+            raise
 
     def prepare(self, *, replace: bool = True) -> None:
         """Do all work before it can appear, such as uploads; `OutputError` if it may not be written or replaced."""
@@ -98,29 +111,6 @@ class CompleteFile:
         if pending is not None:
             pending.abort()
         self._remover()
-
-
-class AtomicFile(CompleteFile, AbstractContextManager["AtomicFile"]):
-    """A file that is written in the folder of its target, then renamed on success or removed after an error.
-
-    The context is the file; write to its ``stream``. The folder is created if necessary. In a group, the file is
-    renamed with the others. Raise `OutputError` if it cannot be created or written, for example if the disk is full.
-    """
-
-    def __init__(self, path: Path, group: "OutputGroup | None" = None, *, last: str = "") -> None:
-        super().__init__(part_path(Path(os.path.realpath(path))), path, last=last)
-        self._group, self._is_alone = group or OutputGroup(), group is None
-        # An interrupt may come before the context is entered; then the file is removed with this object, or at exit.
-        self._latest: PartFile | None = None
-        try:
-            self._target.parent.mkdir(parents=mirror_of(path) is not None, exist_ok=True)
-            self._create()
-        except OSError as error:
-            self.discard()
-            raise OutputError(f"{self.path}: cannot be written ({error.strerror})") from error
-        except BaseException:
-            self.discard()
-            raise
 
     def _create(self) -> None:
         if self._target.exists() and not self._target.is_file():
@@ -181,10 +171,10 @@ class OutputGroup(AbstractContextManager["OutputGroup"]):
     def __init__(self, group: "OutputGroup | None" = None, *, replace: bool = True) -> None:
         self._outer = group
         self._replace = replace
-        self._files: list[CompleteFile] = []
+        self._files: list[AtomicFile] = []
         self._replaced: list[Path] = []
 
-    def add(self, file: CompleteFile) -> None:
+    def add(self, file: AtomicFile) -> None:
         """Add a complete file."""
         self._files.append(file)
 

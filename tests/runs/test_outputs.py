@@ -10,7 +10,7 @@ import pytest
 
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.runs.outputs import PackedRows
-from seaclutter_cli.sinks.atomic import CompleteFile
+from seaclutter_cli.sinks.atomic import AtomicFile
 from seaclutter_cli.sources.recordings import Recording
 from tests.pairs import covering
 from tests.paths import ROOT
@@ -264,7 +264,7 @@ def together(folder, line, outputs):
 def test_outputs_appear_together_and_the_main_one_last(folder, line, outputs, monkeypatch):
     line, names = together(folder, line, outputs)
     waiting, appeared = [], []
-    publish = CompleteFile.publish
+    publish = AtomicFile.publish
 
     def record(file, *, replace=True):
         if file.path.parent.suffix != ".part":  # else it is staged for later
@@ -273,7 +273,7 @@ def test_outputs_appear_together_and_the_main_one_last(folder, line, outputs, mo
             appeared.append(file.path.name)
         publish(file, replace=replace)
 
-    monkeypatch.setattr(CompleteFile, "publish", record)
+    monkeypatch.setattr(AtomicFile, "publish", record)
     result = run(line)
     assert result.exit_code == 0, result.output
     assert set(appeared) == waiting[0]
@@ -292,7 +292,7 @@ def test_a_failure_at_the_very_end_changes_nothing(folder, given, error, monkeyp
         if file.path.name == names[0]:
             raise error
 
-    monkeypatch.setattr(CompleteFile, "prepare", fail)
+    monkeypatch.setattr(AtomicFile, "prepare", fail)
     assert run(line).exit_code == (130 if isinstance(error, KeyboardInterrupt) else 1)
     assert content(folder) == before
 

@@ -70,15 +70,22 @@ def test_classification(tiles, model, tmp_path):
     assert found[0] == found[1]
 
 
-def test_an_error_in_one_tile_leaves_no_classified_tile(tiles, model, tmp_path):
+def test_an_error_in_one_tile_does_not_stop_the_others(tiles, model, tmp_path):
     shutil.copytree(tiles, tmp_path / "in")
     tiles = tmp_path / "in"
     (tiles / "b.laz").write_bytes((tiles / "a.laz").read_bytes()[:1000])
-    result = invoke("classify", "predict", tiles, "--model", model, "-o", f"{tmp_path / 'out'}/", "-j", 2, code=1)
+    table, out = tmp_path / "objects.csv", tmp_path / "out"
+    line = ("classify", "predict", tiles, "--model", model, "-o", f"{out}/", "--csv", table, "-j", 2)
+    result = invoke(*line, code=1)
     assert next(line for line in result.stderr.splitlines() if line.startswith("Error: ")).startswith(
         f"Error: {tiles}/b.laz"
     )
-    assert not list((tmp_path / "out").iterdir())
+    others = {path.name for path in tiles.iterdir()} - {"b.laz"}
+    assert set(contents(out)) == others
+    assert {row.partition(",")[0] for row in table.read_text().splitlines()[1:]} <= {name[:-4] for name in others}
+    table.write_text("of an earlier run")
+    assert "objects.csv: not replaced" in invoke(*line, "--force", code=1).stderr
+    assert table.read_text() == "of an earlier run"
 
 
 def test_existing_outputs_are_not_replaced(tiles, tmp_path, monkeypatch):

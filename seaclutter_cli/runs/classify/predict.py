@@ -1,10 +1,8 @@
 """Classification of the points and objects of tiles with a trained model."""
 
-import shutil
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -15,28 +13,26 @@ from seaclutter_cli.airborne.forest import class_name
 from seaclutter_cli.airborne.model import ClassifiedPoints, ObjectModel, classify_points, load_model
 from seaclutter_cli.airborne.objects import FoundObject, doubts_about_objects
 from seaclutter_cli.airborne.surface import WATER
-from seaclutter_cli.errors import InputError, OutputError, UsageError, about, opening
+from seaclutter_cli.errors import InputError, UsageError, about
 from seaclutter_cli.options import function_of
-from seaclutter_cli.parts import part_path, release
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
-from seaclutter_cli.runs.batch import run_all
 from seaclutter_cli.runs.classify.maps import MappedTile, geojson_of
 from seaclutter_cli.runs.classify.tiles import (
     TileOutcome,
     TileWork,
-    jobs_for,
     plan_tiles,
+    run_tiles,
     tiles_of,
     warn_of_doubts,
     warn_of_missing,
     write_tile,
 )
-from seaclutter_cli.runs.observer import Observer
+from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions
-from seaclutter_cli.runs.outputs import write_files
-from seaclutter_cli.runs.recordings import Result
-from seaclutter_cli.sinks.atomic import CompleteFile, OutputGroup
+from seaclutter_cli.runs.outputs import may_appear, write_files
+from seaclutter_cli.runs.recordings import RecordingsResult
+from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.csv import csv_lines
 from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile, find_tiles, open_tile
 from seaclutter_cli.text import count, printable, table
@@ -73,106 +69,14 @@ def classify_tiles(options: ClassifyTilesOptions) -> "PredictResult":
     targets = plan_tiles(heads, options, others, {"--model": options.model}, force=options.force)
     if plot_file and len(paths) > 1:
         raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
-    model = _load(options, observer)
-    # The tiles are the main output: they appear after the tables.
-    with _staging(targets[0]) as folder, OutputGroup(replace=options.force) as files:
-        staged = [folder / target.name for target in targets]
-        pairs = zip(heads, targets, staged, strict=True)
-        suffix = plot_file.suffix if plot_file else ""
-        works = [_PredictWork(*each, model, suffix) for each in pairs]
-        found = run_all(works, jobs_for(options.batch, len(works)), observer, together=True)
-        with OutputGroup(files) as written:
-            for part, target in zip(staged, targets, strict=True):
-                written.add(CompleteFile(part, target))
-            if plot_file:
-                write_files({plot_file: found[0].picture}, files)
-            write_files(_tables(found, options, observer), files)
+    model, sent = _load(options, observer), replace(options, tiles=(), observer=SILENT)
+    works = [_PredictWork(*each, sent, model) for each in zip(heads, targets, strict=True)]
+    # The tiles are the main output: a single one appears after the tables.
+    with OutputGroup(replace=options.force) as files, OutputGroup(files) as written:
+        found = run_tiles(works, options.batch, observer, written)
+        if may_appear(others.values(), found, observer):
+            write_files(_files(found, options, observer), files)
     return PredictResult(found, model.settings.objects.min_probability)
-
-
-@dataclass(frozen=True)
-class _PredictWork(TileWork["ClassifiedTile"]):
-    """Classification of one tile, whose output is staged until those of all tiles are complete."""
-
-    staged: Path
-    model: ObjectModel
-    plot_suffix: str
-
-    def run(self, observer: Observer) -> "ClassifiedTile":
-        """Write the classified tile; an error ends the whole run."""
-        started, tile = perf_counter(), open_tile(self.path)
-        warn_of_missing(tile, self.model.settings, observer)
-        with about(self.path, InputError):
-            found = classify_points(tile, self.model)
-        warn_of_doubts(tile, found.tile.separation, observer)
-        for text in doubts_about_objects(found.objects):
-            observer.warn(f"{tile.path.stem}: {text}")
-        separation, found_of = found.tile.separation, (found.code, found.probability, found.number)
-        columns = {"classification": separation.classification}
-        for (name, (kind, _)), values in zip(_DIMENSIONS.items(), found_of, strict=True):
-            columns[name] = np.zeros(tile.size, kind)
-            columns[name][separation.other] = values
-        try:
-            write_tile(tile, self.staged, columns, _DIMENSIONS)
-        except OutputError as error:
-            raise OutputError(str(error).replace(str(self.staged), str(self.target))) from error
-        objects = [one.placed(tile.crs.unit_m) for one in found.objects]
-        return ClassifiedTile(
-            recording=self.recording.name,
-            points=tile.size,
-            clusters_left_out=int(found.left_out.max(initial=0)),
-            points_left_out=int(np.count_nonzero(found.left_out)),
-            map=MappedTile(self.path.stem, tile.crs, objects=objects),
-            picture=_picture(tile, found, self.plot_suffix) if self.plot_suffix else b"",
-            seconds=perf_counter() - started,
-        )
-
-
-@contextmanager
-def _staging(target: Path) -> Iterator[Path]:
-    """Return a folder for complete files in the folder of the outputs; it is removed at the end."""
-    part, folder = part_path(target), target.parent
-    try:
-        with opening(folder, OutputError, "cannot be written"):
-            folder.mkdir(exist_ok=True)
-            part.mkdir()
-        yield part
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
-        release(part)
-
-
-def _tables(tiles: Sequence["ClassifiedTile"], options: ClassifyTilesOptions, observer: Observer) -> dict[Path, bytes]:
-    tables: dict[Path, bytes] = {}
-    if options.csv_file:
-        tables[options.csv_file] = csv_lines([_COLUMNS, *(row for tile in tiles for row in tile.rows())])
-    if options.geojson_file:
-        tables[options.geojson_file] = geojson_of([tile.map for tile in tiles], observer)
-    return tables
-
-
-def _load(options: ClassifyTilesOptions, observer: Observer) -> ObjectModel:
-    """Return the model with the settings of the options; raise `UsageError` if they change its features."""
-    model = load_model(options.model)
-    for text in model.warnings:
-        observer.warn(f"{options.model}: {text}")
-    settings = options.loaded(model.settings)
-    if settings.features != model.settings.features:
-        kept = ", ".join(f"{key}: {value}" for key, value in model.settings.as_dict()["features"].items())
-        raise UsageError(f"{options.model}: the model was trained with other features ({kept}); train one with yours")
-    return ObjectModel(settings, model.forest)
-
-
-def _picture(tile: LasTile | CloudTile, found: ClassifiedPoints, suffix: str) -> bytes:
-    positions = np.concatenate([xyz[:2] for xyz in tile], axis=1)
-    sea = positions[:, found.tile.separation.classification == WATER]
-    xy = found.tile.points.xy
-    code = np.array([0, *(one.code for one in found.objects)])[found.number]
-    points = {class_name(one): xy[:, code == one] for one in sorted(set(code.tolist()) - {0})}
-    if found.left_out.any():
-        points[LEFT_OUT] = xy[:, found.left_out > 0]
-    boxes = [(one.name, one.corners) for one in found.objects]
-    return render(lambda figure: draw_tile(figure, sea, points, boxes), suffix, aspect=0.92)
 
 
 @dataclass(kw_only=True)
@@ -228,13 +132,85 @@ class ClassifiedTile(TileOutcome):
 
 
 @dataclass(frozen=True)
-class PredictResult(Result):
+class _PredictWork(TileWork["ClassifiedTile"]):
+    """Classification of one tile."""
+
+    options: ClassifyTilesOptions
+    model: ObjectModel
+    kind = ClassifiedTile
+
+    def write(self, outcome: "ClassifiedTile", observer: Observer, files: OutputGroup) -> None:
+        """Write the classified tile, and store its objects in the outcome."""
+        started, tile = perf_counter(), open_tile(self.path)
+        warn_of_missing(tile, self.model.settings, observer)
+        with about(self.path, InputError):
+            found = classify_points(tile, self.model)
+        warn_of_doubts(tile, found.tile.separation, observer)
+        for text in doubts_about_objects(found.objects):
+            observer.warn(f"{tile.path.stem}: {text}")
+        separation, found_of = found.tile.separation, (found.code, found.probability, found.number)
+        columns = {"classification": separation.classification}
+        for (name, (kind, _)), values in zip(_DIMENSIONS.items(), found_of, strict=True):
+            columns[name] = np.zeros(tile.size, kind)
+            columns[name][separation.other] = values
+        write_tile(tile, self.target, columns, _DIMENSIONS, files)
+        outcome.points = tile.size
+        outcome.clusters_left_out = int(found.left_out.max(initial=0))
+        outcome.points_left_out = int(np.count_nonzero(found.left_out))
+        objects = [one.placed(tile.crs.unit_m) for one in found.objects]
+        outcome.map = MappedTile(self.path.stem, tile.crs, objects=objects)
+        if self.options.plot_file:
+            outcome.picture = _picture(tile, found, self.options.plot_file.suffix)
+        outcome.seconds = perf_counter() - started
+
+
+def _files(tiles: Sequence["ClassifiedTile"], options: ClassifyTilesOptions, observer: Observer) -> dict[Path, bytes]:
+    files: dict[Path, bytes] = {}
+    if options.plot_file:
+        files[options.plot_file] = tiles[0].picture
+    if options.csv_file:
+        files[options.csv_file] = csv_lines([_COLUMNS, *(row for tile in tiles for row in tile.rows())])
+    if options.geojson_file:
+        files[options.geojson_file] = geojson_of([tile.map for tile in tiles if not tile.error], observer)
+    return files
+
+
+def _load(options: ClassifyTilesOptions, observer: Observer) -> ObjectModel:
+    """Return the model with the settings of the options; raise `UsageError` if they change its features."""
+    model = load_model(options.model)
+    for text in model.warnings:
+        observer.warn(f"{options.model}: {text}")
+    settings = options.loaded(model.settings)
+    if settings.features != model.settings.features:
+        kept = ", ".join(f"{key}: {value}" for key, value in model.settings.as_dict()["features"].items())
+        raise UsageError(f"{options.model}: the model was trained with other features ({kept}); train one with yours")
+    return ObjectModel(settings, model.forest)
+
+
+def _picture(tile: LasTile | CloudTile, found: ClassifiedPoints, suffix: str) -> bytes:
+    positions = np.concatenate([xyz[:2] for xyz in tile], axis=1)
+    sea = positions[:, found.tile.separation.classification == WATER]
+    xy = found.tile.points.xy
+    code = np.array([0, *(one.code for one in found.objects)])[found.number]
+    points = {class_name(one): xy[:, code == one] for one in sorted(set(code.tolist()) - {0})}
+    if found.left_out.any():
+        points[LEFT_OUT] = xy[:, found.left_out > 0]
+    boxes = [(one.name, one.corners) for one in found.objects]
+    return render(lambda figure: draw_tile(figure, sea, points, boxes), suffix, aspect=0.92)
+
+
+@dataclass(frozen=True)
+class PredictResult(RecordingsResult[ClassifiedTile]):
     """Objects found in several tiles; clusters with a lower probability were left out."""
 
     is_summary = True
 
-    tiles: list[ClassifiedTile]
     min_probability: float
+
+    @property
+    def tiles(self) -> list[ClassifiedTile]:
+        """Tiles without an error."""
+        return [outcome for outcome in self.outcomes if not outcome.error]
 
     def as_dict(self) -> list[dict[str, Any]]:
         """Return the objects as JSON-compatible data."""

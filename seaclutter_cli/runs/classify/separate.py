@@ -16,27 +16,25 @@ from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError, InputError, SelectionError, UsageError, about, requiring
 from seaclutter_cli.grids.elevation import LandCells
 from seaclutter_cli.options import function_of
-from seaclutter_cli.runs.batch import run_all
 from seaclutter_cli.runs.classify.maps import MappedTile, map_files, mapped, pixel_of
 from seaclutter_cli.runs.classify.tiles import (
     LAS,
     TileOutcome,
     TileWork,
-    jobs_for,
     margins_of,
     plan_tiles,
     points_of,
+    run_tiles,
     tiles_of,
     warn_of_doubts,
     warn_of_missing,
     write_tile,
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.options.classifiers import SeparateTilesOptions
 from seaclutter_cli.runs.outputs import write_files, write_manifest
-from seaclutter_cli.runs.recordings import RecordingsResult, statuses, storing_errors
-from seaclutter_cli.runs.resume import RunIdentity, digest_of, digest_of_paths, earlier_outcomes, same_output_accepted
+from seaclutter_cli.runs.recordings import RecordingsResult, statuses
+from seaclutter_cli.runs.resume import RecordedWork, RunIdentity, digest_of, digest_of_paths, earlier_outcomes
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import TextRecord, text_in
 from seaclutter_cli.sources.extents import Margin, open_tile_or_window
@@ -75,53 +73,41 @@ def separate_tiles(options: SeparateTilesOptions) -> "SeparateResult":
     given = {"land": options.land, "trust_classes": options.trust_classes}
     raw["separation"] |= {key: plain(value) for key, value in given.items() if value is not None}
     settings = parse_settings(raw, "options")
-    replaced = options.force or batch.resume
     is_mapped = bool(options.plot_file or options.geojson_file)
     if is_mapped:
         with requiring("the shoreline", "geo"):
             import contourpy  # noqa: F401 - availability check
     heads = tiles_of(find_tiles(options.tiles), options.window_m, observer)
     others = {"--plot": options.plot_file, "--geojson": options.geojson_file, "--manifest": batch.manifest}
-    targets = plan_tiles(heads, options, others, force=replaced)
+    targets = plan_tiles(heads, options, others, force=options.force or batch.resume)
     margins = margins_of(heads, options.margin_m, observer)
     several, pixel_m = len(heads) > 1, pixel_of(heads) if is_mapped else None
-    tiled, sent = zip(heads, targets, margins, strict=True), replace(options, tiles=(), observer=SILENT)
-    works = [_SeparateWork(*each, sent, settings, several=several, pixel_m=pixel_m) for each in tiled]
+    sent = [replace(options, tiles=(), observer=SILENT)] * len(heads)
+    tiled = zip(heads, targets, sent, margins, strict=True)
+    works = [_SeparateWork(*each, settings, several=several, pixel_m=pixel_m) for each in tiled]
+    if unfit := [work.target for work in works if batch.resume and work.target.suffix.lower() not in LAS]:
+        raise UsageError(f"{unfit[0]}: --resume needs LAS or LAZ outputs, which say which run wrote them")
     # The tiles are the main output: a single one appears after its maps.
-    with OutputGroup(replace=replaced) as files, OutputGroup(files) as written:
-        outcomes = _run(works, batch, observer, written, force=options.force)
+    with OutputGroup(replace=works[0].replaces) as files, OutputGroup(files) as written:
+        earlier = earlier_outcomes(works, observer) if batch.resume else None
+        outcomes = run_tiles(works, batch, observer, written, earlier)
         write_files(map_files(options, [one.map for one in outcomes if one.map], observer), files)
-    write_manifest(batch.manifest, [work.recording for work in works], outcomes, replace=replaced)
+    write_manifest(batch.manifest, [work.recording for work in works], outcomes, replace=works[0].replaces)
     return SeparateResult(outcomes)
 
 
-def _run(
-    works: "Sequence[_SeparateWork]", batch: BatchOptions, observer: Observer, files: OutputGroup, *, force: bool
-) -> "list[SeparatedTile]":
-    """Separate tiles whose outputs are not complete; each of several appears at once, a single one with ``files``."""
-    if not batch.resume and batch.runs_here(len(works)):
-        outcome = works[0].without_result(None)
-        works[0].write(outcome, observer, files)
-        return [outcome]
-    for work in works if batch.resume else ():
-        if work.target.suffix.lower() not in LAS:
-            raise UsageError(f"{work.target}: --resume needs LAS or LAZ outputs, which say which run wrote them")
-        if not force:
-            _recorded_run(work.target)
-    earlier = earlier_outcomes(works, observer, "separated") if batch.resume else None
-    return run_all(works, jobs_for(batch, len(works)), observer, earlier=earlier)
-
-
 @dataclass(frozen=True)
-class _SeparateWork(TileWork["SeparatedTile"]):
+class _SeparateWork(TileWork["SeparatedTile"], RecordedWork["SeparatedTile"]):
     """Separation of one tile.
 
     With ``margin``, points of other tiles count; ``several`` are separated. ``pixel_m`` is the width of the pixels of a
     map, 0 as the tile requires, None without a map.
     """
 
-    margin: Margin | None
+    verb = "separated"
+
     options: SeparateTilesOptions
+    margin: Margin | None
     settings: TileSettings
     several: bool
     pixel_m: float | None
@@ -130,19 +116,8 @@ class _SeparateWork(TileWork["SeparatedTile"]):
     def reads(self) -> Sequence[Path]:
         return self.path, *(self.margin.neighbors if self.margin else ())
 
-    @property
-    def writes(self) -> Sequence[Path]:
-        return (self.target,)
-
     def without_result(self, reason: str | None) -> "SeparatedTile":
         return SeparatedTile(recording=self.recording.name, output=self.target, error=reason)
-
-    def run(self, observer: Observer) -> "SeparatedTile":
-        outcome = self.without_result(None)
-        replaced = self.options.force or self.options.batch.resume
-        with storing_errors(outcome, observer), same_output_accepted(self), OutputGroup(replace=replaced) as files:
-            self.write(outcome, observer, files)
-        return outcome
 
     def write(self, outcome: "SeparatedTile", observer: Observer, files: OutputGroup) -> None:
         """Write the separated tile; store its figures in the outcome, and its map if there is to be one."""
@@ -180,28 +155,15 @@ class _SeparateWork(TileWork["SeparatedTile"]):
         params = asdict(self.settings.separation)
         return RunIdentity(digest_of_paths(self.reads), digest_of(params), digest_of(options), digest_of([]))
 
-    def earlier(self) -> "tuple[SeparatedTile | None, str]":
-        try:
-            record = _recorded_run(self.target)
-        except UsageError:  # may be replaced, or is refused before
-            return None, ""
-        if record is None:
-            return None, ""
-        difference = self.identity().difference(record)
-        outcome = self.without_result(None)
-        outcome.skipped = True
-        try:
-            found = record["result"]
-            state = SeaState(**found["sea_state"])
-            vars(outcome).update({name: found[name] for name in ("points", "sea", "other")}, sea_state=state)
-        except (KeyError, TypeError, ValueError) as error:
-            difference = difference or f"incomplete record: {error!r}"
-        else:
-            difference = difference or self._redraw(outcome, state)
-        return (None, f"the earlier output is of {difference}") if difference else (outcome, "")
+    def records(self) -> Sequence[Mapping[str, Any]]:
+        text = text_in(LasTile(self.target).header, _RUN)
+        return [] if text is None else [load_json(text)]
 
-    def _redraw(self, outcome: "SeparatedTile", sea: SeaState) -> str | None:
-        """Draw the map of a complete output if there is to be one; return what its record lacks for it."""
+    def restore(self, outcome: "SeparatedTile", record: Mapping[str, Any]) -> str | None:
+        """Store the figures of a record, and the map of the output if there is to be one."""
+        found = record["result"]
+        sea = outcome.sea_state = SeaState(**found["sea_state"])
+        vars(outcome).update({name: found[name] for name in ("points", "sea", "other")})
         if self.pixel_m is not None:
             try:
                 tile = LasTile(self.target)
@@ -211,25 +173,6 @@ class _SeparateWork(TileWork["SeparatedTile"]):
             except (CloudError, OSError, ValueError) as error:
                 return f"a run that recorded no land for the maps ({error})"
         return None
-
-
-def _recorded_run(output: Path) -> Mapping[str, Any] | None:
-    """Return the record in an output; None if there is no such file.
-
-    Raise `UsageError` if the file is not a tile that a run over several tiles wrote.
-    """
-    if not output.exists():
-        return None
-    try:
-        text = text_in(LasTile(output).header, _RUN)
-        if text is None:
-            raise UsageError(f"{output}: without a record of its run, not replaced; use --force to replace it")
-        record = load_json(text)
-    except (CloudError, OSError, ValueError) as error:
-        raise UsageError(
-            f"{output}: not a separated tile, not replaced ({error}); use --force to replace it"
-        ) from error
-    return record if isinstance(record, dict) else {}
 
 
 @dataclass(kw_only=True)

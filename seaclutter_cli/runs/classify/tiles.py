@@ -1,5 +1,6 @@
 """What all commands for tiles share: tiles and their margins, warnings, output files, and work on each tile."""
 
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,12 +15,13 @@ from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.errors import InputError, UsageError, about
 from seaclutter_cli.interfaces import TilePoints
 from seaclutter_cli.jobs.processes import default_jobs
-from seaclutter_cli.runs.batch import Work
+from seaclutter_cli.runs.batch import Work, run_all
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import BatchOptions
-from seaclutter_cli.runs.options.classifiers import WritingTiles
+from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions, SeparateTilesOptions, WritingTiles
 from seaclutter_cli.runs.outputs import Paths, is_file, is_folder, prepare_outputs
-from seaclutter_cli.runs.recordings import O, Outcome
+from seaclutter_cli.runs.recordings import O, Outcome, storing_errors
+from seaclutter_cli.runs.resume import same_output_accepted
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las
 from seaclutter_cli.sinks.point_files import POINT_WRITERS, with_columns, write_points
@@ -211,6 +213,28 @@ class TileWork(Work[O]):
 
     tile: TileHead
     target: Path
+    options: SeparateTilesOptions | ClassifyTilesOptions
+
+    @property
+    def writes(self) -> Sequence[Path]:
+        """The output."""
+        return (self.target,)
+
+    @property
+    def replaces(self) -> bool:
+        """Whether the output may be replaced."""
+        return self.options.force or self.options.batch.resume
+
+    def run(self, observer: Observer) -> O:
+        """Write the output; store an error in the outcome."""
+        outcome = self.without_result(None)
+        with storing_errors(outcome, observer), same_output_accepted(self), OutputGroup(replace=self.replaces) as files:
+            self.write(outcome, observer, files)
+        return outcome
+
+    @abstractmethod
+    def write(self, outcome: O, observer: Observer, files: OutputGroup) -> None:
+        """Write the output, which appears with ``files``; store its figures in the outcome."""
 
     @property
     def path(self) -> Path:
@@ -223,8 +247,21 @@ class TileWork(Work[O]):
         return _Window((self.path,), tile=self.tile) if self.tile.window else Recording((self.path,))
 
 
-def jobs_for(batch: BatchOptions, tiles: int) -> BatchOptions:
-    """Return the options with a number of processes that the memory is enough for, unless one is given."""
-    if batch.jobs is not None or batch.cluster is not None:
-        return batch
-    return replace(batch, jobs=default_jobs(tiles, _MEMORY_PER_TILE))
+def run_tiles(
+    works: Sequence[TileWork[O]],
+    batch: BatchOptions,
+    observer: Observer,
+    files: OutputGroup,
+    earlier: list[O | None] | None = None,
+) -> list[O]:
+    """Do the work on tiles, but not where an outcome is ``earlier``; several appear at once, one with ``files``.
+
+    There are as many processes as the memory is enough for, unless a number is given.
+    """
+    if not earlier and batch.runs_here(len(works)):
+        outcome = works[0].without_result(None)
+        works[0].write(outcome, observer, files)
+        return [outcome]
+    if batch.jobs is None and batch.cluster is None:
+        batch = replace(batch, jobs=default_jobs(len(works), _MEMORY_PER_TILE))
+    return run_all(works, batch, observer, earlier=earlier)
