@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from operator import attrgetter
@@ -25,11 +24,10 @@ from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.methods import Variant, note_left_out, variants, with_ideal
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import EvaluateOptions
-from seaclutter_cli.runs.outputs import may_appear, write_manifest
+from seaclutter_cli.runs.outputs import Contents, write_files, write_manifest
 from seaclutter_cli.runs.recordings import RecordingsResult, data_of
 from seaclutter_cli.runs.topic_statistics import Described
 from seaclutter_cli.selection import cloud_channels, filtered_by, main_topics, recorded_of, removed_topic, studied
-from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.text import count, printable, table
 from seaclutter_cli.truth import Truth
 
@@ -60,25 +58,19 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     settings = [f"evaluation.clustering={options.clustering}"] if options.clustering else []
     chosen = variants(options, *settings)
     chosen = chosen if options.without_labels else with_ideal(chosen)
-    targets = {"-o": options.frames_file, "--summary": options.summary_file}
-    outputs, configs = {**targets, "--manifest": options.batch.manifest}, [one.config for one in chosen]
-    pairs = prepared(options, outputs, observer, configs)
+    outputs = {"-o": options.frames_file, "--summary": options.summary_file, "--manifest": options.batch.manifest}
+    pairs = prepared(options, outputs, observer, [one.config for one in chosen])
     make = partial(EvaluateWork, tabulated=bool(options.frames_file), indicated=options.without_labels)
     works = [make(options.reading, *each, chosen) for each in pairs]
-    with OutputGroup(replace=options.force) as files:
-        with ExitStack() as stack:
-            table, summary = (stack.enter_context(AtomicFile(it, files)) if it else None for it in targets.values())
-            earlier = None if options.without_labels else without_labels(works, observer)
-            outcomes = run_all(works, options.batch, observer, earlier=earlier)
-            comparison = Comparison(outcomes, chosen)
-            if table:
-                table.stream.writelines(
-                    tables.frame_table([one.rows for one in outcomes if one.rows and not one.error])
-                )
-            if summary:
-                summary.stream.write(json.dumps(shown(comparison.as_dict()), indent=2).encode() + b"\n")
-        if not may_appear(targets.values(), outcomes, observer):
-            files.discard()
+    earlier = None if options.without_labels else without_labels(works, observer)
+    outcomes = run_all(works, options.batch, observer, earlier=earlier)
+    comparison = Comparison(outcomes, chosen)
+    rows = [one.rows for one in outcomes if one.rows and not one.error]
+    files: Contents = {
+        options.frames_file: lambda it: it.stream.writelines(tables.frame_table(rows)),
+        options.summary_file: json.dumps(shown(comparison.as_dict()), indent=2).encode() + b"\n",
+    }
+    write_files(files, replace=options.force, outcomes=outcomes, observer=observer)
     write_manifest(options.batch.manifest, [recording for recording, _ in pairs], outcomes, replace=options.force)
     return comparison
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,14 +15,11 @@ from seaclutter_cli.plots.figure import render
 from seaclutter_cli.runs.batch import RecordingWork, prepared
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import MaskOptions
-from seaclutter_cli.runs.outputs import may_appear, write_files
+from seaclutter_cli.runs.outputs import Contents, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.structure.search import MIN_FRAMES, FoundStructure, StructureSearch
 from seaclutter_cli.text import count
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @function_of(MaskOptions)
@@ -39,23 +35,21 @@ def find_mask(options: MaskOptions) -> "MaskResult":
     (60, True)
     """
     observer = options.watching
-    targets = {"-o": options.output, "--plot": options.plot_file}
-    pairs = prepared(options, targets, observer)
+    pairs = prepared(options, {"-o": options.output, "--plot": options.plot_file}, observer)
     search = StructureSearch(options.reach_m)
     outcomes = [_MaskWork(options.reading, *each, search).run(observer) for each in pairs]
     result = MaskResult(outcomes, search.found(), options.reach_m)
     for warning in result.warnings:
         observer.warn(warning)
-    files: dict[Path, bytes] = {}
-    if may_appear(targets.values(), outcomes, observer):
-        if result.found.mask.sectors and options.output:
-            files[options.output] = result.found.mask.as_csv().encode()
-        if options.plot_file:
-            draw = partial(draw_mask, mask=result.found.mask, reach_m=options.reach_m)
-            files[options.plot_file] = render(draw, options.plot_file.suffix, aspect=1.45)
-    if options.output and options.output not in files:
+    mask = result.found.mask
+    if options.output and not mask.sectors:
         observer.warn(f"{options.output}: not written, because there is nothing to mask")
-    write_files(files, replace=options.force)
+    draw = partial(draw_mask, mask=mask, reach_m=options.reach_m)
+    files: Contents = {
+        options.output if mask.sectors else None: mask.as_csv().encode(),
+        options.plot_file: lambda it: it.stream.write(render(draw, it.path.suffix, aspect=1.45)),
+    }
+    write_files(files, replace=options.force, outcomes=outcomes, observer=observer)
     return result
 
 

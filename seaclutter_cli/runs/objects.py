@@ -1,7 +1,6 @@
 """Objects of recordings: what was there, where, how large, and how it moved."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -20,10 +19,9 @@ from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ConfigOptions
 from seaclutter_cli.runs.options.logs import ObjectsOptions
-from seaclutter_cli.runs.outputs import PackedRows, may_appear
+from seaclutter_cli.runs.outputs import Contents, PackedRows, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.selection import cloud_channels
-from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.object_files import check_objects_file, parsed, write_objects
 from seaclutter_cli.sinks.objects import COLUMNS, ObjectTable, TrackSummary
 from seaclutter_cli.text import count, printable, table
@@ -56,15 +54,9 @@ def find_objects(options: ObjectsOptions) -> "ObjectsResult":
     check_objects_file(options.output)
     pairs = prepared(options, {"-o": options.output}, observer, [config])
     works = [ObjectsWork(options.reading, *each, config) for each in pairs]
-    with OutputGroup(replace=options.force) as files:
-        with ExitStack() as stack:
-            target = stack.enter_context(AtomicFile(options.output, files)) if options.output else None
-            outcomes = run_all(works, options.batch, observer)
-            result = ObjectsResult(outcomes)
-            if target and options.output:
-                write_objects(options.output, target.stream, result.lines())
-        if not may_appear([options.output], outcomes, observer):
-            files.discard()
+    result = ObjectsResult(run_all(works, options.batch, observer))
+    files: Contents = {options.output: lambda it: write_objects(it.path, it.stream, result.lines())}
+    write_files(files, replace=options.force, outcomes=result.outcomes, observer=observer)
     return result
 
 

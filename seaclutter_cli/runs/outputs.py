@@ -1,13 +1,14 @@
 """Output files of a run: checking them against each other and the input, and writing them; the manifest."""
 
 import csv
+import errno
 import gzip
 import io
 import itertools
 import json
 import os
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -237,6 +238,8 @@ def _prepare_folders(targets: Sequence[_Target], root: Root | None, observer: Ob
         if top in folder.parents:
             with opening(path, OutputError, "cannot be written"):
                 folder.mkdir(parents=True, exist_ok=True)
+        if folder.exists() and not os.access(folder, os.W_OK):  # before the run, not after it
+            raise OutputError(f"{path}: cannot be written ({os.strerror(errno.EACCES)})")
         if removed := remove_stale(folder, names[folder]):
             observer.note(f"{folder}: removed {count(removed, 'incomplete file')} of runs that were killed")
 
@@ -255,12 +258,29 @@ def may_appear(targets: Iterable[Path | None], outcomes: Sequence[Outcome], obse
     return not earlier and len(failed) < len(outcomes)
 
 
-def write_files(files: Mapping[Path, bytes], group: OutputGroup | None = None, *, replace: bool = True) -> None:
-    """Write files, which appear together, the first one last; `OutputGroup` describes the parameters and errors."""
+Contents = Mapping[Path | None, bytes | Callable[[AtomicFile], object]]
+"""Contents of files, or what writes them, by their paths; None for files that are not wanted."""
+
+
+def write_files(
+    files: Contents | Mapping[Path, bytes],
+    group: OutputGroup | None = None,
+    *,
+    replace: bool = True,
+    outcomes: Sequence[Outcome] = (),
+    observer: Observer = SILENT,
+) -> None:
+    """Write files, which appear together, the first one last; if they are about recordings, only if they `may_appear`.
+
+    `OutputGroup` describes the other parameters and the errors.
+    """
+    if not may_appear(files, outcomes, observer):
+        return
     with OutputGroup(group, replace=replace) as together:
         for path, data in reversed(list(files.items())):
-            with AtomicFile(path, together) as file:
-                file.stream.write(data)
+            if path:
+                with AtomicFile(path, together) as file:
+                    data(file) if callable(data) else file.stream.write(data)
 
 
 class PackedRows:

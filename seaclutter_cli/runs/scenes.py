@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
 from dataclasses import asdict, astuple, dataclass, field
 from functools import partial
 from itertools import islice
@@ -22,12 +21,12 @@ from seaclutter_cli.records import Damage
 from seaclutter_cli.runs.observer import Observer, Step
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.classifiers import EvaluateScenesOptions, PredictScenesOptions, TrainScenesOptions
-from seaclutter_cli.runs.outputs import Paths, inputs_of, may_appear, prepare_outputs, write_files
+from seaclutter_cli.runs.outputs import PackedRows, Paths, inputs_of, prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, Result, WithData, expand, opened, storing_errors
 from seaclutter_cli.scenes.model import SceneDecision, SceneModel, SceneTracker
 from seaclutter_cli.scenes.network import to_onnx
 from seaclutter_cli.scenes.training import Epoch, Examples, SceneScores, Trained, check_torch, train
-from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
+from seaclutter_cli.sinks.atomic import AtomicFile
 from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, printable, share, table
@@ -82,20 +81,17 @@ def _classify(
     columns = ("recording", "topic", "frame", "stamp_ns", *(["truth"] if known else []), "scene", "decided")
     new_tracker = partial(SceneTracker, model, every=options.every, hold=options.hold)
     outcomes = [ClassifiedLog(recording=one.name, truth=scene, new_tracker=new_tracker) for one, scene in logs]
-    with OutputGroup(replace=options.force) as files:
-        with ExitStack() as stack:
-            table = stack.enter_context(AtomicFile(options.csv_file, files)).stream if options.csv_file else None
-            if table:
-                table.write(csv_line((*columns, *(f"p_{name}" for name in model.classes))))
-            step = stack.enter_context(observer.progress("frames", None))
-            for (recording, _), found in zip(logs, outcomes, strict=True):
-                with storing_errors(found, observer):
-                    for frame in read_frames(recording, reading, observer, step, found):
-                        row = found.add(frame)
-                        if table:
-                            table.write(csv_line(row))
-        if not may_appear([options.csv_file], outcomes, observer):
-            files.discard()
+    with observer.progress("frames", None) as step:
+        for (recording, _), found in zip(logs, outcomes, strict=True):
+            with storing_errors(found, observer):
+                for frame in read_frames(recording, reading, observer, step, found):
+                    found.add(frame)
+
+    def write(file: AtomicFile) -> None:
+        file.stream.write(csv_line((*columns, *(f"p_{name}" for name in model.classes))))
+        file.stream.writelines(line for one in outcomes for line in one.rows)
+
+    write_files({options.csv_file: write}, replace=options.force, outcomes=outcomes, observer=observer)
     return outcomes, model.classes
 
 
@@ -138,15 +134,17 @@ class ClassifiedLog(Outcome):
     truth: str = ""
     new_tracker: Callable[[], SceneTracker] = field(repr=False)
     topics: dict[str, TopicScenes] = field(default_factory=dict)
+    rows: PackedRows = field(default_factory=PackedRows, repr=False)
 
-    def add(self, frame: Frame) -> list[object]:
-        """Classify a frame among those of its topic; return its row, with the latest probability of each class."""
+    def add(self, frame: Frame) -> None:
+        """Classify a frame among those of its topic, and add its row, with the latest probability of each class."""
         if frame.topic not in self.topics:
             self.topics[frame.topic] = TopicScenes(self.new_tracker())
         found = self.topics[frame.topic].add(frame)
         probabilities = (f"{value:.4f}" for value in found.probabilities.values())
         position = (self.recording, frame.topic, frame.index, frame.stamp_ns)
-        return [*position, *([self.truth] if self.truth else []), found.name, int(found.decided), *probabilities]
+        truth = [self.truth] if self.truth else []
+        self.rows.write(csv_line((*position, *truth, found.name, int(found.decided), *probabilities)))
 
     @property
     def frames(self) -> Counter[str]:

@@ -20,7 +20,7 @@ from seaclutter_cli.runs.checks import FitChecks
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import SuspectsOptions
-from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
+from seaclutter_cli.runs.outputs import is_file, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, data_of
 from seaclutter_cli.selection import (
     Selection,
@@ -74,12 +74,11 @@ def find_suspects(options: SuspectsOptions) -> "SuspectsResult":
     make = partial(_SuspectsWork, is_given=is_given, shown=options.shown, drawn=folder is not None)
     works = [make(options.reading, *pair, config) for pair in pairs]
     result = SuspectsResult(run_all(works, options.batch, observer))
-    files = {options.output: result.as_csv()} if options.output else {}
+    files = {options.output: result.as_csv()}
     for number, outcome in enumerate(result.outcomes, 1):
         first = f"{number}-" if len(works) > 1 else ""
         files |= {folder / f"{first}{name}.png": data for name, data in outcome.pictures.items() if folder}
-    if may_appear(files, result.outcomes, observer):
-        write_files(files, replace=options.force)
+    write_files(files, replace=options.force, outcomes=result.outcomes, observer=observer)
     return result
 
 

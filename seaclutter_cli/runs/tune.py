@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from seaclutter_cli.runs.evaluate import Evaluated, EvaluateWork
 from seaclutter_cli.runs.methods import Sweep, Variant, grid, note_left_out
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.options.logs import TuneOptions
-from seaclutter_cli.runs.outputs import may_appear, write_files
+from seaclutter_cli.runs.outputs import Contents, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, data_of
 from seaclutter_cli.runs.score_tables import FRAME_ERRORS, FRAMES, score_cells, score_legend
 from seaclutter_cli.sinks.csv import csv_line
@@ -62,10 +61,15 @@ def tune(options: TuneOptions) -> "TuningResult":
     outcomes = run_all(works, batch, observer, earlier=without_labels(works, observer))
     scores = _split_scores(outcomes, [one.name for one in combinations], options.hold_out)
     result = TuningResult(outcomes, options.sweeps, combinations, *scores)
-    if may_appear(targets.values(), result.outcomes, observer):
-        write_files(_files(result, history, options), replace=options.force)
-        if options.output and not result.best:
-            observer.warn(f"{options.output}: not written, because no frame is labelled")
+    if options.output and not result.best and not result.failed:
+        observer.warn(f"{options.output}: not written, because no frame is labelled")
+    files: Contents = {
+        options.output if result.best else None: lambda it: it.stream.write(result.best_config().encode()),
+        options.csv_file: lambda it: it.stream.write(result.as_csv()),
+        options.curve_file: lambda it: it.stream.write(result.curve(it.path.suffix)),
+        options.thresholds_file: lambda it: it.stream.write(history.plot(it.path.suffix) if history else b""),
+    }
+    write_files(files, replace=options.force, outcomes=outcomes, observer=observer)
     return result
 
 
@@ -77,19 +81,6 @@ def _check_plots(options: TuneOptions, combinations: Sequence[Variant], recordin
         raise UsageError("--plot-thresholds: needs a single method")
     if options.thresholds_file and recordings > 1:
         raise UsageError("--plot-thresholds: needs a single recording")
-
-
-def _files(result: "TuningResult", history: "_ThresholdHistory | None", options: TuneOptions) -> dict[Path, bytes]:
-    files: dict[Path, bytes] = {}
-    if options.output and result.best:
-        files[options.output] = result.best_config().encode()
-    if options.csv_file:
-        files[options.csv_file] = result.as_csv().encode()
-    if options.curve_file:
-        files[options.curve_file] = result.curve(options.curve_file.suffix)
-    if options.thresholds_file and history:
-        files[options.thresholds_file] = history.plot(options.thresholds_file.suffix)
-    return files
 
 
 class _ThresholdHistory(FrameListener):
@@ -230,10 +221,10 @@ class TuningResult(RecordingsResult[Evaluated]):
             rows.append({**row, "best": name == self.best})
         return rows
 
-    def as_csv(self) -> str:
+    def as_csv(self) -> bytes:
         """Return the result as CSV, with a row for each combination."""
         rows = self.rows()
-        return b"".join(map(csv_line, (rows[0], *(row.values() for row in rows)))).decode()
+        return b"".join(map(csv_line, (rows[0], *(row.values() for row in rows))))
 
     def as_text(self) -> str:
         """Return the result as human-readable text: all combinations, then tuned and held-out figures of the best."""

@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -30,7 +29,7 @@ from seaclutter_cli.runs.classify.tiles import (
 )
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions
-from seaclutter_cli.runs.outputs import may_appear, write_files
+from seaclutter_cli.runs.outputs import Contents, write_files
 from seaclutter_cli.runs.recordings import RecordingsResult
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.csv import csv_lines
@@ -74,8 +73,7 @@ def classify_tiles(options: ClassifyTilesOptions) -> "PredictResult":
     # The tiles are the main output: a single one appears after the tables.
     with OutputGroup(replace=options.force) as files, OutputGroup(files) as written:
         found = run_tiles(works, options.batch, observer, written)
-        if may_appear(others.values(), found, observer):
-            write_files(_files(found, options, observer), files)
+        write_files(_files(found, options, observer), files, outcomes=found, observer=observer)
     return PredictResult(found, model.settings.objects.min_probability)
 
 
@@ -164,15 +162,13 @@ class _PredictWork(TileWork["ClassifiedTile"]):
         outcome.seconds = perf_counter() - started
 
 
-def _files(tiles: Sequence["ClassifiedTile"], options: ClassifyTilesOptions, observer: Observer) -> dict[Path, bytes]:
-    files: dict[Path, bytes] = {}
-    if options.plot_file:
-        files[options.plot_file] = tiles[0].picture
-    if options.csv_file:
-        files[options.csv_file] = csv_lines([_COLUMNS, *(row for tile in tiles for row in tile.rows())])
-    if options.geojson_file:
-        files[options.geojson_file] = geojson_of([tile.map for tile in tiles if not tile.error], observer)
-    return files
+def _files(tiles: Sequence["ClassifiedTile"], options: ClassifyTilesOptions, observer: Observer) -> Contents:
+    maps, rows = [tile.map for tile in tiles if not tile.error], (row for tile in tiles for row in tile.rows())
+    return {
+        options.plot_file: tiles[0].picture,
+        options.csv_file: csv_lines([_COLUMNS, *rows]),
+        options.geojson_file: lambda it: it.stream.write(geojson_of(maps, observer)),
+    }
 
 
 def _load(options: ClassifyTilesOptions, observer: Observer) -> ObjectModel:
