@@ -75,8 +75,7 @@ class ScoredFrame:
 class FrameListener(ABC):
     """A listener for the frames of an evaluation, or for those that are read back from filtered logs."""
 
-    @abstractmethod
-    def begin(self, recording: str) -> None:
+    def begin(self, recording: str) -> None:  # noqa: B027 - most need not know
         """Start a recording."""
 
     @abstractmethod

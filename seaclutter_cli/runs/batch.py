@@ -15,7 +15,7 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.jobs.engine import Engine, Lost, Report, run_in_turn
 from seaclutter_cli.records import Channel
 from seaclutter_cli.registry import warn_here
-from seaclutter_cli.runs.observer import Observer, Silent, Step, raising
+from seaclutter_cli.runs.observer import Observer, Silent, Step
 from seaclutter_cli.runs.options import BatchOptions, OfLogs, ReadOptions
 from seaclutter_cli.runs.outputs import Paths, inputs_of, prepare_outputs
 from seaclutter_cli.runs.recordings import (
@@ -242,16 +242,14 @@ def run_all(
     observer: Observer,
     in_order: Callable[[O], object] = lambda _: None,
     *,
-    together: bool = False,
     earlier: list[Any] | None = None,
 ) -> list[O]:
     """Return the outcome of each recording; raise `SelectionError` if none has a frame in the selected time.
 
     ``observer`` receives messages and the progress of the only recording of a run, which is processed in this process;
     of several, the progress of all together, and the end of each. ``in_order`` receives each outcome as soon as those
-    of all recordings before are known, except for recordings without a frame in the selected time. If the outcomes
-    are needed ``together``, an error in one recording ends the run. ``earlier`` outcomes are None where work is left,
-    and receive the others, even if an interrupt ends the run.
+    of all recordings before are known, except for recordings without a frame in the selected time. ``earlier`` outcomes
+    are None where work is left, and receive the others, even if an interrupt ends the run.
     """
     outcomes = earlier or [None] * len(works)
     left = [number for number, outcome in enumerate(outcomes) if outcome is None]
@@ -259,10 +257,10 @@ def run_all(
     try:
         if batch.runs_here(len(works)):
             for k, number in enumerate(left):
-                done[k] = done_here = works[number].run(raising(observer) if together else observer)
+                done[k] = done_here = works[number].run(observer)
                 in_order(done_here)
         else:
-            _run_batch([works[number] for number in left], batch, observer, in_order, done, together=together)
+            _run_batch([works[number] for number in left], batch, observer, in_order, done)
     finally:
         for number, outcome in zip(left, done, strict=True):
             outcomes[number] = outcome or works[number].without_result(NOT_PROCESSED)
@@ -285,8 +283,6 @@ def _run_batch(
     observer: Observer,
     in_order: Callable[[O], object],
     outcomes: list[O | None],
-    *,
-    together: bool,
 ) -> None:
     """Do the work on several recordings; ``outcomes``, None for each, receive those that are known."""
     passed = 0
@@ -305,8 +301,6 @@ def _run_batch(
                 outcome, messages, error = local(result)
                 for kind, text, named in messages:
                     getattr(observer, kind)(text, **named)
-            if error and together:
-                raise error
             on_share(number, 1.0)
             outcomes[number] = outcome
             observer.done(outcome.line(), outcome.damage, error)

@@ -4,8 +4,7 @@ import re
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial, reduce
-from operator import truediv
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeAlias, TypeVar
 
@@ -18,7 +17,7 @@ from seaclutter_cli.records import Channel, Metadata
 from seaclutter_cli.runs.batch import RecordingWork, run_all, size_of
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import WritingLogs
-from seaclutter_cli.runs.outputs import Paths, Root, inputs_of, is_file, is_folder, prepare_outputs, write_manifest
+from seaclutter_cli.runs.outputs import Paths, Root, inputs_of, is_folder, outputs_in, prepare_outputs, write_manifest
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, assign_labels, expand, require_frames, statuses
 from seaclutter_cli.runs.resume import (
     RecordedWork,
@@ -65,18 +64,10 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | No
         if not is_folder(output, 1, OUTPUT_FORMATS[form].marker):
             return form, [path]
     form = to or "mcap"
-    kind = OUTPUT_FORMATS[form]
-    if is_file(path):
-        raise UsageError(f"{path}: is a file, but {count(len(recordings), 'recording')} need a folder")
-    targets: dict[Path, Recording] = {}
-    for recording in recordings:
-        name = recording.name + ("" if kind.is_folder else kind.suffix)
-        target = reduce(truediv, recording.inside, path) / name
-        if target in targets:
-            first = targets[target].paths[0]
-            raise UsageError(f"{first} and {recording.paths[0]} would both become {target}; filter them separately")
-        targets[target] = recording
-    return form, list(targets)
+    suffix = "" if OUTPUT_FORMATS[form].is_folder else OUTPUT_FORMATS[form].suffix
+    names = (Path(*one.inside, one.name + suffix) for one in recordings)
+    inputs = [one.paths[0] for one in recordings]
+    return form, outputs_in(path, names, inputs, "recording", "filter them separately")
 
 
 @dataclass(frozen=True)

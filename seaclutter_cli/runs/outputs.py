@@ -98,6 +98,19 @@ def is_folder(output: PathLike, outputs: int, marker: str = "") -> bool:
     return os.path.isdir(place)  # noqa: PTH112 - false if the name is too long
 
 
+def outputs_in(folder: Path, names: Iterable[Path], inputs: Sequence[Path], noun: str, remedy: str) -> list[Path]:
+    """Return files of names in a folder, one for each input; raise `UsageError` if there are not as many, or a file."""
+    if is_file(folder):
+        raise UsageError(f"{folder}: is a file, but {count(len(inputs), noun)} need a folder")
+    made: dict[Path, Path] = {}
+    for name, one in zip(names, inputs, strict=True):
+        target = folder / name
+        if target in made:
+            raise UsageError(f"{made[target]} and {one} would both become {target}; {remedy}")
+        made[target] = one
+    return list(made)
+
+
 def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
     outputs: Paths,
     inputs: Paths,

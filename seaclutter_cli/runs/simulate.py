@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -49,7 +49,7 @@ def simulate(options: SimulateOptions) -> "SimulationResult | TileSimulationResu
     --------
     >>> import seaclutter
     >>> made = seaclutter.simulate("calm", folder / "calm.mcap", frames=2)
-    >>> made.tally.frames, made.labels.name
+    >>> made.frames, made.labels.name
     (2, 'calm.labels.csv')
     >>> several = seaclutter.simulate("calm", folder / "seeds", frames=1, seeds=[1, 2])
     >>> [(one.recording, one.status) for one in several.outcomes]
@@ -78,17 +78,17 @@ def _simulate_recording(name: str, output: Path, options: SimulateOptions, obser
     labels = output.with_suffix(".labels.csv")
     targets = {"-o": output, "the labels of -o": labels, "--scene-file": options.scene_file}
     prepare_outputs(targets, {"SCENE": Path(name)}, force=options.force, observer=observer)
-    tally, started = PointTally(), perf_counter()
+    points, started = Counter[int](), perf_counter()
     with OutputGroup(replace=options.force) as files, observer.progress(output.stem, scene.recording.frames) as step:
         if options.scene_file:
             save_scene(scene, options.scene_file, files)
 
         def on_frame(frame: SimulatedFrame) -> None:
-            tally.add(frame)
+            points.update(frame.points["label"].tolist())
             step()
 
         record(scene, output, labels, on_frame, files)
-    return SimulationResult(scene, tally, output, labels, perf_counter() - started)
+    return SimulationResult(scene, points, scene.recording.frames, output, labels, perf_counter() - started)
 
 
 def _simulate_tile(name: str, output: Path, options: SimulateOptions, observer: Observer) -> "TileSimulationResult":
@@ -120,30 +120,17 @@ def _simulate_tile(name: str, output: Path, options: SimulateOptions, observer: 
     return TileSimulationResult(scene, points, land, output, perf_counter() - started)
 
 
-@dataclass
-class PointTally:
-    """Numbers of frames of a recording, and of points by label."""
-
-    frames: int = 0
-    points: Counter[int] = field(default_factory=Counter)
-
-    def add(self, frame: SimulatedFrame) -> None:
-        """Add a frame."""
-        self.frames += 1
-        labels, counts = np.unique(frame.points["label"], return_counts=True)
-        self.points.update(dict(zip(labels.tolist(), counts.tolist(), strict=True)))
-
-
 @dataclass(frozen=True)
 class SimulationResult(Result):
-    """A simulated recording: its scene, numbers of frames and points, and files."""
+    """A simulated recording: its scene, points by label, number of frames, and files."""
 
     is_summary = True
-    data = "output=log labels frames=tally.frames points=listed"
+    data = "output labels frames points=listed"
 
     scene: Scene
-    tally: PointTally
-    log: Path
+    points: Counter[int]
+    frames: int
+    output: Path
     labels: Path
     seconds: float
 
@@ -152,21 +139,20 @@ class SimulationResult(Result):
         targets = [item for item in self.scene.objects if not item.ignore]
         names = [item.class_name or item.shape for item in targets]
         shown = [(f"{name}, track {item.track_id}", item.track_id) for name, item in zip(names, targets, strict=True)]
-        rows = [(name, self.tally.points[track_id]) for name, track_id in shown]
+        rows = [(name, self.points[track_id]) for name, track_id in shown]
         if len(rows) > _MAX_TARGETS:
             points, objects = Counter[str](), Counter(names)
             for name, item in zip(names, targets, strict=True):
-                points[name] += self.tally.points[item.track_id]
+                points[name] += self.points[item.track_id]
             rows = [(f"{name} ({count(number, 'object')})", points[name]) for name, number in sorted(objects.items())]
-        rows = [("clutter", self.tally.points[CLUTTER]), *rows, ("own ship or ignored", self.tally.points[IGNORED])]
+        rows = [("clutter", self.points[CLUTTER]), *rows, ("own ship or ignored", self.points[IGNORED])]
         return [{"label": name, "points": points} for name, points in rows]
 
     def as_text(self) -> str:
         """Return the result as human-readable text."""
-        frames = self.tally.frames
-        rows = [(one["label"], f"{one['points'] / frames:,.0f}") for one in self.listed()]
-        pace = f"{count(frames, 'frame')} in {self.seconds:.1f} s ({frames / self.seconds:.0f} frames/s)"
-        files = printable(f"{self.log}, {self.labels}")
+        rows = [(one["label"], f"{one['points'] / self.frames:,.0f}") for one in self.listed()]
+        pace = f"{count(self.frames, 'frame')} in {self.seconds:.1f} s ({self.frames / self.seconds:.0f} frames/s)"
+        files = printable(f"{self.output}, {self.labels}")
         return f"{files}\n{indented(table(('label', 'points per frame'), rows))}\n{pace}"
 
 

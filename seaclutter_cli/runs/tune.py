@@ -96,9 +96,6 @@ class _ThresholdHistory(FrameListener):
         self._start_m, self._end_m = variants[0].config.ring_edges[ring - 1 : ring + 1]
         self._rows: list[list[float]] = []
 
-    def begin(self, recording: str) -> None:
-        """Start the only recording."""
-
     def add(self, scored: ScoredFrame) -> None:
         """Store the ideal threshold of a frame and those of the variants; NaN if there is none."""
         frame, ideal = scored.frame, None

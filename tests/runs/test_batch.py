@@ -16,7 +16,7 @@ import seaclutter
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.runs.batch import Work, run_all
-from seaclutter_cli.runs.observer import Silent
+from seaclutter_cli.runs.observer import Silent, raising
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.recordings import Outcome
 from seaclutter_cli.sources.recordings import Recording
@@ -196,10 +196,10 @@ def test_messages_appear_when_they_come_if_recordings_come_one_after_another():
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
-def test_results_of_use_only_together_end_with_the_first_error():
+def test_a_run_that_raises_ends_with_the_first_error():
     receiver, passed = Receiver(), []
     with pytest.raises(SeaclutterError, match=r"r1: .*killed"):
-        run_all(works(3, kills={1}), BatchOptions(jobs=2), receiver, passed.append, together=True)
+        run_all(works(3, kills={1}), BatchOptions(jobs=2), raising(receiver), passed.append)
     assert not any(receiver.errors)
 
 

@@ -19,7 +19,7 @@ from seaclutter_cli.runs.batch import Work, run_all
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions, SeparateTilesOptions, WritingTiles
-from seaclutter_cli.runs.outputs import Paths, is_file, is_folder, prepare_outputs
+from seaclutter_cli.runs.outputs import Paths, is_folder, outputs_in, prepare_outputs
 from seaclutter_cli.runs.recordings import O, Outcome, storing_errors
 from seaclutter_cli.runs.resume import same_output_accepted
 from seaclutter_cli.sinks.atomic import OutputGroup
@@ -132,22 +132,14 @@ def plan_tiles(
     input files are given by option. Raise `UsageError` if an output is an input, exists and may not be replaced, would
     be written twice, or has a format to which the tile cannot be converted.
     """
-    output = options.output
-    into_folder = is_folder(output, len(tiles))
-    if into_folder and is_file(Path(output)):
-        raise UsageError(f"{output}: is a file, but {count(len(tiles), 'tile')} need a folder")
-    targets = [Path(output) / tile.file_name for tile in tiles] if into_folder else [Path(output)]
-    if into_folder:  # formats without a writer become PCD
-        targets = [t if t.suffix.lower() in (*LAS, *POINT_WRITERS) else t.with_suffix(".pcd") for t in targets]
-    named: dict[Path, Path] = {}
-    for tile, target in zip(tiles, targets, strict=True):
-        if target in named:
-            both = f"{named[target]} and {tile.path}"
-            raise UsageError(f"{both} would both become {target}; rename one, or leave one out")
-        named[target] = tile.path
+    targets, paths = [Path(options.output)], [tile.path for tile in tiles]
+    if is_folder(options.output, len(tiles)):  # formats without a writer become PCD
+        names = [Path(tile.file_name) for tile in tiles]
+        names = [one if one.suffix.lower() in (*LAS, *POINT_WRITERS) else one.with_suffix(".pcd") for one in names]
+        targets = outputs_in(targets[0], names, paths, "tile", "rename one, or leave one out")
     prepare_outputs(
         {"-o": targets, **other_outputs},
-        {"TILE": [tile.path for tile in tiles], "-c": options.config, **inputs},
+        {"TILE": paths, "-c": options.config, **inputs},
         force=force,
         observer=options.observer,
     )
