@@ -20,8 +20,10 @@ from numpy.typing import NDArray
 from scipy.special import expit
 
 import seaclutter
+from seaclutter_cli.evaluation import EvaluationParams
+from seaclutter_cli.evaluation.matching import point_truth
 from seaclutter_cli.filters import confirmed
-from seaclutter_cli.filters.confirmation.evidence import FEATURES, OF_SHAPE
+from seaclutter_cli.filters.confirmation.evidence import FEATURES, OF_SHAPE, OF_TRACKS, log_error
 from seaclutter_cli.filters.confirmation.objects import Clusters, features_of
 from seaclutter_cli.labels import open_labels
 from seaclutter_cli.truth import IGNORED
@@ -32,6 +34,8 @@ KNOTS, SMOOTHNESS, SHRINKAGE = 9, 1e-3, 0.02
 """Of the last two, those with the least loss on the logs of a simulator that was left out, in the mean of three."""
 STEPS = 20
 MARGIN_M = 0.3
+MOST = 400
+"""Number of objects of one log: more of them resemble each other."""
 
 
 @dataclass
@@ -53,15 +57,15 @@ class Looks:
 
 
 class Recorder(confirmed.Confirmed):
-    """The method, which notes the features of all objects and the share of their points that is of targets."""
+    """The method, which notes the features of all objects when it decides, and whether they are targets."""
 
     def __init__(self, labels: Any) -> None:
         super().__init__(self.Params())
-        self.labels, self.seen = labels, []
+        self.labels, self.known, self.seen = labels, {}, []
 
     def _examine(self, frame: Any, time_s: float) -> Any:
         truth, find = self.labels.truth(frame), confirmed.find_objects
-        points = None if truth is None else truth.points
+        points = None if truth is None else point_truth(frame, truth, EvaluationParams())
         ignored = points is not None and (points == IGNORED) | truth.ignored.covers(frame.coordinates, MARGIN_M)
 
         def noted(echoes: Any, among: Any, heights: Any, beams: Any, params: Any, *, near: bool) -> Any:
@@ -71,9 +75,9 @@ class Recorder(confirmed.Confirmed):
                     clusters.mean(one[echoes.index].astype(float))
                     for one in ((points > 0) & (points != IGNORED), ignored)
                 )
-                sure = (target > 0.5) | (unclear < 0.5)  # no quays and land
                 features = features_of(echoes, clusters, heights, beams)
-                self.seen.append((features[:, sure], target[sure] > 0.5))
+                for k in np.flatnonzero((target > 0.5) | (unclear < 0.5)).tolist():  # no quays and land
+                    self.known[frame.index, echoes.index[clusters.members(k)].min()] = features[:, k], target[k] > 0.5
             return find(echoes, among, heights, beams, params, near=near)
 
         confirmed.find_objects = noted
@@ -81,6 +85,13 @@ class Recorder(confirmed.Confirmed):
             return super()._examine(frame, time_s)
         finally:
             confirmed.find_objects = find
+
+    def _decide(self, one: Any) -> Any:
+        for found, track in zip(one.objects, one.tracks, strict=True):
+            if known := self.known.pop((one.frame.index, found.points.min()), None):
+                features, is_target = known
+                self.seen.append(((*features, log_error(track.error_m(one.time_s + self.look_ahead_s))), is_target))
+        return super()._decide(one)
 
 
 def looks(path: Path) -> Looks | None:
@@ -92,8 +103,9 @@ def looks(path: Path) -> Looks | None:
     method.flush()
     if not method.seen:
         return None
-    features, target = (np.concatenate(part, axis=-1) for part in zip(*method.seen, strict=True))
-    return Looks(features, target, np.ones(len(target)))
+    features, target = (np.array(part) for part in zip(*method.seen, strict=True))
+    some = np.random.default_rng(0).permutation(len(target))[:MOST]
+    return Looks(features[some].T, target[some], np.ones(len(some)))
 
 
 class Curves:
@@ -102,7 +114,8 @@ class Curves:
     .. [1] Hastie, Tibshirani (1986). "Generalized additive models". Statistical Science 1(3).
     """
 
-    def __init__(self, seen: Looks) -> None:
+    def __init__(self, seen: Looks, names: Sequence[str] = (*FEATURES, OF_TRACKS)) -> None:
+        self.names = names
         quantiles = np.linspace(0.01, 0.99, KNOTS)
         self.knots = [np.unique(np.quantile(values, quantiles).round(3)) for values in seen.features]
         basis, weight = self._basis(seen.features), seen.weight / seen.weight.sum()
@@ -127,7 +140,7 @@ class Curves:
         """Return what the method reads."""
         curves = {
             name: {"value": knots.tolist(), "log_odds": self.values[start : start + len(knots)].round(3).tolist()}
-            for name, (start, knots) in zip(FEATURES, self._spans(), strict=False)
+            for name, (start, knots) in zip(self.names, self._spans(), strict=True)
         }
         return {"offset": round(float(self.values[0]), 3), "curves": curves}
 
@@ -148,7 +161,7 @@ class Curves:
 def picture(table: dict[str, Any], path: Path) -> None:
     """Draw all curves."""
     plt.rcParams.update({"svg.hashsalt": "evidence", "svg.fonttype": "none"})
-    figure, axes = plt.subplots(2, 5, figsize=(11, 4), sharey=True, layout="constrained")
+    figure, axes = plt.subplots(2, 6, figsize=(13, 4), sharey=True, layout="constrained")
     for axis, name in zip(axes.flat, table["curves"], strict=False):
         axis.axhline(0, color="0.8")
         axis.plot(*table["curves"][name].values(), marker=".")
@@ -180,10 +193,10 @@ def main() -> None:
         print(f"third {third + 1} of all logs left out: {Curves(rest).loss(out):.4f}")
     curves = Curves(every)
     print(f"all: {curves.loss(every):.4f}")
-    of_shape = replace(every, features=every.features[:OF_SHAPE])
-    dim = Curves(of_shape)
+    of_shape = replace(every, features=np.delete(every.features, range(OF_SHAPE, len(FEATURES)), axis=0))
+    dim = Curves(of_shape, (*FEATURES[:OF_SHAPE], OF_TRACKS))
     print(f"without intensities: {dim.loss(of_shape):.4f}")
-    tables = {"version": 3, "all": curves.table(), "shape": dim.table()}
+    tables = {"version": 4, "all": curves.table(), "shape": dim.table()}
     given.output.write_text(json.dumps(tables, indent=1) + "\n", "utf-8")
     if given.plot:
         picture(curves.table(), given.plot)

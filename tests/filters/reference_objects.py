@@ -57,6 +57,7 @@ class Echo:
     low: bool
     unseen: float
     alone: float = 0.0
+    elsewhere: float = 0.0
     beside: bool = True
     face: float = 0.0
     run: int = 1
@@ -119,7 +120,8 @@ class Background:
         self.seen = {cell: kept * self.seen.get(cell, 0.0) + (1 - kept) * (cell in now) for cell in cells}
         shares = {cell: self.share(*cell) for cell in set(map(cell_of, echoes))}
         for echo in echoes:
-            echo.alone = max(echo.unseen, 1 - shares[cell_of(echo)] / heights._COMMON)
+            echo.elsewhere = shares[cell_of(echo)]
+            echo.alone = max(echo.unseen, 1 - echo.elsewhere / heights._COMMON)
             echo.grows |= echo.alone > heights.ALONE and echo.solid and not echo.mirrored
 
     def share(self, ring: int, sector: int) -> float:
@@ -336,7 +338,7 @@ def evidence_of(groups: Sequence[Sequence[Echo]], lidar: Beams, params: Any) -> 
         features = shape_of(own, lidar)
         if params.use_intensity:
             features |= light_of(own)
-        assert set(features) == set(stored["curves"])
+        assert {*features, evidence.OF_TRACKS} == set(stored["curves"])
         odds = stored["offset"] + math.fsum(on_curve(stored["curves"][name], value) for name, value in features.items())
         spread = in_volume(sum(echo.linked for echo in own), sum(echo.loose for echo in own))
         found.append(evidence.LEAST if spread else min(max(odds, evidence.LEAST), evidence.MOST))
@@ -378,9 +380,9 @@ def shape_of(echoes: Sequence[Echo], lidar: Beams) -> dict[str, float]:
         "density": math.log2(count * (mean([echo.range_m for echo in echoes]) / 10) ** 2),
         "echoes_beside": math.log2(max(beside, 0.01) / count),
         "face_share": face / max(top, 0.05),
-        "beams": math.log2(max(extent / spacing, 1.0)),
         "slenderness": math.log2((max(across) - min(across) + 0.05) / max(extent + spacing, 0.05)),
         "row": mean([echo.alone for echo in echoes]) * math.log2(mean([echo.run for echo in echoes])),
+        "background": mean([math.log2(echo.elsewhere + 0.002) for echo in echoes]),
     }
 
 

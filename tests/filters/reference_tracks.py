@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from seaclutter_cli.filters.confirmation import evidence, tracks
-from tests.filters.reference_objects import XY, Thing, distances, nearest, places_of
+from tests.filters.reference_objects import XY, Thing, distances, nearest, on_curve, places_of, tables
 
 SLACK_S = 1e-6
 
@@ -47,6 +47,7 @@ class Track:
     from_outside: bool = False
     whole: "Track | None" = None
     history: list[Entry] = field(default_factory=list)
+    errors: list[XY] = field(default_factory=list)
 
     @property
     def memory(self) -> float:
@@ -77,6 +78,8 @@ class Track:
 
     def follow(self, thing: Thing, time_s: float) -> None:
         elapsed = time_s - self.seen_s
+        x, y = (old + speed * elapsed for old, speed in zip(self.center, self.velocity, strict=True))
+        self.errors.append((time_s, math.dist(thing.center, (x, y))))
         if elapsed > 0:
             seen = [(new - old) / elapsed for new, old in zip(thing.center, self.center, strict=True)]
             if math.hypot(*seen) < tracks._MAX_SPEED_MS:
@@ -102,8 +105,11 @@ class Track:
         for one in sorted(self.history, key=lambda one: -one.time_s):
             if time_s < one.time_s <= until_s and not one.is_beside(time_s):
                 after = remembered(after, one.evidence, one.step_s, params.memory_s)
-        average = sum(around) / len(around)
-        return (before[-1] if before else 0.0) + tracks._LOOK * (average + tracks._DOUBT) + after
+        errors = [error for seen_s, error in self.errors if seen_s <= until_s]
+        curve = tables()["all" if params.use_intensity else "shape"]["curves"][evidence.OF_TRACKS]
+        steady = on_curve(curve, math.log2(math.fsum(errors) / max(len(errors), 1) + 0.05))
+        look = sum(around) / len(around) + steady + tracks._DOUBT
+        return (before[-1] if before else 0.0) + tracks._LOOK * look + after
 
 
 def remembered(memory: float, evidence: float, step_s: float, memory_s: float) -> float:

@@ -10,7 +10,7 @@ Mask = NDArray[np.bool_]
 
 _SECTORS, _BESIDE = 72, 2
 _NEAR_M, _PER_OCTAVE, _RINGS = 8.0, 8.0, 48
-_MEMORY_S = 1.0
+_MEMORY_S = 6.0
 
 
 class Background:
@@ -19,7 +19,7 @@ class Background:
     Water has echoes all around at one range, a body in one direction. So what the water shows at a point is learned
     from other directions at its range, as in radar detectors with a constant rate of false alarms [1]_.
 
-    **State**: how often each cell of 5° and about a fifth of its range had echoes of water in the last second.
+    **State**: how often each cell of 5° and about a fifth of its range had echoes of water in the last six seconds.
 
     References
     ----------

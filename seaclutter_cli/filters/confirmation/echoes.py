@@ -84,6 +84,8 @@ class Heights:
     alone : ndarray, float64
         The same, or 1 where the water has no echoes at the range of a point, 0 where it has them in a quarter of the
         other directions.
+    seen : ndarray, float64
+        Share of the other directions in which the water has echoes at the range of a point.
     run : ndarray, int32
         Number of echoes beside each other in one beam, at nearly one range.
     water : WaterSurface or None
@@ -104,6 +106,7 @@ class Heights:
     brightness: Floats
     unseen: Floats
     alone: Floats
+    seen: Floats
     run: NDArray[np.int32]
     water: WaterSurface | None
 
@@ -165,6 +168,7 @@ class Sea:
             brightness,
             unseen,
             alone,
+            seen,
             faces.run,
             water,
         )

@@ -1,5 +1,6 @@
-"""The evidence of one frame that an object is a target: one curve for each feature of its shape."""
+"""The evidence that an object is a target: one curve for each feature of its shape, and of its track."""
 
+import math
 from functools import cache
 from importlib.resources import files
 
@@ -16,9 +17,9 @@ FEATURES = (
     "density",
     "echoes_beside",
     "face_share",
-    "beams",
     "slenderness",
     "row",
+    "background",
     "bright_share",
     "brightness",
 )
@@ -26,13 +27,16 @@ FEATURES = (
 
 Height of the top in metres; metres from the 10th percentile of the heights to the highest; logarithm of the number of
 echoes times the square of the range in tens of metres, and of the neighbours of each that stand out; the upright face
-in heights of the top; logarithm of the number of beams that the extent spans, at least one, and of the width across the
-line of sight by the extent and the distance to the next beam; where the water has no echoes, logarithm of the number of
-echoes beside each other in one beam. With intensities: the share of echoes that reach their thresholds, and the
-logarithm of the intensity in thresholds.
+in heights of the top; logarithm of the width across the line of sight by the extent and the distance to the next beam;
+where the water has no echoes, logarithm of the number of echoes beside each other in one beam; logarithm of the share
+of the other directions in which the water has echoes at that range. With intensities: the share of echoes that reach
+their thresholds, and the logarithm of the intensity in thresholds.
 """
 OF_SHAPE = 8
 """Number of the features that need no intensities; without any, these have curves of their own."""
+OF_TRACKS = "error"
+"""Name of the feature of a track: the logarithm of its mean distance from where it was expected, in metres."""
+_LEAST_ERROR_M = 0.05
 LEAST, MOST = -3.0, 3.0
 
 
@@ -42,18 +46,28 @@ def log_odds(features: Floats) -> Floats:
     The odds are those of the frames from which the curves were learned, in which targets and clutter have equal weight.
     They are at least 1 to 20 and at most 20 to 1: what was not among these frames must not outweigh what others say.
     """
-    offset, curves = _curves(len(features))
-    pairs = zip(features, curves, strict=True)
+    offset, curves = _curves(len(features) == len(FEATURES))
+    pairs = zip(features, (curves[name] for name in FEATURES), strict=False)
     odds: Floats = offset + np.sum([np.interp(values, *curve) for values, curve in pairs], axis=0)
     return np.clip(odds, LEAST, MOST)
 
 
+def steadiness(error_m: float, *, intensities: bool) -> float:
+    """Return the log-odds of what is found so far from where it was expected, in the mean."""
+    _, curves = _curves(intensities)
+    return float(np.interp(log_error(error_m), *curves[OF_TRACKS]))
+
+
+def log_error(error_m: float) -> float:
+    """Return the feature of a track with a mean error."""
+    return math.log2(error_m + _LEAST_ERROR_M)
+
+
 @cache
-def _curves(number: int) -> tuple[float, list[tuple[Floats, Floats]]]:
-    """Return the offset, and values of each of the first features with the log-odds that belong to them."""
+def _curves(intensities: bool) -> tuple[float, dict[str, tuple[Floats, Floats]]]:
+    """Return the offset, and values of each feature with the log-odds that belong to them."""
     tables = load_json((files("seaclutter_cli.filters.confirmation") / "evidence.json").read_bytes())
-    stored = tables["all" if number == len(FEATURES) else "shape"]
-    curves = stored["curves"]
-    return stored["offset"], [
-        (np.array(curves[name]["value"]), np.array(curves[name]["log_odds"])) for name in FEATURES[:number]
-    ]
+    stored = tables["all" if intensities else "shape"]
+    return stored["offset"], {
+        name: (np.array(curve["value"]), np.array(curve["log_odds"])) for name, curve in stored["curves"].items()
+    }

@@ -21,6 +21,7 @@ _MAX_CELL = 1 << 19
 _DENSITY_AT_M = 10.0
 _LEAST_M, _LEAST_SPACING_M, _FEW, _LEAST_BRIGHTNESS = 0.05, 0.01, 0.01, 0.1
 _APART_M = 1e4
+_LEAST_SHARE = 0.002
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,9 +173,9 @@ def features_of(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Bea
         np.log2(count * (range_m / _DENSITY_AT_M) ** 2),
         np.log2(np.maximum(beside, _FEW) / count),
         face / np.maximum(top, _LEAST_M),
-        np.log2(np.maximum(extent / spacing, 1)),
         np.log2((width + _LEAST_M) / np.maximum(extent + spacing, _LEAST_M)),
         clusters.mean(heights.alone) * np.log2(clusters.mean(heights.run)),
+        clusters.mean(np.log2(heights.seen + _LEAST_SHARE)),
     )
     if echoes.intensity is None:
         return np.array(shape)

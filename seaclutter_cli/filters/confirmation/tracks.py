@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.evidence import LEAST
+from seaclutter_cli.filters.confirmation.evidence import LEAST, steadiness
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
 from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.water.beams import Sight
@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 _DECORRELATION_S = 1.0
 _MOST_MEMORY = 3.0
-_LOOK, _DOUBT = 0.35, -1.0
+_LOOK, _DOUBT = 0.35, -0.5
 _MISSED_ECHOES, _MISSED_POWER = 2.3, 1.65
 _MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
 _KNOWN_AFTER_S = 0.5
@@ -41,12 +41,13 @@ _MET_M = 0.5
 
 
 class Evidence(NamedTuple):
-    """Evidence of one frame: its time, the evidence, the time it stands for, and the memory after it."""
+    """Evidence of one frame: its time, the evidence, the time it stands for, the memory and the mean error after it."""
 
     time_s: float
     evidence: float
     step_s: float
     memory: float
+    error_m: float
 
 
 @dataclass(eq=False)
@@ -54,8 +55,9 @@ class Track:
     """An object followed over time.
 
     When it was last seen, its parts were at the horizontal positions ``cells``, shape (m, 2), its centre at ``center``,
-    its top ``top_m`` above the water, and it had so many ``echoes``. ``velocity``, shape (2,), is relative to the
-    lidar, so own ship's motion is part of it. It was ever seen, and confirmed, beyond ``start_m`` if ``seen_outside``
+    its top ``top_m`` above the water, and it had so many ``echoes``. ``errors_m`` is how far it was from where it was
+    expected, in all of so many ``looks``. ``velocity``, shape (2,), is relative to the lidar, so own ship's motion is
+    part of it. It was ever seen, and confirmed, beyond ``start_m`` if ``seen_outside``
     and ``from_outside``; in the latter case, it is not own ship when it comes nearer, nor is what is ``part_of`` it.
     It was ``absent_s`` before it appeared, at most the look-ahead; 0 if that does not count. It last had more than the
     least evidence at ``stood_s``. ``memory`` is its evidence, and ``history`` that of the frames that decisions still
@@ -69,6 +71,8 @@ class Track:
     velocity: Floats = field(default_factory=lambda: np.zeros(2))
     top_m: float = 0.0
     echoes: int = 1
+    looks: int = 1
+    errors_m: float = 0.0
     absent_s: float = 0.0
     stood_s: float = -math.inf
     seen_outside: bool = False
@@ -107,6 +111,10 @@ class Track:
         """Return where its parts are expected at a time, shape (m, 2)."""
         return self.cells + self.velocity * (time_s - self.seen_s)
 
+    def error_m(self, until_s: float) -> float:
+        """Return the mean distance from where it was expected, at all looks but the first until some time."""
+        return next(item.error_m for item in reversed(self.history) if item.time_s <= until_s)
+
     def gate_m(self, time_s: float, interval_s: float) -> float:
         """Return the distance from there within which they may be; ``interval_s`` is the time between frames."""
         unseen_s = time_s - self.seen_s
@@ -119,6 +127,7 @@ class Track:
     def move(self, found: DetectedObject, time_s: float) -> None:
         """Update position and velocity."""
         elapsed = time_s - self.seen_s
+        self.errors_m += math.hypot(*(found.center - self.center - self.velocity * elapsed))
         if elapsed > 0:
             velocity = (found.center - self.center) / elapsed
             if math.hypot(*velocity) < _MAX_SPEED_MS:
@@ -126,6 +135,7 @@ class Track:
                 self.velocity = self.velocity + gain * (velocity - self.velocity)
         self.cells, self.center, self.seen_s = found.cells, found.center, time_s
         self.top_m, self.echoes = found.top_m, len(found.points)
+        self.looks += 1
         self.seen_outside |= not found.near
 
 
@@ -240,9 +250,11 @@ class Tracker:
     def score(self, track: Track, time_s: float) -> float:
         """Return the score of a track at a time: its evidence before and after, and some of that around the time.
 
-        Around it are the frame, the one before and the one after, even if that is more than the look-ahead away.
+        Around it are the frame, the one before and the one after, even if that is more than the look-ahead away. With
+        it counts how near the track was to where it was expected.
         """
         around, before, after = [], 0.0, 0.0
+        until_s = time_s + self._params.look_ahead_s + _SLACK_S
         for item in track.history:
             if abs(item.time_s - time_s) <= _NEIGHBOR_STEPS * item.step_s:
                 around.append(item.evidence)
@@ -251,9 +263,10 @@ class Tracker:
         for item in reversed(track.history):
             if item.time_s - time_s <= _NEIGHBOR_STEPS * item.step_s:
                 break
-            if item.time_s - time_s <= self._params.look_ahead_s + _SLACK_S:
+            if item.time_s <= until_s:
                 after = self._remembered(after, item.evidence, item.step_s)
-        return before + _LOOK * (sum(around) / len(around) + _DOUBT) + after
+        steady = steadiness(track.error_m(until_s), intensities=self._params.use_intensity)
+        return before + _LOOK * (sum(around) / len(around) + steady + _DOUBT) + after
 
     def _interval_s(self, time_s: float) -> float:
         return 0.0 if self._time_s is None else time_s - self._time_s
@@ -296,7 +309,8 @@ class Tracker:
         """Add the evidence of a frame."""
         step = min(time_s - track.history[-1].time_s, _MAX_STEP_S) if track.history else _FIRST_STEP_S
         track.memory = self._remembered(track.memory, evidence, step)
-        track.history.append(Evidence(time_s, evidence, max(step, 1e-3), track.memory))
+        error_m = track.errors_m / max(track.looks - 1, 1)
+        track.history.append(Evidence(time_s, evidence, max(step, 1e-3), track.memory, error_m))
         reach = max(self._params.look_ahead_s, _NEIGHBOR_STEPS * _MAX_STEP_S)
         oldest = self._since_s - reach - _MAX_STEP_S
         while len(track.history) > 1 and track.history[1].time_s < oldest:
