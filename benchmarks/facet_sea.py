@@ -21,11 +21,8 @@ fewer echoes on lidars of few beams; the polar grid is coarse beyond 30 m; there
 .. [7] Rasshofer, Spies, Spies (2011). "Influences of weather phenomena on automotive laser radar systems". ARS 9.
 """
 
-import argparse
 import math
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -40,8 +37,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
-
-from seaclutter_cli.runs.options.logs import parse_seeds
+from sea_logs import parser_of, record_all
 
 OFFSETS = {"x": 0, "y": 4, "z": 8, "intensity": 12, "ring": 16}
 POINT = np.dtype([(name, "u2" if name == "ring" else "f4") for name in OFFSETS])
@@ -445,16 +441,8 @@ def write(path: Path, messages: list[Message], *, imu: bool) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="benchmarks/facet_sea.py", description=__doc__.partition("\n")[0])
-    parser.add_argument("folder", type=Path, help="folder for the logs")
-    parser.add_argument("--seeds", type=parse_seeds, default=(1,), help="such as 1..40 or 3,7")
-    parser.add_argument("--families", nargs="+", choices=FAMILIES, default=FAMILIES, help="one log of each per seed")
-    parser.add_argument("--jobs", type=int, default=1, help="number of processes")
-    given = parser.parse_args()
-    given.folder.mkdir(parents=True, exist_ok=True)
-    logs = [(family, seed) for seed in given.seeds for family in given.families]
-    with ProcessPoolExecutor(given.jobs) as pool:
-        list(pool.map(partial(record, folder=given.folder), *zip(*logs, strict=True)))
+    given = parser_of("facet_sea.py", __doc__, FAMILIES).parse_args()
+    record_all(record, [(family, seed) for seed in given.seeds for family in given.families], given.folder, given.jobs)
 
 
 if __name__ == "__main__":

@@ -19,12 +19,9 @@ glint is as bright at grazing incidence as at steeper.
 .. [3] Schlick (1994). "An inexpensive BRDF model for physically-based rendering". Computer Graphics Forum 13(3).
 """
 
-import argparse
 import csv
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,8 +31,7 @@ from fft_clutter import Clutter, Echoes, Water
 from fft_scenes import FAMILIES, Lidar, Own, World, draw
 from mcap.writer import Writer
 from rosbags.typesys import Stores, get_typestore
-
-from seaclutter_cli.runs.options.logs import parse_seeds
+from sea_logs import parser_of, record_all
 
 START_S = 1.76e9
 POINT = np.dtype(
@@ -48,6 +44,7 @@ FIELD_TYPES = {"f4": 7, "f8": 8, "u2": 4, "u1": 2}
 CLOUD, IMU = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/Imu"
 COLUMNS = "frame,track_id,class,x,y,z,length,width,height,yaw"
 IGNORED = 65535
+LAST_SEED = 99
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 
 
@@ -318,18 +315,11 @@ def record(family: str, seed: int, folder: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="benchmarks/fft_sea.py", description=__doc__.partition("\n")[0])
-    parser.add_argument("folder", type=Path, help="folder for the logs")
-    parser.add_argument("--seeds", type=parse_seeds, default=(1,), help="such as 1..40 or 3,7, up to 99")
-    parser.add_argument(
-        "--families", nargs="+", choices=list(FAMILIES), default=list(FAMILIES), help="one log of each per seed"
-    )
-    parser.add_argument("--jobs", type=int, default=1, help="number of processes")
+    parser = parser_of("fft_sea.py", __doc__, FAMILIES)
     given = parser.parse_args()
-    given.folder.mkdir(parents=True, exist_ok=True)
-    logs = [(family, seed) for seed in given.seeds for family in given.families]
-    with ProcessPoolExecutor(given.jobs) as pool:
-        list(pool.map(partial(record, folder=given.folder), *zip(*logs, strict=True)))
+    if max(given.seeds) > LAST_SEED:
+        parser.error(f"--seeds: at most {LAST_SEED}; later ones have the random numbers of other families")
+    record_all(record, [(family, seed) for seed in given.seeds for family in given.families], given.folder, given.jobs)
 
 
 if __name__ == "__main__":

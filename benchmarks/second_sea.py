@@ -14,17 +14,15 @@ would miss are ignored in that frame.
 .. [4] Rasshofer, Spies, Spies (2011). "Influences of weather phenomena on automotive laser radar systems". ARS 9.
 """
 
-import argparse
 import csv
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from ideal import unseen
 from mcap.writer import CompressionType, Writer
+from sea_logs import parser_of, record_all
 from second_bodies import (
     FIXED,
     GRAVITY,
@@ -49,7 +47,6 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.labels.csv import COLUMNS
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
-from seaclutter_cli.runs.options.logs import parse_seeds
 from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes
 
 START_NS = 1_700_000_000_000_000_000
@@ -535,22 +532,14 @@ def label_rows(number: int, points: Array, boxes: Boxes) -> Iterator[list[Any]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="benchmarks/second_sea.py", description=__doc__.partition("\n")[0])
-    parser.add_argument("folder", type=Path, help="folder for the logs")
-    parser.add_argument("--seeds", type=parse_seeds, default=(1,), help="such as 1..40 or 3,7")
-    parser.add_argument(
-        "--families", nargs="+", choices=list(FAMILIES), default=list(FAMILIES), help="one log of each per seed"
-    )
+    parser = parser_of("second_sea.py", __doc__, FAMILIES)
     parser.add_argument(
         "--random", type=int, default=0, help="instead, so many logs of mixed families, from the first seed on"
     )
-    parser.add_argument("--jobs", type=int, default=1, help="number of processes")
     given = parser.parse_args()
-    given.folder.mkdir(parents=True, exist_ok=True)
     logs: list[Any] = [("random", given.seeds[0] + number, ()) for number in range(given.random)]
     logs = logs or [(family, seed, (family,)) for seed in given.seeds for family in given.families]
-    with ProcessPoolExecutor(given.jobs) as pool:
-        list(pool.map(partial(record, folder=given.folder), *zip(*logs, strict=True)))
+    record_all(record, logs, given.folder, given.jobs)
 
 
 if __name__ == "__main__":

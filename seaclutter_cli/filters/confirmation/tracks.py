@@ -57,11 +57,10 @@ class Track:
     When it was last seen, its parts were at the horizontal positions ``cells``, shape (m, 2), its centre at ``center``,
     its top ``top_m`` above the water, and it had so many ``echoes``. ``errors_m`` is how far it was from where it was
     expected, in all of so many ``looks``. ``velocity``, shape (2,), is relative to the lidar, so own ship's motion is
-    part of it. It was ever seen, and confirmed, beyond ``start_m`` if ``seen_outside``
-    and ``from_outside``; in the latter case, it is not own ship when it comes nearer, nor is what is ``part_of`` it.
-    It was ``absent_s`` before it appeared, at most the look-ahead; 0 if that does not count. It last had more than the
-    least evidence at ``stood_s``. ``memory`` is its evidence, and ``history`` that of the frames that decisions still
-    need.
+    part of it. It was ever seen, and confirmed, beyond ``start_m`` if ``seen_outside`` and ``from_outside``; in the
+    latter case, it is not own ship when it comes nearer, nor is what is ``part_of`` it. It was ``absent_s`` before it
+    appeared, at most the look-ahead; 0 if that does not count. It last had more than the least evidence at
+    ``stood_s``. ``memory`` is its evidence, and ``history`` that of the frames that decisions still need.
     """
 
     cells: Floats
