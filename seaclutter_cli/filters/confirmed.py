@@ -69,12 +69,13 @@ class Confirmed(Filter):
        (`FEATURES`), learned from logs of four simulators; without intensities, of eight.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
        most tracks have in common. The score of a track is the evidence that it collected before, that within
-       ``look_ahead_s`` after the frame, and 0.35 times the mean, less 0.5, of the frame and the two beside it. To this
+       ``look_ahead_s`` after the frame, and 0.35 times the mean, less 1, of the frame and the two beside it. To this
        mean adds how near the object was to where it was expected, by one more curve: crests and foam have no steady
        course. As in the track score of Sittler [1]_, independent looks add up, one in the time in which the water
        becomes independent of what it was, about a second. Evidence is forgotten over ``memory_s``. What appears must
-       stay for ``look_ahead_s``, except with ``causal``. An object is missed only where a beam would have met it, and
-       given up when its evidence is used up. What has the least evidence in a frame is not kept in it.
+       stay for ``look_ahead_s``, except with ``causal``, and so must what appears again when its evidence was used
+       up. An object is missed only where a beam would have met it. What has the least evidence in a frame is not kept
+       in it.
     6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
        and all where the water has no echoes.
 

@@ -41,8 +41,10 @@ class Track:
     velocity: XY = (0.0, 0.0)
     top: float = 0.0
     echoes: int = 1
+    appeared_s: float = 0.0
     absent_s: float = 0.0
     stood_s: float = -math.inf
+    gone: bool = False
     outside: bool = False
     from_outside: bool = False
     whole: "Track | None" = None
@@ -55,7 +57,7 @@ class Track:
 
     @property
     def stays(self) -> bool:
-        return self.stood_s - self.born_s + SLACK_S >= self.absent_s
+        return self.stood_s - self.appeared_s + SLACK_S >= self.absent_s
 
     @property
     def is_new(self) -> bool:
@@ -74,7 +76,7 @@ class Track:
 
     def may_return(self, time_s: float, interval_s: float) -> bool:
         patience_s = tracks._NEW_COAST_S + interval_s + SLACK_S if self.is_new else tracks._COAST_S
-        return time_s - self.seen_s <= patience_s and self.memory > 0
+        return time_s - self.seen_s <= patience_s
 
     def follow(self, thing: Thing, time_s: float) -> None:
         elapsed = time_s - self.seen_s
@@ -181,7 +183,7 @@ class Tracks:
             for k, heir in self.inherit(track, heirs, things, [own[number] for own in votes], time_s):
                 followed[k] = heir
         result = [
-            self.appeared(thing, time_s) if track is None else track
+            self.appeared(begun(thing, time_s), time_s) if track is None else track
             for track, thing in zip(followed, things, strict=True)
         ]
         for track, thing in zip(result, things, strict=True):
@@ -195,13 +197,15 @@ class Tracks:
             met = sum(meets(place, max(track.top, self.params.min_rise_m)) for place in places)
             if not hidden and met >= tracks._IN_SIGHT * len(places):
                 track.collect(missed(track.echoes), time_s, self.params.memory_s)
+        for track, _ in lost:
+            track.gone = track.memory <= 0
         self.tracks = [track for track, _ in lost if track.may_return(time_s, interval_s)] + result
         self.times.append(time_s)
         return result
 
-    def appeared(self, thing: Thing, time_s: float) -> Track:
-        """Return the track of an object that was not there until now."""
-        track = begun(thing, time_s)
+    def appeared(self, track: Track, time_s: float) -> Track:
+        """Return a track that was not there until now."""
+        track.appeared_s, track.gone = time_s, False
         if self.times and not self.params.causal:
             track.absent_s = min(time_s - self.times[0], self.params.look_ahead_s)
         return track
@@ -213,6 +217,8 @@ class Tracks:
         if not heirs:
             return []
         first = max(heirs, key=lambda k: (round(things[k].evidence / 2), votes[k]))
+        if track.gone:
+            self.appeared(track, time_s)
         track.follow(things[first], time_s)
         found = [(first, track)]
         for k in heirs:
@@ -272,9 +278,9 @@ def common_turn(known: Sequence[Sequence[XY]], cells: Sequence[XY], guess: float
 
 def begun(thing: Thing, time_s: float) -> Track:
     """Return a new track."""
-    return Track(
-        thing.cells, thing.center, time_s, time_s, top=thing.top, echoes=len(thing.echoes), outside=not thing.near
-    )
+    track = Track(thing.cells, thing.center, time_s, time_s, appeared_s=time_s)
+    track.top, track.echoes, track.outside = thing.top, len(thing.echoes), not thing.near
+    return track
 
 
 def recognise(things: Sequence[Thing], result: Sequence[Track], votes: Sequence[Sequence[int]]) -> None:

@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 _DECORRELATION_S = 1.0
 _MOST_MEMORY = 3.0
-_LOOK, _DOUBT = 0.35, -0.5
+_LOOK, _DOUBT = 0.35, -1.0
 _MISSED_ECHOES, _MISSED_POWER = 2.3, 1.65
 _MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
 _KNOWN_AFTER_S = 0.5
@@ -59,8 +59,9 @@ class Track:
     expected, in all of so many ``looks``. ``velocity``, shape (2,), is relative to the lidar, so own ship's motion is
     part of it. It was ever seen, and confirmed, beyond ``start_m`` if ``seen_outside`` and ``from_outside``; in the
     latter case, it is not own ship when it comes nearer, nor is what is ``part_of`` it. It was ``absent_s`` before it
-    appeared, at most the look-ahead; 0 if that does not count. It last had more than the least evidence at
-    ``stood_s``. ``memory`` is its evidence, and ``history`` that of the frames that decisions still need.
+    appeared at ``appeared_s``, at most the look-ahead; 0 if that does not count. It last had more than the least
+    evidence at ``stood_s``, and ``is_gone`` if it was missed until its evidence was used up. ``memory`` is its
+    evidence, and ``history`` that of the frames that decisions still need.
     """
 
     cells: Floats
@@ -72,8 +73,10 @@ class Track:
     echoes: int = 1
     looks: int = 1
     errors_m: float = 0.0
+    appeared_s: float = 0.0
     absent_s: float = 0.0
     stood_s: float = -math.inf
+    is_gone: bool = False
     seen_outside: bool = False
     from_outside: bool = False
     part_of: "Track | None" = None
@@ -96,15 +99,12 @@ class Track:
     @property
     def stays(self) -> bool:
         """Whether it stood for as long as it was absent before: spray is soon gone."""
-        return self.stood_s - self.born_s >= self.absent_s - _SLACK_S
+        return self.stood_s - self.appeared_s >= self.absent_s - _SLACK_S
 
     def coasts(self, time_s: float, interval_s: float) -> bool:
-        """Return whether it may be seen again; ``interval_s`` as for `gate_m`.
-
-        It is given up after some time, and when its evidence is used up: what appears there then is something new.
-        """
+        """Return whether it may be seen again; ``interval_s`` as for `gate_m`. It is given up after some time."""
         coast_s = _NEW_COAST_S + interval_s + _SLACK_S if self.is_new else _COAST_S
-        return self.memory > 0 and time_s - self.seen_s <= coast_s
+        return time_s - self.seen_s <= coast_s
 
     def expected(self, time_s: float) -> Floats:
         """Return where its parts are expected at a time, shape (m, 2)."""
@@ -243,6 +243,8 @@ class Tracker:
         for track in missing if sight is None else _in_sight(missing, sight, time_s):
             self._collect(track, time_s, track.missed)
         unseen = [one for one in self._tracks if id(one) not in seen and one.coasts(time_s, interval)]
+        for track in unseen:
+            track.is_gone = track.memory <= 0
         self._tracks = unseen + result
         return result
 
@@ -273,19 +275,27 @@ class Tracker:
     def _continued(self, track: Track, found: DetectedObject, time_s: float, *, is_first: bool) -> Track:
         if not is_first:
             return self._begun(found, time_s, track)
+        if track.is_gone:
+            self._appears(track, time_s)
         track.move(found, time_s)
         self._collect(track, time_s, found.evidence)
         return track
 
+    def _appears(self, track: Track, time_s: float) -> None:
+        """Note that a track was not there until now."""
+        track.appeared_s, track.is_gone = time_s, False
+        if not self._params.causal:
+            track.absent_s = min(time_s - self._start_s, self._params.look_ahead_s)
+
     def _begun(self, found: DetectedObject, time_s: float, parent: Track | None = None) -> Track:
-        track = Track(found.cells, found.center, time_s, time_s)
+        track = Track(found.cells, found.center, time_s, time_s, appeared_s=time_s)
         track.top_m, track.echoes, track.seen_outside = found.top_m, len(found.points), not found.near
         if parent is not None:
             track.velocity = parent.velocity
             track.seen_outside |= parent.seen_outside
             track.from_outside, track.part_of = parent.from_outside, parent.part_of or parent
-        elif not self._params.causal:
-            track.absent_s = min(time_s - self._start_s, self._params.look_ahead_s)
+        else:
+            self._appears(track, time_s)
         self._collect(track, time_s, found.evidence)
         return track
 
