@@ -32,21 +32,22 @@ from facet_bodies import GRAVITY, Array, Body, Ellipsoid, Placed, cast, rotation
 from facet_clutter import Clutter, Facets, Scan, Surface, Water, meet_water
 from facet_world import FAMILIES, Quay, World, across
 from mcap.writer import Writer
-from rosbags.typesys import Stores, get_typestore
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
-from sea_logs import parser_of, record_all
+from sea_logs import CLOUD, IMU, channel, cloud_message, imu_message, parser_of, record_all
 
-OFFSETS = {"x": 0, "y": 4, "z": 8, "intensity": 12, "ring": 16}
-POINT = np.dtype([(name, "u2" if name == "ring" else "f4") for name in OFFSETS])
+from seaclutter_cli.labels.csv import COLUMNS
+from seaclutter_cli.truth import IGNORED
+
+POINT = np.dtype([*((name, "f4") for name in ("x", "y", "z", "intensity")), ("ring", "u2")])
 CLUTTER = -1
 BIRD = Ellipsoid((0, 0, 0), (0.3, 0.45, 0.12), 0.2)
-NO_TRACK = 65535
 
 Row = tuple[int, str, Any]  # track, class, box: x, y, z, length, width, height, yaw
 Points = dict[str, Array]
+Message = tuple[int, int, int, bytes]  # times of recording and of measurement, channel, data
 
 
 class Sight(NamedTuple):
@@ -262,7 +263,7 @@ class Recorder:
 
     def _rows(self, scan: Scan, sights: list[Sight], points: Points) -> Iterator[Row]:
         """Yield the labels, in the axes of the lidar at the time of each."""
-        yield NO_TRACK, "ignore", self.deck_box
+        yield IGNORED, "ignore", self.deck_box
         targets = [self._row(number, sight, points) for number, sight in enumerate(sights)]
         targets = [row for row in targets if np.linalg.norm(row[2][:2]) <= 150]
         yield from targets
@@ -271,7 +272,7 @@ class Recorder:
         for bird in self.world.birds:
             corners = np.array([(x, y, z) for x in (-1.2, 1.2) for y in (-1.2, 1.2) for z in (-0.7, 0.7)])
             corners += bird.place(scan.time - self.lidar.seconds / 2)
-            yield NO_TRACK, "ignore", fit((corners - scan.place) @ scan.turn, 0.0, 0.1)
+            yield IGNORED, "ignore", fit((corners - scan.place) @ scan.turn, 0.0, 0.1)
         if all(kind == "ignore" for _, kind, _ in targets):
             yield 0, "none", None
 
@@ -284,7 +285,7 @@ class Recorder:
         own = points["xyz"][points["target"] == number]
         ahead = own_turn.T @ turn[:, 0]
         box = fit(np.concatenate([corners, own]), math.atan2(ahead[1], ahead[0]), 0.06)
-        return (number + 1, body.kind, box) if clustered(own) else (NO_TRACK, "ignore", box)
+        return (number + 1, body.kind, box) if clustered(own) else (IGNORED, "ignore", box)
 
     def _quay_rows(self, scan: Scan, quay: Quay) -> Iterator[Row]:
         """Yield boxes of a quay, of at most 8 m."""
@@ -296,7 +297,7 @@ class Recorder:
             corners = np.array([(a, b, c) for a in (low - 0.3, high + 0.3) for b in y for c in z])
             corners = (corners @ quay.turn.T + quay.at - scan.place) @ scan.turn
             if np.linalg.norm(corners.mean(0)) <= 130:
-                yield NO_TRACK, "ignore", fit(corners, yaw, margin)
+                yield IGNORED, "ignore", fit(corners, yaw, margin)
 
 
 def wrapped(angle: Any) -> Any:
@@ -331,52 +332,11 @@ def fit(places: Array, yaw: float, margin: float) -> list[float]:
     return [x, y, middle[2], *(high - low), float(wrapped(yaw))]
 
 
-TYPES = get_typestore(Stores.ROS2_HUMBLE)
-CLOUD, IMU = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/Imu"
-Message = tuple[int, int, int, Any]  # times of recording and of measurement, channel, bytes
-
-
-def header(time_ns: int) -> Any:
-    stamp = TYPES.types["builtin_interfaces/msg/Time"](sec=time_ns // 10**9, nanosec=time_ns % 10**9)
-    return TYPES.types["std_msgs/msg/Header"](stamp=stamp, frame_id="lidar")
-
-
-def cloud_bytes(time_ns: int, points: Points) -> Any:
+def structured(points: Points) -> Array:
     values = np.empty(len(points["ring"]), POINT)
     values["x"], values["y"], values["z"] = points["xyz"].T
     values["intensity"], values["ring"] = points["intensity"], points["ring"]
-    field = TYPES.types["sensor_msgs/msg/PointField"]
-    cloud = TYPES.types[CLOUD](
-        header=header(time_ns),
-        height=1,
-        width=len(values),
-        fields=[
-            field(name=name, offset=offset, datatype=4 if name == "ring" else 7, count=1)
-            for name, offset in OFFSETS.items()
-        ],
-        is_bigendian=False,
-        point_step=POINT.itemsize,
-        row_step=POINT.itemsize * len(values),
-        data=np.frombuffer(values.tobytes(), np.uint8),
-        is_dense=True,
-    )
-    return TYPES.serialize_cdr(cloud, CLOUD)
-
-
-def imu_bytes(time_ns: int, attitude: Array | None, rate: Array, force: Array) -> Any:
-    vector, quaternion = (TYPES.types[f"geometry_msgs/msg/{name}"] for name in ("Vector3", "Quaternion"))
-    unknown = np.zeros(9)
-    unknown[0] = -1 if attitude is None else 0
-    message = TYPES.types[IMU](
-        header=header(time_ns),
-        orientation=quaternion(*map(float, (0, 0, 0, 1) if attitude is None else attitude)),
-        orientation_covariance=unknown,
-        angular_velocity=vector(*map(float, rate)),
-        angular_velocity_covariance=np.zeros(9),
-        linear_acceleration=vector(*map(float, force)),
-        linear_acceleration_covariance=np.zeros(9),
-    )
-    return TYPES.serialize_cdr(message, IMU)
+    return values
 
 
 def imu_messages(world: World, rng: np.random.Generator, start_ns: int) -> Iterator[Message]:
@@ -395,7 +355,7 @@ def imu_messages(world: World, rng: np.random.Generator, start_ns: int) -> Itera
     attitudes = Rotation.from_matrix(turn @ rotation(*errors)).as_quat()
     for time, attitude, spun, pushed in zip(times, attitudes, rate, force, strict=True):
         time_ns = start_ns + round(time * 1e9)
-        yield time_ns + 1_000_000, time_ns, 1, imu_bytes(time_ns, attitude if known else None, spun, pushed)
+        yield time_ns + 1_000_000, time_ns, 1, imu_message(attitude if known else None, spun, pushed, time_ns)
 
 
 def record(family: str, seed: int, folder: Path) -> None:
@@ -406,12 +366,12 @@ def record(family: str, seed: int, folder: Path) -> None:
     recorder, rng = Recorder(family, seed), np.random.default_rng(5)
     start_ns, messages = 1_750_000_000_000_000_000 + int(rng.integers(10**9)), []
     with log.with_suffix(".labels.csv").open("w", newline="") as table:
-        table.write("frame,track_id,class,x,y,z,length,width,height,yaw\n")
+        table.write(f"{','.join(COLUMNS)}\n")
         for number in range(recorder.lidar.frames):
             start, points, rows = recorder.frame(number)
             time_ns = start_ns + round(start * 1e9)
             later = time_ns + int(1e9 / recorder.lidar.rate_hz) + 2_000_000
-            messages.append((later, time_ns, 0, cloud_bytes(time_ns, points)))
+            messages.append((later, time_ns, 0, cloud_message(structured(points), time_ns)))
             table.writelines(f"{number},{line(row)}\n" for row in rows)
     if recorder.world.imu:
         messages += imu_messages(recorder.world, rng, start_ns)
@@ -430,13 +390,11 @@ def write(path: Path, messages: list[Message], *, imu: bool) -> None:
     with path.open("wb") as stream:
         writer = Writer(stream)
         writer.start(profile="ros2", library="fourth")
-        channels = []
-        for topic, kind in [("/lidar/points", CLOUD), ("/imu/data", IMU)][: 1 + imu]:
-            text = TYPES.generate_msgdef(kind, ros_version=2)[0]
-            schema = writer.register_schema(kind, "ros2msg", text.encode())
-            channels.append(writer.register_channel(topic, "cdr", schema))
-        for number, (recorded_ns, time_ns, channel, data) in enumerate(messages):
-            writer.add_message(channels[channel], recorded_ns, data, time_ns, number)
+        channels = [
+            channel(writer, topic, kind) for topic, kind in [("/lidar/points", CLOUD), ("/imu/data", IMU)][: 1 + imu]
+        ]
+        for number, (recorded_ns, time_ns, kind, data) in enumerate(messages):
+            writer.add_message(channels[kind], recorded_ns, data, time_ns, number)
         writer.finish()
 
 

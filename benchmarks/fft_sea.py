@@ -30,8 +30,10 @@ from fft_bodies import FARTHEST_M, GRAVITY, Array, Body, Sea, Source, fade, rota
 from fft_clutter import Clutter, Echoes, Water
 from fft_scenes import FAMILIES, Lidar, Own, World, draw
 from mcap.writer import Writer
-from rosbags.typesys import Stores, get_typestore
-from sea_logs import parser_of, record_all
+from sea_logs import CLOUD, IMU, channel, cloud_message, imu_message, parser_of, record_all
+
+from seaclutter_cli.labels.csv import COLUMNS
+from seaclutter_cli.truth import IGNORED
 
 START_S = 1.76e9
 POINT = np.dtype(
@@ -40,12 +42,7 @@ POINT = np.dtype(
         *(("ring", "u2"), ("label", "u2"), ("timestamp", "f8"), ("src", "u1")),
     ]
 )
-FIELD_TYPES = {"f4": 7, "f8": 8, "u2": 4, "u1": 2}
-CLOUD, IMU = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/Imu"
-COLUMNS = "frame,track_id,class,x,y,z,length,width,height,yaw"
-IGNORED = 65535
 LAST_SEED = 99
-STORE = get_typestore(Stores.ROS2_HUMBLE)
 
 
 class Scan(NamedTuple):
@@ -236,26 +233,7 @@ class Recorder:
         return [track, "ignore" if body.fixed else body.kind, *shifted((0, 0), facing, u, v), z, *size, facing]
 
 
-def message(kind: str, *values: Any) -> Any:
-    return STORE.types[kind](*values)
-
-
-def header(stamp_ns: int) -> Any:
-    seconds, nanoseconds = divmod(stamp_ns, 10**9)
-    return message("std_msgs/msg/Header", message("builtin_interfaces/msg/Time", seconds, nanoseconds), "lidar")
-
-
-def cloud_message(points: Array, stamp_ns: int) -> bytes:
-    fields = [
-        message("sensor_msgs/msg/PointField", name, offset, FIELD_TYPES[kind.str[1:]], 1)
-        for name, (kind, offset, *_) in (POINT.fields or {}).items()
-    ]
-    data, step = np.frombuffer(points.tobytes(), np.uint8), POINT.itemsize
-    cloud = message(CLOUD, header(stamp_ns), 1, len(points), fields, False, step, step * len(points), data, True)
-    return bytes(STORE.serialize_cdr(cloud, CLOUD))
-
-
-def imu_message(own: Own, time: float, stamp_ns: int) -> bytes:
+def imu_of(own: Own, time: float, stamp_ns: int) -> bytes:
     """Return the attitude, its rate by differences, and the acceleration of gravity alone."""
     half_s = 0.005
     before, turn, after = own.lidar(time + np.array([-half_s, 0, half_s]))[1]
@@ -264,11 +242,7 @@ def imu_message(own: Own, time: float, stamp_ns: int) -> bytes:
     axis = turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]
     quaternion = (*(a / 4 / w for a in axis), w) if w > 1e-3 else (0.0, 0.0, 1.0, 0.0)
     rates, force = (spin[2, 1], spin[0, 2], spin[1, 0]), turn.T @ np.array([0, 0, GRAVITY])
-    facing = message("geometry_msgs/msg/Quaternion", *map(float, quaternion))
-    rate, acceleration = (message("geometry_msgs/msg/Vector3", *map(float, a)) for a in (rates, force))
-    none = np.zeros(9)
-    imu = message(IMU, header(stamp_ns), facing, none, rate, none, acceleration, none)
-    return bytes(STORE.serialize_cdr(imu, IMU))
+    return imu_message(quaternion, rates, force, stamp_ns)
 
 
 def messages(recorder: Recorder, number: int) -> Iterator[tuple[str, int, bytes]]:
@@ -279,7 +253,7 @@ def messages(recorder: Recorder, number: int) -> Iterator[tuple[str, int, bytes]
         count = max(1, round(period_s * 50))
         for i in range(count):
             later_ns = stamp_ns + int(i * period_s / count * 1e9)
-            yield "/imu/data", later_ns, imu_message(own, own.times[number] + i * period_s / count, later_ns)
+            yield "/imu/data", later_ns, imu_of(own, own.times[number] + i * period_s / count, later_ns)
     yield "/points", stamp_ns, cloud_message(recorder.frame(number), stamp_ns)
 
 
@@ -299,13 +273,11 @@ def record(family: str, seed: int, folder: Path) -> None:
     recorder = Recorder(draw(family, seed))
     with part.open("wb") as stream, log.with_suffix(".labels.csv").open("w", newline="") as table:
         writer, lines = Writer(stream), csv.writer(table)
-        lines.writerow(COLUMNS.split(","))
+        lines.writerow(COLUMNS)
         writer.start(profile="ros2", library="third-sim")
-        channels = {}
-        for topic, kind in (("/points", CLOUD), ("/imu/data", IMU)):
-            schema = writer.register_schema(kind, "ros2msg", STORE.generate_msgdef(kind, ros_version=2)[0].encode())
-            if topic == "/points" or recorder.world.imu:
-                channels[topic] = writer.register_channel(topic, "cdr", schema)
+        channels = {"/points": channel(writer, "/points", CLOUD)}
+        if recorder.world.imu:
+            channels["/imu/data"] = channel(writer, "/imu/data", IMU)
         for number in range(recorder.world.frames):
             for topic, stamp_ns, data in messages(recorder, number):
                 writer.add_message(channels[topic], stamp_ns, data, stamp_ns)

@@ -44,7 +44,6 @@ class Track:
     appeared_s: float = 0.0
     absent_s: float = 0.0
     stood_s: float = -math.inf
-    gone: bool = False
     outside: bool = False
     from_outside: bool = False
     whole: "Track | None" = None
@@ -197,15 +196,13 @@ class Tracks:
             met = sum(meets(place, max(track.top, self.params.min_rise_m)) for place in places)
             if not hidden and met >= tracks._IN_SIGHT * len(places):
                 track.collect(missed(track.echoes), time_s, self.params.memory_s)
-        for track, _ in lost:
-            track.gone = track.memory <= 0
         self.tracks = [track for track, _ in lost if track.may_return(time_s, interval_s)] + result
         self.times.append(time_s)
         return result
 
     def appeared(self, track: Track, time_s: float) -> Track:
         """Return a track that was not there until now."""
-        track.appeared_s, track.gone = time_s, False
+        track.appeared_s = time_s
         if self.times and not self.params.causal:
             track.absent_s = min(time_s - self.times[0], self.params.look_ahead_s)
         return track
@@ -217,7 +214,7 @@ class Tracks:
         if not heirs:
             return []
         first = max(heirs, key=lambda k: (round(things[k].evidence / 2), votes[k]))
-        if track.gone:
+        if track.memory <= 0 and track.seen_s != self.times[-1]:
             self.appeared(track, time_s)
         track.follow(things[first], time_s)
         found = [(first, track)]

@@ -60,8 +60,7 @@ class Track:
     part of it. It was ever seen, and confirmed, beyond ``start_m`` if ``seen_outside`` and ``from_outside``; in the
     latter case, it is not own ship when it comes nearer, nor is what is ``part_of`` it. It was ``absent_s`` before it
     appeared at ``appeared_s``, at most the look-ahead; 0 if that does not count. It last had more than the least
-    evidence at ``stood_s``, and ``is_gone`` if it was missed until its evidence was used up. ``memory`` is its
-    evidence, and ``history`` that of the frames that decisions still need.
+    evidence at ``stood_s``. ``memory`` is its evidence, and ``history`` that of the frames that decisions still need.
     """
 
     cells: Floats
@@ -76,7 +75,6 @@ class Track:
     appeared_s: float = 0.0
     absent_s: float = 0.0
     stood_s: float = -math.inf
-    is_gone: bool = False
     seen_outside: bool = False
     from_outside: bool = False
     part_of: "Track | None" = None
@@ -224,12 +222,14 @@ class Tracker:
         ``causal``, it need not: upright objects are kept at once.
         """
         objects, votes, covered = found.objects, found.votes, found.covered
-        interval = self._interval_s(time_s)
+        interval, last_s = self._interval_s(time_s), self._time_s
         self._since_s, self._time_s = since_s, time_s
         self._start_s = min(self._start_s, time_s)
         tracks: list[Track | None] = [None] * len(objects)
         known = np.array([1 + max(track.memory, 0.0) for track in self._tracks])
         for t, candidates in _by_track(votes, known).items():
+            if self._tracks[t].memory <= 0 and self._tracks[t].seen_s != last_s:  # missed until no evidence was left
+                self._appears(self._tracks[t], time_s)
             first = max(candidates, key=lambda k: (round(objects[k].evidence / 2), votes[k, t]))
             for k in sorted(candidates, key=lambda k: k != first):
                 tracks[k] = self._continued(self._tracks[t], objects[k], time_s, is_first=k == first)
@@ -243,8 +243,6 @@ class Tracker:
         for track in missing if sight is None else _in_sight(missing, sight, time_s):
             self._collect(track, time_s, track.missed)
         unseen = [one for one in self._tracks if id(one) not in seen and one.coasts(time_s, interval)]
-        for track in unseen:
-            track.is_gone = track.memory <= 0
         self._tracks = unseen + result
         return result
 
@@ -275,15 +273,13 @@ class Tracker:
     def _continued(self, track: Track, found: DetectedObject, time_s: float, *, is_first: bool) -> Track:
         if not is_first:
             return self._begun(found, time_s, track)
-        if track.is_gone:
-            self._appears(track, time_s)
         track.move(found, time_s)
         self._collect(track, time_s, found.evidence)
         return track
 
     def _appears(self, track: Track, time_s: float) -> None:
         """Note that a track was not there until now."""
-        track.appeared_s, track.is_gone = time_s, False
+        track.appeared_s = time_s
         if not self._params.causal:
             track.absent_s = min(time_s - self._start_s, self._params.look_ahead_s)
 
