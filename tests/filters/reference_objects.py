@@ -169,6 +169,14 @@ def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, fac
     around = {(x + i, y + j) for x, y in bodies for i in (-1, 0, 1) for j in (-1, 0, 1)} | {None}
     for one in echoes:
         one.beside = water is None or grid_cell(*one.xy) in around
+    rings: dict[int, list[Echo]] = {}
+    for one in echoes:
+        if one.bright and not one.beside:
+            rings.setdefault(int(math.hypot(*one.xy) / params.cluster_tolerance_m), []).append(one)
+    for ring, bright in rings.items():
+        bright.sort(key=lambda one: -one.point.intensity)
+        for one in bright[math.ceil(heights._NEIGHBORS * (2 * ring + 1)) :]:
+            one.bright = False
     return echoes
 
 

@@ -67,6 +67,21 @@ def test_flat_echoes_near_the_water_are_not_kept():
     assert kept(run(log_with(lambda rng, _: in_box(rng, 60, (15, 0, 0.05 - MAST_M), (3, 3, 0.05))))) < 0.02
 
 
+def test_a_swimmer_in_water_that_reaches_its_thresholds_is_kept():
+    """The water would join into one object with the swimmer, who is brighter."""
+
+    def lit(rng, time_s):
+        sea = water(rng, time_s, 4000, 0.03)
+        sea[:, 3] = rng.uniform(35, 60, len(sea))
+        swimmer = in_box(rng, 20, (12, 0, 0.2 - MAST_M), (0.5, 0.5, 0.4))
+        swimmer[:, 3] = rng.uniform(100, 200, len(swimmer))
+        return np.concatenate((sea, swimmer))
+
+    results = run(log_with(lit))
+    assert kept(results, 4400) > 0.9
+    assert np.mean([result.keep[:4400].mean() for result in results]) < 0.01
+
+
 @pytest.mark.parametrize("distance_m", [20.0, 90.0])
 def test_mirrored_echoes_are_no_candidates(distance_m):
     """A quay, and its image below the water, which has no echoes at 90 m."""

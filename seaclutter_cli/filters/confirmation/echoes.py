@@ -22,6 +22,7 @@ _UNSEEN_M = 100.0
 _VOLUME = 2.5
 _OWN, _SHOWN = 4.0, 12.0
 _COMMON = 0.25
+_NEIGHBORS = 2 / 3
 ALONE = 0.75
 
 
@@ -75,8 +76,9 @@ class Heights:
     linked, loose : ndarray, int32
         Numbers of neighbours that stand out, too, and lie on one surface with a point, or do not.
     high, bright, low, upright, grows, mirrored : ndarray, bool
-        Whether a point stands out; is near the water and reaches its threshold; does not reach it; belongs to a face
-        that water does not have; may return to a confirmed object; is below the water under a body.
+        Whether a point stands out; is near the water, reaches its threshold and is brighter than most water at its
+        range; does not reach it; belongs to a face that water does not have; may return to a confirmed object; is below
+        the water under a body.
     brightness : ndarray, float64
         Intensity divided by the threshold; 0 without thresholds.
     unseen : ndarray, float64
@@ -88,6 +90,8 @@ class Heights:
         Share of the other directions in which the water has echoes at the range of a point.
     run : ndarray, int32
         Number of echoes beside each other in one beam, at nearly one range.
+    apart : ndarray or None, bool
+        Whether a point is in no face and beside none, as wash behind a hull is; None without water.
     water : WaterSurface or None
         The water; None if it is not seen.
     """
@@ -108,12 +112,8 @@ class Heights:
     alone: Floats
     seen: Floats
     run: NDArray[np.int32]
+    apart: Mask | None
     water: WaterSurface | None
-
-    @property
-    def apart(self) -> Mask | None:
-        """Whether points are in no face and beside none, as wash behind a hull is, shape (M,); None without water."""
-        return None if self.water is None else ~self.water.cells.beside(self.upright)
 
 
 class Sea:
@@ -139,7 +139,7 @@ class Sea:
         else:
             height, deviation, shown = water.above(x, y, z, water.cells)
         level, sigma = z - height, 0.0 if water is None else water.sigma_m
-        bright, brightness = _brightness(echoes, threshold)
+        reached, brightness = _brightness(echoes, threshold)
         rise = np.maximum(self._params.min_rise_m, self._params.rise_sigmas * deviation)
         linked, loose = faces.neighbors(height > rise)
         solid = ~_in_volume(linked, loose, water)
@@ -147,6 +147,11 @@ class Sea:
         high = (height > rise) & solid
         bodies = high | upright
         beside_water = np.abs(height) <= rise
+        apart = None if water is None else ~water.cells.beside(upright)
+        bright = reached & beside_water
+        if apart is not None and echoes.intensity is not None:
+            ring = np.hypot(x, y) / self._params.cluster_tolerance_m
+            bright &= ~_is_common(echoes.intensity, ring, bright & apart)
         unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
         seen = self._background.share(echoes.xyz, beside_water & ~upright, time_s)
         alone = np.maximum(unseen, 1 - seen / _COMMON)
@@ -160,8 +165,8 @@ class Sea:
             linked,
             loose,
             high,
-            bright & beside_water,
-            ~bright,
+            bright,
+            ~reached,
             upright,
             grows,
             mirrored,
@@ -170,6 +175,7 @@ class Sea:
             alone,
             seen,
             faces.run,
+            apart,
             water,
         )
 
@@ -196,3 +202,20 @@ def _brightness(echoes: Echoes, threshold: Floats) -> tuple[Mask, Floats]:
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(threshold > 0, echoes.intensity / threshold, 1.0)
     return echoes.intensity >= threshold, ratio
+
+
+def _is_common(intensity: Floats, ring: Floats, bright: Mask) -> Mask:
+    """Return which bright echoes are not among the brightest at their range, as where the water itself is bright.
+
+    Rings are as wide as the tolerance, so number k has the area of 2 k + 1 circles of neighbours. Echoes that have two
+    thirds of a neighbour in the mean join into clusters of three in the mean, the least of an object. With more, all
+    the water would join, and what floats on it.
+    """
+    used = np.flatnonzero(bright)
+    number = ring[used].astype(np.int64)
+    order = np.lexsort((-intensity[used], number))
+    number = number[order]
+    rank = np.arange(len(number)) - np.searchsorted(number, number)
+    common = np.zeros_like(bright)
+    common[used[order[rank >= _NEIGHBORS * (2 * number + 1)]]] = True
+    return common
