@@ -57,15 +57,16 @@ class Looks:
 
 
 class Recorder(confirmed.Confirmed):
-    """The method, which notes the features of all objects when it decides, and whether they are targets."""
+    """The method, which notes the features of all objects, and whether they are targets."""
 
     def __init__(self, labels: Any) -> None:
         super().__init__(self.Params())
-        self.labels, self.known, self.seen = labels, {}, []
+        self.labels, self.seen = labels, []
 
     def _examine(self, frame: Any, time_s: float) -> Any:
         truth, find = self.labels.truth(frame), confirmed.find_objects
         points = None if truth is None else point_truth(frame, truth, EvaluationParams())
+        known: dict[int, tuple[Floats, bool]] = {}
         ignored = points is not None and (points == IGNORED) | truth.ignored.covers(frame.coordinates, MARGIN_M)
 
         def noted(echoes: Any, among: Any, heights: Any, beams: Any, params: Any, *, near: bool) -> Any:
@@ -77,21 +78,18 @@ class Recorder(confirmed.Confirmed):
                 )
                 features = features_of(echoes, clusters, heights, beams)
                 for k in np.flatnonzero((target > 0.5) | (unclear < 0.5)).tolist():  # no quays and land
-                    self.known[frame.index, echoes.index[clusters.members(k)].min()] = features[:, k], target[k] > 0.5
+                    known[echoes.index[clusters.members(k)].min()] = features[:, k], target[k] > 0.5
             return find(echoes, among, heights, beams, params, near=near)
 
         confirmed.find_objects = noted
         try:
-            return super()._examine(frame, time_s)
+            one = super()._examine(frame, time_s)
         finally:
             confirmed.find_objects = find
-
-    def _decide(self, one: Any) -> Any:
         for found, track in zip(one.objects, one.tracks, strict=True):
-            if known := self.known.pop((one.frame.index, found.points.min()), None):
-                features, is_target = known
-                self.seen.append(((*features, log_error(track.error_m(one.time_s + self.look_ahead_s))), is_target))
-        return super()._decide(one)
+            if seen := known.get(found.points.min()):
+                self.seen.append(((*seen[0], log_error(track.error_m)), seen[1]))
+        return one
 
 
 def looks(path: Path) -> Looks | None:
@@ -111,13 +109,15 @@ def looks(path: Path) -> Looks | None:
 class Curves:
     """One curve of straight pieces for each feature, fitted by logistic regression with smoothness as penalty [1]_.
 
+    A feature that is NaN, as the error of a new track, says nothing.
+
     .. [1] Hastie, Tibshirani (1986). "Generalized additive models". Statistical Science 1(3).
     """
 
     def __init__(self, seen: Looks, names: Sequence[str] = (*FEATURES, OF_TRACKS)) -> None:
         self.names = names
         quantiles = np.linspace(0.01, 0.99, KNOTS)
-        self.knots = [np.unique(np.quantile(values, quantiles).round(3)) for values in seen.features]
+        self.knots = [np.unique(np.nanquantile(values, quantiles).round(3)) for values in seen.features]
         basis, weight = self._basis(seen.features), seen.weight / seen.weight.sum()
         penalty = np.zeros((basis.shape[1], basis.shape[1]))
         for start, knots in self._spans():
@@ -152,7 +152,7 @@ class Curves:
 
     def _basis(self, features: Floats) -> Floats:
         hats = [
-            np.stack([np.interp(x, k, row) for row in np.eye(len(k))])
+            np.nan_to_num([np.interp(x, k, row) for row in np.eye(len(k))])
             for x, k in zip(features, self.knots, strict=True)
         ]
         return np.concatenate([np.ones((1, features.shape[1])), *hats]).T
@@ -196,7 +196,7 @@ def main() -> None:
     of_shape = replace(every, features=np.delete(every.features, range(OF_SHAPE, len(FEATURES)), axis=0))
     dim = Curves(of_shape, (*FEATURES[:OF_SHAPE], OF_TRACKS))
     print(f"without intensities: {dim.loss(of_shape):.4f}")
-    tables = {"version": 4, "all": curves.table(), "shape": dim.table()}
+    tables = {"version": 5, "all": curves.table(), "shape": dim.table()}
     given.output.write_text(json.dumps(tables, indent=1) + "\n", "utf-8")
     if given.plot:
         picture(curves.table(), given.plot)

@@ -48,7 +48,7 @@ class Track:
     from_outside: bool = False
     whole: "Track | None" = None
     history: list[Entry] = field(default_factory=list)
-    errors: list[XY] = field(default_factory=list)
+    error: float | None = None
 
     @property
     def memory(self) -> float:
@@ -80,7 +80,7 @@ class Track:
     def follow(self, thing: Thing, time_s: float) -> None:
         elapsed = time_s - self.seen_s
         x, y = (old + speed * elapsed for old, speed in zip(self.center, self.velocity, strict=True))
-        self.errors.append((time_s, math.dist(thing.center, (x, y))))
+        self.error = math.dist(thing.center, (x, y))
         if elapsed > 0:
             seen = [(new - old) / elapsed for new, old in zip(thing.center, self.center, strict=True)]
             if math.hypot(*seen) < tracks._MAX_SPEED_MS:
@@ -106,11 +106,16 @@ class Track:
         for one in sorted(self.history, key=lambda one: -one.time_s):
             if time_s < one.time_s <= until_s and not one.is_beside(time_s):
                 after = remembered(after, one.evidence, one.step_s, params.memory_s)
-        errors = [error for seen_s, error in self.errors if seen_s <= until_s]
-        curve = tables()["all" if params.use_intensity else "shape"]["curves"][evidence.OF_TRACKS]
-        steady = on_curve(curve, math.log2(math.fsum(errors) / max(len(errors), 1) + 0.05))
-        look = sum(around) / len(around) + steady + tracks._DOUBT
+        look = sum(around) / len(around) + tracks._DOUBT
         return (before[-1] if before else 0.0) + tracks._LOOK * look + after
+
+
+def with_course(shape: float, error_m: float | None, params: Any) -> float:
+    """Return the evidence of an object that was so far from where its track expected it."""
+    if shape <= evidence.LEAST or error_m is None:
+        return shape
+    curve = tables()["all" if params.use_intensity else "shape"]["curves"][evidence.OF_TRACKS]
+    return min(max(shape + on_curve(curve, math.log2(error_m + 0.05)), evidence.LEAST), evidence.MOST)
 
 
 def remembered(memory: float, evidence: float, step_s: float, memory_s: float) -> float:
@@ -186,7 +191,7 @@ class Tracks:
             for track, thing in zip(followed, things, strict=True)
         ]
         for track, thing in zip(result, things, strict=True):
-            track.collect(thing.evidence, time_s, self.params.memory_s)
+            track.collect(with_course(thing.evidence, track.error, self.params), time_s, self.params.memory_s)
             if thing.evidence > evidence.LEAST:
                 track.stood_s = time_s
         recognise(things, result, votes)

@@ -35,7 +35,7 @@ their thresholds, and the logarithm of the intensity in thresholds.
 OF_SHAPE = 8
 """Number of the features that need no intensities; without any, these have curves of their own."""
 OF_TRACKS = "error"
-"""Name of the feature of a track: the logarithm of its mean distance from where it was expected, in metres."""
+"""Name of the feature of a track: the logarithm of the distance from where it was expected, in metres."""
 _LEAST_ERROR_M = 0.05
 LEAST, MOST = -3.0, 3.0
 
@@ -52,14 +52,16 @@ def log_odds(features: Floats) -> Floats:
     return np.clip(odds, LEAST, MOST)
 
 
-def steadiness(error_m: float, *, intensities: bool) -> float:
-    """Return the log-odds of what is found so far from where it was expected, in the mean."""
+def with_course(evidence: float, error_m: float, *, intensities: bool) -> float:
+    """Return the log-odds of an object from those of its shape and how far it was from where its track expected it."""
+    if evidence <= LEAST:
+        return LEAST
     _, curves = _curves(intensities)
-    return float(np.interp(log_error(error_m), *curves[OF_TRACKS]))
+    return min(max(evidence + float(np.interp(log_error(error_m), *curves[OF_TRACKS])), LEAST), MOST)
 
 
 def log_error(error_m: float) -> float:
-    """Return the feature of a track with a mean error."""
+    """Return the feature of an object at some distance from where its track expected it; NaN if it is new."""
     return math.log2(error_m + _LEAST_ERROR_M)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.evidence import LEAST, steadiness
+from seaclutter_cli.filters.confirmation.evidence import LEAST, with_course
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
 from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.water.beams import Sight
@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 
 _DECORRELATION_S = 1.0
 _MOST_MEMORY = 3.0
-_LOOK, _DOUBT = 0.35, -1.0
+_LOOK, _DOUBT = 0.35, -2.0
 _MISSED_ECHOES, _MISSED_POWER = 2.3, 1.65
 _MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
 _KNOWN_AFTER_S = 0.5
@@ -41,13 +41,12 @@ _MET_M = 0.5
 
 
 class Evidence(NamedTuple):
-    """Evidence of one frame: its time, the evidence, the time it stands for, the memory and the mean error after it."""
+    """Evidence of one frame: its time, the evidence, the time that it stands for, and the memory after it."""
 
     time_s: float
     evidence: float
     step_s: float
     memory: float
-    error_m: float
 
 
 @dataclass(eq=False)
@@ -55,8 +54,8 @@ class Track:
     """An object followed over time.
 
     When it was last seen, its parts were at the horizontal positions ``cells``, shape (m, 2), its centre at ``center``,
-    its top ``top_m`` above the water, and it had so many ``echoes``. ``errors_m`` is how far it was from where it was
-    expected, in all of so many ``looks``. ``velocity``, shape (2,), is relative to the lidar, so own ship's motion is
+    its top ``top_m`` above the water, and it had so many ``echoes``. ``error_m`` is how far it was from where it was
+    expected; NaN if it was new. ``velocity``, shape (2,), is relative to the lidar, so own ship's motion is
     part of it. It was ever seen, and confirmed, beyond ``start_m`` if ``seen_outside`` and ``from_outside``; in the
     latter case, it is not own ship when it comes nearer, nor is what is ``part_of`` it. It was ``absent_s`` before it
     appeared at ``appeared_s``, at most the look-ahead; 0 if that does not count. It last had more than the least
@@ -70,8 +69,7 @@ class Track:
     velocity: Floats = field(default_factory=lambda: np.zeros(2))
     top_m: float = 0.0
     echoes: int = 1
-    looks: int = 1
-    errors_m: float = 0.0
+    error_m: float = math.nan
     appeared_s: float = 0.0
     absent_s: float = 0.0
     stood_s: float = -math.inf
@@ -108,10 +106,6 @@ class Track:
         """Return where its parts are expected at a time, shape (m, 2)."""
         return self.cells + self.velocity * (time_s - self.seen_s)
 
-    def error_m(self, until_s: float) -> float:
-        """Return the mean distance from where it was expected, at all looks but the first until some time."""
-        return next(item.error_m for item in reversed(self.history) if item.time_s <= until_s)
-
     def gate_m(self, time_s: float, interval_s: float) -> float:
         """Return the distance from there within which they may be; ``interval_s`` is the time between frames."""
         unseen_s = time_s - self.seen_s
@@ -124,7 +118,7 @@ class Track:
     def move(self, found: DetectedObject, time_s: float) -> None:
         """Update position and velocity."""
         elapsed = time_s - self.seen_s
-        self.errors_m += math.hypot(*(found.center - self.center - self.velocity * elapsed))
+        self.error_m = math.hypot(*(found.center - self.center - self.velocity * elapsed))
         if elapsed > 0:
             velocity = (found.center - self.center) / elapsed
             if math.hypot(*velocity) < _MAX_SPEED_MS:
@@ -132,7 +126,6 @@ class Track:
                 self.velocity = self.velocity + gain * (velocity - self.velocity)
         self.cells, self.center, self.seen_s = found.cells, found.center, time_s
         self.top_m, self.echoes = found.top_m, len(found.points)
-        self.looks += 1
         self.seen_outside |= not found.near
 
 
@@ -249,8 +242,7 @@ class Tracker:
     def score(self, track: Track, time_s: float) -> float:
         """Return the score of a track at a time: its evidence before and after, and some of that around the time.
 
-        Around it are the frame, the one before and the one after, even if that is more than the look-ahead away. With
-        it counts how near the track was to where it was expected.
+        Around it are the frame, the one before and the one after, even if that is more than the look-ahead away.
         """
         around, before, after = [], 0.0, 0.0
         until_s = time_s + self._params.look_ahead_s + _SLACK_S
@@ -264,8 +256,7 @@ class Tracker:
                 break
             if item.time_s <= until_s:
                 after = self._remembered(after, item.evidence, item.step_s)
-        steady = steadiness(track.error_m(until_s), intensities=self._params.use_intensity)
-        return before + _LOOK * (sum(around) / len(around) + steady + _DOUBT) + after
+        return before + _LOOK * (sum(around) / len(around) + _DOUBT) + after
 
     def _interval_s(self, time_s: float) -> float:
         return 0.0 if self._time_s is None else time_s - self._time_s
@@ -274,7 +265,8 @@ class Tracker:
         if not is_first:
             return self._begun(found, time_s, track)
         track.move(found, time_s)
-        self._collect(track, time_s, found.evidence)
+        course = with_course(found.evidence, track.error_m, intensities=self._params.use_intensity)
+        self._collect(track, time_s, course)
         return track
 
     def _appears(self, track: Track, time_s: float) -> None:
@@ -314,8 +306,7 @@ class Tracker:
         """Add the evidence of a frame."""
         step = min(time_s - track.history[-1].time_s, _MAX_STEP_S) if track.history else _FIRST_STEP_S
         track.memory = self._remembered(track.memory, evidence, step)
-        error_m = track.errors_m / max(track.looks - 1, 1)
-        track.history.append(Evidence(time_s, evidence, max(step, 1e-3), track.memory, error_m))
+        track.history.append(Evidence(time_s, evidence, max(step, 1e-3), track.memory))
         reach = max(self._params.look_ahead_s, _NEIGHBOR_STEPS * _MAX_STEP_S)
         oldest = self._since_s - reach - _MAX_STEP_S
         while len(track.history) > 1 and track.history[1].time_s < oldest:
