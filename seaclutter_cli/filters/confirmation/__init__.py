@@ -35,8 +35,8 @@ class ConfirmedParams(RingIntensityParams):
     )
     causal: bool = key(
         False,
-        "Confirm objects without later frames. Upright objects are then kept at once, even if they do not stay; low "
-        "ones are kept later.",
+        "Confirm objects without later frames. Objects of clear shape are then kept at once, even if they do not stay; "
+        "others are kept later.",
     )
     min_rise_m: Positive = key(0.2, "Minimum height above the water at which points stand out, in metres.")
     rise_sigmas: NotNegative = key(

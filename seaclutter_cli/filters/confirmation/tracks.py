@@ -212,7 +212,7 @@ class Tracker:
         if most of its cells lie in an object of another track, such as a boat alongside another, or between the beams.
 
         An object that continues no track must stay for as long as it was absent before, at most ``look_ahead_s``. With
-        ``causal``, it need not: upright objects are kept at once.
+        ``causal``, it need not: objects of clear shape are kept at once.
         """
         objects, votes, covered = found.objects, found.votes, found.covered
         interval, last_s = self._interval_s(time_s), self._time_s
