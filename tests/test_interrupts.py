@@ -15,7 +15,7 @@ NAMES = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, nam
 BEGIN = """
 import signal, sys, time
 from seaclutter_cli.interrupts import handle_interrupts, ignore_interrupts
-if hasattr(signal, "SIGHUP"): signal.signal(signal.SIGHUP, signal.SIG_DFL)  # tests below nohup ignore it
+if hasattr(signal, "SIGHUP"): signal.signal(signal.SIGHUP, signal.SIG_DFL)  # nohup ignores it
 handle_interrupts()
 try:
 """

@@ -20,7 +20,9 @@ class Entry:
     step_s: float
     memory: float
 
-    def is_beside(self, time_s: float) -> bool:
+    def is_beside(self, time_s: float, params: Any) -> bool:
+        if params.causal:
+            return self.time_s == time_s
         return abs(self.time_s - time_s) <= tracks._NEIGHBOR_STEPS * self.step_s
 
 
@@ -99,12 +101,12 @@ class Track:
         self.history.append(Entry(time_s, evidence, max(step, 1e-3), memory))
 
     def score(self, time_s: float, params: Any) -> float:
-        around = [one.evidence for one in self.history if one.is_beside(time_s)]
-        before = [one.memory for one in self.history if one.time_s < time_s and not one.is_beside(time_s)]
+        around = [one.evidence for one in self.history if one.is_beside(time_s, params)]
+        before = [one.memory for one in self.history if one.time_s < time_s and not one.is_beside(time_s, params)]
         until_s = time_s + params.look_ahead_s + SLACK_S
         after = 0.0
         for one in sorted(self.history, key=lambda one: -one.time_s):
-            if time_s < one.time_s <= until_s and not one.is_beside(time_s):
+            if time_s < one.time_s <= until_s and not one.is_beside(time_s, params):
                 after = remembered(after, one.evidence, one.step_s, params.memory_s)
         look = sum(around) / len(around) + tracks._DOUBT
         return (before[-1] if before else 0.0) + tracks._LOOK * look + after

@@ -242,17 +242,19 @@ class Tracker:
     def score(self, track: Track, time_s: float) -> float:
         """Return the score of a track at a time: its evidence before and after, and some of that around the time.
 
-        Around it are the frame, the one before and the one after, even if that is more than the look-ahead away.
+        Around it are the frame, the one before and the one after, even if that is more than the look-ahead away; with
+        ``causal``, only the frame, so that a body is kept at once when it returns.
         """
+        beside_steps = 0.0 if self._params.causal else _NEIGHBOR_STEPS
         around, before, after = [], 0.0, 0.0
         until_s = time_s + self._params.look_ahead_s + _SLACK_S
         for item in track.history:
-            if abs(item.time_s - time_s) <= _NEIGHBOR_STEPS * item.step_s:
+            if abs(item.time_s - time_s) <= beside_steps * item.step_s:
                 around.append(item.evidence)
             elif item.time_s < time_s:
                 before = item.memory
         for item in reversed(track.history):
-            if item.time_s - time_s <= _NEIGHBOR_STEPS * item.step_s:
+            if item.time_s - time_s <= beside_steps * item.step_s:
                 break
             if item.time_s <= until_s:
                 after = self._remembered(after, item.evidence, item.step_s)
