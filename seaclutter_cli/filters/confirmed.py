@@ -72,11 +72,11 @@ class Confirmed(Filter):
        most tracks have in common. How far an object is from where it was expected counts in the evidence of a frame, by
        one more curve: crests and foam have no steady course. The score of a track is the evidence that it collected
        before, that within ``look_ahead_s`` after the frame, and 0.35 times the mean, less 2, of the frame and the two
-       beside it; with ``causal``, of the frame alone. As in the track score of Sittler [1]_, independent looks add up, one in the time in which the water
-       becomes independent of what it was, about a second. Evidence is forgotten over ``memory_s``. What appears must
-       stay for ``look_ahead_s``, except with ``causal``, and so must what appears again when its evidence was used
-       up. An object is missed only where a beam would have met it. What has the least evidence in a frame is not kept
-       in it.
+       beside it; with ``causal``, of the frame alone. As in the track score of Sittler [1]_, independent looks add up,
+       one in the time in which the water becomes independent of what it was, about a second. Evidence is forgotten over
+       ``memory_s``. What appears must stay for ``look_ahead_s``, except with ``causal``, and so must what appears again
+       when its evidence was used up. An object is missed only where a beam would have met it. What has the least
+       evidence in a frame is not kept in it.
     6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
        and all where the water has no echoes.
 
