@@ -1,6 +1,7 @@
 """Table of the objects of a recording, with a row for each frame and object."""
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -63,6 +64,7 @@ class ObjectTable(Sink):
         self._write, self._new = write, new
         self._followers: dict[str, Follower] = {}
         self._recording, self._navigation = "", Navigation()
+        self._fixes: dict[str, deque[Fix | None]] = {}
         self.indices: list[int] = []
         self.tracks: dict[tuple[str, int], TrackSummary] = {}
 
@@ -70,6 +72,7 @@ class ObjectTable(Sink):
         """Start a recording."""
         self._recording, self._navigation = source.name, Navigation()
         self._followers = {channel.topic: self._new() for channel in clouds}
+        self._fixes = {channel.topic: deque() for channel in clouds}
 
     def copy(self, record: Record) -> None:
         """Receive messages about own ship's motion."""
@@ -78,9 +81,12 @@ class ObjectTable(Sink):
 
     def write(self, result: FilterResult) -> None:
         """Follow the objects of a frame; write the rows of frames that are complete."""
-        self.indices.append(result.frame.index)
-        topic = result.frame.topic
-        self._write_all(topic, self._followers[topic].add(result, pose_of(self._navigation, result)))
+        frame = result.frame
+        self.indices.append(frame.index)
+        # Objects are complete many seconds later; own ship is elsewhere then.
+        fix = self._navigation.fix(frame.cloud.frame_id.lstrip("/"), frame.stamp_ns)
+        self._fixes[frame.topic].append(fix)
+        self._write_all(frame.topic, self._followers[frame.topic].add(result, pose_of(self._navigation, result)))
 
     def end(self) -> None:
         """Write the rows of all frames that are left."""
@@ -89,8 +95,8 @@ class ObjectTable(Sink):
 
     def _write_all(self, topic: str, frames: Iterable[FrameObjects]) -> None:
         for frame in frames:
-            fix = self._navigation.fix(frame.frame_id.lstrip("/"), frame.stamp_ns)
-            self._write(csv_lines((self._recording, topic, *row) for row in rows_of(frame, fix)))
+            rows = rows_of(frame, self._fixes[topic].popleft())
+            self._write(csv_lines((self._recording, topic, *row) for row in rows))
             self._sum_up(topic, frame)
 
     def _sum_up(self, topic: str, frame: FrameObjects) -> None:

@@ -41,7 +41,6 @@ class FrameObjects:
 
     index: int
     stamp_ns: int
-    frame_id: str
     tracks: Sequence[int]
     states: Sequence[str]
     centers: Floats
@@ -80,7 +79,6 @@ class _Waiting:
 
     index: int
     stamp_ns: int
-    frame_id: str
     time_s: float
     pose: Pose
     over_ground: bool
@@ -139,9 +137,9 @@ class Follower:
         tracks = self._tracker.step(found, time_s)
         rows = [row for row, track in enumerate(tracks) if track is not None]
         known = [track for track in tracks if track is not None]
-        names = frame.index, frame.stamp_ns, frame.cloud.frame_id
+        moment = frame.index, frame.stamp_ns, time_s
         misfits = found.misfits()
-        self._frames.append(_Waiting(*names, time_s, pose, over_ground, water, found, misfits, clear_m, rows, known))
+        self._frames.append(_Waiting(*moment, pose, over_ground, water, found, misfits, clear_m, rows, known))
         self._records += len(rows)
         if time_s - self._frames[self._done].time_s >= 2 * self._ahead_s or self._records > _MAX_WAITING:
             yield from self._complete(time_s - self._ahead_s)
@@ -265,7 +263,6 @@ def _smoothed(
         yield FrameObjects(
             one.index,
             one.stamp_ns,
-            one.frame_id,
             [lives.tracks[n].number for n in there.tolist()],
             np.where(~seen, LOST, np.where(lives.sure[f, there], CONFIRMED, CANDIDATE)).tolist(),
             np.column_stack((xy, lives.middles_m[f, there])),

@@ -1,0 +1,48 @@
+"""The table of objects: rows of frames that are complete many seconds later."""
+
+from types import SimpleNamespace
+
+import numpy as np
+from rosbags.typesys import Stores, get_typestore
+
+from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.records import Channel, Message, Schema
+from seaclutter_cli.runs.outputs import PackedRows
+from seaclutter_cli.sinks.object_files import rows_as_mappings
+from seaclutter_cli.sinks.objects import ObjectTable
+from seaclutter_cli.tracking.follow import Follower
+
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+BOAT = np.array([(x, y, z) for x in np.arange(20, 26, 0.2) for y in (0.0, 1.0) for z in (-1.0, 0.5)])
+
+
+def message(kind, stamp_ns, *values):
+    types = STORE.types
+    head = types["std_msgs/msg/Header"](types["builtin_interfaces/msg/Time"](*divmod(stamp_ns, 10**9)), "")
+    data = bytes(STORE.serialize_cdr(types[kind](head, *values), kind))
+    return Message(Channel(2, "/own_ship", "cdr", Schema(kind, "", b"")), stamp_ns, stamp_ns, 0, data)
+
+
+def fix_and_heading(stamp_ns, latitude_deg):
+    types, zero = STORE.types, np.zeros(9)
+    level = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+    still = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+    status = types["sensor_msgs/msg/NavSatStatus"](0, 1)
+    yield message("sensor_msgs/msg/NavSatFix", stamp_ns, status, latitude_deg, 0.0, 0.0, zero, 0)
+    yield message("sensor_msgs/msg/Imu", stamp_ns, level, zero, still, zero, still, zero)
+
+
+def test_places_on_earth_are_those_of_their_frames():
+    lines = PackedRows()
+    table = ObjectTable(lines.write, lambda: Follower(1.5, 5))
+    table.begin(SimpleNamespace(name="trial"), [SimpleNamespace(topic="/points")])
+    for k in range(100):
+        stamp_ns = 10**9 + k * 5 * 10**8
+        for record in fix_and_heading(stamp_ns, 10 + k / 100):
+            table.copy(record)
+        frame = Frame.of_arrays(BOAT, np.full(len(BOAT), 50.0), stamp_ns=stamp_ns, index=k)
+        table.write(FilterResult(frame, np.zeros(len(BOAT), np.uint8)))
+    table.end()
+    rows = list(rows_as_mappings(lines))
+    assert [row["frame"] for row in rows] == list(range(100))
+    assert np.allclose([row["latitude_deg"] for row in rows], 10 + np.arange(100) / 100, atol=1e-4)
