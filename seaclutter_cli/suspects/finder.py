@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.clustering import ClusterFinder
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.suspects.bodies import Bodies, BodyFinder
+from seaclutter_cli.tracking.clock import Clock
 from seaclutter_cli.tracking.detections import Detections
 from seaclutter_cli.tracking.tracker import Track, Tracker
 from seaclutter_cli.water import Mounting
@@ -31,7 +32,7 @@ _LEAST_LOOKS = 3
 _RISES, _ALONE_WEIGHT = 1.5, 0.7
 _LEAST_SOLID, _SOLID_SPAN = 0.6, 0.3
 _STAY_S, _STEADY_M, _STEADY_SHARE = 1.0, 0.4, 0.1
-_GONE_S, _MAX_GAP_S = 5.0, 5.0
+_GONE_S = 5.0
 _MAX_STEPS = 256
 _MAX_LISTED = 500
 LIKELY, UNLIKELY = 0.15, 0.05
@@ -219,7 +220,7 @@ class SuspectFinder:
         self._mounting = mounting or Mounting()
         self._bodies: dict[Track, Body] = {}
         self._listed: dict[str, list[tuple[float, int, Suspect]]] = {"removed": [], "kept": []}
-        self._time_s: float | None = None
+        self._clock, self._time_s = Clock(), 0.0
         self._number = 0
         self.tally = tally or Tally.of(methods)
         self.unjudged = 0
@@ -227,11 +228,11 @@ class SuspectFinder:
 
     def add(self, frame: Frame, results: Sequence[FilterResult | None]) -> Bodies:
         """Add a frame with its results, None for a method that could not use it; return its bodies."""
-        time_s = frame.stamp_ns / 1e9
-        if self._time_s is not None and not 0 <= time_s - self._time_s <= _MAX_GAP_S:
+        time_ns, is_apart = self._clock.next(frame)
+        if is_apart:
             self._end(list(self._bodies))
             self._begin()
-        self._time_s = time_s
+        self._time_s = time_s = time_ns / 1e9
         reasons = [np.full(frame.size, Reason.INVALID, np.uint8) if one is None else one.reason for one in results]
         bodies = self._finder.find(frame, np.equal(reasons[0], Reason.EXCLUDED), time_s)
         tracks = self._tracker.step(bodies.found, time_s)
@@ -257,7 +258,7 @@ class SuspectFinder:
         for m, reason in enumerate(reasons):
             is_lost[m] &= ~_is_part(frame, bodies, reason, is_lost[m])
         by_reason = [bodies.sums(reasons[0] == reason) for reason in Reason if reason]
-        moment = frame.index, frame.stamp_ns, frame.stamp_ns / 1e9
+        moment = frame.index, frame.stamp_ns, self._time_s
         ends = np.append(bodies.start, len(bodies.points))
         sizes = np.hypot(*np.ptp(bodies.found.hulls, axis=1).T)
         for k, track in enumerate(tracks):
@@ -314,7 +315,7 @@ class SuspectFinder:
                 self._list(body.suspect("kept", 0.0, body.looks))
                 continue
             score = body.score
-            if body.is_unlikely and self._time_s is not None and self._time_s - body.first[2] < _STAY_S:
+            if body.is_unlikely and self._time_s - body.first[2] < _STAY_S:
                 self.unjudged += bool(body.kept[0] or body.lost[0])
                 continue
             self.tally.kept_looks += body.kept

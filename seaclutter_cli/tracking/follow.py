@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.frame import FilterResult, Frame, WaterState
 from seaclutter_cli.tracking.boxes import STRUCTURE, Shape, fit, guessed_class, smoothed, with_hull
+from seaclutter_cli.tracking.clock import Clock
 from seaclutter_cli.tracking.detections import Detections, Pose
 from seaclutter_cli.tracking.tracker import Track, Tracker
 from seaclutter_cli.water import Mounting
@@ -19,7 +20,6 @@ Floats = NDArray[np.float64]
 
 CONFIRMED, CANDIDATE, LOST = "confirmed", "candidate", "lost"
 _CONTEXT_S = 10.0
-_MAX_GAP_S = 5.0
 _MAX_WAITING = 50_000
 _SURE, _CLEAR_M, _BEAM_DEG, _BOAT_M, _CREST_M = 0.5, 0.5, 0.2, (2.5, 15.0), 0.3
 _MOST_COMPARED, _MOSTLY = 20, 0.8
@@ -110,6 +110,7 @@ class Follower:
         self._context_s, self._ahead_s = context_s, 0.0 if live else context_s
         self._tracker, self._beams = Tracker(), Beams(mounting)
         self._frames: deque[_Waiting] = deque()
+        self._clock = Clock()
         self._origin_ns: int | None = None
         self._done = 0
         self._shapes: dict[Track, Shape] = {}
@@ -118,16 +119,12 @@ class Follower:
     def add(self, result: FilterResult, pose: Pose | None) -> Iterator[FrameObjects]:
         """Add a filtered frame with the pose of the lidar, None if it is not known; yield frames that are complete."""
         frame = result.frame
+        time_ns, is_apart = self._clock.next(frame)
         if self._origin_ns is None:  # times from there on are exact to a nanosecond
-            self._origin_ns = frame.stamp_ns
-        time_s = (frame.stamp_ns - self._origin_ns) / 1e9
-        last_s = self._frames[-1].time_s if self._frames else time_s
-        if not -_MAX_GAP_S <= time_s - last_s <= _MAX_GAP_S:
-            yield from self.finish()
-        elif time_s <= last_s and self._frames:
-            time_s = last_s + 1e-3  # a clock that stood or stepped back
+            self._origin_ns = time_ns
+        time_s = (time_ns - self._origin_ns) / 1e9
         over_ground = pose is not None
-        if self._frames and over_ground != self._frames[-1].over_ground:
+        if self._frames and (is_apart or over_ground != self._frames[-1].over_ground):
             yield from self.finish()
         pose = pose or Pose()
         found = Detections.of(result, *self._clustering, self._mounting.up)
