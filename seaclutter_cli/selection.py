@@ -148,8 +148,13 @@ def filtered_by(source: Source, topics: Collection[str] = ()) -> str | None:
 
 
 def removed_topic(source: Source, topic: str) -> str | None:
-    """Return the topic of the points that an earlier run removed from the clouds of a topic; None if there is none."""
+    """Return the topic of the points that an earlier run removed from the clouds of a topic.
+
+    None if there is none, or if several runs filtered the clouds: it has the points of one of them.
+    """
     recorded = recorded_topics(source.metadata)
+    if topic in recorded and sum(name != "none" for name in recorded[topic].methods) > 1:
+        return None
     names = {channel.topic for channel in source.channels if find_codec(channel)}
     if topic in recorded:
         of = recorded[topic].clouds
@@ -157,6 +162,13 @@ def removed_topic(source: Source, topic: str) -> str | None:
     else:
         names &= {f"{topic.removesuffix('/filtered')}/removed"}
     return min(names - {topic}, default=None)
+
+
+def lacks_points(source: Source, topic: str) -> bool:
+    """Return whether earlier runs removed points from the clouds of a topic that the log does not have any more."""
+    if filtered_by(source, [topic]) is None or removed_topic(source, topic):
+        return False
+    return {name for one in recorded_of(source, [topic]) for name in one.methods} != {"none"}
 
 
 def studied(source: Source, selection: Selection) -> Selection:

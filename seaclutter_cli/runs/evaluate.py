@@ -27,7 +27,15 @@ from seaclutter_cli.runs.options.logs import EvaluateOptions
 from seaclutter_cli.runs.outputs import Contents, write_files, write_manifest
 from seaclutter_cli.runs.recordings import RecordingsResult, data_of
 from seaclutter_cli.runs.topic_statistics import Described
-from seaclutter_cli.selection import cloud_channels, filtered_by, main_topics, recorded_of, removed_topic, studied
+from seaclutter_cli.selection import (
+    cloud_channels,
+    filtered_by,
+    lacks_points,
+    main_topics,
+    recorded_of,
+    removed_topic,
+    studied,
+)
 from seaclutter_cli.text import count, printable, table
 from seaclutter_cli.truth import Truth
 
@@ -161,8 +169,7 @@ class EvaluateWork(RecordingWork[Evaluated]):
         topic = clouds[0].topic
         removed = None if by is None else removed_topic(source, topic)
         if by is not None:
-            earlier = {name for one in recorded_of(source, [topic]) for name in one.methods}
-            is_whole = bool(removed) or earlier == {"none"}
+            is_whole = not lacks_points(source, topic)
             self._check_filtered(f"{source.name}: already filtered{by}", observer, removed, is_whole=is_whole)
         methods = ", ".join(variant.name for variant in self.variants)
         observer.note(f"{source.name}: {source.format}, {methods} on {printable(topic)}", detail=True)

@@ -16,7 +16,7 @@ from seaclutter_cli.plots.clouds import draw_suspect
 from seaclutter_cli.plots.figure import check_target, render
 from seaclutter_cli.reporting.sample import take_sample
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
-from seaclutter_cli.runs.checks import FitChecks
+from seaclutter_cli.runs.checks import FitChecks, warn_if_filtered
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import SuspectsOptions
@@ -26,6 +26,7 @@ from seaclutter_cli.selection import (
     Selection,
     cloud_channels,
     filtered_by,
+    lacks_points,
     main_topics,
     recorded_of,
     removed_topic,
@@ -154,6 +155,7 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
         outcome.shown, finder = self.shown, finder_for(self.config)
         every = _filtered(source, config, selection, removed)
         if config:
+            warn_if_filtered(source, [outcome.topic], config, observer)
             every = FitChecks(config, source, outcome.topic, observer).checked(every)
         for frame, (result,), _ in self.stepped(every, source, observer, clouds):
             if outcome.start_ns is None:
@@ -209,7 +211,7 @@ def _part(
     chosen = studied(source, selection)
     topic = cloud_channels(source, chosen.topics)[0].topic
     by = filtered_by(source, [topic])
-    if by is not None and not removed_topic(source, topic):
+    if lacks_points(source, topic):
         remedy = "use the raw log, or one that was filtered with --with-removed"
         raise InputError(f"{source.name}: already filtered{by}, without the removed points; {remedy}")
     return chosen, None if by is None else removed_topic(source, topic), config

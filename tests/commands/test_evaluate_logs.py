@@ -85,6 +85,21 @@ def test_a_filtered_log_without_the_removed_points_is_refused(tmp_path):
     assert run("report", log, "-m", "none", "-o", tmp_path / "r.html").exit_code == 0, "without labels"
 
 
+@pytest.mark.parametrize(("first", "second"), [((), ("--with-removed",)), (("--with-removed",), ("-t", "/points"))])
+def test_a_log_with_the_removed_points_of_one_of_two_runs_is_refused(tmp_path, first, second):
+    log = filtered(tmp_path / "b.mcap", "-m", "global_intensity", *second, log=filtered(tmp_path / "a.mcap", *first))
+    result = run("evaluate", log, "-t", "/points", "--labels", LABELS, "-m", "none")
+    assert (result.exit_code, "already filtered by joint, global_intensity" in result.stderr) == (1, True)
+
+
+def test_a_run_that_removes_nothing_does_not_count(tmp_path, raw):
+    unfiltered = filtered(tmp_path / "a.mcap", "-m", "none")
+    log = filtered(tmp_path / "b.mcap", "--with-removed", log=unfiltered)
+    found = figures(log, "--labels", LABELS, "-m", "none")["methods"]["none"]
+    assert counts(found) == counts(raw["joint"])
+    assert run("suspects", unfiltered, "-m", "joint").exit_code == 0
+
+
 def test_labels_by_the_order_of_points_do_not_fit_a_filtered_log(tmp_path):
     log = filtered(tmp_path / "a.mcap", "--with-removed")
     (tmp_path / "labels").mkdir()

@@ -54,6 +54,7 @@ def test_a_filtered_log_has_the_same_suspects(raw, tmp_path):
         assert [(one["frame"], one["points"], one["reasons"]) for one in removed] == [
             (one["frame"], one["points"], one["reasons"]) for one in expected
         ]
+    assert "only filters the remaining points" in run("suspects", tmp_path / "a.mcap", "-m", "sor").stderr
 
 
 def test_the_text_names_the_rule(tmp_path):
