@@ -1,6 +1,7 @@
 """Proposal of labels from the objects of recordings, and their files."""
 
 import json
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
@@ -33,6 +34,8 @@ from seaclutter_cli.sinks.object_files import rows_as_mappings
 from seaclutter_cli.sinks.point_files import FRAME_WRITERS
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, printable, table
+from seaclutter_cli.tracking.boxes import STRUCTURE
+from seaclutter_cli.tracking.follow import CONFIRMED
 
 FOLDER_FORMS: Mapping[str, JsonForm] = {"sustechpoints": SUSTECHPOINTS, "seepersea": SEEPERSEA}
 """Forms with a folder for each recording; a CSV file is the other one."""
@@ -201,23 +204,34 @@ def proposals(rows: Iterable[Mapping[str, Any]]) -> list[Proposal]:
     """Return a box for each row of a table of objects, doubtful tracks first, then by track and frame.
 
     Tracks that were seen in fewer than three frames are left out. The boxes of a track in which it was not confirmed
-    are doubtful.
+    are doubtful, as are areas to ignore around own ship or a confirmed object: a bent quay has water between its walls.
     """
     tracks: dict[int, list[Mapping[str, Any]]] = {}
+    afloat: dict[int, list[tuple[float, float]]] = {}
     for row in rows:
         tracks.setdefault(row["track_id"], []).append(row)
+        places = afloat.setdefault(row["frame"], [(0.0, 0.0)])
+        if row["class"] != STRUCTURE and row["state"] == CONFIRMED:
+            places.append((row["x_m"], row["y_m"]))
     found = []
     for number, own in tracks.items():
         if sum(row["state"] != "lost" for row in own) < LEAST_FRAMES:
             continue
         ((kind, _),) = Counter(row["class"] for row in own).most_common(1)
-        kind = IGNORE if kind == "structure" else kind
+        kind = IGNORE if kind == STRUCTURE else kind
         for row in own:
             center, size = (row["x_m"], row["y_m"], row["z_m"]), (row["length_m"], row["width_m"], row["height_m"])
             labelled = Labelled(str(number), kind, center, size, row["yaw_rad"], proposed=True)
-            mark = SURE if row["state"] == "confirmed" else DOUBTFUL
+            around = kind == IGNORE and any(_is_inside(place, row) for place in afloat[row["frame"]])
+            mark = DOUBTFUL if around or row["state"] != CONFIRMED else SURE
             found.append(Proposal(row["frame"], labelled, row["score"], mark))
     return sorted(found, key=lambda one: (one.mark, one.score, int(one.labelled.track), one.frame))
+
+
+def _is_inside(place: tuple[float, float], box: Mapping[str, Any]) -> bool:
+    x, y = place[0] - box["x_m"], place[1] - box["y_m"]
+    cos, sin = math.cos(box["yaw_rad"]), math.sin(box["yaw_rad"])
+    return bool(2 * abs(x * cos + y * sin) < box["length_m"] and 2 * abs(y * cos - x * sin) < box["width_m"])
 
 
 def write_proposals(stream: BinaryIO, found: Sequence[Proposal], frames: Iterable[int]) -> None:

@@ -18,6 +18,7 @@ from seaclutter_cli.evaluation.matching import overlaps, targets_of
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.labels import open_labels
+from seaclutter_cli.labels.point_labels import find_semantickitti
 from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all, without_labels
@@ -188,7 +189,7 @@ def _opened(path: Path) -> tuple[Labels, set[int]]:
     """Return labels and the numbers of their frames; `LabelError` if these are not known."""
     labels = open_labels(path)
     numbers: Sequence[int] | None = getattr(labels, "frames", None)
-    if numbers is None:
+    if numbers is None or (path.is_dir() and find_semantickitti(path)):
         raise LabelError(f"{path}: labels of points, or by stamps, cannot be compared; use boxes by frames")
     return labels, set(numbers)
 

@@ -83,10 +83,18 @@ def test_edited_boxes_are_no_longer_proposed(tmp_path):
 
 
 def test_doubtful_tracks_come_first_short_ones_are_left_out_and_structures_are_ignored():
-    size = {"x_m": 0.0, "y_m": 0.0, "z_m": 0.0, "length_m": 1.0, "width_m": 1.0, "height_m": 1.0, "yaw_rad": 0.0}
+    size = {"y_m": 0.0, "z_m": 0.0, "length_m": 1.0, "width_m": 1.0, "height_m": 1.0, "yaw_rad": 0.0}
     kinds = {1: "structure", 2: "buoy", 3: "buoy"}
     rows = [
-        {**size, "frame": frame, "track_id": track, "score": score, "state": state, "class": kinds[track]}
+        {
+            **size,
+            "x_m": 20.0 * track,
+            "frame": frame,
+            "track_id": track,
+            "score": score,
+            "state": state,
+            "class": kinds[track],
+        }
         for track, score, state, frames in (
             (1, 1.0, "confirmed", 4),
             (2, 0.3, "candidate", 3),
@@ -98,6 +106,26 @@ def test_doubtful_tracks_come_first_short_ones_are_left_out_and_structures_are_i
     assert [one.labelled.track for one in found] == ["2"] * 3 + ["1"] * 4
     assert [one.mark for one in found] == ["doubtful"] * 3 + ["sure"] * 4
     assert [one.labelled.kind for one in found] == ["buoy"] * 3 + ["ignore"] * 4
+
+
+@pytest.mark.parametrize(
+    ("middle", "yaw", "boat", "mark"),
+    [
+        ((0, 20), 0.0, (0, 10), "sure"),
+        ((0, 20), 0.0, (20, 22), "doubtful"),
+        ((0, 20), np.pi / 2, (0, 60), "doubtful"),
+        ((0, 20), np.pi / 2, (10, 10), "doubtful"),
+        ((40, 20), np.pi / 2, (0, 10), "sure"),
+    ],
+    ids=["behind a boat", "around a boat", "around own ship", "around both", "beside both"],
+)
+def test_areas_to_ignore_around_what_floats_are_doubtful(middle, yaw, boat, mark):
+    size = {"z_m": 0.0, "height_m": 4.0, "score": 1.0, "state": "confirmed"}
+    quay = {"track_id": 1, "class": "structure", "length_m": 60.0, "width_m": 8.0, "yaw_rad": yaw}
+    other = {"track_id": 2, "class": "vessel", "length_m": 15.0, "width_m": 4.0, "yaw_rad": 0.0}
+    objects = (dict(zip(("x_m", "y_m"), at, strict=True)) | size | own for at, own in ((middle, quay), (boat, other)))
+    found = proposals({**one, "frame": frame} for one in objects for frame in range(3))
+    assert {(one.labelled.kind, one.mark) for one in found} == {("ignore", mark), ("vessel", "sure")}
 
 
 def test_frames_without_objects_are_labelled_as_empty(tmp_path):
@@ -112,6 +140,12 @@ def test_labels_by_stamps_cannot_be_compared(tmp_path):
     path = tmp_path / "stamps.csv"
     path.write_text("\n".join(line.replace("frame", "stamp_ns") for line in lines[:2]))
     assert "by stamps" in run("labels", "compare", path, TRUTH, code=1).stderr
+
+
+def test_labels_of_points_cannot_be_compared(tmp_path):
+    (tmp_path / "000000.label").write_bytes(bytes(8))
+    for path in (tmp_path, SEA):
+        assert "labels of points" in run("labels", "compare", TRUTH, path, code=1).stderr
 
 
 def test_comparison_counts_each_change(tmp_path):
