@@ -25,6 +25,7 @@ Moment = tuple[int, int, float]
 
 CHOSEN = (Reason.NEAR, Reason.FAR, Reason.EXCLUDED, Reason.INVALID)
 """Reasons that follow from the configuration or the log, not from a judgement."""
+_JUDGED = [reason for reason in Reason if reason not in (Reason.KEPT, *CHOSEN)]
 
 _TOLERANCE_M, _LEAST_POINTS, _FEW_POINTS = 1.5, 5, 3
 _PART_M = 2.5
@@ -49,8 +50,9 @@ class Suspect:
 
     ``frame`` and ``stamp_ns`` are those of the frame with most of its points, where its centre is ``x_m``, ``y_m`` and
     ``z_m`` and the points are ``points``; ``frames`` is the number of frames in which it was removed or kept, from
-    ``first_frame`` to ``last_frame``. ``reasons`` are the points removed by each rule. ``top_m`` is the greatest height
-    above the water, None if it is not known; ``speed_ms`` that against the lidar.
+    ``first_frame`` to ``last_frame``. ``reasons`` are the points removed by each rule, but those that follow from the
+    configuration. ``top_m`` is the greatest height above the water, None if it is not known; ``speed_ms`` that against
+    the lidar.
     """
 
     kind: Literal["removed", "kept"]
@@ -252,12 +254,12 @@ class SuspectFinder:
         self, frame: Frame, bodies: Bodies, tracks: Sequence[Track | None], reasons: Sequence[NDArray[np.uint8]]
     ) -> None:
         kept = np.array([bodies.sums(one == Reason.KEPT) for one in reasons]).reshape(len(reasons), -1)
-        removed = np.array([bodies.sums(~np.isin(one, (Reason.KEPT, *CHOSEN))) for one in reasons]).reshape(kept.shape)
+        removed = np.array([bodies.sums(np.isin(one, _JUDGED)) for one in reasons]).reshape(kept.shape)
         is_kept = kept >= _LEAST_POINTS
         is_lost = ~is_kept & (removed >= _FEW_POINTS)
         for m, reason in enumerate(reasons):
             is_lost[m] &= ~_is_part(frame, bodies, reason, is_lost[m])
-        by_reason = [bodies.sums(reasons[0] == reason) for reason in Reason if reason]
+        by_rule = [(rule, bodies.sums(reasons[0] == rule)) for rule in _JUDGED]
         moment = frame.index, frame.stamp_ns, self._time_s
         ends = np.append(bodies.start, len(bodies.points))
         sizes = np.hypot(*np.ptp(bodies.found.hulls, axis=1).T)
@@ -282,7 +284,8 @@ class SuspectFinder:
             body.kept += is_kept[:, k]
             body.points_kept += int(kept[0, k])
             if is_lost[0, k]:
-                body.reasons[1:] += [counts[k] for counts in by_reason]
+                for rule, points in by_rule:
+                    body.reasons[rule] += points[k]
             kind, size = ("removed", removed[0, k]) if is_lost[0, k] else ("kept", kept[0, k])
             if is_lost[0, k] or is_kept[0, k]:
                 own = bodies.points[bodies.start[k] : ends[k + 1]]

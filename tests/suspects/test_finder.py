@@ -72,6 +72,18 @@ def test_a_target_that_is_removed_is_the_only_suspect(labelled, track):
     assert replace(one, total_points=10, frames=99).weight < one.weight
 
 
+def test_points_that_the_configuration_removed_are_no_reason(labelled):
+    def partly_near(result, truth):
+        reason = result.reason.copy()
+        target = np.flatnonzero(truth.points == 2)
+        reason[target] = Reason.NEAR
+        reason[target[::4]] = Reason.OUTLIER
+        return replace(result, reason=reason)
+
+    (one,) = found(labelled, partly_near)[0]["removed"]
+    assert one.reasons == {"outlier": one.total_points}
+
+
 def test_kept_clutter_is_suspected_most_if_it_is_large(labelled):
     suspects, finder = found(labelled, lambda known, _: FilterResult(known.frame, np.zeros_like(known.reason)))
     assert not suspects["removed"]
