@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
+Bytes = NDArray[np.uint8]
+Indices = NDArray[np.intp]
+Rows = NDArray[np.void]
+Rng = np.random.Generator
 
 
 def group_starts(ordered: NDArray[np.integer]) -> Ints:

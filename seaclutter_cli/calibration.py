@@ -11,8 +11,8 @@ from decimal import ROUND_CEILING, Context
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Indices
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.filters.histogram import IntensityHistogram
 from seaclutter_cli.filters.joint import RingIntensityParams
@@ -43,7 +43,7 @@ class FarLimit:
         self._counts = np.zeros(bins, np.int64)
         self._least, self._most = np.full(bins, np.inf), np.full(bins, -np.inf)
 
-    def add(self, range_m: NDArray[np.float64]) -> None:
+    def add(self, range_m: Floats) -> None:
         """Add ranges in metres, shape (N,)."""
         near = range_m[range_m < MAX_RANGE_M]
         bin_index = (near / _BIN_M).astype(np.intp)
@@ -141,7 +141,7 @@ class Calibration:
         self.frames = 0
         count = max(1, min(MAX_RINGS, math.ceil((MAX_RANGE_M - params.own_ship_m) / params.ring_width_m)))
         whole_rings = np.asarray(params.own_ship_m + np.arange(count + 1) * params.ring_width_m, np.float64)
-        self._edges: NDArray[np.float64] = params.edges if keep_end else whole_rings
+        self._edges: Floats = params.edges if keep_end else whole_rings
         self._limit = FarLimit()
         self._rings: dict[int, IntensityHistogram] = {}
         self.points = 0
@@ -150,7 +150,7 @@ class Calibration:
         self.highest = -math.inf
         """Maximum intensity of all points, which no threshold exceeds unless the filter rate is 1."""
 
-    def add(self, range_m: NDArray[np.float64], intensity: NDArray[np.float64]) -> None:
+    def add(self, range_m: Floats, intensity: Floats) -> None:
         """Add clutter points at ``start_m`` or beyond: ranges in metres and intensities, both of shape (N,)."""
         self.points += len(range_m)
         least, most = self.intensity
@@ -178,7 +178,7 @@ class Calibration:
                 self._rings[number] = histogram
         return self
 
-    def see(self, intensity: NDArray[np.float64]) -> None:
+    def see(self, intensity: Floats) -> None:
         """Note the intensities of all valid points of a frame, shape (N,), clutter or not; call it for each frame."""
         self.frames += 1
         self.highest = float(intensity.max(initial=self.highest))
@@ -199,7 +199,7 @@ class Calibration:
         rings = tuple(self._ring(number, edges, sources[number]) for number in range(count))
         return Thresholds(rings, float(edges[-1]), last_m, self.points - sum(ring.points for ring in rings))
 
-    def _up_to(self, last_m: float | None) -> NDArray[np.float64]:
+    def _up_to(self, last_m: float | None) -> Floats:
         start_m, width_m = self.params.own_ship_m, self.params.ring_width_m
         count = max(1, math.ceil((last_m - start_m) / width_m - 1e-9)) if last_m is not None else 1
         if count >= len(self._edges):
@@ -209,7 +209,7 @@ class Calibration:
             )
         return np.append(self._edges[:count], round(float(self._edges[count]), 9))
 
-    def _ring(self, number: int, edges: NDArray[np.float64], source: range) -> RingCalibration:
+    def _ring(self, number: int, edges: Floats, source: range) -> RingCalibration:
         """Return the calibration of a range ring from the points of those in ``source``."""
         histogram, rate = IntensityHistogram(), self.filter_rate
         for one in filter(self._rings.__contains__, source):
@@ -313,7 +313,7 @@ class ClutterSelector:
         self.frames = self.unlabelled = self.marked = 0
         """Frames used; frames left out because they have no labels; points left out because of their labels."""
 
-    def clutter(self, frame: Frame) -> NDArray[np.intp]:
+    def clutter(self, frame: Frame) -> Indices:
         """Return the indices of the clutter points of a frame; empty if labels exist but not for this frame.
 
         Raise `FieldError` if the frame has no intensities.

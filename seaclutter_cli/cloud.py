@@ -16,14 +16,8 @@ FIELD_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 """Types of point fields that every supported message encoding has, as numpy codes."""
 
 INTENSITY_NAMES = (
-    "intensity",
-    "i",
-    "reflectivity",
-    "signal",
-    "remission",
-    "intensities",
-    "reflectance",
-    "scalar_intensity",
+    *("intensity", "i", "reflectivity", "signal"),
+    *("remission", "intensities", "reflectance", "scalar_intensity"),
 )
 """Usual names of the intensity field, most likely first; case is ignored."""
 

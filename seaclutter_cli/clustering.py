@@ -4,13 +4,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import group_sizes, group_starts
+from seaclutter_cli.arrays import Floats, Ints, Mask, group_sizes, group_starts
 
-Indices = NDArray[np.int64]
-Points = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+Indices = Ints
+Points = Floats
 
 _REACH = 2
 _FEW_CELLS = 1 << 20
@@ -182,7 +180,7 @@ class DbscanFinder:
             core[few] = distance[:, -1] <= self._eps_m
         return core
 
-    def _nearest(self, among: Indices, query: Indices, count: int) -> tuple[NDArray[np.float64], Indices]:
+    def _nearest(self, among: Indices, query: Indices, count: int) -> tuple[Floats, Indices]:
         """Return distances and indices of the nearest points, both of shape (n, count); infinite where not near."""
         from scipy.spatial import cKDTree  # slow to import, not needed by other clusters
 

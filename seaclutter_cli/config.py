@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats
 from seaclutter_cli.buckets import fetch, on_paths, shown
 from seaclutter_cli.errors import AdaptedThresholdsWarning, ConfigError
 from seaclutter_cli.evaluation import EvaluationParams
@@ -227,7 +227,7 @@ def _with_open_thresholds(raw: Mapping[str, Any]) -> dict[str, Any]:
     return {**raw, "filter": {**section, "initial_thresholds": [0] * (len(edges) - 1)}}
 
 
-def _edges_of(section: Mapping[str, Any]) -> NDArray[np.float64] | None:
+def _edges_of(section: Mapping[str, Any]) -> Floats | None:
     """Return the edges of the range rings that a section gives; None if it is not valid, or without range rings."""
     method = section.get("method", DEFAULT_METHOD)
     kind = FILTERS.get(method) if isinstance(method, str) else None

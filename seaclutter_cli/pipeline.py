@@ -9,8 +9,8 @@ from time import perf_counter
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints
 from seaclutter_cli.errors import ArrayError, CloudError, FieldError, TopicError
 from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Frame, Reason, Rings, WaterState
 from seaclutter_cli.given import naming_method
@@ -41,12 +41,12 @@ class TopicTally:
 
     frames: int = 0
     points_in: int = 0
-    counts: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(Reason), np.int64))
+    counts: Ints = field(default_factory=lambda: np.zeros(len(Reason), np.int64))
     rings: Rings | None = None
     scenes: Counter[str] = field(default_factory=Counter)
-    water: NDArray[np.float64] = field(default_factory=lambda: np.zeros(len(WATER_COLUMNS)))
+    water: Floats = field(default_factory=lambda: np.zeros(len(WATER_COLUMNS)))
     water_frames: int = 0
-    undecided: NDArray[np.int64] = field(default_factory=lambda: np.zeros((2, 2), np.int64))
+    undecided: Ints = field(default_factory=lambda: np.zeros((2, 2), np.int64))
     filter_s: float = 0.0
     unfit: list[FieldError] = field(default_factory=list)
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Bytes
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import CloudError, MissingExtraError, UnsupportedCloudError
 from seaclutter_cli.frame import FilterResult, Frame, Reason
@@ -153,7 +153,7 @@ def _note_unreadable(
     unreadable[topic] = str(of_topic)
 
 
-def removed_points(message: Message) -> tuple[Cloud, NDArray[np.uint8]]:
+def removed_points(message: Message) -> tuple[Cloud, Bytes]:
     """Return the points that an earlier run removed from a frame, shape (N,), and their reasons, given its message."""
     codec = find_codec(message.channel)
     if codec is None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Bytes, Mask
 from seaclutter_cli.errors import UsageError, requiring
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.frame import FilterResult, Frame, Reason
@@ -18,8 +19,6 @@ from seaclutter_cli.messages.scene import SceneBox
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
 from seaclutter_cli.reporting.sample import boxes_of
-
-Mask = NDArray[np.bool_]
 
 _LOOPBACK = "127.0.0.1"
 _FLUSH_S = 30.0
@@ -105,7 +104,7 @@ class FrameStream(FrameListener):
                     self._log(f"{name}/ring_{ring}", self._rerun.Scalars(value))
 
 
-def _shades(frame: Frame, shown: Mask) -> NDArray[np.uint8] | None:
+def _shades(frame: Frame, shown: Mask) -> Bytes | None:
     """Return a grey value for each shown point, lighter for higher intensity; None without intensities."""
     if frame.intensity_name is None or not shown.any():
         return None

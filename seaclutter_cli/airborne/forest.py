@@ -6,9 +6,8 @@ from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Interval
-from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Floats, Ints, Mask, group_sizes, group_starts
+from seaclutter_cli.arrays import Floats, Indices, Ints, Mask, group_sizes, group_starts
 from seaclutter_cli.errors import InputError, requiring
 from seaclutter_cli.params import Count, key
 from seaclutter_cli.threads import executor, threads
@@ -140,7 +139,7 @@ def train(samples: Samples, params: ForestParams) -> Any:
     return forest
 
 
-def _subsample(samples: Samples, params: ForestParams) -> NDArray[np.intp]:
+def _subsample(samples: Samples, params: ForestParams) -> Indices:
     """Return indices of at most ``max_points_per_object`` random points of each object, ascending."""
     _, which = samples.objects
     priority = np.random.default_rng([params.seed, 2]).random(len(which))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.surface import NEVER, WATER
-from seaclutter_cli.arrays import Floats
+from seaclutter_cli.arrays import Bytes, Floats
 from seaclutter_cli.errors import requiring
 from seaclutter_cli.grids.elevation import sliced
 
@@ -32,7 +32,7 @@ class TileMap:
 
     cell_m: float
     first: tuple[int, int]
-    kind: NDArray[np.uint8]
+    kind: Bytes
     level_m: NDArray[np.float32]
 
     def coarser(self, cell_m: float) -> "TileMap":

@@ -14,7 +14,7 @@ from seaclutter_cli.airborne.squares import Column, SquareEchoes, Squares, squar
 from seaclutter_cli.airborne.strips import looks_of, strip_levels, strips_of
 from seaclutter_cli.airborne.surface import CALM_M, NEVER, OTHER, SeparationParams, Surface
 from seaclutter_cli.airborne.waves import Waves, WindowWaves, estimate_waves, window_waves
-from seaclutter_cli.arrays import Floats, Mask
+from seaclutter_cli.arrays import Bytes, Floats, Indices, Mask
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.grids.elevation import NOWHERE, Cells, GriddedPoints, LandCells
 from seaclutter_cli.grids.opening import SurfaceParams, open_grid, without_pits
@@ -53,7 +53,7 @@ class Separation:
     ``is_doubtful``: whether land was looked for, and the model is not sure what is water.
     """
 
-    classification: NDArray[np.uint8]
+    classification: Bytes
     height_m: NDArray[np.float32]
     cells: int
     sea: SeaState = SeaState("opened", None, None, None, CALM_M)
@@ -65,7 +65,7 @@ class Separation:
         return replace(self, classification=self.classification[:points], height_m=self.height_m[:points])
 
     @property
-    def other(self) -> NDArray[np.intp]:
+    def other(self) -> Indices:
         """Indices of the non-sea points."""
         return np.flatnonzero(self.classification == OTHER)
 
@@ -117,7 +117,7 @@ class LeveledTile:
     points: GriddedPoints
     params: SeparationParams
     column: Column
-    look: NDArray[np.uint8] | None
+    look: Bytes | None
     change_m: Floats | None
     lowest: Cells
     opened: Cells

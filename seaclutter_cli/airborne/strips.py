@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.squares import Column, square_of, squares_in
-from seaclutter_cli.arrays import Floats, Ints, Mask
+from seaclutter_cli.arrays import Bytes, Floats, Indices, Ints, Mask
 from seaclutter_cli.grids.elevation import NOWHERE, GriddedPoints, sliced
 
 _TURN_S = 30.0
@@ -24,7 +24,7 @@ _MOVED_M = 0.1
 _LEAST_SQUARES, _MOVED_SHARE, _AGREEING = 6, 0.2, 0.8
 
 
-def strips_of(column: Column) -> NDArray[np.uint8] | None:
+def strips_of(column: Column) -> Bytes | None:
     """Return the strip of each point, from 0 on, shape (N,); None if nothing distinguishes strips.
 
     Strips have different point source IDs or, where all IDs are the same, are at least half a minute apart in GPS time:
@@ -54,7 +54,7 @@ def _are_same(values: NDArray[Any]) -> bool:
     return not (values != values[:1]).any()
 
 
-def _passes(times_s: Floats) -> NDArray[np.intp]:
+def _passes(times_s: Floats) -> Indices:
     """Return the pass of each point: times without a gap of half a minute; points without a time are in the first."""
     known = np.isfinite(times_s)
     strip = np.zeros(len(times_s), np.intp)
@@ -64,7 +64,7 @@ def _passes(times_s: Floats) -> NDArray[np.intp]:
     return strip
 
 
-def looks_of(strip: NDArray[np.uint8] | None, parts: Iterable[Floats], column: Column) -> NDArray[np.uint8] | None:
+def looks_of(strip: Bytes | None, parts: Iterable[Floats], column: Column) -> Bytes | None:
     """Return the strip of each point, shape (N,); those that see places twice are divided into their looks.
 
     ``parts`` are coordinates in metres, shape (3, n).
@@ -154,7 +154,7 @@ class StripLevels:
         return change
 
 
-def strip_levels(points: GriddedPoints, strip: NDArray[np.uint8]) -> StripLevels | None:
+def strip_levels(points: GriddedPoints, strip: Bytes) -> StripLevels | None:
     """Return the levels of strips; None if there is only one.
 
     ``points``: the N points of a tile; ``strip``, shape (N,): strip of each point, less than K.
@@ -193,7 +193,7 @@ def _step(difference_m: Floats) -> float:
     return step if np.mean(np.sign(apart) == np.sign(step)) >= _AGREEING else 0.0
 
 
-def _points_of(points: GriddedPoints, strip: NDArray[np.uint8], strips: int, squares: int) -> Ints:
+def _points_of(points: GriddedPoints, strip: Bytes, strips: int, squares: int) -> Ints:
     """Return the number of points of each strip in each square, shape (K, S)."""
     count = np.zeros(strips * squares, np.int64)
     for part, _, cell in points:
@@ -203,7 +203,7 @@ def _points_of(points: GriddedPoints, strip: NDArray[np.uint8], strips: int, squ
     return count.reshape(strips, squares)
 
 
-def _levels_of(points: GriddedPoints, strip: NDArray[np.uint8], count: Ints) -> tuple[Floats, Mask]:
+def _levels_of(points: GriddedPoints, strip: Bytes, count: Ints) -> tuple[Floats, Mask]:
     """Return the mean elevation of each strip in each square, and where to compare it, both of shape (K, S).
 
     Strips are compared where two have enough of the points that ``count`` has, and are flat.

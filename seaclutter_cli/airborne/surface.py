@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Floats, Mask
+from seaclutter_cli.arrays import Bytes, Floats, Mask
 from seaclutter_cli.grids.elevation import NOWHERE, Cells, GriddedPoints
 from seaclutter_cli.grids.opening import SurfaceParams
 from seaclutter_cli.params import Positive, key
@@ -78,7 +78,7 @@ class Surface:
         limit = np.broadcast_to(self.limit, self.elevation.shape).reshape(-1)[cell]
         return z - self.elevation.reshape(-1)[cell], np.where(self.land.reshape(-1)[cell], -np.inf, limit)
 
-    def classes(self, points: GriddedPoints) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    def classes(self, points: GriddedPoints) -> tuple[Bytes, NDArray[np.float32]]:
         """Return class and height of the points of the grid, both of shape (N,)."""
         classification, height = np.empty(points.size, np.uint8), np.empty(points.size, np.float32)
         for own, z, cell in points:

@@ -24,14 +24,10 @@ _KINDS = ("sensors", "methods", "formats", "configs", "scenes", "layouts", "tile
 
 
 class _CheckOptions(Options):
-    """What is checked."""
-
     files: Sequence[str] = option("FILES...", "Configuration files.", kind=Anything())
 
 
 class _ListOptions(Options):
-    """What is listed."""
-
     kinds: Sequence[str] = option("[KIND]...", "Kinds of items.", default=(), kind=Choice(_KINDS))
 
 

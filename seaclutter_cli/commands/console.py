@@ -143,15 +143,11 @@ class Console(Options):
                 show_line(f"Warning: {number - 1:,} more: {text}")
         if self.as_json or not (self.quiet and result.is_summary):
             text = result.as_detailed_text() if self.verbose else result.as_text()
-            self.show(result.as_dict() if self.as_json else text)
+            if self.as_json:
+                show_exactly(json.dumps(_versioned(result.as_dict()), indent=2))
+            elif text:
+                show(text)
         raise click.exceptions.Exit(_FAILED if result.failed else _DAMAGED if result.damaged else 0)
-
-    def show(self, result: Any) -> None:
-        """Print data as JSON with the version of its schema, or text unless it is empty."""
-        if self.as_json:
-            show_exactly(json.dumps(_versioned(result), indent=2))
-        elif result:
-            show(result)
 
 
 def _versioned(data: Any) -> Any:

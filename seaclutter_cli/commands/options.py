@@ -89,8 +89,6 @@ class _ConfigFile(_Value):
 
 
 class _Finite(click.FloatRange):
-    """A number within limits."""
-
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         number = super().convert(value, param, ctx)
         return number if math.isfinite(number) else self.fail(f"{value} is not a finite number.", param, ctx)

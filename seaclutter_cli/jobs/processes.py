@@ -77,8 +77,6 @@ def run_in_processes(jobs: int, tasks: Sequence[Task[R]], on_share: OnShare) -> 
 
 
 class _Pool(AbstractContextManager["_Pool"]):
-    """The processes of a run."""
-
     def __init__(self, context: Any, size: int) -> None:
         self._context, self._size = context, size
         self._workers: list[_Worker] = []

@@ -14,6 +14,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Bytes
 from seaclutter_cli.cloud import Cloud, PointField
 from seaclutter_cli.errors import CloudError, MissingExtraError, UnsupportedCloudError
 from seaclutter_cli.limits import above, limits
@@ -184,7 +185,7 @@ def _unpack_draco(
     return kept, out.reshape(-1).data
 
 
-def _copy(values: NDArray[Any], field: PointField, out: NDArray[np.uint8], *, order: str) -> None:
+def _copy(values: NDArray[Any], field: PointField, out: Bytes, *, order: str) -> None:
     """Write the values of an attribute, shape (N, K), into the bytes of the points, shape (N, point_step)."""
     number = max(field.count, 1)
     if not 0 <= field.offset < field.end <= out.shape[1]:

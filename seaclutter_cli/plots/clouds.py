@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Bytes, Floats, Mask
 from seaclutter_cli.frame import Reason
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import Collector
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-Mask = NDArray[np.bool_]
 
 _WIDE = 1.7
 """Ratio of the width of a panel to its height."""
@@ -50,7 +49,7 @@ _SUSPECT_M = 12.0
 _MAX_LEGEND_CHARACTERS = 40
 """Characters of a legend that fit into one row of four columns."""
 
-STAGES: dict[str, Callable[[NDArray[np.uint8]], Mask]] = {
+STAGES: dict[str, Callable[[Bytes], Mask]] = {
     "raw": lambda reason: np.ones(len(reason), np.bool_),
     "after thresholds": lambda reason: np.isin(reason, (Reason.KEPT, Reason.OUTLIER, Reason.UNCONFIRMED)),
     "after outlier removal": lambda reason: np.asarray(reason == Reason.KEPT),
@@ -134,10 +133,10 @@ def draw_boxes(axes: "Axes", sample: Sample, method: int) -> "dict[str, Line2D]"
     return drawn
 
 
-def _corners(box: dict[str, Any]) -> NDArray[np.float64]:
+def _corners(box: dict[str, Any]) -> Floats:
     cos, sin = np.cos(box["yaw"]), np.sin(box["yaw"])
     outline = np.array([[1, 1], [1, -1], [-1, -1], [-1, 1], [1, 1]]) / 2 * box["size"][:2]
-    rotated: NDArray[np.float64] = outline @ np.array([[cos, sin], [-sin, cos]]) + box["center"][:2]
+    rotated: Floats = outline @ np.array([[cos, sin], [-sin, cos]]) + box["center"][:2]
     return rotated
 
 

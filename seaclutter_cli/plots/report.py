@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from seaclutter_cli.arrays import Mask
 from seaclutter_cli.frame import WATER_COLUMNS, WATER_REASONS, Reason
-from seaclutter_cli.plots.clouds import Mask, draw_methods, draw_stages
+from seaclutter_cli.plots.clouds import draw_methods, draw_stages
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import Collector

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints, Mask
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -26,14 +28,12 @@ LEFT_OUT = "left out"
 """Name of the points, drawn in grey, of clusters that are too uncertain to be objects."""
 
 _MAX_SEA_POINTS = 40_000
-Box = tuple[str, NDArray[np.float64]]
+Box = tuple[str, Floats]
 LAND, _OBJECT, _SHORE = "#D9CBA3", "#D55E00", "#3B2F1E"
 _NARROWEST_M = 0.1
 
 
-def draw_tile(
-    figure: "Figure", sea: NDArray[np.float64], points: Mapping[str, NDArray[np.float64]], boxes: Sequence[Box]
-) -> None:
+def draw_tile(figure: "Figure", sea: Floats, points: Mapping[str, Floats], boxes: Sequence[Box]) -> None:
     """Draw a tile in top view, points coloured by class and objects in boxes ([Shi2022], Fig. 3).
 
     A subset of the sea, shape (2, N), is drawn; the points, shape (2, M) each, have the name of their class or
@@ -60,7 +60,7 @@ def draw_tile(
         figure.legend(loc="outside upper center", ncols=min(4, len(points)), handletextpad=0.2, columnspacing=1.0)
 
 
-def draw_confusion(figure: "Figure", names: Sequence[str], matrix: NDArray[np.int64]) -> None:
+def draw_confusion(figure: "Figure", names: Sequence[str], matrix: Ints) -> None:
     """Draw a confusion matrix, true class by predicted class, with the shares of each row in percent."""
     axes = figure.add_subplot()
     share = matrix / np.maximum(matrix.sum(axis=1, keepdims=True), 1)
@@ -86,9 +86,9 @@ class MapPart:
     low: tuple[float, float]
     high: tuple[float, float]
     level_m: NDArray[np.float32]
-    is_land: NDArray[np.bool_]
-    is_object: NDArray[np.bool_]
-    shoreline: Sequence[NDArray[np.float64]]
+    is_land: Mask
+    is_object: Mask
+    shoreline: Sequence[Floats]
 
 
 def aspect_of(parts: Sequence[MapPart]) -> float:
@@ -98,7 +98,7 @@ def aspect_of(parts: Sequence[MapPart]) -> float:
     return float(np.clip(0.28 + 0.67 * height / max(width, 1e-9), 0.55, 1.6))
 
 
-def _corners(parts: Sequence[MapPart]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _corners(parts: Sequence[MapPart]) -> tuple[Floats, Floats]:
     return np.min([part.low for part in parts], axis=0), np.max([part.high for part in parts], axis=0)
 
 

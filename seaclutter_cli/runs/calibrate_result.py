@@ -6,9 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
+from seaclutter_cli.arrays import Indices
 from seaclutter_cli.calibration import Calibration, Thresholds, few_points
 from seaclutter_cli.config import Config, SensorParams
 from seaclutter_cli.errors import InputError
@@ -48,7 +46,7 @@ class Clutter:
         width_m = params.ring_width_m
         self.density = ClutterDensity(params.own_ship_m, width_m, MAX_RINGS) if options.plot_file else None
 
-    def add(self, frame: Frame, clutter: NDArray[np.intp]) -> None:
+    def add(self, frame: Frame, clutter: Indices) -> None:
         """Add a frame with the indices of its clutter points."""
         range_m, intensity = frame.range_m[clutter], frame.intensity[clutter]
         self.calibration.see(frame.intensity[frame.valid])

@@ -5,8 +5,8 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Mask
 from seaclutter_cli.config import Config, SensorParams
 from seaclutter_cli.filters.zones import ZoneParams, Zones
 from seaclutter_cli.frame import FilterResult, Reason
@@ -176,7 +176,7 @@ class _ThresholdCheck:
             return self._in_ring(useless, "is below the threshold")
         return self._in_ring(blind, "can pass") if blind.any() else None
 
-    def _in_ring(self, rings: NDArray[np.bool_], problem: str) -> str:
+    def _in_ring(self, rings: Mask, problem: str) -> str:
         k = int(np.flatnonzero(rings)[0])
         others = int(np.count_nonzero(rings)) - 1
         more = f" (and {count(others, 'other range ring')})" if others else ""
@@ -287,7 +287,7 @@ class FitChecks(Checks):
         self._config, self._topic, self._observer, self._facts = config, topic, observer, source.facts
         self._written_anew: str | None = None
         self._sensor, self._frames = TopicStatistics(), 0
-        self._beams_deg: NDArray[np.float64] | None = None
+        self._beams_deg: Floats | None = None
         self._around: Surroundings | None = None
 
     def see(self, result: FilterResult) -> None:

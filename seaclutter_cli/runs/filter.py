@@ -208,7 +208,6 @@ def _ring_table(rings: Sequence[Mapping[str, float]], beyond: Mapping[str, float
 
 
 def _water_texts(tally: TopicTally) -> list[str]:
-    """Return lines about the water, and about objects that evidence does not decide, if there are any."""
     water, without = tally.mean_water, tally.frames - tally.water_frames
     lines = ["no water seen"]
     if water is not None:

@@ -55,8 +55,6 @@ def info(options: InfoOptions) -> "InfoResult":
 
 @dataclass(frozen=True)
 class _InfoWork(Work["Content"]):
-    """Reading of a part of one recording."""
-
     reading: ReadOptions
     recording: Recording
 

@@ -174,8 +174,6 @@ class _Target:
 
 
 class _Inputs:
-    """Files and folders that a run reads."""
-
     def __init__(self, paths: Iterable[tuple[str, Path]], known: Identities) -> None:
         given = [(option, known(path)) for option, path in paths]
         self._paths = [(option, path) for option, path in given if os.path.lexists(path)]

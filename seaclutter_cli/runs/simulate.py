@@ -8,8 +8,8 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Rows
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.options import function_of
 from seaclutter_cli.runs.batch import Work, run_all
@@ -107,7 +107,7 @@ def _simulate_tile(name: str, output: Path, options: SimulateOptions, observer: 
     land, points = 0, Counter[int]()
     started = perf_counter()
 
-    def on_strip(strip: NDArray[np.void]) -> None:
+    def on_strip(strip: Rows) -> None:
         nonlocal land
         on_land = np.isin(strip["classification"], LAND_CODES)
         land += int(on_land.sum())

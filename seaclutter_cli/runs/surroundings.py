@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Indices, Ints, Mask
 from seaclutter_cli.filters.zones import AUTO_M, LEAST_M
 from seaclutter_cli.frame import Frame, WaterState
 from seaclutter_cli.simulation.lidar.models import LIDARS
@@ -61,7 +61,7 @@ class Ground:
         self._level_m += plane.level_m
         self._frames += 1
 
-    def _grazing(self, grid: BeamGrid, plane: Plane) -> NDArray[np.bool_]:
+    def _grazing(self, grid: BeamGrid, plane: Plane) -> Mask:
         """Return the directions that meet the plane at a grazing angle and not too near, shape (size,)."""
         x, y, z = self._mounting.levelled(grid.centers)
         down = z - plane.slope_x * x - plane.slope_y * y
@@ -81,7 +81,7 @@ class Ground:
         )
 
 
-def _echoes(frame: Frame, grid: BeamGrid) -> tuple[NDArray[np.int64], NDArray[np.intp], int]:
+def _echoes(frame: Frame, grid: BeamGrid) -> tuple[Ints, Indices, int]:
     """Return direction and index of the echoes of a frame, one of several of a shot, and the shots in a direction."""
     valid, direction = np.flatnonzero(frame.valid), grid.directions(frame)
     azimuth = azimuth_deg(frame.coordinates[:, valid])
@@ -129,7 +129,7 @@ class Surroundings(OwnShip):
         )
 
 
-def smallest(models: tuple[str, ...], beams_deg: NDArray[np.float64] | None, level_m: float | None) -> str | None:
+def smallest(models: tuple[str, ...], beams_deg: Floats | None, level_m: float | None) -> str | None:
     """Return up to which range the beams of a lidar meet a small buoy; None if beams or water are unknown.
 
     Beams are those of the first known model, else at ascending elevations; the water is at a height from the lidar.
@@ -144,7 +144,7 @@ def smallest(models: tuple[str, ...], beams_deg: NDArray[np.float64] | None, lev
     return f"a buoy of {_BUOY_M} m {met}"
 
 
-def met_up_to_m(elevations_deg: NDArray[np.float64], height_m: float, lidar_m: float, beams: int) -> int:
+def met_up_to_m(elevations_deg: Floats, height_m: float, lidar_m: float, beams: int) -> int:
     """Return the range up to which a number of beams meet a body on the water, wherever between them it is; 0 for none.
 
     The lidar is ``lidar_m`` above the water, and level. Beams are lines: their divergence is not known.

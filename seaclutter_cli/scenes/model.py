@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Bytes, Floats
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import ModelError, requiring
 from seaclutter_cli.frame import Frame
@@ -30,7 +31,7 @@ _MAX_BYTES = 2**26
 _MOST_S, _MOST_WORK_BYTES = 60.0, 2**29
 
 
-def top_view(xyz: NDArray[np.float64], extent_m: float, size: int = IMAGE_SIZE) -> NDArray[np.uint8]:
+def top_view(xyz: Floats, extent_m: float, size: int = IMAGE_SIZE) -> Bytes:
     """Return the top view of a frame: the cells of a square around the lidar that contain a point.
 
     Coordinates, shape (3, N), are in metres; x points forward, which is up in the image, y to the left. The image,
@@ -54,7 +55,7 @@ def top_view(xyz: NDArray[np.float64], extent_m: float, size: int = IMAGE_SIZE) 
     return image.reshape(size, size)
 
 
-def _cells(xyz: NDArray[np.float64], extent_m: float, size: int) -> NDArray[np.int32]:
+def _cells(xyz: Floats, extent_m: float, size: int) -> NDArray[np.int32]:
     """Return the row-major indices of the cells of the points inside the square."""
     with np.errstate(invalid="ignore", over="ignore"):
         position = xyz[:2].astype(np.float32)
@@ -100,12 +101,12 @@ class SceneModel:
         self.classes, self.extent_m = self._check_metadata()
         self._check_run()
 
-    def probabilities(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
+    def probabilities(self, image: Bytes) -> NDArray[np.float32]:
         """Return the probability of each class, shape (C,), for a `top_view`, shape (224, 224)."""
         out: NDArray[np.float32] = self._run(image)[0]
         return out
 
-    def _run(self, image: NDArray[np.uint8]) -> Any:
+    def _run(self, image: Bytes) -> Any:
         """Return the output for an image; a model may loop without an end, which no interrupt of Python reaches."""
         options = self._options()
         try:

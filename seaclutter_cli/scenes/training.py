@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Bytes, Floats, Ints, Rng
 from seaclutter_cli.errors import InputError, requiring
 from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.scenes import TrainingParams
@@ -35,14 +35,14 @@ class Examples:
         self.recordings: list[tuple[str, int]] = []
         """Name and class of each recording."""
         self._recording: list[int] = []
-        self._sketches: list[NDArray[np.int32]] = []
+        self._sketches: list[np.ndarray[Any, np.dtype[np.int32]]] = []
         self._alignments_rad: dict[int, float] = {}
 
     def begin(self, recording: str, scene: int) -> None:
         """Start a recording; ``scene`` is the index of its class."""
         self.recordings.append((recording, scene))
 
-    def add(self, xyz: NDArray[np.float64]) -> bool:
+    def add(self, xyz: Floats) -> bool:
         """Add a frame of the recording, coordinates of shape (3, N); return whether any point is in view."""
         sketch = np.flatnonzero(top_view(xyz, self.extent_m * _WIDER, _SKETCH_SIZE)).astype(np.int32)
         if len(sketch):
@@ -54,17 +54,17 @@ class Examples:
         return len(self._sketches)
 
     @property
-    def scenes(self) -> NDArray[np.int64]:
+    def scenes(self) -> Ints:
         """Class index of each frame, shape (N,)."""
         return np.array([self.recordings[recording][1] for recording in self._recording], np.int64)
 
-    def image(self, index: int, rotation_rad: float = 0.0) -> NDArray[np.uint8]:
+    def image(self, index: int, rotation_rad: float = 0.0) -> Bytes:
         """Return the top view of a frame, shape (224, 224), rotated about the lidar."""
         x, y = self._coordinates(index)
         cos, sin = np.cos(rotation_rad), np.sin(rotation_rad)
         return top_view(np.stack((cos * x - sin * y, sin * x + cos * y, np.zeros(len(x)))), self.extent_m)
 
-    def images(self, indices: Sequence[int] | NDArray[np.int64], rng: np.random.Generator | None) -> NDArray[np.uint8]:
+    def images(self, indices: Sequence[int] | Ints, rng: Rng | None) -> Bytes:
         """Return top views, shape (B, 1, 224, 224), rotated at random if there is a generator.
 
         Half of them are rotated by any angle, a quarter by multiples of 90°, and a quarter by `alignment_rad` plus such
@@ -90,7 +90,7 @@ class Examples:
             self._alignments_rad[index] = _best_alignment(x[::step], y[::step], nearby, 2 * self.extent_m / IMAGE_SIZE)
         return self._alignments_rad[index]
 
-    def _coordinates(self, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _coordinates(self, index: int) -> tuple[Floats, Floats]:
         row, column = np.divmod(self._sketches[index], _SKETCH_SIZE)
         middle, cell_m = _SKETCH_SIZE / 2 - 0.5, 2 * self.extent_m / (IMAGE_SIZE * _FINER)
         return (middle - row) * cell_m, (middle - column) * cell_m
@@ -116,9 +116,7 @@ class Examples:
         return Split(*(np.flatnonzero(of_frame == number) for number in range(len(SHARES))))
 
 
-def _best_alignment(
-    x: NDArray[np.float64], y: NDArray[np.float64], rotations: NDArray[np.float64], cell_m: float
-) -> float:
+def _best_alignment(x: Floats, y: Floats, rotations: Floats, cell_m: float) -> float:
     """Return the rotation, in radians, that gathers the most cells in the fewest rows and columns."""
 
     def concentration(rotation: float) -> int:
@@ -132,9 +130,9 @@ def _best_alignment(
 class Split(NamedTuple):
     """Indices of the frames for training, validation and test; no recording is in two parts."""
 
-    train: NDArray[np.int64]
-    validation: NDArray[np.int64]
-    test: NDArray[np.int64]
+    train: Ints
+    validation: Ints
+    test: Ints
 
 
 _TEST_BATCH = 64
@@ -147,7 +145,7 @@ class SceneScores(Confusion):
     classes: Sequence[str]
 
     @classmethod
-    def count(cls, classes: Sequence[str], truth: NDArray[np.int64], predicted: NDArray[np.int64]) -> "SceneScores":
+    def count(cls, classes: Sequence[str], truth: Ints, predicted: Ints) -> "SceneScores":
         """Return the scores of frames from the indices of their true and predicted classes, shape (N,)."""
         return cls(Confusion.of(truth, predicted, range(len(classes))).counts, classes)
 
@@ -260,7 +258,7 @@ class _Trainer:
         _, on_test = self._epoch(self._split.test, _TEST_BATCH, training=False)
         return Trained(self._network, epochs, best, self._split, on_test)
 
-    def _epoch(self, part: NDArray[np.int64], size: int, *, training: bool) -> tuple[float, SceneScores]:
+    def _epoch(self, part: Ints, size: int, *, training: bool) -> tuple[float, SceneScores]:
         """Train on a part once, in random order, or only evaluate it; return the mean loss and the scores."""
         import torch
         from torch.nn.functional import cross_entropy
@@ -283,7 +281,7 @@ class _Trainer:
         confusion = SceneScores.count(self._examples.classes, self._scenes[order], np.concatenate(predicted))
         return sum(losses) / len(order), confusion
 
-    def _prepared(self, batches: Sequence[NDArray[np.int64]], rng: np.random.Generator | None) -> Iterator[Any]:
+    def _prepared(self, batches: Sequence[Ints], rng: Rng | None) -> Iterator[Any]:
         """Yield the images of each batch, and prepare the next batch in the meantime."""
         import torch
 
@@ -296,5 +294,5 @@ class _Trainer:
                 yield torch.from_numpy(images).float()
 
 
-def _batches(part: NDArray[np.int64], size: int) -> list[NDArray[np.int64]]:
+def _batches(part: Ints, size: int) -> list[Ints]:
     return [part[start : start + size] for start in range(0, len(part), size)]

@@ -3,9 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
+from seaclutter_cli.arrays import Bytes
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.text import suggestion
 
@@ -190,7 +188,7 @@ _KINDS: Sequence[tuple[str, bytes, int | None]] = (
 """Sensors, first bytes of their packets, and lengths (None for any), the most particular first."""
 
 
-def name_unsupported(payload: NDArray[np.uint8]) -> str | None:
+def name_unsupported(payload: Bytes) -> str | None:
     """Return the name of a known sensor without a decoder that sent a UDP payload, shape (L,); None if unknown."""
     for name, begins, length in _KINDS:
         if length in (None, len(payload)) and payload[: len(begins)].tobytes() == begins:

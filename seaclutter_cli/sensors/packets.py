@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Floats, Ints, Mask
+from seaclutter_cli.arrays import Bytes, Floats, Ints, Mask, Rows
 from seaclutter_cli.documents import read_document
 from seaclutter_cli.records import SensorFacts
 
@@ -33,7 +33,7 @@ class Packets:
     """
 
     times_ns: Ints
-    payloads: NDArray[np.uint8]
+    payloads: Bytes
 
     def __len__(self) -> int:
         return len(self.times_ns)
@@ -57,7 +57,7 @@ class PacketFrame:
     frame is partial if the recording begins or ends within the revolution.
     """
 
-    points: NDArray[np.void]
+    points: Rows
     stamp_ns: int
     partial: bool = False
 
@@ -75,7 +75,7 @@ class DecoderOptions:
     calibration: Path | None = None
     model: str | None = None
     recorded: bytes | None = None
-    info: NDArray[np.uint8] | None = None
+    info: Bytes | None = None
 
     @property
     def unit(self) -> tuple[bytes, str] | None:
@@ -114,10 +114,10 @@ class PacketFamily(ABC):
     """Whether the sensors send their calibration in packets."""
 
     @abstractmethod
-    def recognises(self, payload: NDArray[np.uint8]) -> bool:
+    def recognises(self, payload: Bytes) -> bool:
         """Return whether a UDP payload, shape (L,), is a data or calibration packet of this family."""
 
-    def is_calibration(self, payloads: NDArray[np.uint8]) -> Mask:
+    def is_calibration(self, payloads: Bytes) -> Mask:
         """Return which UDP payloads, shape (P, L), contain a calibration."""
         return np.zeros(len(payloads), np.bool_)
 
@@ -130,7 +130,7 @@ NO_END = 1 << 62
 """End of the range of places that do not begin again."""
 
 
-def view_packets(payloads: NDArray[np.uint8], layout: np.dtype[Any]) -> NDArray[np.void]:
+def view_packets(payloads: Bytes, layout: np.dtype[Any]) -> Rows:
     """Return payloads, shape (P, L), as packets of a layout, shape (P,); none if they have another length."""
     if payloads.shape[1] != layout.itemsize:
         return np.empty(0, layout)
@@ -151,9 +151,7 @@ def point_dtype(*, returns: bool = False) -> np.dtype[Any]:
     return np.dtype([*fields, ("return_number", "u1")] if returns else fields)
 
 
-def make_points(
-    xyz: Iterable[NDArray[Any]], intensity: Any, ring: Any, times_s: Floats, number: Any = None
-) -> NDArray[np.void]:
+def make_points(xyz: Iterable[NDArray[Any]], intensity: Any, ring: Any, times_s: Floats, number: Any = None) -> Rows:
     """Return points, shape (N,), of `point_dtype`, with return numbers if there are any."""
     points = np.empty(len(times_s), point_dtype(returns=number is not None))
     for name, values in zip(points.dtype.names or (), (*xyz, intensity, ring, times_s, number), strict=False):

@@ -5,9 +5,7 @@ import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from seaclutter_cli.arrays import Ints
 from seaclutter_cli.frame import WATER_COLUMNS, WATER_REASONS, FilterResult, Reason, Rings, WaterState
 from seaclutter_cli.interfaces import Sink, Source
 from seaclutter_cli.records import Channel
@@ -54,7 +52,7 @@ class FrameTable(Sink):
         self,
         recording: str,
         place: tuple[str, int, int, int],
-        counts: NDArray[np.int64],
+        counts: Ints,
         rings: Rings | None,
         scene: str | None,
         water: WaterState | None,

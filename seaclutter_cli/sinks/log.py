@@ -76,7 +76,6 @@ class LogSink(ExitStack, Sink):
         self._translations = _translations(self._output.encoding) if self._output.encoding else None
 
     def _abort(self, kind: type[BaseException] | None, *_: object) -> None:
-        """End the writers after an error."""
         for writer in self._writers if kind is not None else ():
             writer.abort()
 
@@ -150,7 +149,6 @@ class LogSink(ExitStack, Sink):
         return channel.topic in self._selected or self._options.takes(channel.topic)
 
     def _make_room(self, message: Message, size: int) -> None:
-        """Begin another part if a message no longer belongs to this one."""
         if self._parts.is_next(message.log_time_ns, size):
             self._end_part()
             self._begin_part()

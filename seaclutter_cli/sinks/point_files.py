@@ -13,6 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.messages import CODECS
@@ -173,7 +174,7 @@ def _require_room(cloud: Cloud) -> None:
         )
 
 
-def _grid(xyz: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _grid(xyz: Floats) -> tuple[Floats, Floats]:
     """Return scales, and offsets with which all coordinates fit into 32 bits: zero where possible."""
     if not xyz.size:
         return np.full(3, _LAS_SCALE), np.zeros(3)

@@ -83,8 +83,6 @@ class McapFolderOutput(Db3Output):
 
 
 class _McapFileWriter(McapWriter):
-    """MCAP writer that closes its file at the end."""
-
     def __init__(self, stream: BinaryIO, compression: str) -> None:
         super().__init__(stream, profile="ros2", compression=compression)
 

@@ -4,9 +4,8 @@ from collections import deque
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Floats, Ints, Mask
+from seaclutter_cli.arrays import Floats, Indices, Ints, Mask
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.structure.mask import StructureMask, azimuth_deg
@@ -78,13 +77,13 @@ class OwnShip:
             if finds_water:
                 self._look(thinned, self._search.bodies)
 
-    def see(self, frame: Frame, water: WaterSurface | None, standing: NDArray[np.intp]) -> None:
+    def see(self, frame: Frame, water: WaterSurface | None, standing: Indices) -> None:
         """Receive the water of the frame added last, in the levelled frame, and the points that stand out of it."""
         if self._is_due:
             self._search.see(water)
             self._look(frame, standing if water is not None else standing[:0])
 
-    def _look(self, frame: Frame, standing: NDArray[np.intp]) -> None:
+    def _look(self, frame: Frame, standing: Indices) -> None:
         xyz = frame.coordinates_of(standing)  # the frame may be released
         range_m = np.sqrt(xyz[0] * xyz[0] + xyz[1] * xyz[1] + xyz[2] * xyz[2])
         near = range_m < self.reach_m

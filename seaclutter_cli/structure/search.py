@@ -6,7 +6,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Floats, Ints, Mask
+from seaclutter_cli.arrays import Floats, Indices, Ints, Mask
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.structure.mask import Sector, StructureMask, azimuth_deg, elevation_deg
@@ -154,7 +154,7 @@ class StructureSearch:
         self._far_bins = int(np.ceil((_FAR_M - reach_m) / _FAR_STEP_M)) if reach_m < _FAR_M else 0
         self._grid: BeamGrid | None = None
         self._water, self._planes = WaterTracker(), np.zeros(4)
-        self.bodies: NDArray[np.intp] = np.empty(0, np.intp)
+        self.bodies: Indices = np.empty(0, np.intp)
         """Points of the last frame that stand out of the water; none without water."""
         self.surface: WaterSurface | None = None
         """Water of the last frame."""

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.map import IS_LAND, IS_OBJECT, map_of, shoreline_of, total_length_m
 from seaclutter_cli.airborne.objects import FoundObject, ObjectFindingParams, unclassified_objects
 from seaclutter_cli.airborne.separation import SeaState, Separation
+from seaclutter_cli.arrays import Floats
 from seaclutter_cli.errors import MissingExtraError
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import MapPart, aspect_of, draw_map
@@ -42,7 +42,7 @@ class MappedTile:
 
     name: str
     crs: Crs
-    shoreline: Sequence[NDArray[np.float64]] = ()
+    shoreline: Sequence[Floats] = ()
     objects: Sequence[FoundObject] = ()
     part: MapPart | None = field(default=None, repr=False)
     sea: SeaState | None = None
@@ -141,6 +141,6 @@ def _feature(kind: str, places: Any, properties: dict[str, Any]) -> dict[str, An
     return {"type": "Feature", "geometry": {"type": kind, "coordinates": places}, "properties": properties}
 
 
-def _places(positions: NDArray[np.float64], convert: ToLongitudeLatitude | None) -> list[list[float]]:
+def _places(positions: Floats, convert: ToLongitudeLatitude | None) -> list[list[float]]:
     found, digits = (convert(positions), 8) if convert else (positions, 3)
     return [[round(x, digits), round(y, digits)] for x, y in found.tolist()]

@@ -131,14 +131,11 @@ class ClassifiedTile(TileOutcome):
 
 @dataclass(frozen=True)
 class _PredictWork(TileWork["ClassifiedTile"]):
-    """Classification of one tile."""
-
     options: ClassifyTilesOptions
     model: ObjectModel
     kind = ClassifiedTile
 
     def write(self, outcome: "ClassifiedTile", observer: Observer, files: OutputGroup) -> None:
-        """Write the classified tile, and store its objects in the outcome."""
         started, tile = perf_counter(), open_tile(self.path)
         warn_of_missing(tile, self.model.settings, observer)
         with about(self.path, InputError):

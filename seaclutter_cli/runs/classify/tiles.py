@@ -184,8 +184,6 @@ class TileOutcome(Outcome):
 
 @dataclass(frozen=True)
 class _Window(Recording):
-    """A window of a file."""
-
     tile: TileHead = field(kw_only=True)
 
     @property

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Ints, Mask
+from seaclutter_cli.arrays import Bytes, Indices, Ints, Mask, Rows
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
@@ -42,7 +42,7 @@ class HesaiDecoder:
         self.facts = SensorFacts(model.name, {"intensity": "reflectivity, 0 to 255"})
         self.facts.details |= EXPERIMENTAL if model.is_experimental else {}
         self._model, self._scan, self._numbers_returns = model, scan, returns
-        self._revolutions: dict[int, list[tuple[NDArray[np.void], int, int]]] = defaultdict(list)
+        self._revolutions: dict[int, list[tuple[Rows, int, int]]] = defaultdict(list)
         """Parts of incomplete revolutions: points, number of slots, and the time of the last one."""
         self._clock = SensorClock(self.facts)
         self._numbered, self._timed = LossCounter(wrap=1 << 32), LossCounter()
@@ -89,7 +89,7 @@ class HesaiDecoder:
         points, _, ends_ns = zip(*self._revolutions.pop(number), strict=True)
         return PacketFrame(np.concatenate(points), max(0, *ends_ns), partial=self._scan.is_partial(number))
 
-    def _decode(self, data: NDArray[np.void], times_ns: Ints) -> None:
+    def _decode(self, data: Rows, times_ns: Ints) -> None:
         """Assign the points of packets with one return mode, shape (P,), to their revolutions."""
         returns = self._returns(data)
         clock_ns = utc_ns(data)
@@ -105,7 +105,7 @@ class HesaiDecoder:
             part = points[member.ravel()[slots]], int(np.count_nonzero(member)), int(point_ns[member].max())
             self._revolutions[int(number)].append(part)
 
-    def _returns(self, data: NDArray[np.void]) -> int:
+    def _returns(self, data: Rows) -> int:
         """Return the number of returns per firing, and record the return mode."""
         mode = int(data["mode"][0])
         name = RETURN_MODES[mode]
@@ -117,7 +117,7 @@ class HesaiDecoder:
             self.facts.details.setdefault("rotation rate", f"{data['rpm'][0]} rpm")
         return 2 if mode in DUAL_MODES else 1
 
-    def _count_lost(self, data: NDArray[np.void], clock_ns: Ints, returns: int) -> None:
+    def _count_lost(self, data: Rows, clock_ns: Ints, returns: int) -> None:
         """Count lost packets by sequence numbers, or by time differences of sensors that never pause."""
         if "sequence" in (data.dtype.names or ()):
             self._numbered.add(data["sequence"].astype(np.int64))
@@ -125,9 +125,7 @@ class HesaiDecoder:
             self._timed.add(clock_ns, self._model.period_ns(data, returns))
         self.facts.lost_packets = self._numbered.lost + self._timed.lost
 
-    def _points(
-        self, data: NDArray[np.void], positions: Ints, times_ns: Ints
-    ) -> tuple[NDArray[np.void], NDArray[np.intp]]:
+    def _points(self, data: Rows, positions: Ints, times_ns: Ints) -> tuple[Rows, Indices]:
         """Return the points of P packets with F firings, and the index of each among all P * F * C slots."""
         channels = self._model.channels
         units = data["blocks"]["units"]
@@ -159,7 +157,7 @@ class Hesai(PacketFamily):
 
     title = f"Hesai {', '.join(_NAMES)}"
 
-    def recognises(self, payload: NDArray[np.uint8]) -> bool:
+    def recognises(self, payload: Bytes) -> bool:
         """Return whether a UDP payload, shape (L,), is a packet of a supported sensor."""
         return _model(payload[None]) is not None
 
@@ -181,10 +179,10 @@ class Hesai(PacketFamily):
         return decoder
 
 
-def _model(payloads: NDArray[np.uint8]) -> HesaiModel | None:
+def _model(payloads: Bytes) -> HesaiModel | None:
     return next((model for model in MODELS if len(_matching(model, payloads))), None)
 
 
-def _matching(model: HesaiModel, payloads: NDArray[np.uint8]) -> NDArray[np.void]:
+def _matching(model: HesaiModel, payloads: Bytes) -> Rows:
     data = view_packets(payloads, model.layouts.get(payloads.shape[1], next(iter(model.layouts.values()))))
     return data[model.matches(data)]

@@ -8,9 +8,8 @@ from itertools import chain, product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Floats, Ints, Mask
+from seaclutter_cli.arrays import Floats, Ints, Mask, Rows
 from seaclutter_cli.sensors.packets import unix_seconds
 
 Layouts = Mapping[int, np.dtype[Any]]
@@ -131,7 +130,7 @@ class HesaiModel:
     status: tuple[int, int] = (0, 255)
     last_block_ns: int = 0
     first_block_ns: int | None = None
-    states: Callable[[NDArray[np.void]], Ints] | None = None
+    states: Callable[[Rows], Ints] | None = None
     has_paces: bool = False
     least_distance: int = 1
     has_mirrors: bool = False
@@ -147,7 +146,7 @@ class HesaiModel:
         """Number of channels."""
         return len(_read_table(self.name))
 
-    def matches(self, packets: NDArray[np.void]) -> Mask:
+    def matches(self, packets: Rows) -> Mask:
         """Return which packets, shape (P,), come from this sensor."""
         if "start" not in (packets.dtype.names or ()):
             return np.asarray((packets["blocks"]["start"] == (0xFF, 0xEE)).all(axis=(1, 2)))
@@ -158,13 +157,13 @@ class HesaiModel:
             found &= (packets["status_version"] >= self.status[0]) & (packets["status_version"] <= self.status[1])
         return np.asarray(found)
 
-    def unit_m(self, packets: NDArray[np.void]) -> Floats:
+    def unit_m(self, packets: Rows) -> Floats:
         """Return the distance unit of each packet, shape (P,), in metres."""
         if "unit_mm" in (packets.dtype.names or ()):
             return np.asarray(packets["unit_mm"] / 1000.0)
         return np.full(len(packets), 0.004)
 
-    def firings_ns(self, packets: NDArray[np.void], returns: int) -> Ints:
+    def firings_ns(self, packets: Rows, returns: int) -> Ints:
         """Return the times of the F firings in each packet relative to the packet's time, shape (P, F)."""
         firings = packets["blocks"].shape[1] // returns
         times = self._steps_ns(packets)[:, None] * np.arange(firings)
@@ -172,16 +171,16 @@ class HesaiModel:
             return np.asarray(times + self.first_block_ns)
         return np.asarray(times + (self.last_block_ns - times[:, -1:]))
 
-    def period_ns(self, packets: NDArray[np.void], returns: int) -> float:
+    def period_ns(self, packets: Rows, returns: int) -> float:
         """Return the time between packets of one return mode in nanoseconds."""
         return float(self._steps_ns(packets)[0] * packets["blocks"].shape[1] / returns)
 
-    def _steps_ns(self, packets: NDArray[np.void]) -> Ints:
+    def _steps_ns(self, packets: Rows) -> Ints:
         """Return the time between two firings in each packet, shape (P,), in nanoseconds."""
         is_slow = packets["operation"] != 0 if self.has_paces else np.zeros(len(packets), np.bool_)
         return np.asarray(self.block_ns * (1 + is_slow.astype(np.int64)))
 
-    def channels_ns(self, packets: NDArray[np.void], returns: int) -> Ints:
+    def channels_ns(self, packets: Rows, returns: int) -> Ints:
         """Return the firing times of channels relative to their firings, shape (C,) or (P, F, C)."""
         by_state = _read_table(self.name)[:, 3:].T.astype(np.int64)
         return np.asarray(by_state[0 if self.states is None else self.states(packets)[:, ::returns]])
@@ -194,14 +193,14 @@ def _read_table(name: str) -> Floats:
     return np.array([line.split(",") for line in lines[1:]], np.float64)
 
 
-def _states_of_qt128(packets: NDArray[np.void]) -> Ints:
+def _states_of_qt128(packets: Rows) -> Ints:
     """Return which of two halves of the channels fires in each block: it alternates."""
     dual = np.isin(packets["mode"], DUAL_MODES)
     firing = np.where(dual[:, None], 0, np.arange(packets["blocks"].shape[1]))
     return np.asarray((packets["mode_flag"].astype(np.int64)[:, None] + firing + 1) % 2)
 
 
-def _states_of_128(packets: NDArray[np.void]) -> Ints:
+def _states_of_128(packets: Rows) -> Ints:
     """Return the state in which each block fires: one of four with high resolution, one of two others without."""
     shifts = 14 - 2 * np.arange(packets["blocks"].shape[1])
     angle = packets["azimuth_state"].astype(np.int64)[:, None] >> shifts & 3
@@ -233,7 +232,7 @@ MODELS = (
 """Supported sensors. Times and angles are from their manuals or from the files that Hesai's SDK contains."""
 
 
-def utc_ns(packets: NDArray[np.void]) -> Ints:
+def utc_ns(packets: Rows) -> Ints:
     """Return the time of each packet, shape (P,), in nanoseconds of Unix time.
 
     The six bytes are year, month, day, hour, minute and second; years below 70 count from 2000, others from 1900. A

@@ -8,9 +8,8 @@ from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Floats, Ints
+from seaclutter_cli.arrays import Floats, Ints, Rows
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.hesai.models import HesaiModel
 from seaclutter_cli.sensors.packets import DecoderOptions
@@ -53,7 +52,7 @@ class RotorScan:
         self._knows_direction = False
         self._azimuth = self._time_ns = self._first = self._angle = self._top = 0
 
-    def positions(self, blocks: NDArray[np.void]) -> Ints:
+    def positions(self, blocks: Rows) -> Ints:
         """Return the position of the motor in blocks, any shape, in the unit of the scan."""
         return np.asarray(blocks["azimuth"].astype(np.int64))
 
@@ -127,7 +126,7 @@ class MirrorScan:
         self._position = self._first = self._time_ns = -1
         self._number = self.done = 0
 
-    def positions(self, blocks: NDArray[np.void]) -> Ints:
+    def positions(self, blocks: Rows) -> Ints:
         """Return the positions of the motor in blocks."""
         return np.asarray(blocks["azimuth"].astype(np.int64) * _FINE + blocks["fine"])
 

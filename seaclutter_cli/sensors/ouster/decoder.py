@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Ints, Mask
+from seaclutter_cli.arrays import Bytes, Indices, Ints, Mask, Rows
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.ouster.metadata import OusterMetadata, parse_metadata
@@ -80,19 +80,19 @@ def packet_layout(profile: str, rows: int, columns: int) -> np.dtype[Any]:
     return np.dtype([*top, ("columns", column, columns), ("footer", "u1", 32)])
 
 
-def valid_columns(packets: NDArray[np.void]) -> Mask:
+def valid_columns(packets: Rows) -> Mask:
     """Return which columns of packets, shape (P, C), contain measurements."""
     status = packets["columns"]["status"]
     return np.asarray(status == 0xFFFFFFFF if status.dtype.itemsize == 4 else status & 1 == 1)
 
 
-def first_columns(packets: NDArray[np.void]) -> Ints:
+def first_columns(packets: Rows) -> Ints:
     """Return the id of the first column of each packet, shape (P,), according to its first valid column."""
     at = valid_columns(packets).argmax(axis=1)
     return np.asarray(packets["columns"]["id"][np.arange(len(packets)), at].astype(np.int64) - at)
 
 
-def valid_packets(packets: NDArray[np.void], columns: int) -> Mask:
+def valid_packets(packets: Rows, columns: int) -> Mask:
     """Return which packets, shape (P,), are valid: consecutive ids among all columns, measured within one second."""
     ids = packets["columns"]["id"].astype(np.int64)
     count = ids.shape[1]
@@ -225,7 +225,7 @@ class OusterDecoder:
         column_ns = column_ns.ravel()[indices]
         return PacketFrame(self._points(data, ids, indices, column_ns), int(column_ns.max()), partial=partial)
 
-    def _count_lost(self, data: NDArray[np.void], *, is_last: bool) -> bool:
+    def _count_lost(self, data: Rows, *, is_last: bool) -> bool:
         """Count the lost packets of a revolution; return whether the recording begins or ends within it."""
         seen = np.zeros(len(self._expected), bool)
         seen[first_columns(data) // self._metadata.packet_columns] = True
@@ -237,9 +237,7 @@ class OusterDecoder:
         self.facts.lost_packets += int((~before & ~after).sum())
         return bool((before | after).any())
 
-    def _points(
-        self, data: NDArray[np.void], ids: Ints, indices: NDArray[np.intp], column_ns: Ints
-    ) -> NDArray[np.void]:
+    def _points(self, data: Rows, ids: Ints, indices: Indices, column_ns: Ints) -> Rows:
         """Return the points of columns, given their ids and flat indices, shape (C,), column by column."""
         profile, returns = self._profile, len(self._profile.ranges)
 
@@ -287,7 +285,7 @@ class Ouster(PacketFamily):
 
     title = "Ouster OS0, OS1, OS2"
 
-    def recognises(self, payload: NDArray[np.uint8]) -> bool:
+    def recognises(self, payload: Bytes) -> bool:
         """Return whether a UDP payload, shape (L,), is a data packet of any Ouster sensor and profile."""
         for shape in product(PROFILES, (128, 64, 32, 16), (16, 8, 4)):
             packet = view_packets(payload[None], packet_layout(*shape))

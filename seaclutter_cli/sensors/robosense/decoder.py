@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Ints, Mask
+from seaclutter_cli.arrays import Bytes, Ints, Mask, Rows
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.packets import (
@@ -105,7 +105,7 @@ class Geometry:
         self._dtype = point_dtype(returns=device.dual)
         self._packed = _packed(self._dtype)
 
-    def points(self, blocks: NDArray[np.void]) -> NDArray[np.void]:
+    def points(self, blocks: Rows) -> Rows:
         """Return the points of blocks, shape (N,), in firing order."""
         distance, intensity = self._measured(channels(blocks["channels"]))
         azimuth = blocks["azimuth"][:, None] + self._rotation[blocks["step"]] - _MIN_AZIMUTH
@@ -125,7 +125,7 @@ class Geometry:
         least, most = self._limits
         return _select(points.reshape(-1).view(self._dtype), (distance >= least) & (distance <= most))
 
-    def _measured(self, measured: NDArray[Any]) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
+    def _measured(self, measured: NDArray[Any]) -> tuple[NDArray[np.uint16], Bytes]:
         distance, intensity = measured["distance"].astype(np.uint16), measured["intensity"]
         if (mask := self._device.model.format.distance_mask) != _WHOLE:
             distance &= mask
@@ -158,7 +158,7 @@ def _packed(dtype: np.dtype[Any]) -> np.dtype[Any]:
     return np.dtype({"names": ["xy", *names], "formats": formats, "offsets": offsets, "itemsize": dtype.itemsize})
 
 
-def _select(points: NDArray[np.void], keep: Mask) -> NDArray[np.void]:
+def _select(points: Rows, keep: Mask) -> Rows:
     kept = np.flatnonzero(keep)
     if len(kept) == len(points):
         return points
@@ -172,12 +172,12 @@ class RoboSense(PacketFamily):
     title = "RoboSense"
     calibrates = True
 
-    def recognises(self, payload: NDArray[np.uint8]) -> bool:
+    def recognises(self, payload: Bytes) -> bool:
         """Return whether a UDP payload, shape (L,), is a data packet or a device information packet."""
         payloads = payload[None]
         return bool((self.is_calibration(payloads) | _are(payloads, _DATA_IDS, models.DATA_BYTES))[0])
 
-    def is_calibration(self, payloads: NDArray[np.uint8]) -> Mask:
+    def is_calibration(self, payloads: Bytes) -> Mask:
         """Return which UDP payloads, shape (P, L), are device information packets, which contain the laser angles."""
         return _are(payloads, [INFO_ID[:4]], {models.INFO_BYTES})
 
@@ -198,7 +198,7 @@ class RoboSense(PacketFamily):
         return RoboSenseDecoder(device, angles, warnings, packets[is_data])
 
 
-def _are(payloads: NDArray[np.uint8], begins: Collection[bytes], lengths: Collection[int]) -> Mask:
+def _are(payloads: Bytes, begins: Collection[bytes], lengths: Collection[int]) -> Mask:
     """Return which payloads, shape (P, L), begin with some four bytes and have one of some lengths."""
     if payloads.shape[1] not in lengths:
         return np.zeros(len(payloads), np.bool_)
@@ -219,7 +219,7 @@ class RoboSenseDecoder:
         self._geometry = Geometry(device, angles)
         self._is_utc = device.model.format.is_utc
         self._clock, self._losses = SensorClock(), LossCounter()
-        self._parts: list[NDArray[np.void]] = []
+        self._parts: list[Rows] = []
         self._azimuth = -1
         self._gaps_ns = 0
         self._is_first = True
@@ -281,7 +281,7 @@ class RoboSenseDecoder:
                 yield self._frame()
         self._parts.append(blocks[begin:].copy())
 
-    def _blocks(self, packets: NDArray[Any], record_ns: Ints, valid: Mask) -> tuple[NDArray[np.void], Ints]:
+    def _blocks(self, packets: NDArray[Any], record_ns: Ints, valid: Mask) -> tuple[Rows, Ints]:
         """Return the valid blocks of packets, and the revolution of each, shape (B,); 0 for the current one."""
         raw = packets["blocks"]
         azimuth = raw["azimuth"].astype(np.int64)

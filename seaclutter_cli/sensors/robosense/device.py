@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Ints
+from seaclutter_cli.arrays import Bytes, Ints
 from seaclutter_cli.documents import read_document
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.catalog import ADVICE
@@ -32,9 +31,7 @@ _BPEARL_4_TYPE, _80V_MODEL = (3, 4), 3
 _AIRY_48, _AIRY_192, _AIRY_MOUNTING_AT = 1, 3, 289
 
 
-def find_model(
-    data: NDArray[np.uint8], info: NDArray[np.uint8], options: DecoderOptions, warnings: list[str]
-) -> RobosenseModel:
+def find_model(data: Bytes, info: Bytes, options: DecoderOptions, warnings: list[str]) -> RobosenseModel:
     """Return the model of a sensor that sent a data packet, shape (L,), and device information, shape (I, 1248).
 
     There is a warning if the user names a model and the device information is of another one. `InputError` if the
@@ -55,8 +52,7 @@ def find_model(
     return _version(models.MODELS[wanted], data, info)
 
 
-def _possible(data: NDArray[np.uint8]) -> Sequence[str]:
-    """Return the models that share the format of a data packet."""
+def _possible(data: Bytes) -> Sequence[str]:
     if data[:4].tobytes() == models.CLASSIC_ID:
         return _SHARED
     if len(data) != models.INFO_BYTES:
@@ -72,7 +68,7 @@ def _possible(data: NDArray[np.uint8]) -> Sequence[str]:
     return _HELIOS
 
 
-def _guess(allowed: Sequence[str], info: NDArray[np.uint8]) -> str | None:
+def _guess(allowed: Sequence[str], info: Bytes) -> str | None:
     if allowed == _SHARED:
         return next((name for packet in info if (name := _guess_classic(packet))), None)
     if allowed == _HELIOS:
@@ -82,8 +78,7 @@ def _guess(allowed: Sequence[str], info: NDArray[np.uint8]) -> str | None:
     return allowed[0] if len(allowed) == 1 else None
 
 
-def _version(model: RobosenseModel, data: NDArray[np.uint8], info: NDArray[np.uint8]) -> RobosenseModel:
-    """Return the version of a model that sent a data packet and device information."""
+def _version(model: RobosenseModel, data: Bytes, info: Bytes) -> RobosenseModel:
     if model.name == "RS-Airy":
         if data[32] == _AIRY_192:
             raise InputError(f"packets of a RoboSense RS-Airy with 192 lasers are not supported; {ADVICE}")
@@ -93,7 +88,7 @@ def _version(model: RobosenseModel, data: NDArray[np.uint8], info: NDArray[np.ui
     return models.RUBY_PLUS_80V if model.name == models.RUBY_PLUS_80V.name and data[31] == _80V_MODEL else model
 
 
-def _guess_classic(packet: NDArray[np.uint8]) -> str | None:
+def _guess_classic(packet: Bytes) -> str | None:
     """Return the classic model that sent a device information packet; None if its tables do not identify it."""
     of_32 = _is_used(packet[468:564])
     of_16 = _is_used(packet[1165:1213])
@@ -105,11 +100,11 @@ def _guess_classic(packet: NDArray[np.uint8]) -> str | None:
     return "RS-LiDAR-32" if packet[468:564:3].any() else "RS-Bpearl"
 
 
-def _is_used(table: NDArray[np.uint8]) -> bool:
+def _is_used(table: Bytes) -> bool:
     return bool(((table != 0) & (table != 0xFF)).any())
 
 
-def packet_angles(model: RobosenseModel, packet: NDArray[np.uint8]) -> Angles | None:
+def packet_angles(model: RobosenseModel, packet: Bytes) -> Angles | None:
     """Return the angles in a device information packet, shape (1248,); None if they are not programmed."""
     if model.name != "RS-LiDAR-16":
         begins, size = (VERTICAL_AT, model.format.horizontal_at), 3 * model.lasers
@@ -189,11 +184,7 @@ class Device:
 
 
 def find_device(
-    model: RobosenseModel,
-    data: NDArray[np.uint8],
-    info: NDArray[np.uint8],
-    options: DecoderOptions,
-    warnings: list[str],
+    model: RobosenseModel, data: Bytes, info: Bytes, options: DecoderOptions, warnings: list[str]
 ) -> tuple[Device, Angles]:
     """Return a sensor and its angles, from packets, (P, L), and device information, (I, 1248); or `InputError`."""
     tables = [packet_angles(model, packet) for packet in info]
@@ -222,7 +213,7 @@ def find_device(
     return device, angles
 
 
-def _read_device(model: RobosenseModel, packet: NDArray[np.uint8]) -> Device:
+def _read_device(model: RobosenseModel, packet: Bytes) -> Device:
     is_classic = model.name in _CLASSIC
     old = is_classic and packet[41:44].tobytes() in _OLD_VERSIONS
     rpm, start, end = (int(packet[offset]) << 8 | int(packet[offset + 1]) for offset in (8, 32, 34))

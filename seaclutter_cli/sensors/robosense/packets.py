@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Ints
+from seaclutter_cli.arrays import Bytes, Ints
 from seaclutter_cli.sensors.packets import unix_seconds, view_packets
 from seaclutter_cli.sensors.robosense.models import CLASSIC_ID, INFO_BYTES, RobosenseModel
 
@@ -57,7 +57,7 @@ def data_layout(model: RobosenseModel) -> np.dtype[Any]:
     )
 
 
-def data_packets(model: RobosenseModel, payloads: NDArray[np.uint8]) -> NDArray[Any]:
+def data_packets(model: RobosenseModel, payloads: Bytes) -> NDArray[Any]:
     """Return data packets, shape (P,), structured, from payloads, shape (P, L)."""
     return view_packets(payloads, data_layout(model))
 
@@ -117,7 +117,7 @@ class Columns:
     times_ns: Ints
 
 
-def write_data(model: RobosenseModel, columns: Columns) -> NDArray[np.uint8]:
+def write_data(model: RobosenseModel, columns: Columns) -> Bytes:
     """Return data packets, shape (P, L), with distances rounded to the unit of the model."""
     packets = np.zeros(len(columns.times_ns), data_layout(model))
     blocks = packets["blocks"]
@@ -143,7 +143,7 @@ def _write_classic_time(packets: NDArray[Any], times_ns: Ints) -> None:
     time["milliseconds"], time["microseconds"] = times_ns // 10**6 % 1000, times_ns // 1000 % 1000
 
 
-def write_info(model: RobosenseModel, angles: Angles) -> NDArray[np.uint8]:
+def write_info(model: RobosenseModel, angles: Angles) -> Bytes:
     """Return a device information packet (DIFOP), shape (1248,), of a sensor with 600 rpm and one return."""
     packet = np.zeros(INFO_BYTES, np.uint8)
     ports = DATA_PORT.to_bytes(2, "big") * 2 + INFO_PORT.to_bytes(2, "big") * 2

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Ints, Mask
+from seaclutter_cli.arrays import Bytes, Ints, Mask
 from seaclutter_cli.documents import read_document
 from seaclutter_cli.errors import InputError, MissingExtraError
 from seaclutter_cli.records import SensorFacts
@@ -170,7 +170,6 @@ class VelodyneLosses:
         self._packets, self._host_ns = self._packets[-1:], self._host_ns[-1:]
 
     def _blind_gaps(self, cut: Cut) -> Mask:
-        """Return which gaps are due to the blind sector."""
         first = self._packets["blocks"]["azimuth"][:, 0].astype(np.int64)
         if cut.blind is None:
             return np.zeros(len(first) - 1, bool)
@@ -186,7 +185,7 @@ class Velodyne(PacketFamily):
 
     title = "Velodyne"
 
-    def recognises(self, payload: NDArray[np.uint8]) -> bool:
+    def recognises(self, payload: Bytes) -> bool:
         """Return whether a UDP payload, shape (L,), is a data packet; position packets contain nothing useful."""
         return len(_known_models(payload[None])) > 0
 
@@ -198,7 +197,7 @@ class Velodyne(PacketFamily):
         return VelodyneDecoder(int(np.bincount(known).argmax()), options)
 
 
-def _known_models(payloads: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _known_models(payloads: Bytes) -> Bytes:
     """Return the factory bytes of known models in valid packets among payloads, shape (P, L)."""
     packets = view_packets(payloads, PACKET)
     models = packets["model"][valid_packets(packets)]

@@ -3,13 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import fft, ndimage
 
-from seaclutter_cli.arrays import Floats, Mask
+from seaclutter_cli.arrays import Floats, Indices, Mask, Rng
 from seaclutter_cli.simulation.airborne.scene import LANDS, LandParams, Map, WaterParams
 from seaclutter_cli.simulation.marine.sea import directional_variance
 
@@ -63,7 +61,7 @@ class TileWater:
         return along / 2, (self.height(x, y + 1) - self.height(x, y - 1)) / 2
 
 
-def water(params: WaterParams, size_m: float, rng: np.random.Generator, coast: "Coast | None" = None) -> TileWater:
+def water(params: WaterParams, size_m: float, rng: Rng, coast: "Coast | None" = None) -> TileWater:
     """Return a random surface, at least ``size_m`` wide, along a coast if there is one.
 
     Wind sea and swell each have a JONSWAP spectrum with their own height and peak period, and a directional spread;
@@ -75,9 +73,7 @@ def water(params: WaterParams, size_m: float, rng: np.random.Generator, coast: "
     return TileWater(wind + swell, swell, coast)
 
 
-def _field(
-    cells: int, height_m: float, period_s: float, direction_deg: float, kind: str, rng: np.random.Generator
-) -> Floats:
+def _field(cells: int, height_m: float, period_s: float, direction_deg: float, kind: str, rng: Rng) -> Floats:
     wave = 2 * np.pi * fft.fftfreq(cells)
     noise = rng.standard_normal((2, cells, cells))
     if not height_m:
@@ -101,14 +97,14 @@ class Coast:
     def __init__(self, step_m: float, shape: tuple[int, ...]) -> None:
         self.step_m, self._shape = step_m, shape
         self._x, self._y = ((np.arange(count, dtype=np.float64) + 0.5) * step_m for count in shape)
-        self.ground: NDArray[Any] = np.full(shape, _BOTTOM_M)
-        self.level: NDArray[Any] = np.zeros(shape)
-        self.damping: NDArray[Any] = np.ones(shape)
-        self.reflectivity: NDArray[Any] = np.full(shape, _WET_SAND)
-        self.canopy: NDArray[Any] = np.zeros(shape)
+        self.ground: Map = np.full(shape, _BOTTOM_M)
+        self.level: Map = np.zeros(shape)
+        self.damping: Map = np.ones(shape)
+        self.reflectivity: Map = np.full(shape, _WET_SAND)
+        self.canopy: Map = np.zeros(shape)
         self.code = np.full(shape, GROUND, np.uint8)
 
-    def add(self, land: LandParams, rng: np.random.Generator) -> None:
+    def add(self, land: LandParams, rng: Rng) -> None:
         """Cover the maps with a piece of land; outside, its slope is the bottom of the water if nothing is higher."""
         values = land.relief
         distance = land.distance(self._x[:, None], self._y[None, :]) + values.ragged_m * self._noise(rng, 25.0)
@@ -126,7 +122,7 @@ class Coast:
         self.code[inside] = np.where(roofs > 0, BUILDING, GROUND)[inside]
         self.canopy[inside] = np.where(roofs > 0, 0, trees)[inside]
 
-    def finish(self, wave_m: float, rng: np.random.Generator) -> None:
+    def finish(self, wave_m: float, rng: Rng) -> None:
         """Give the maps the reflectivity of different and of wet ground, and waves that break; make them float32."""
         tint = np.ones(self._shape)
         for deviation, scale_m in _TINT:
@@ -137,7 +133,7 @@ class Coast:
         for name in ("ground", "level", "damping", "canopy", "reflectivity"):
             setattr(self, name, getattr(self, name).astype(np.float32))
 
-    def _noise(self, rng: np.random.Generator, scale_m: float) -> Map:
+    def _noise(self, rng: Rng, scale_m: float) -> Map:
         """Return smooth noise of mean 0 and standard deviation 1; if it is wide, from a coarse grid."""
         cells = scale_m / self.step_m
         coarse = max(1, int(cells / 4))
@@ -147,7 +143,7 @@ class Coast:
         at = [np.arange(count) / coarse for count in self._shape]
         return np.asarray(ndimage.map_coordinates(smooth, np.meshgrid(*at, indexing="ij"), order=1))
 
-    def _roofs(self, rng: np.random.Generator, share: float, dry: Mask) -> Map:
+    def _roofs(self, rng: Rng, share: float, dry: Mask) -> Map:
         """Return the height of buildings above the ground; at most one in the middle of each plot."""
         plots = [np.floor(at / _PLOT_M).astype(np.intp) for at in (self._x, self._y)]
         count = plots[0][-1] + 1, plots[1][-1] + 1
@@ -158,18 +154,18 @@ class Coast:
         house = (along[:, None] < length[plot] / 2) & (across[None, :] < width[plot] / 2)
         return np.where(house & built[plot] & dry, height[plot], 0)
 
-    def _trees(self, rng: np.random.Generator, share: float, dry: Mask) -> Map:
+    def _trees(self, rng: Rng, share: float, dry: Mask) -> Map:
         """Return the height of trees above the ground, in groups."""
         where, crowns = self._noise(rng, 7.0), np.clip(0.8 + 0.25 * self._noise(rng, 1.2), 0.3, 1.2)
         height = rng.uniform(*_TREE_M)
         return np.where(dry & (where > np.quantile(where, 1 - share)), height * crowns, 0)
 
-    def cells(self, x: Floats, y: Floats) -> tuple[NDArray[np.intp], ...]:
+    def cells(self, x: Floats, y: Floats) -> tuple[Indices, ...]:
         """Return the cells of positions; those beyond the tile have the nearest one."""
         sides = zip((x, y), self.ground.shape, strict=True)
         return tuple(np.clip(at / self.step_m, 0, count - 1).astype(np.intp) for at, count in sides)
 
-    def descend(self, x: Floats, y: Floats, slope: Floats) -> tuple[Floats, tuple[NDArray[np.intp], ...]]:
+    def descend(self, x: Floats, y: Floats, slope: Floats) -> tuple[Floats, tuple[Indices, ...]]:
         """Return the elevation at which rays end on ground or still water, shape (P,), and their cells.
 
         Rays are located by their intersection with mean sea level; ``slope`` is their displacement along y per metre
@@ -208,7 +204,7 @@ def make_coast(lands: Sequence[LandParams], size_m: tuple[float, ...], wave_m: f
     return coast
 
 
-def leaves(canopy: Floats, ground: Floats, rays: int, rng: np.random.Generator) -> tuple[Floats, Mask]:
+def leaves(canopy: Floats, ground: Floats, rays: int, rng: Rng) -> tuple[Floats, Mask]:
     """Return the elevation at which each ray of pulses into trees ends, shape (P, rays), and whether in leaves."""
     stopped = rng.random((len(canopy), rays)) < _LEAVES
     depth = 0.6 * rng.beta(1.0, 3.0, stopped.shape)

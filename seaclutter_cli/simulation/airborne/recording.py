@@ -11,7 +11,7 @@ from uuid import UUID
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Floats
+from seaclutter_cli.arrays import Bytes, Floats, Indices, Rng, Rows
 from seaclutter_cli.simulation.airborne.coast import VEGETATION, Coast, TileWater, leaves, make_coast, water
 from seaclutter_cli.simulation.airborne.scene import AirborneParams, TileObject, TileScene, WaterParams
 from seaclutter_cli.simulation.airborne.shapes import KINDS, STEP_M, Patch
@@ -63,11 +63,11 @@ class Pulses:
 _RAY = np.dtype([("z", "f8"), ("reflectivity", "f8"), ("number", "u2"), ("code", "u1")])
 """End of a ray: its height and reflectivity, the number of the object (0: none), and its class."""
 
-Groups = tuple[NDArray[np.intp], Floats, Floats, NDArray[np.uint16], NDArray[np.uint8]]
+Groups = tuple[Indices, Floats, Floats, NDArray[np.uint16], Bytes]
 """Pulses with a possible echo of one number; its mean height and power, object and class of the ray in its middle."""
 
 
-def _rays(z: Floats, reflectivity: Floats, code: NDArray[np.uint8] | int) -> NDArray[np.void]:
+def _rays(z: Floats, reflectivity: Floats, code: Bytes | int) -> Rows:
     """Return the rays of P pulses, shape (P, 7), all of which end on the water or ground at one height."""
     rays = np.zeros((len(z), _BEAMS), _RAY)
     for name, values in (("z", z), ("reflectivity", reflectivity), ("code", np.broadcast_to(code, z.shape))):
@@ -82,7 +82,7 @@ def strips(lidar: AirborneParams, size_m: tuple[float, ...]) -> list[float]:
     return [float(size_m[1] * (k + 0.5) / count) for k in range(count)]
 
 
-def fly(lidar: AirborneParams, size_m: tuple[float, ...], line_y: float, rng: np.random.Generator) -> Pulses:
+def fly(lidar: AirborneParams, size_m: tuple[float, ...], line_y: float, rng: Rng) -> Pulses:
     """Return the pulses of a strip that end in the tile."""
     reach = lidar.height_m * np.tan(np.radians(lidar.scan_angle_deg / 2))
     low, high = max(-reach, -line_y - 20), min(reach, size_m[1] - line_y + 20)
@@ -123,7 +123,7 @@ class TileRenderer:
         wave_m = float(np.hypot(scene.water.wave_m, scene.water.swell_m))
         self.coast = make_coast(scene.land, scene.tile.size_m, wave_m, seed) if scene.land else None
 
-    def strip(self, index: int) -> NDArray[np.void]:
+    def strip(self, index: int) -> Rows:
         """Return the echoes of a strip, as `POINT`."""
         scene, seed = self.scene, self.scene.tile.seed
         rng = np.random.default_rng([seed, 3, index])
@@ -144,7 +144,7 @@ class TileRenderer:
             points[axis] += origin
         return points
 
-    def _sea_hits(self, pulses: Pulses, sea: TileWater, rng: np.random.Generator) -> NDArray[np.void]:
+    def _sea_hits(self, pulses: Pulses, sea: TileWater, rng: Rng) -> Rows:
         params = self.scene.water
         along, across = sea.slope(pulses.x, pulses.y)
         tilt = along**2 + (across + pulses.slope) ** 2
@@ -153,15 +153,7 @@ class TileRenderer:
         z = sea.height(pulses.x, pulses.y) + rng.normal(0, 0.02, len(tilt))
         return _rays(z, reflectivity, _WATER)
 
-    def _hit_object(
-        self,
-        item: TileObject,
-        patch: Patch,
-        pulses: Pulses,
-        sea: TileWater,
-        hits: NDArray[np.void],
-        rng: np.random.Generator,
-    ) -> None:
+    def _hit_object(self, item: TileObject, patch: Patch, pulses: Pulses, sea: TileWater, hits: Rows, rng: Rng) -> None:
         highest = float(patch.top.max()) + 1.0 + abs(sea.heave(*item.position_m))
         reach = 0.5 * float(np.hypot(*item.size_m[:2])) + 2.0
         near_y = reach + highest * np.abs(pulses.slope)
@@ -186,7 +178,7 @@ class TileRenderer:
         hits[near] = rays
 
 
-def _land_hits(coast: Coast, pulses: Pulses, water: NDArray[np.void], rng: np.random.Generator) -> NDArray[np.void]:
+def _land_hits(coast: Coast, pulses: Pulses, water: Rows, rng: Rng) -> Rows:
     """Return the rays of pulses on water, ground, buildings and trees from those on water."""
     z, cells = coast.descend(pulses.x, pulses.y, pulses.slope)
     z += rng.normal(0, _GROUND_NOISE_M, len(z))
@@ -211,12 +203,7 @@ def _beams(x: Floats, y: Floats, lidar: AirborneParams) -> tuple[Floats, Floats]
 
 
 def _trace(
-    item: TileObject,
-    patch: Patch,
-    rays: tuple[Floats, Floats, Floats],
-    waterline: Floats,
-    highest: float,
-    rng: np.random.Generator,
+    item: TileObject, patch: Patch, rays: tuple[Floats, Floats, Floats], waterline: Floats, highest: float, rng: Rng
 ) -> tuple[Floats, Floats]:
     """Return the height at which each of R rays ends on an object, or minus infinity, and the reflectivity there."""
     x, y, slope = rays
@@ -239,9 +226,7 @@ def _trace(
     return z, reflectivity
 
 
-def _cells_below(
-    item: TileObject, patch: Patch, x: Floats, y: Floats
-) -> tuple[NDArray[np.intp], tuple[NDArray[np.intp], ...]]:
+def _cells_below(item: TileObject, patch: Patch, x: Floats, y: Floats) -> tuple[Indices, tuple[Indices, ...]]:
     """Return the indices of the positions above an object's maps, and their cells."""
     c, s = np.cos(item.heading), np.sin(item.heading)
     dx, dy = x - item.position_m[0], y - item.position_m[1]
@@ -254,9 +239,7 @@ def _cells_below(
     return above, (cells[0][above], cells[1][above])
 
 
-def _echoes(
-    pulses: Pulses, hits: NDArray[np.void], lidar: AirborneParams, rng: np.random.Generator
-) -> NDArray[np.void]:
+def _echoes(pulses: Pulses, hits: Rows, lidar: AirborneParams, rng: Rng) -> Rows:
     starts = range(0, len(hits), _BLOCK)
     blocks = [_groups(hits, np.arange(start, min(start + _BLOCK, len(hits))), lidar) for start in starts]
     found = []
@@ -271,7 +254,7 @@ def _echoes(
     return _points(pulses, echoes, lidar, rng)
 
 
-def _groups(hits: NDArray[np.void], block: NDArray[np.intp], lidar: AirborneParams) -> list[Groups]:
+def _groups(hits: Rows, block: Indices, lidar: AirborneParams) -> list[Groups]:
     """Return the possible echoes of a block of pulses, from the highest down."""
     rays = hits[block]
     order = np.argsort(-rays["z"], axis=1, kind="stable")
@@ -289,7 +272,7 @@ def _groups(hits: NDArray[np.void], block: NDArray[np.intp], lidar: AirbornePara
     return found
 
 
-def _points(pulses: Pulses, echoes: Groups, lidar: AirborneParams, rng: np.random.Generator) -> NDArray[np.void]:
+def _points(pulses: Pulses, echoes: Groups, lidar: AirborneParams, rng: Rng) -> Rows:
     pulse, height, power, label, code = echoes
     out = np.zeros(len(pulse), POINT)
     z = height + rng.normal(0, lidar.range_noise_m, len(pulse))
@@ -307,8 +290,7 @@ def _points(pulses: Pulses, echoes: Groups, lidar: AirborneParams, rng: np.rando
     return out
 
 
-def _add_noise_points(points: NDArray[np.void], params: WaterParams, rng: np.random.Generator) -> None:
-    """Convert a few echoes to noise below and above the surface."""
+def _add_noise_points(points: Rows, params: WaterParams, rng: Rng) -> None:
     chosen = np.flatnonzero(rng.random(len(points)) < params.stray_echo_share)
     low = rng.random(len(chosen)) < 0.5
     points["z"][chosen] = np.where(low, -rng.uniform(2, 15, len(chosen)), rng.uniform(8, 80, len(chosen)))
@@ -323,7 +305,7 @@ _ANGLE_UNIT_DEG = 0.006
 _CREATION_DATE = date(2024, 1, 1)
 
 
-def simulate_strips(scene: TileScene) -> Iterator[NDArray[np.void]]:
+def simulate_strips(scene: TileScene) -> Iterator[Rows]:
     """Yield the echoes of a scene strip by strip, rendered in threads; the number of threads does not change them."""
     renderer = TileRenderer(scene)
     pulses = math.prod(scene.tile.size_m) * scene.lidar.pulses_m2 / len(renderer.lines)
@@ -332,10 +314,7 @@ def simulate_strips(scene: TileScene) -> Iterator[NDArray[np.void]]:
 
 
 def record_tile(
-    scene: TileScene,
-    path: Path,
-    on_strip: Callable[[NDArray[np.void]], object] = lambda _: None,
-    group: OutputGroup | None = None,
+    scene: TileScene, path: Path, on_strip: Callable[[Rows], object] = lambda _: None, group: OutputGroup | None = None
 ) -> None:
     """Write a scene to a LAS or LAZ file with point format 6.
 
@@ -357,7 +336,7 @@ def record_tile(
             on_strip(points)
 
 
-def _record(laspy: Any, empty: Any, points: NDArray[np.void]) -> Any:
+def _record(laspy: Any, empty: Any, points: Rows) -> Any:
     record = laspy.ScaleAwarePointRecord.zeros(
         len(points), point_format=empty.point_format, scales=empty.scales, offsets=empty.offsets
     )

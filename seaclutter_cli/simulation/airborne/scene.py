@@ -287,14 +287,6 @@ class TileScene:
         """Parameters of each section of a file, without objects."""
         return {"tile": self.tile, "lidar": self.lidar, "water": self.water}
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the scene as the content of a file, with default values."""
-        lists = {
-            name: [{key: value for key, value in validation.plain(item).items() if value is not None} for item in items]
-            for name, items in (("objects", self.objects), ("land", self.land))
-        }
-        return {**validation.plain(self.sections), **lists}
-
 
 def _bounds(size: Size, heading: float) -> tuple[float, float]:
     """Return the extent along x and y of a rotated rectangle."""

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy import ndimage
 
-from seaclutter_cli.arrays import Floats, Mask
+from seaclutter_cli.arrays import Floats, Mask, Rng
 
 Map = Floats
 Size = tuple[float, float, float]
@@ -35,13 +35,13 @@ class Patch:
     motion: Motion
 
 
-def _noise(rng: np.random.Generator, shape: tuple[int, ...], scale_m: float) -> Map:
+def _noise(rng: Rng, shape: tuple[int, ...], scale_m: float) -> Map:
     """Return smooth noise of mean 0 and standard deviation 1."""
     raw = ndimage.gaussian_filter(rng.standard_normal(shape), scale_m / STEP_M, mode="reflect")
     return np.asarray((raw - raw.mean()) / max(float(raw.std()), 1e-9))
 
 
-def _blob(rng: np.random.Generator, x: Map, y: Map, ragged: float) -> Map:
+def _blob(rng: Rng, x: Map, y: Map, ragged: float) -> Map:
     """Return 1 in the middle of an irregular shape that fills its rectangle, 0 at its edge, less outside."""
     bearing = np.arctan2(y / (y.max() + STEP_M), x / (x.max() + STEP_M))
     lobes = np.arange(2, 7)
@@ -66,7 +66,7 @@ def _patch(
     return Patch(top, full[0], full[1], full[2], full[3], motion)
 
 
-def _ship(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
+def _ship(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     """Return a ship with bulwark, house, containers, masts: a freighter, a tanker or a fishing boat."""
     length, width, height = size
     along = x / (length / 2)
@@ -92,14 +92,14 @@ def _ship(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: fl
     return _patch(top, paint, "floats")
 
 
-def _stack(rng: np.random.Generator, top: Map, where: Mask, deck: float, height: float) -> None:
+def _stack(rng: Rng, top: Map, where: Mask, deck: float, height: float) -> None:
     """Stack containers of 6 by 2.5 m to random heights."""
     rows, columns = (np.arange(cells) // step for cells, step in zip(top.shape, (26, 10), strict=True))
     piles = rng.integers(0, max(2, int(height / 2.6)) + 1, (rows[-1] + 1, columns[-1] + 1))
     top[where] = (deck + 2.6 * piles[rows[:, None], columns[None, :]])[where]
 
 
-def _reef(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
+def _reef(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     """Return bare rocks, rough at all scales, with channels between them."""
     body = _blob(rng, x, y, 0.35)
     rough = sum(weight * _noise(rng, body.shape, scale) for weight, scale in ((0.30, 3.0), (0.18, 1.2), (0.12, 0.5)))
@@ -108,7 +108,7 @@ def _reef(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: fl
     return _patch(top, reflectivity * (1 + 0.25 * _noise(rng, body.shape, 0.8)).clip(0.3, 2), "fixed")
 
 
-def _shoal(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
+def _shoal(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     """Return a sandbank that dries at low water: smooth, with ripples, darker where it is wet."""
     body = _blob(rng, x, y, 0.25)
     ripples = 0.03 * np.sin(2 * np.pi * (x * rng.uniform(0.2, 0.5) + y * rng.uniform(-0.3, 0.3)))
@@ -117,7 +117,7 @@ def _shoal(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: f
     return _patch(top, reflectivity * np.clip(0.45 + 0.55 * top / size[2], 0.4, 1.1), "fixed")
 
 
-def _aquaculture(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
+def _aquaculture(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     """Return rows of round cages with rails and nets over them, or rafts of beams with a hut."""
     shape = (x.size, y.size)
     top, cover = np.full(shape, -np.inf), np.ones(shape)
@@ -129,7 +129,7 @@ def _aquaculture(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectiv
     return _patch(top, tint, "drifts", cover=cover)
 
 
-def _cages(rng: np.random.Generator, x: Map, y: Map, top: Map, cover: Map, size: Size) -> None:
+def _cages(rng: Rng, x: Map, y: Map, top: Map, cover: Map, size: Size) -> None:
     across = rng.uniform(8, 15)
     pitch = across + rng.uniform(2, 5)
     rows = [max(1, int((side + pitch - across) / pitch)) for side in size[:2]]
@@ -141,7 +141,7 @@ def _cages(rng: np.random.Generator, x: Map, y: Map, top: Map, cover: Map, size:
         top[rail], cover[rail] = size[2] * rng.uniform(0.55, 0.8), 0.6
 
 
-def _rafts(rng: np.random.Generator, x: Map, y: Map, top: Map, size: Size) -> None:
+def _rafts(rng: Rng, x: Map, y: Map, top: Map, size: Size) -> None:
     pitch, beam, deck = rng.uniform(2.5, 4.5), rng.uniform(0.5, 0.8), rng.uniform(0.6, 0.95)
     beams = (np.mod(x, pitch) < beam) | (np.mod(y, pitch) < beam)
     top[beams] = deck
@@ -151,7 +151,7 @@ def _rafts(rng: np.random.Generator, x: Map, y: Map, top: Map, size: Size) -> No
         top[hut] = size[2]
 
 
-def _seaweed(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
+def _seaweed(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     """Return a dense floating mat with soft humps; leaves are bright in the near infrared."""
     body = _blob(rng, x, y, 0.5)
     humps = 0.8 + 0.16 * _noise(rng, body.shape, 2.5) + 0.08 * _noise(rng, body.shape, 0.6)
@@ -163,7 +163,7 @@ def _seaweed(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity:
     return _patch(top, tint, "drifts", cover=cover, depth=0.12)
 
 
-def _island(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
+def _island(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     """Return ground with hills and a shore of rock or sand, partly covered by trees and bushes."""
     body = _blob(rng, x, y, 0.25)
     hills = 1 + 0.25 * _noise(rng, body.shape, 12.0) + 0.05 * _noise(rng, body.shape, 2.0)
@@ -179,7 +179,7 @@ def _island(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: 
     return _patch(top, tint, "fixed", cover=leaves, depth=np.where(green, 0.5 * tall, 0.0), base=ground)
 
 
-def _fence(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
+def _fence(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     """Return rows of stakes with nets between them: a leader, wings and a pen, or several rows side by side."""
     shape, (length, width, height) = (x.size, y.size), size
     top, cover = np.full(shape, -np.inf), np.ones(shape)
@@ -207,7 +207,7 @@ def _fence(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: f
     return _patch(top, tint, "fixed", cover=cover, depth=depth)
 
 
-def _garbage(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
+def _garbage(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     """Return loose debris of all sizes and reflectivities, close together in a drifting patch."""
     body = _blob(rng, x, y, 0.5)
     top, tint = np.full(body.shape, -np.inf), np.full(body.shape, reflectivity)
@@ -228,12 +228,12 @@ def _garbage(rng: np.random.Generator, x: Map, y: Map, size: Size, reflectivity:
 class Kind:
     """A class of objects: how to draw one of a size and reflectivity on axes, and the ranges of random ones."""
 
-    draw: Callable[[np.random.Generator, Map, Map, Size, float], Patch]
+    draw: Callable[[Rng, Map, Map, Size, float], Patch]
     smallest: Size
     largest: Size
     reflectivities: tuple[float, float]
 
-    def make(self, rng: np.random.Generator, size: Size, reflectivity: float) -> Patch:
+    def make(self, rng: Rng, size: Size, reflectivity: float) -> Patch:
         """Return a random object."""
         sides = (max(1, round(side / STEP_M)) for side in size[:2])
         x, y = (np.asarray((np.arange(cells) - (cells - 1) / 2) * STEP_M, np.float64) for cells in sides)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from seaclutter_cli.arrays import Floats, Ints, Mask
+from seaclutter_cli.arrays import Floats, Ints, Mask, Rng
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.layouts import generators
 from seaclutter_cli.simulation.layouts.generators import APPLE, POPLAR, WILLOW, plantation
@@ -112,7 +112,7 @@ class Layout:
     scene_class: str
     draw: Callable[[Plan], Scene]
 
-    def make(self, rng: np.random.Generator) -> Scene:
+    def make(self, rng: Rng) -> Scene:
         """Return a random scene that `scene_class` assigns to the class in all of its frames."""
         for _ in range(_TRIES):
             scene = self.draw(Plan(rng))

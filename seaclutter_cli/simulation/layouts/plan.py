@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from seaclutter_cli.arrays import Rng
 from seaclutter_cli.simulation.marine.scene import RecordingParams, Scene, SceneObjectParams, VesselParams
 from seaclutter_cli.simulation.marine.sea import SeaParams
 
@@ -37,7 +38,7 @@ def rotated(x: float, y: float, angle_deg: float) -> Position:
 class Plan:
     """Builder of a random scene; own ship starts at the origin, and boats and buoys keep clear of it."""
 
-    def __init__(self, rng: np.random.Generator) -> None:
+    def __init__(self, rng: Rng) -> None:
         self.rng = rng
         self.objects: list[SceneObjectParams] = []
         self._reserved: list[tuple[float, float, float]] = []
@@ -99,10 +100,6 @@ class Plan:
         length = self.log_uniform(low, max(low, min(high, longest_m)))
         return length, length * beam * self.uniform(0.85, 1.15), length * height * self.uniform(0.8, 1.2)
 
-    def speed(self, shape: str) -> float:
-        """Return a random speed of a kind of boat under way, in m/s."""
-        return self.uniform(0.1, 1.0) * _BOATS[shape][3]
-
     def add_boat(self, shapes: Sequence[str], position: Position, heading_deg: float, **more: Any) -> bool:
         """Add a boat of a random kind if there is room for it, and return whether there was."""
         shape = self.choice(shapes)
@@ -136,7 +133,7 @@ class Plan:
         """Add boats at random positions and headings, each at rest or under way; fewer if room runs out."""
         for _ in range(count):
             shape = self.choice(shapes)
-            speed = self.speed(shape) if self.bernoulli(more.get("moving", 0.5)) else 0.0
+            speed = self.uniform(0.1, 1.0) * _BOATS[shape][3] if self.bernoulli(more.get("moving", 0.5)) else 0.0
             for _ in range(_TRIES):
                 if self.add_boat(
                     [shape], self.position_around(nearest_m, farthest_m), self.uniform(-180, 180), speed_ms=speed

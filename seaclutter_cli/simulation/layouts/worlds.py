@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from seaclutter_cli.arrays import Rng
 from seaclutter_cli.simulation.layouts.generators import CONFINED_BASES, OPEN_BASES
 from seaclutter_cli.simulation.layouts.plan import Plan, Position
 from seaclutter_cli.simulation.lidar.models import LIDARS, NoiseParams
@@ -19,7 +20,7 @@ _TRIES = 20
 _CLEARANCE_M = 0.5
 _LEG_RAD = float(np.radians(8))
 
-Range = Callable[[np.random.Generator], Any]
+Range = Callable[[Rng], Any]
 """A random number or choice."""
 
 
@@ -117,7 +118,7 @@ class Thing:
                     plan.add(self.shape, position, size, heading, **more)
                     break
 
-    def _place(self, rng: np.random.Generator, beside_m: float) -> tuple[Position, float]:
+    def _place(self, rng: Rng, beside_m: float) -> tuple[Position, float]:
         if isinstance(self.place, tuple):  # land is to the left of an object
             return (self.place[0](rng), beside_m), 0.0 if beside_m >= 0 else 180.0
         bearing = rng.uniform(-np.pi, np.pi)
@@ -286,16 +287,14 @@ def clearance_m(scene: Scene, item: SceneObjectParams) -> float:
     return float(np.hypot(*np.maximum(outside, 0.0)).min() - scene.vessel.width_m / 2)
 
 
-def _drawn(families: Sequence[str], rng: np.random.Generator) -> dict[str, Any]:
+def _drawn(families: Sequence[str], rng: Rng) -> dict[str, Any]:
     ranges = dict(RANGES)
     for name in families:
         ranges |= FAMILIES[name].ranges
     return {key: ranges[key](rng) for key in ranges}
 
 
-def _with(
-    scene: Scene, drawn: Mapping[str, Any], families: Sequence[str], about: str, rng: np.random.Generator
-) -> Scene:
+def _with(scene: Scene, drawn: Mapping[str, Any], families: Sequence[str], about: str, rng: Rng) -> Scene:
 
     def section(kind: type[Any]) -> dict[str, Any]:
         return {key.name: drawn[key.name] for key in fields(kind) if key.name in drawn}

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Floats, Ints
+from seaclutter_cli.arrays import Floats, Ints, Rng, Rows
 from seaclutter_cli.sensors.packets import point_dtype
 from seaclutter_cli.simulation.lidar.models import Lidar, NoiseParams
 from seaclutter_cli.truth import CLUTTER
@@ -104,9 +104,7 @@ class Receiver:
     near_m: float = 0.0
     response: tuple[float, float] = (0.0, 1.0)
 
-    def receive(
-        self, echoes: Echoes, times_s: Floats, rng: np.random.Generator
-    ) -> tuple[NDArray[np.void], Ints, Floats]:
+    def receive(self, echoes: Echoes, times_s: Floats, rng: Rng) -> tuple[Rows, Ints, Floats]:
         """Return the points of a frame, `POINT`, the shot of each, and its distance, shape (M,) each.
 
         The echoes are those of the surface that each shot hits, and are changed by the noise; ``times_s``, shape
@@ -120,7 +118,7 @@ class Receiver:
         label = np.append(echoes.label[detected[0]], np.full(len(spurious[0]), CLUTTER, np.uint16))[order]
         return self._points(shot, range_m, power, label, times_s), shot, range_m
 
-    def _detect(self, echoes: Echoes, rng: np.random.Generator) -> tuple[Ints, Floats, Floats]:
+    def _detect(self, echoes: Echoes, rng: Rng) -> tuple[Ints, Floats, Floats]:
         """Return the shots with a detected echo, the measured distances and the received power."""
         lidar = self.lidar
         reflecting = np.flatnonzero(echoes.reflectance > 0)
@@ -137,7 +135,7 @@ class Receiver:
 
     def _points(
         self, chosen: Ints, measured: Floats, power: Floats, label: NDArray[np.uint16], times_s: Floats
-    ) -> NDArray[np.void]:
+    ) -> Rows:
         lidar = self.lidar
         points = np.empty(len(chosen), POINT)
         position = lidar.lenses.reshape(-1, 3)[chosen] + lidar.directions.reshape(-1, 3)[chosen] * measured[:, None]
@@ -150,7 +148,7 @@ class Receiver:
         return points
 
 
-def add_mixed_pixels(echoes: Echoes, columns: int, noise: NoiseParams, rng: np.random.Generator) -> None:
+def add_mixed_pixels(echoes: Echoes, columns: int, noise: NoiseParams, rng: Rng) -> None:
     r"""Convert some echoes at edges, those of a frame column by column, to mixed pixels.
 
     If the centres of two neighbouring beams hit different surfaces, the edge runs through one of the two beams, each
@@ -182,7 +180,7 @@ def add_mixed_pixels(echoes: Echoes, columns: int, noise: NoiseParams, rng: np.r
 
 
 def false_returns(
-    echoes: Echoes, detected: Ints, min_range_m: float, noise: NoiseParams, rng: np.random.Generator
+    echoes: Echoes, detected: Ints, min_range_m: float, noise: NoiseParams, rng: Rng
 ) -> tuple[Ints, Floats, Floats]:
     """Return those of the shots without a detected echo that report a point anyway, with distances and intensities.
 

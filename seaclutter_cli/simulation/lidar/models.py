@@ -152,7 +152,6 @@ def _ouster(beams: int, half_deg: float = 22.5, detection_m: float = 90.0) -> Li
 
 
 def _even(beams: int, top: float, bottom: float, columns: int, detection_m: float, **more: Any) -> Lidar:
-    """Return a lidar whose beams are evenly spaced in elevation."""
     offsets = more.pop("offsets", (0.0,) * beams)
     elevations = tuple(np.linspace(top, bottom, beams).tolist())
     return Lidar(elevations, offsets, (0.0,) * beams, columns, detection_m, 200.0, min_range_m=0.5, **more)

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Interval
 
-from seaclutter_cli.arrays import Floats
+from seaclutter_cli.arrays import Floats, Rng
 from seaclutter_cli.params import NotNegative, Positive, Share, key
 from seaclutter_cli.simulation.lidar.echoes import Echoes
 from seaclutter_cli.simulation.lidar.models import Lidar
@@ -205,7 +205,7 @@ class Weather:
         """Return the share of a reflectance that is received from a range, but for the gain, shape (N,)."""
         return np.asarray(np.exp(-2 * self.extinction * range_m) / np.maximum(range_m, self._near_m) ** 2)
 
-    def add_echoes(self, echoes: Echoes, rng: np.random.Generator) -> None:
+    def add_echoes(self, echoes: Echoes, rng: Rng) -> None:
         """Add the first detectable echo of the air along each shot."""
         count = len(echoes.range_m)
         depth = rng.standard_exponential(count)

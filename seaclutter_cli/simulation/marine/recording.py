@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli import __version__
-from seaclutter_cli.arrays import Floats, Ints
+from seaclutter_cli.arrays import Floats, Ints, Rows
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.records import Metadata
@@ -46,7 +45,7 @@ class SimulatedFrame:
     """
 
     index: int
-    points: NDArray[np.void]
+    points: Rows
     shots: Ints
     distances_m: Floats
     boxes: Boxes

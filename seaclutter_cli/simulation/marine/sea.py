@@ -8,7 +8,7 @@ from annotated_types import Interval
 from numpy.typing import NDArray
 from scipy import fft
 
-from seaclutter_cli.arrays import Floats, Ints
+from seaclutter_cli.arrays import Floats, Ints, Rng
 from seaclutter_cli.params import Positive, Share, key
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.marine.motion import Leg, Motion, Pose, Track
@@ -130,7 +130,7 @@ class Sea:
     repeats beyond the part of the sea that a lidar sees.
     """
 
-    def __init__(self, params: SeaParams, rng: np.random.Generator) -> None:
+    def __init__(self, params: SeaParams, rng: Rng) -> None:
         self.params = params
         peak = 0.877 * GRAVITY / params.wind_ms if params.wind_ms else 5.0
         wavelength = 2 * np.pi * GRAVITY / peak**2
@@ -229,7 +229,6 @@ class Wake:
         return rise
 
     def _arm(self, behind: Floats) -> Floats:
-        """Return the lateral distance of the wake's arms."""
         return np.asarray(self.width_m / 2 + behind * np.tan(KELVIN))
 
     def _behind(self, leg: Leg, x: Floats, y: Floats, time_s: float) -> tuple[Ints, Floats, Floats, Floats]:
@@ -257,9 +256,7 @@ class Wake:
         behind = behind[near]
         return passed[near], behind, aside[near], np.maximum(0.0, behind - self.length_m) / leg.speed_ms
 
-    def add_spray_echoes(
-        self, shots: Shots, echoes: Echoes, time_s: float, reflectivity: float, rng: np.random.Generator
-    ) -> None:
+    def add_spray_echoes(self, shots: Shots, echoes: Echoes, time_s: float, reflectivity: float, rng: Rng) -> None:
         """Add the echoes of droplets, unless the vessel is too slow to throw up spray.
 
         The probability of a hit grows with the path of the shot through spray.
@@ -288,7 +285,7 @@ class Wake:
 
 
 def add_droplet_echoes(
-    shots: Shots, echoes: Echoes, pose: Pose, corners: Floats, droplets: tuple[float, float], rng: np.random.Generator
+    shots: Shots, echoes: Echoes, pose: Pose, corners: Floats, droplets: tuple[float, float], rng: Rng
 ) -> None:
     """Add the echoes of a box of droplets, from its lower to its upper corner in the frame of the pose.
 

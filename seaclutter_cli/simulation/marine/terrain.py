@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.arrays import Floats, Ints
+from seaclutter_cli.arrays import Floats, Ints, Rng
 from seaclutter_cli.params import NotNegative, Positive, Share, key
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.marine.motion import Pose
@@ -52,7 +52,7 @@ class MarineWater:
         slope_x, slope_y = self._surface.slope(x, y)
         return self._surface.height(x, y).astype(np.float64), slope_x.astype(np.float64), slope_y.astype(np.float64)
 
-    def add_echoes(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
+    def add_echoes(self, shots: Shots, echoes: Echoes, rng: Rng) -> None:
         """Add the echoes of the water and of spray."""
         hit, distance = self._intersect(shots)
         rays = shots.directions[hit]
@@ -179,7 +179,7 @@ class Ground:
         size = np.array([2 * reach_m, 2 * reach_m, upper - lower])
         return np.array([0.0, 0.0, (lower + upper) / 2]), size, 0.0
 
-    def add_echoes(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
+    def add_echoes(self, shots: Shots, echoes: Echoes, rng: Rng) -> None:
         """Add the echoes of the ground: the intersection with a plane, corrected for the height there."""
         del rng
         down = np.flatnonzero(shots.directions[:, 2] < 0)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.special import gammaincinv
 
-from seaclutter_cli.arrays import Floats, Ints
+from seaclutter_cli.arrays import Floats, Ints, Rng
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots, extinction
 from seaclutter_cli.simulation.marine import physics as optics
 from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody
@@ -98,7 +98,7 @@ class WideWater(MarineWater):
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         return Hits(hit, distance, normals, np.clip(-np.einsum("ij,ij->i", rays, normals), 0.0, 1.0))
 
-    def add_echoes(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
+    def add_echoes(self, shots: Shots, echoes: Echoes, rng: Rng) -> None:
         """Add the echoes of water, foam, wakes and spray."""
         hits, physics = self.hits(shots), self._physics
         self._hits = hits
@@ -145,8 +145,7 @@ class WideWater(MarineWater):
         angle = np.radians(self._physics.wind_deg)
         return x - way * np.cos(angle), y - way * np.sin(angle)
 
-    def _add_froth(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
-        """Add the echoes of turbulent wakes."""
+    def _add_froth(self, shots: Shots, echoes: Echoes, rng: Rng) -> None:
         physics, hits = self._physics, self._hits
         rays, origins = shots.directions[hits.shots], shots.origins[hits.shots]
         height = physics.wake_height_m * rng.standard_exponential(len(hits.shots))
@@ -170,9 +169,7 @@ class WideWater(MarineWater):
         x, y, heading = (float(one[0]) for one in self._wide.own.track.at(np.array([time_s])))
         return x, y, heading
 
-    def add_effects(
-        self, shots: Shots, echoes: Echoes, bodies: tuple[Bodies, Sequence[PlacedBody]], rng: np.random.Generator
-    ) -> None:
+    def add_effects(self, shots: Shots, echoes: Echoes, bodies: tuple[Bodies, Sequence[PlacedBody]], rng: Rng) -> None:
         """Add spray, mirrored echoes, blooming and weather to the echoes of water and bodies."""
         self._add_sheets(shots, echoes, rng)
         self._add_mirrored(shots, echoes, bodies, rng)
@@ -181,7 +178,7 @@ class WideWater(MarineWater):
         self._wide.weather.add_echoes(echoes, rng)
 
     def _add_mirrored(
-        self, shots: Shots, echoes: Echoes, bodies: tuple[Bodies, Sequence[PlacedBody]], rng: np.random.Generator
+        self, shots: Shots, echoes: Echoes, bodies: tuple[Bodies, Sequence[PlacedBody]], rng: Rng
     ) -> None:
         r"""Add the echoes of bodies that shots meet after the water has mirrored them, at the length of the whole way.
 
@@ -210,7 +207,7 @@ class WideWater(MarineWater):
         whole = way + seen.range_m[shot], seen.reflectance[shot] * share
         echoes.add_stronger(shot, whole, CLUTTER, self._wide.weather.loss)
 
-    def _add_blooming(self, shots: Shots, echoes: Echoes, track: int, rng: np.random.Generator) -> None:
+    def _add_blooming(self, shots: Shots, echoes: Echoes, track: int, rng: Rng) -> None:
         """Make the top of an object a retro-reflector, whose light leaks into the shots around it.
 
         The halo has the range of the reflector, and is clutter.
@@ -231,7 +228,7 @@ class WideWater(MarineWater):
         halo = _RETRO_REFLECTANCE * _BLOOM * np.exp(-angle / width) * rng.standard_exponential(len(near))
         echoes.add_stronger(near, (range_m, halo), CLUTTER, self._wide.weather.loss)
 
-    def _add_sheets(self, shots: Shots, echoes: Echoes, rng: np.random.Generator) -> None:
+    def _add_sheets(self, shots: Shots, echoes: Echoes, rng: Rng) -> None:
         """Add the echoes of sheets of spray from the bow and from crests.
 
         A sheet flies up and falls as a stone would, grows thinner and wider, and the wind carries it along.
@@ -247,7 +244,7 @@ class WideWater(MarineWater):
                 density = _SHEET_DENSITY * np.exp(-age_s / 0.5)
                 add_droplet_echoes(shots, echoes, pose, corners, (density, self._wide.foam), rng)
 
-    def _sheet(self, start_s: float, age_s: float, draw: np.random.Generator) -> tuple[Pose, Floats]:
+    def _sheet(self, start_s: float, age_s: float, draw: Rng) -> tuple[Pose, Floats]:
         """Return the pose and the corners of a sheet that was thrown up at a time."""
         wind, angle = self._physics.wind_ms, np.radians(self._physics.wind_deg)
         x, y, heading = self._own(start_s)
