@@ -260,7 +260,7 @@ def _draw(folder: Path, sea: Any, removed: Any, points_xy: Any, number: Any, obj
     points = {class_name(one): points_xy[:, code == one] for one in sorted(set(code.tolist()) - {0})}
     if removed.size:
         points[LEFT_OUT] = removed
-    boxes = [(one.name, one.corners) for one in objects]
+    boxes = [(one.name, one.corners()) for one in objects]
     (folder / "fig3.png").write_bytes(render(lambda figure: draw_tile(figure, sea, points, boxes), ".png", aspect=0.92))
 
 

@@ -118,8 +118,6 @@ def _argument(value: Any, local: Callable[[Url], Any]) -> Any:
 
 
 class _Naming:
-    """An observer that receives URLs in place of paths."""
-
     def __init__(self, observer: Any) -> None:
         self._observer = observer
 

@@ -125,7 +125,6 @@ class ClusterFinder:
         return bool(self._near(own[:, found] - other[:, nearest[found]]).any())
 
     def _in_reach(self, points: Points, others: Points) -> Points:
-        """Return the points that are near the bounding box of others."""
         low, high = others.min(axis=1, keepdims=True), others.max(axis=1, keepdims=True)
         return points[:, self._near(np.maximum(np.maximum(low - points, points - high), 0))]
 

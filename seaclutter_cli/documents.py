@@ -67,7 +67,6 @@ def _place(error: yaml.YAMLError, lines: Sequence[str]) -> tuple[int, int]:
 
 
 def _check_events(events: Iterable[Any]) -> None:
-    """Check the structure of a document before anything is built from it."""
     depth = nodes = 0
     for event in events:
         nodes += isinstance(event, yaml.NodeEvent)

@@ -17,11 +17,9 @@ Buffer = bytes | memoryview
 class Stored(Protocol):
     """Data in a file that are read piece by piece."""
 
-    def __len__(self) -> int:
-        """Return the number of bytes."""
+    def __len__(self) -> int: ...
 
-    def __bytes__(self) -> bytes:
-        """Return all of the data."""
+    def __bytes__(self) -> bytes: ...
 
     def pieces(self) -> Iterator[Buffer]:
         """Yield the data in order."""

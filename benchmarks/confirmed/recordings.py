@@ -15,7 +15,7 @@ from seaclutter_cli.frame import Frame
 from seaclutter_cli.simulation.layouts import LAYOUTS, find_scene
 from seaclutter_cli.simulation.marine.recording import SimulatedFrame, simulate_frames
 from seaclutter_cli.simulation.marine.scene import Scene, builtin_scenes, load_scene
-from seaclutter_cli.simulation.marine.terrain import terrain_name
+from seaclutter_cli.simulation.marine.sea import SeaParams
 from seaclutter_cli.truth import Boxes, Truth
 
 FILTER_RATE = 0.8
@@ -24,7 +24,7 @@ SEA_LAYOUTS = tuple(name for name, layout in LAYOUTS.items() if layout.scene_cla
 
 def marine_scenes() -> tuple[str, ...]:
     """Return the names of the built-in scenes at sea."""
-    return tuple(name for name in builtin_scenes() if terrain_name(load_scene(name).terrain) == "sea")
+    return tuple(name for name in builtin_scenes() if isinstance(load_scene(name).terrain, SeaParams))
 
 
 @dataclass(frozen=True)

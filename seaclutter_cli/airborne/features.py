@@ -123,31 +123,17 @@ class Levels:
         return np.stack((1 / (1 + distance**2), distance)).astype(np.float64)
 
 
-def grey_levels(height_m: Floats, count: int, max_height_m: float) -> Ints:
-    """Return heights quantised to K grey levels of equal size, 0 to K - 1, shape (N,).
+def _levels(near: Neighborhoods, height_m: Floats, params: "FeatureParams") -> Levels:
+    """Return the grey levels, of equal size, of points at heights above the sea, shape (N,), and of their partners.
 
-    ``height_m``, shape (N,): heights above the sea surface in metres; ``count``: number of levels, K; ``max_height_m``:
-    upper bound of the last level. Greater heights have the last level, heights below 0 the first.
-
-    Examples
-    --------
-    >>> grey_levels(np.array([-0.1, 0.3, 7.9, 30.0]), 32, 8.0)
-    array([ 0,  1, 31, 31])
+    Heights above the upper bound of the last level have that level, heights below 0 the first.
     """
-    return np.clip(np.floor(height_m * (count / max_height_m)), 0, count - 1).astype(np.int64)
-
-
-def levels_of(near: Neighborhoods, height_m: Floats, count: int, max_height_m: float, shift_m: float) -> Levels:
-    """Return the grey levels of points and of their partners.
-
-    ``near``: neighbourhoods of the points; ``height_m``, shape (N,): heights of the points in metres; ``count``,
-    ``max_height_m``: as for `grey_levels`; ``shift_m``: shift of the cloud, d, in metres.
-    """
-    own = grey_levels(height_m, count, max_height_m)
+    steps = np.floor(height_m * (params.levels / params.max_height_m))
+    own = np.clip(steps, 0, params.levels - 1).astype(np.int64)
     angles = np.radians(DIRECTIONS_DEG)
-    shifts = shift_m * np.stack((np.cos(angles), np.sin(angles)), axis=1)
+    shifts = params.shift_m * np.stack((np.cos(angles), np.sin(angles)), axis=1)
     partner = np.stack([own[near.nearest((float(x), float(y)))] for x, y in shifts])
-    return Levels(own, partner, count)
+    return Levels(own, partner, params.levels)
 
 
 def texture(block: PointBlock, levels: Levels) -> Floats:
@@ -240,7 +226,7 @@ def features_of(points: NonSeaPoints, params: FeatureParams) -> Floats:
     if not len(points.height_m):
         return np.empty((0, len(params.names)))
     near = Neighborhoods(points.xy)
-    levels = levels_of(near, points.height_m, params.levels, params.max_height_m, params.shift_m)
+    levels = _levels(near, points.height_m, params)
     if params.features == "texture":
         return near.apply(params.radius_m, lambda block: texture(block, levels))
     own = near.apply(params.radius_m, lambda block: _full(block, levels, points, params.radius_m))

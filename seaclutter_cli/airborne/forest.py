@@ -13,8 +13,6 @@ from seaclutter_cli.params import Count, key
 from seaclutter_cli.threads import executor, threads
 from seaclutter_cli.truth import OBJECT_CLASSES
 
-Codes = Ints
-
 _BLOCK = 20_000
 _MIN_TILES = 4
 
@@ -48,12 +46,12 @@ class Samples:
     """
 
     features: Floats
-    code: Codes
-    tile: Codes
-    number: Codes
+    code: Ints
+    tile: Ints
+    number: Ints
 
     @property
-    def objects(self) -> tuple[Codes, Codes]:
+    def objects(self) -> tuple[Ints, Ints]:
         """Tile, number and class of each object, shape (3, M), and the object index of each point, shape (N,)."""
         found, which = np.unique(np.stack((self.tile, self.number, self.code)), axis=1, return_inverse=True)
         return found, which.reshape(-1)

@@ -1,6 +1,6 @@
 """A map of a separated tile: water with its level, land, and objects, by cell; and the shoreline."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,13 +127,9 @@ def shoreline_of(tile: TileMap) -> list[Floats]:
     field = np.ma.masked_array(smooth, distance > _GAP_CELLS)
     lines = contour_generator(z=field.T).lines(0.5)
     places = [(np.asarray(line) + tile.first + 0.5) * tile.cell_m for line in lines]
-    return [line for line in places if _length(line) >= _SHORTEST_M]
+    return [line for line in places if length_m(line) >= _SHORTEST_M]
 
 
-def _length(line: Floats) -> float:
+def length_m(line: Floats) -> float:
+    """Return the length of a line, shape (N, 2), in metres."""
     return float(np.hypot(*np.diff(line, axis=0).T).sum())
-
-
-def total_length_m(lines: Sequence[Floats]) -> float:
-    """Return the length of lines in metres."""
-    return sum(map(_length, lines))

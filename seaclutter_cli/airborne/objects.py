@@ -80,13 +80,8 @@ class FoundObject:
         """Return the object with its centre in another unit of length, given in metres."""
         return self if unit_m == 1 else replace(self, center=(self.center[0] / unit_m, self.center[1] / unit_m))
 
-    @property
-    def corners(self) -> Floats:
-        """Corners of the box in metres, shape (4, 2), counter-clockwise."""
-        return self.corners_in(1.0)
-
-    def corners_in(self, unit_m: float) -> Floats:
-        """Return the corners around a centre that is given in a unit of length, which is given in metres.
+    def corners(self, unit_m: float = 1.0) -> Floats:
+        """Return the corners of the box, shape (4, 2), counter-clockwise, in the unit of its centre, given in metres.
 
         Sides are at least ten centimetres long, so that collinear points have a valid outline.
         """

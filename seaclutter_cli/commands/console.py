@@ -158,8 +158,6 @@ def _versioned(data: Any) -> Any:
 
 
 class _PlainProgress:
-    """Progress as a line every ten seconds."""
-
     def __init__(self, title: str, total: int | None, unit: str) -> None:
         of = f" of {total:,}" if total else ""
         self._before, self._after = (f"{title}: ", f"{of} MiB") if unit == "MiB" else (f"{title}: {unit} ", of)

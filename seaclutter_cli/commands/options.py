@@ -49,8 +49,6 @@ class _Command(click.Command):
 
 
 class _Value(click.ParamType[Any]):
-    """Values of a kind that click does not have."""
-
     def __init__(self, kind: Kind) -> None:
         self.name, self._kind = "text", kind
 

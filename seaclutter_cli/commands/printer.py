@@ -76,6 +76,5 @@ def close_output() -> None:
 
 
 def _presentable(line: str) -> str:
-    r"""Return a line as it may be sent to a terminal."""
     words = _LONG_WORD.sub(lambda word: shortened(word[0], _WORD_CHARACTERS), printable(line))
     return shortened(words, _LINE_CHARACTERS)

@@ -101,7 +101,6 @@ class _Pool(AbstractContextManager["_Pool"]):
             yield worker.number, kind, content
 
     def __exit__(self, *_: object) -> None:
-        """Interrupt the tasks that run, and end all processes."""
         for worker in self._workers:
             worker.stop()
         for worker in self._workers:
@@ -109,8 +108,6 @@ class _Pool(AbstractContextManager["_Pool"]):
 
 
 class _Worker:
-    """A process that runs one task at a time."""
-
     def __init__(self, context: Any, budget: int) -> None:
         self.pipe, other = context.Pipe()
         environment = {**os.environ, VARIABLE: str(budget)}  # a server of forks has that of its start
@@ -130,7 +127,6 @@ class _Worker:
             raise UsageError(f"{_NOT_SENT} ({error})") from error
 
     def answer(self) -> tuple[str, Any]:
-        """Return what the process has sent, or how it died."""
         try:
             kind, content = self.pipe.recv()
         except (EOFError, OSError):
@@ -146,7 +142,6 @@ class _Worker:
         self.pipe.close()
 
     def end(self) -> str:
-        """Wait for the end of the process and return how it ended."""
         self._process.join(_END_S)
         if self._process.exitcode is None:
             self._process.kill()

@@ -159,7 +159,6 @@ def _plain(value: Any) -> Any:
 
 
 def _message(store: Any, content: Any, kind: str, least_s: int) -> Any:
-    """Return the content of a message as an object of the type store."""
     from rosbags.interfaces import Nodetype
 
     if isinstance(content, Time):

@@ -52,7 +52,6 @@ def _varint(data: memoryview, at: int) -> tuple[int, int]:
 
 
 def _walk(data: memoryview) -> Iterator[tuple[int, int, int | memoryview, memoryview]]:
-    """Yield field number, wire type, value and raw bytes of each protobuf field."""
     at = 0
     while at < len(data):
         start = at

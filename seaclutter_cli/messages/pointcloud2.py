@@ -236,7 +236,6 @@ def _varint(stream: BytesIO) -> int:
 
 
 def _skip_metadata(stream: BytesIO, depth: int = 0) -> None:
-    """Skip the named entries of an element, and those of its parts."""
     if depth > _MAX_DEPTH:
         raise CloudError("the metadata of the Draco data are nested too deeply")
     for _ in range(_varint(stream)):

@@ -141,7 +141,6 @@ def _corners(box: dict[str, Any]) -> Floats:
 
 
 def _set_limits(panels: Any, sample: Sample) -> None:
-    """Set the same limits and labels on all panels, around own ship, the clutter and the targets."""
     inside = np.isin(sample.reasons[0], (Reason.KEPT, Reason.LOW_INTENSITY, Reason.OUTLIER, Reason.UNCONFIRMED))
     extents = [np.zeros((1, 2)), *(_corners(box) for box in sample.boxes)]
     if inside.any():

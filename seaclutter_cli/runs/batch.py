@@ -222,7 +222,6 @@ class _Task(Generic[O]):
 
 @on_paths
 def _outcome(work: Work[O], observer: Observer) -> O:
-    """Do the work, and remove what it copied."""
     for path in work.reads:
         if mirror := mirror_of(path):
             mirror.know(path)

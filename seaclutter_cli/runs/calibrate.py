@@ -96,7 +96,6 @@ def calibrate(options: CalibrateOptions) -> CalibrationResult:
 
 
 def _starting_config(options: ConfigOptions) -> Config:
-    """Return the configuration to start from, with thresholds still to be found."""
     config = configured(options, undetermined_thresholds=True)
     if not isinstance(config.filter, RingIntensityParams):
         suitable = (name for name, kind in FILTERS.items() if issubclass(kind.Params, RingIntensityParams))

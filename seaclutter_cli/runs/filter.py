@@ -77,7 +77,7 @@ def filter_log(options: FilterOptions) -> "FilterSummary":
                 works = [replace(works[0], group=logs)]
             outcomes = run.do(works, observer, partial(_append, table))
             if objects and objects_file:
-                from seaclutter_cli.sinks.object_files import write_objects
+                from seaclutter_cli.sinks.objects import write_objects
 
                 found = (one.objects for one in outcomes if one.objects and not one.error)
                 write_objects(objects_file, objects.stream, chain.from_iterable(found))
@@ -96,7 +96,7 @@ def filter_run(options: FilterOptions, observer: Observer, *, ahead: bool = True
     if options.labels and not options.with_scene:
         raise UsageError("--labels: only used for the boxes of --with-scene; add that option or leave out --labels")
     if options.objects_file:
-        from seaclutter_cli.sinks.object_files import check_objects_file  # not needed without
+        from seaclutter_cli.sinks.objects import check_objects_file  # not needed without
 
         check_objects_file(options.objects_file)
     return LogRun(options, observer, partial(FilterWork, config=configured(options)), ahead=ahead)
@@ -341,7 +341,7 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
             return options
         from seaclutter_cli.reporting.sample import scene_updates
         from seaclutter_cli.runs.objects import follower_of
-        from seaclutter_cli.sinks.live_objects import LiveObjects
+        from seaclutter_cli.sinks.objects import LiveObjects
 
         live = LiveObjects(follower_of(config))
         return replace(options, objects=live, scene=scene_updates(config.evaluation, labels, live.tracks))

@@ -30,7 +30,7 @@ from seaclutter_cli.runs.outputs import is_folder, may_appear
 from seaclutter_cli.runs.recordings import LABEL_SUFFIX, RecordingsResult, open_recording
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.sinks.atomic import AtomicFile, AtomicFolder, OutputGroup
-from seaclutter_cli.sinks.object_files import rows_as_mappings
+from seaclutter_cli.sinks.objects import rows_as_mappings
 from seaclutter_cli.sinks.point_files import FRAME_WRITERS
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import count, printable, table

@@ -22,8 +22,7 @@ from seaclutter_cli.runs.options.logs import ObjectsOptions
 from seaclutter_cli.runs.outputs import Contents, PackedRows, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.selection import cloud_channels
-from seaclutter_cli.sinks.object_files import check_objects_file, parsed, write_objects
-from seaclutter_cli.sinks.objects import COLUMNS, ObjectTable, TrackSummary
+from seaclutter_cli.sinks.objects import COLUMNS, ObjectTable, TrackSummary, check_objects_file, parsed, write_objects
 from seaclutter_cli.text import count, printable, table
 from seaclutter_cli.tracking.follow import Follower
 from seaclutter_cli.water import Mounting

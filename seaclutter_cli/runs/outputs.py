@@ -148,7 +148,7 @@ def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
     _check_distinct([*targets, *log], known)
     read = _Inputs([*_flat({_LABELS: labels}), *_flat(inputs)], known)
     for target in [*targets, *log]:
-        part_of, contained = read.option_of(target), target.marker and read.option_in(target)
+        part_of, contained = read.option_of(target), read.option_in(target)
         if part_of or contained:
             problem = f"is part of the input, {part_of}" if part_of else f"contains the input, {contained}"
             raise UsageError(f"{target.path}: {problem}; choose another output for {target.option}")
@@ -194,8 +194,7 @@ class _Inputs:
         return self._inside.get(target.identity) if found is None and target.exists else found
 
     def option_in(self, target: _Target) -> str | None:
-        """Return the option of an input in a folder that an output would replace."""
-        return next((option for option, path in self._paths if target.file in path.parents), None)
+        return next((option for option, path in self._paths if target.marker and target.file in path.parents), None)
 
 
 def _check_distinct(targets: Sequence[_Target], known: Identities) -> None:

@@ -96,8 +96,10 @@ def identity_of(
     named = [getattr(config.filter, key, None) for key in ("scene_model", "mask")] if config else []
     files = [Path(name) for name in named if name and Path(name).is_file()]
     calibration = reading.calibration
+    # What came later counts only if it is given, for equal bytes of earlier versions.
+    read = {name: value for name, value in asdict(reading).items() if name not in ("columns", "merge") or value}
     options = {
-        "reading": {**_read_part(reading), "calibration": digest_of_paths([calibration]) if calibration else None},
+        "reading": {**read, "calibration": digest_of_paths([calibration]) if calibration else None},
         "written": {
             k: v
             for k, v in vars(written).items()
@@ -113,11 +115,6 @@ def identity_of(
         labels=digest_of(label_parts),
         method=getattr(config.method, "code", "") if config else "",
     )
-
-
-def _read_part(reading: ReadOptions) -> dict[str, Any]:
-    """Return options of reading; those that came later only if they are given, for equal bytes of earlier versions."""
-    return {name: value for name, value in asdict(reading).items() if name not in ("columns", "merge") or value}
 
 
 class RecordedWork(Work[O]):

@@ -228,8 +228,6 @@ class _Simulated(Outcome):
 
 @dataclass(frozen=True)
 class _SimulateWork(Work[_Simulated]):
-    """Simulation of a recording with the seed of the options."""
-
     recording: Recording
     options: SimulateOptions
 

@@ -229,8 +229,6 @@ def check_torch() -> Any:
 
 
 class _Trainer:
-    """The network and its optimiser, for one split of the examples."""
-
     def __init__(self, examples: Examples, params: TrainingParams, split: Split) -> None:
         import torch
 

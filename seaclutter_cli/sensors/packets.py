@@ -39,7 +39,6 @@ class Packets:
         return len(self.times_ns)
 
     def __getitem__(self, rows: Any) -> "Packets":
-        """Return some of the packets."""
         return Packets(self.times_ns[rows], self.payloads[rows])
 
     @classmethod

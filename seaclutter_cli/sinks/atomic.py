@@ -189,7 +189,6 @@ class OutputGroup(AbstractContextManager["OutputGroup"]):
             self._files.pop().discard()
 
     def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
-        """Rename all files to their targets, or remove them after an error."""
         try:
             if error is None:
                 self._complete()

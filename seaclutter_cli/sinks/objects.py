@@ -1,19 +1,34 @@
-"""Table of the objects of a recording, with a row for each frame and object."""
+"""Objects of recordings: tables of them over time, as CSV, Parquet and GeoJSON, and messages with those of a frame."""
 
+import csv
+import json
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 
+from seaclutter_cli.errors import InputError, UsageError, requiring
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Sink, Source
+from seaclutter_cli.messages.definitions import Content
 from seaclutter_cli.messages.navigation import Fix, Navigation, on_earth
+from seaclutter_cli.messages.scene import SceneBox, SceneTrack, detections
 from seaclutter_cli.records import Channel, Message, Record
-from seaclutter_cli.sinks.csv import csv_lines
+from seaclutter_cli.sinks.csv import csv_line, csv_lines
 from seaclutter_cli.tracking.detections import Pose
-from seaclutter_cli.tracking.follow import CONFIRMED, LOST, Follower, FrameObjects
+from seaclutter_cli.tracking.follow import CANDIDATE, CONFIRMED, LOST, Follower, FrameObjects
+
+_CONTEXT_S = 2.0
+_COLORS = {CONFIRMED: "#f4a261", CANDIDATE: "#8d99ae", LOST: "#8d99ae"}
+_ROWS_AT_ONCE = 20_000
+_STEP_NS = 1_000_000_000
+_PROPERTIES = ("recording", "topic", "track_id", "class", "length_m", "width_m", "height_m")
 
 COLUMNS = {
     "recording": str,
@@ -148,3 +163,154 @@ def rows_of(frame: FrameObjects, fix: Fix | None) -> Iterable[Sequence[object]]:
             *(frame.index, frame.stamp_ns, track, state, *values, velocity),
             *(points, score, top, sides, kind, *span, *place),
         )
+
+
+class LiveObjects:
+    """Objects of each frame, known without later frames; ids are those of `ObjectTable`, other values less exact."""
+
+    def __init__(self, new: Callable[..., Follower]) -> None:
+        self._new = partial(new, context_s=_CONTEXT_S, live=True)
+        self._followers: dict[str, Follower] = {}
+        self._navigation = Navigation()
+        self._shown: dict[str, set[str]] = {}
+        self._last: tuple[FilterResult, FrameObjects] | None = None
+
+    def copy(self, record: Record) -> None:
+        """Receive messages about own ship's motion."""
+        if isinstance(record, Message):
+            self._navigation.see(record)
+
+    def of(self, result: FilterResult) -> FrameObjects:
+        """Return the objects of a frame; call it for each frame, in order."""
+        if self._last is None or self._last[0] is not result:
+            follower = self._followers.setdefault(result.frame.topic, self._new())
+            *_, found = follower.add(result, pose_of(self._navigation, result))
+            self._last = result, found
+        return self._last[1]
+
+    def tracks(self, result: FilterResult) -> tuple[Mapping[str, SceneTrack], Sequence[str]]:
+        """Return the objects of a frame by the ids of their entities, and the ids of those that are no longer there."""
+        topic = result.frame.topic
+        found = {f"{topic} object {one.name}": one for one in _tracks(self.of(result))}
+        gone = sorted(self._shown.get(topic, set()) - set(found))
+        self._shown[topic] = set(found)
+        return found, gone
+
+    def detections(self, result: FilterResult) -> Content:
+        """Return the objects of a frame as a message."""
+        return detections(result.frame.stamp_ns, result.frame.cloud.frame_id, _tracks(self.of(result)))
+
+
+def _tracks(frame: FrameObjects) -> list[SceneTrack]:
+    each = zip(
+        frame.tracks,
+        frame.states,
+        frame.scores.tolist(),
+        frame.centers.tolist(),
+        frame.sizes.tolist(),
+        frame.yaws.tolist(),
+        frame.velocities.tolist(),
+        strict=True,
+    )
+    tracks = []
+    for number, state, score, center, size, yaw, (vx, vy) in each:
+        text = f"{number}: {(vx * vx + vy * vy) ** 0.5:.1f} m/s" if state == CONFIRMED else f"{number}: {state}"
+        box = SceneBox(center, size, yaw, _COLORS[state], text)
+        tracks.append(SceneTrack(str(number), state, score, box, (vx, vy)))
+    return tracks
+
+
+def check_objects_file(path: Path | None) -> None:
+    """Raise `UsageError` if no format has the suffix, `MissingExtraError` if a library is missing."""
+    if path is None:
+        return
+    if path.suffix.lower() not in OBJECT_FILES:
+        raise UsageError(f"{path}: a table of objects must end in {', '.join(OBJECT_FILES)}")
+    if path.suffix.lower() == ".parquet":
+        _pyarrow()
+
+
+def write_objects(path: Path, stream: BinaryIO, lines: Iterable[bytes]) -> None:
+    """Write the lines of a table, without its head, to a file in the format of its name."""
+    OBJECT_FILES[path.suffix.lower()](stream, lines)
+
+
+def parsed(lines: Iterable[bytes]) -> Iterator[list[Any]]:
+    """Yield the values of the rows of a table, given its lines; None for empty cells of numbers."""
+    kinds = list(COLUMNS.values())
+    for row in csv.reader(line.decode(errors="surrogateescape") for line in lines):
+        yield [kind(cell) if cell or kind is str else None for kind, cell in zip(kinds, row, strict=True)]
+
+
+def rows_as_mappings(lines: Iterable[bytes]) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a table by column, given its lines."""
+    return (dict(zip(COLUMNS, values, strict=True)) for values in parsed(lines))
+
+
+def _write_csv(stream: BinaryIO, lines: Iterable[bytes]) -> None:
+    stream.write(csv_line(COLUMNS))
+    stream.writelines(lines)
+
+
+def _pyarrow() -> Any:
+    with requiring("Parquet", "parquet"):
+        import pyarrow.parquet  # takes 0.3 s, rarely needed
+    return pyarrow
+
+
+def _write_parquet(stream: BinaryIO, lines: Iterable[bytes]) -> None:
+    arrow = _pyarrow()
+    types = {str: arrow.string(), int: arrow.int64(), float: arrow.float64()}
+    schema = arrow.schema([(name, types[kind]) for name, kind in COLUMNS.items()])
+    rows = parsed(lines)
+    with arrow.parquet.ParquetWriter(stream, schema) as writer:
+        while block := list(islice(rows, _ROWS_AT_ONCE)):
+            columns = [
+                [value.encode(errors="replace").decode() for value in column] if kind is str else list(column)
+                for kind, column in zip(COLUMNS.values(), zip(*block, strict=True), strict=True)
+            ]
+            arrays = [arrow.array(column, field.type) for column, field in zip(columns, schema, strict=True)]
+            writer.write_table(arrow.Table.from_arrays(arrays, schema=schema))
+
+
+def _write_geojson(stream: BinaryIO, lines: Iterable[bytes]) -> None:
+    """Write the tracks that were confirmed and whose positions on earth are known, with a position each second."""
+    tracks: dict[tuple[Any, ...], dict[str, Any]] = {}
+    for row in rows_as_mappings(lines):
+        if row["latitude_deg"] is None or row["state"] != CONFIRMED:
+            continue
+        key = row["recording"], row["topic"], row["track_id"]
+        track = tracks.setdefault(key, {"stamps": [], "places": [], "speeds": []})
+        track |= {name: row[name] for name in _PROPERTIES}
+        if not track["stamps"] or row["stamp_ns"] - track["stamps"][-1] >= _STEP_NS:
+            track["stamps"].append(row["stamp_ns"])
+            track["places"].append([row["longitude_deg"], row["latitude_deg"]])
+            track["speeds"].append(row["speed_ms"])
+    if not tracks:
+        raise InputError(
+            "GeoJSON: no position on earth is known; the log needs sensor_msgs/NavSatFix and sensor_msgs/Imu with the "
+            "heading, or /tf from the lidar to the frame earth"
+        )
+    features = [_feature(track) for track in tracks.values()]
+    stream.write(json.dumps({"type": "FeatureCollection", "features": features}).encode() + b"\n")
+
+
+def _feature(track: Mapping[str, Any]) -> dict[str, Any]:
+    places = track["places"]
+    geometry = {"type": "LineString", "coordinates": places}
+    if len(places) == 1:
+        geometry = {"type": "Point", "coordinates": places[0]}
+    named = {name: track[name] for name in _PROPERTIES}
+    return {
+        "type": "Feature",
+        "geometry": geometry,
+        "properties": {**named, "stamps_ns": track["stamps"], "speeds_ms": track["speeds"]},
+    }
+
+
+OBJECT_FILES: Mapping[str, Callable[[BinaryIO, Iterable[bytes]], None]] = {
+    ".csv": _write_csv,
+    ".parquet": _write_parquet,
+    ".geojson": _write_geojson,
+}
+"""Writers by the suffixes of files. To add a format, add a line here."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.frame import FilterResult
     from seaclutter_cli.messages.scene import SceneUpdate
     from seaclutter_cli.records import Metadata
-    from seaclutter_cli.sinks.live_objects import LiveObjects
+    from seaclutter_cli.sinks.objects import LiveObjects
 
 FORMATS = ("mcap", "bag", "rosbag2-db3", "rosbag2-mcap", "pcd", "las", "laz", "npz")
 """The keys of `OUTPUT_FORMATS`, whose import would slow down the help."""

@@ -65,7 +65,6 @@ class Db3Output(LogOutput):
         return _Db3Writer(self._folder.part / name, self._folder.path)
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        """Complete the folder under its name, or remove it after an error."""
         if error is not None:
             self._folder.__exit__(kind, error, trace)
             return

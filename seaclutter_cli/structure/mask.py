@@ -90,11 +90,6 @@ class StructureMask:
         """Return whether each point of a frame belongs to own structure, shape (N,)."""
         return self.contains(frame.coordinates, frame.range_m)
 
-    @classmethod
-    def of_csv(cls, data: bytes) -> Self:
-        """Return the mask of a table; `ValueError`, with the line, if it is not a mask."""
-        return cls(tuple(_sectors(data.decode())))
-
     def as_csv(self) -> str:
         """Return the text of a file for `load_mask`."""
         out = io.StringIO()
@@ -157,7 +152,9 @@ def load_mask(path: Path) -> StructureMask | ImageMask:
     if len(data) > _MAX_BYTES:
         raise ConfigError(f"filter.mask: {path}: has more than {_MAX_BYTES:,} bytes")
     try:
-        return ImageMask.of_png(data, str(path)) if data.startswith(_PNG) else StructureMask.of_csv(data)
+        if data.startswith(_PNG):
+            return ImageMask.of_png(data, str(path))
+        return StructureMask(tuple(_sectors(data.decode())))
     except UnicodeDecodeError as error:
         raise ConfigError(f"filter.mask: {path}: neither UTF-8 text nor PNG") from error
     except (ValueError, csv.Error) as error:

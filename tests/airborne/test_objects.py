@@ -44,7 +44,7 @@ def test_points_on_a_line(points):
 @pytest.mark.parametrize("points", [[(1, 2)], [(1, 2), (4, 6)], [(0, 0), (3, 4), (6, 8)]])
 def test_the_outline_of_points_on_a_line_has_an_area(points):
     one = object_around(1, np.array(points, float).T, np.zeros(len(points)), None, 1.0)
-    area = shoelace(one.corners_in(1.0))
+    area = shoelace(one.corners())
     assert area == pytest.approx(0.1 * max(one.size[0], 0.1), abs=0.02)
     assert one.size[1] == pytest.approx(0)
 
@@ -103,5 +103,5 @@ def shoelace(corners):
 
 def test_outlines_of_objects():
     objects, _ = two_objects()
-    assert shoelace(objects[0].corners_in(1.0)) == pytest.approx(320, rel=1e-3)
+    assert shoelace(objects[0].corners()) == pytest.approx(320, rel=1e-3)
     assert objects[1].attributes["class"] == "seaweed"

@@ -77,7 +77,7 @@ def test_boxes_in_feet():
     assert (name, x, y, length, width, yaw) == ("t", "3280.840", "6561.680", "120.000", "20.000", f"{feet.yaw:.4f}")
     (feature,) = json.loads(geojson_of([tile], SILENT))["features"]
     ring = np.array(feature["geometry"]["coordinates"][0][:4])
-    np.testing.assert_allclose(ring * 0.3048, SHIP.corners, atol=1e-3)
+    np.testing.assert_allclose(ring * 0.3048, SHIP.corners(), atol=1e-3)
     assert feature["properties"]["coordinates"] == "tile"
 
 

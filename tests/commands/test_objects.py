@@ -9,8 +9,7 @@ import pytest
 
 import seaclutter
 from seaclutter_cli.sinks.csv import csv_line
-from seaclutter_cli.sinks.object_files import write_objects
-from seaclutter_cli.sinks.objects import COLUMNS
+from seaclutter_cli.sinks.objects import COLUMNS, write_objects
 from tests.paths import ROOT
 from tests.running import execute
 

@@ -9,7 +9,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from seaclutter_cli.frame import FilterResult, Frame
-from seaclutter_cli.sinks.live_objects import LiveObjects
+from seaclutter_cli.sinks.objects import LiveObjects
 from seaclutter_cli.tracking.follow import Follower
 from tests.commands.test_evaluate import make_labels, make_log
 from tests.logs import cloud_log

@@ -8,8 +8,7 @@ from rosbags.typesys import Stores, get_typestore
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.records import Channel, Message, Schema
 from seaclutter_cli.runs.outputs import PackedRows
-from seaclutter_cli.sinks.object_files import rows_as_mappings
-from seaclutter_cli.sinks.objects import ObjectTable
+from seaclutter_cli.sinks.objects import ObjectTable, rows_as_mappings
 from seaclutter_cli.tracking.follow import Follower
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)

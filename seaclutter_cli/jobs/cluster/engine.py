@@ -288,7 +288,6 @@ class _Pool:
             self._client.unsubscribe_topic(TOPIC)
 
     def _wait_for(self, workers: Iterable[str]) -> None:
-        """Wait until workers begin another task, but not for long."""
         until = monotonic() + _END_S
         for address in workers:
             self._submit(address, run_remotely, *_sent(_nothing))
@@ -298,8 +297,7 @@ class _Pool:
                 self._jobs.pop(key, None)
 
 
-def _nothing(_: Report) -> None:
-    """Do nothing."""
+def _nothing(_: Report) -> None: ...
 
 
 def _sent(task: Task[Any]) -> tuple[bytes, str]:

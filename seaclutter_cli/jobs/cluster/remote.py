@@ -44,8 +44,6 @@ def run_remotely(task: bytes, folder: str) -> bytes | None:
 
 
 class _Reporter:
-    """Sends the share that is done every second, and ends a cancelled task."""
-
     def __init__(self, worker: "Worker") -> None:
         self._worker, self._key, self._next_s = worker, str(worker.get_current_task()), 0.0
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.airborne.map import IS_LAND, IS_OBJECT, map_of, shoreline_of, total_length_m
+from seaclutter_cli.airborne.map import IS_LAND, IS_OBJECT, length_m, map_of, shoreline_of
 from seaclutter_cli.airborne.objects import FoundObject, ObjectFindingParams, unclassified_objects
 from seaclutter_cli.airborne.separation import SeaState, Separation
 from seaclutter_cli.arrays import Floats
@@ -127,13 +127,12 @@ def geojson_of(tiles: Sequence[MappedTile], observer: Observer) -> bytes:
     for tile, convert in zip(tiles, _conversions(tiles, observer), strict=True):
         origin = {"coordinates": "WGS 84" if convert else "tile", "tile": tile.name}
         for one in tile.objects:
-            corners = one.corners_in(tile.crs.unit_m)
+            corners = one.corners(tile.crs.unit_m)
             ring = _places(np.concatenate((corners, corners[:1])), convert)
             objects.append(_feature("Polygon", [ring], {**origin, **one.attributes}))
         for line in tile.shoreline:
-            length_m = round(total_length_m([line]), 1)
-            places = _places(line / tile.crs.unit_m, convert)
-            shorelines.append(_feature("LineString", places, {**origin, "kind": "shoreline", "length_m": length_m}))
+            properties = {**origin, "kind": "shoreline", "length_m": round(length_m(line), 1)}
+            shorelines.append(_feature("LineString", _places(line / tile.crs.unit_m, convert), properties))
     return json.dumps({"type": "FeatureCollection", "features": [*objects, *shorelines]}).encode()
 
 

@@ -188,7 +188,7 @@ def _picture(tile: LasTile | CloudTile, found: ClassifiedPoints, suffix: str) ->
     points = {class_name(one): xy[:, code == one] for one in sorted(set(code.tolist()) - {0})}
     if found.left_out.any():
         points[LEFT_OUT] = xy[:, found.left_out > 0]
-    boxes = [(one.name, one.corners) for one in found.objects]
+    boxes = [(one.name, one.corners()) for one in found.objects]
     return render(lambda figure: draw_tile(figure, sea, points, boxes), suffix, aspect=0.92)
 
 

@@ -66,7 +66,6 @@ def train_forest(options: TrainForestOptions) -> "TrainingReport":
 def _samples(
     number: int, path: Path, settings: TileSettings, options: TrainForestOptions, observer: Observer
 ) -> Samples:
-    """Return the non-sea points of a tile with their ground truth."""
     tile = open_tile(path)
     class_field, object_field = options.class_field, options.object_field
     if class_field not in tile.names:

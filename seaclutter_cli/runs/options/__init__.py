@@ -310,8 +310,6 @@ def _as_yaml(value: Any, key: str) -> str:
 
 
 class _Configured(Options):
-    """Sources of configurations."""
-
     config: Converted[PathLike | Mapping[str, Any] | Config | None, ConfigSource | None] = option(
         "-c --config FILE",
         "Configuration file, or the name of a built-in one. "

@@ -217,7 +217,6 @@ class VelodyneDecoder:
     places_end = _HOUR_NS // 1000
 
     def __init__(self, factory: int, options: DecoderOptions) -> None:
-        """Select the model and read its calibration."""
         self._factory, self._model = factory, _choose_model(factory, options.model)
         try:
             library: Any = import_module("velodyne_decoder")

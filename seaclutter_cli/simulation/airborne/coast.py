@@ -155,7 +155,6 @@ class Coast:
         return np.where(house & built[plot] & dry, height[plot], 0)
 
     def _trees(self, rng: Rng, share: float, dry: Mask) -> Map:
-        """Return the height of trees above the ground, in groups."""
         where, crowns = self._noise(rng, 7.0), np.clip(0.8 + 0.25 * self._noise(rng, 1.2), 0.3, 1.2)
         height = rng.uniform(*_TREE_M)
         return np.where(dry & (where > np.quantile(where, 1 - share)), height * crowns, 0)

@@ -227,7 +227,6 @@ def _trace(
 
 
 def _cells_below(item: TileObject, patch: Patch, x: Floats, y: Floats) -> tuple[Indices, tuple[Indices, ...]]:
-    """Return the indices of the positions above an object's maps, and their cells."""
     c, s = np.cos(item.heading), np.sin(item.heading)
     dx, dy = x - item.position_m[0], y - item.position_m[1]
     cells = [

@@ -289,7 +289,6 @@ class TileScene:
 
 
 def _bounds(size: Size, heading: float) -> tuple[float, float]:
-    """Return the extent along x and y of a rotated rectangle."""
     c, s = abs(np.cos(heading)), abs(np.sin(heading))
     return float(size[0] * c + size[1] * s), float(size[0] * s + size[1] * c)
 
@@ -339,7 +338,6 @@ def parse_tile_scene(raw: Mapping[str, Any], where: str) -> TileScene:
 
 
 def _random(raw: Any, problems: list[str]) -> list[TileObjectParams]:
-    """Return the given number of objects of each class, with random values."""
     if not isinstance(raw, dict):
         problems.append(f"random: must be a section with keys, got {validation.kind_of(raw)}")
         return []

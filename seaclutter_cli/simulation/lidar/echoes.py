@@ -119,7 +119,6 @@ class Receiver:
         return self._points(shot, range_m, power, label, times_s), shot, range_m
 
     def _detect(self, echoes: Echoes, rng: Rng) -> tuple[Ints, Floats, Floats]:
-        """Return the shots with a detected echo, the measured distances and the received power."""
         lidar = self.lidar
         reflecting = np.flatnonzero(echoes.reflectance > 0)
         range_m = echoes.range_m[reflecting]

@@ -1,7 +1,7 @@
 """Lidars that can be simulated: direction and firing time of each beam, sensitivity and range."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -60,10 +60,6 @@ class Lidar:
     field_deg: float = 360.0
     noise: NoiseParams = NoiseParams()
     wavelength_nm: int = 905
-
-    def at_rate(self, rate_hz: float) -> "Lidar":
-        """Return the lidar with another rate of rotation and the same rate of shots."""
-        return replace(self, rate_hz=rate_hz, columns=round(self.columns * self.rate_hz / rate_hz))
 
     @property
     def gain(self) -> float:

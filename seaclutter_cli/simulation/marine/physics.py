@@ -79,13 +79,8 @@ class PhysicsParams:
 
     @property
     def ripple_variance(self) -> float:
-        """Variance of the slopes of all ripples, over both directions."""
-        return self.shelter * slope_variance(self.wind_ms)
-
-
-def slope_variance(wind_ms: float) -> float:
-    """Return the variance of the slopes of open water: 0.003 + 0.00512 U (Cox and Munk 1954, JOSA 44(11))."""
-    return 0.003 + 0.00512 * wind_ms
+        """Variance of the slopes of all ripples, over both directions (Cox and Munk 1954, JOSA 44(11))."""
+        return self.shelter * (0.003 + 0.00512 * self.wind_ms)
 
 
 def whitecap_share(wind_ms: float) -> float:
@@ -162,11 +157,6 @@ _REACH_M = 60.0
 _KOSCHMIEDER = 3.912
 
 
-def rain_extinction(rain_mm_h: float) -> float:
-    """Return the extinction of rain in 1/m: 1.076 R^0.67 dB/km (Carbonneau and Wisely 1998)."""
-    return float(1.076 * rain_mm_h**0.67 * np.log(10) / 10 / 1000)
-
-
 class Weather:
     r"""Echoes of rain and fog along a shot, which are the same for all shots of a lidar.
 
@@ -186,7 +176,9 @@ class Weather:
 
     def __init__(self, lidar: Lidar, rain: tuple[float, float], fog_extinction: float, near_m: float) -> None:
         rain_mm_h, drop_reflectivity = rain
-        self.extinction, self._near_m = fog_extinction + rain_extinction(rain_mm_h), near_m
+        # Of rain, 1.076 R^0.67 dB/km (Carbonneau and Wisely 1998).
+        self.extinction = fog_extinction + float(1.076 * rain_mm_h**0.67 * np.log(10) / 10 / 1000)
+        self._near_m = near_m
         self._gain = lidar.gain
         self._range_m = np.arange(lidar.min_range_m, _REACH_M, _STEP_M)
         received = lidar.gain * self.loss(self._range_m)

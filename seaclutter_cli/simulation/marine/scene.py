@@ -16,7 +16,7 @@ from seaclutter_cli.simulation.marine.motion import SmoothTrack, Track
 from seaclutter_cli.simulation.marine.physics import PhysicsParams
 from seaclutter_cli.simulation.marine.sea import SeaParams
 from seaclutter_cli.simulation.marine.shapes import SHAPES
-from seaclutter_cli.simulation.marine.terrain import TERRAINS, TerrainParams, terrain_name
+from seaclutter_cli.simulation.marine.terrain import TERRAINS, TerrainParams
 from seaclutter_cli.simulation.scene_file import KEYS, write_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
 
@@ -103,8 +103,11 @@ class Scene:
     @property
     def lidar(self) -> Lidar:
         """The lidar at its rate."""
-        lidar = LIDARS[self.recording.lidar]
-        return lidar.at_rate(self.physics.rate_hz) if self.physics and self.physics.rate_hz else lidar
+        lidar, rate_hz = LIDARS[self.recording.lidar], self.physics.rate_hz if self.physics else None
+        if not rate_hz:
+            return lidar
+        columns = round(lidar.columns * lidar.rate_hz / rate_hz)  # the rate of shots stays
+        return replace(lidar, rate_hz=rate_hz, columns=columns)
 
     def with_recording(self, **changes: Any) -> "Scene":
         """Return the scene with other frames, seed or lidar; None keeps a value. Raises `ConfigError`."""
@@ -120,11 +123,8 @@ class Scene:
     @property
     def sections(self) -> Mapping[str, Any]:
         """Parameters of each section of a file, without objects."""
-        parts: dict[str, Any] = {
-            "recording": self.recording,
-            terrain_name(self.terrain): self.terrain,
-            "vessel": self.vessel,
-        }
+        terrain = next(name for name, kind in TERRAINS.items() if isinstance(self.terrain, kind))
+        parts: dict[str, Any] = {"recording": self.recording, terrain: self.terrain, "vessel": self.vessel}
         return parts | {name: value for name in _OPTIONAL if (value := getattr(self, name)) is not None}
 
     def as_dict(self) -> dict[str, Any]:

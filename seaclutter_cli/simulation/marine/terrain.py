@@ -201,8 +201,3 @@ TerrainParams = SeaParams | GroundParams
 
 TERRAINS: Mapping[str, type[TerrainParams]] = {"sea": SeaParams, "ground": GroundParams}
 """Parameters of each terrain by its section in a scene file; the first is the default."""
-
-
-def terrain_name(params: TerrainParams) -> str:
-    """Return the section of a terrain in a scene file."""
-    return next(name for name, kind in TERRAINS.items() if isinstance(params, kind))

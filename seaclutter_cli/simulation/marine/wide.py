@@ -140,7 +140,6 @@ class WideWater(MarineWater):
         return np.asarray(breaking * np.exp(-_CYCLE * (phase % 1)))
 
     def _drifted(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
-        """Return positions in the frame of the water, which drifts with the wind."""
         way = _DRIFT * self._physics.wind_ms * self.time_s
         angle = np.radians(self._physics.wind_deg)
         return x - way * np.cos(angle), y - way * np.sin(angle)

@@ -3,11 +3,11 @@ import pytest
 from scipy.special import gamma, kv
 
 from seaclutter_cli.simulation.marine.physics import (
+    PhysicsParams,
     absorption,
     facet_reflectance,
     fresnel,
     mirror_share,
-    slope_variance,
     water_reflectance,
     whitecap_share,
 )
@@ -58,7 +58,7 @@ class TestOptics:
         assert water_reflectance(np.ones(1), 1550, 0.1) < 0.01 * water_reflectance(np.ones(1), 905, 0.1)
 
     def test_slopes_and_whitecaps_follow_the_published_formulas(self):
-        assert slope_variance(10) == pytest.approx(0.0542)
+        assert PhysicsParams(wind_ms=10).ripple_variance == pytest.approx(0.0542)
         assert whitecap_share(10) == pytest.approx(0.00987, abs=1e-5)
 
     def test_facets_integrate_to_the_reflection_of_the_normal(self):
