@@ -2,18 +2,23 @@
 
 ``python -m tests --quick`` runs fewer tests, see ``conftest.py``. Other arguments are passed to pytest. Types are
 checked beside the tests, which do not keep all cores busy. Tests of a file stay together where they can, because they
-share what they prepare.
+share what they prepare. Temporary files are in memory where there is room: disks may take milliseconds to remove one.
 """
 
 import os
+import shutil
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 BESIDE = ("mypy",)
 """Check whose output comes after that of the tests."""
+MEMORY, ROOM = Path("/dev/shm"), 8 * 2**30
+"""File system in memory, which containers may lack, and how many bytes must be free in it; the tests use 2 GB."""
 
 
 def checks(arguments: list[str]) -> tuple[tuple[str, ...], ...]:
@@ -26,9 +31,21 @@ def checks(arguments: list[str]) -> tuple[tuple[str, ...], ...]:
     )
 
 
+def in_memory() -> bool:
+    """Return whether temporary files may be in memory: nothing else was chosen, and tests can start programs there."""
+    if os.environ.get("TMPDIR") or not os.access(MEMORY, os.W_OK):
+        return False
+    return shutil.disk_usage(MEMORY).free >= ROOM and not os.statvfs(MEMORY).f_flag & os.ST_NOEXEC
+
+
 def main() -> int:
     """Run all checks and return 1 if any failed."""
-    environment = dict(os.environ)
+    with TemporaryDirectory(prefix="tests-", dir=MEMORY) if in_memory() else nullcontext() as folder:
+        return run(dict(os.environ) | ({"TMPDIR": folder} if folder else {}))
+
+
+def run(environment: dict[str, str]) -> int:
+    """Run all checks with environment variables and return 1 if any failed."""
     if environment.pop("PYTHONDONTWRITEBYTECODE", None):  # bytecode halves the time, and need not be beside the sources
         environment["PYTHONPYCACHEPREFIX"] = str(ROOT / ".pytest_cache" / "bytecode")
     python: dict[str, Any] = {"cwd": ROOT, "env": environment}
