@@ -8,6 +8,7 @@ import sys
 import warnings
 import zipfile
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -99,10 +100,17 @@ def model(features="full"):
     return ObjectModel(settings, train(data, PARAMS)), data
 
 
+@cache
+def written(features="full"):
+    """Return a model, which tests leave as it is, the data that it was trained on, and the content of its file."""
+    one, data = model(features)
+    return one, data, one.to_bytes()
+
+
 @pytest.mark.parametrize("features", ["texture", "full"])
 def test_a_model_is_read_with_its_settings(tmp_path, features):
-    one, data = model(features)
-    (tmp_path / "m").write_bytes(one.to_bytes())
+    one, data, content = written(features)
+    (tmp_path / "m").write_bytes(content)
     again = load_model(tmp_path / "m")
     assert again.settings == one.settings
     np.testing.assert_array_equal(predict(again.forest, data.features), predict(one.forest, data.features))
@@ -119,21 +127,21 @@ def rewritten(data, change):
 
 
 def test_a_file_that_names_other_code_is_refused_before_any_of_it_runs(tmp_path):
-    one, _ = model()
+    *_, content = written()
     change = lambda text: text.replace("RandomForestClassifier", "Popen").replace(
         "sklearn.ensemble._forest", "subprocess"
     )
-    (tmp_path / "m").write_bytes(rewritten(one.to_bytes(), change))
+    (tmp_path / "m").write_bytes(rewritten(content, change))
     with pytest.raises(InputError, match=r"refused.*subprocess.Popen"):
         load_model(tmp_path / "m")
 
 
 def test_a_model_for_other_features_is_refused(tmp_path):
-    one, _ = model()
-    (tmp_path / "m").write_bytes(rewritten(one.to_bytes(), lambda text: text.replace("planarity", "colour")))
+    one, _, content = written()
+    (tmp_path / "m").write_bytes(rewritten(content, lambda text: text.replace("planarity", "colour")))
     with pytest.raises(InputError, match="its features differ"):
         load_model(tmp_path / "m")
-    texture, _ = model("texture")
+    texture, *_ = written("texture")
     (tmp_path / "n").write_bytes(ObjectModel(one.settings, texture.forest).to_bytes())
     with pytest.raises(InputError, match="not a random forest of 14 features"):
         load_model(tmp_path / "n")
@@ -169,9 +177,9 @@ def test_a_model_is_written_with_the_same_bytes_in_another_process():
 
 
 def test_a_model_of_another_version_of_scikit_learn_is_loaded_with_one_warning(tmp_path):
-    one, data = model()
+    one, data, content = written()
     change = lambda text: text.replace(f'\\"{sklearn_version()}\\"', '\\"1.0.7\\"')
-    (tmp_path / "m").write_bytes(rewritten(one.to_bytes(), change))
+    (tmp_path / "m").write_bytes(rewritten(content, change))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         again = load_model(tmp_path / "m")
@@ -185,8 +193,8 @@ def sklearn_version():
 
 
 def test_a_model_that_unpacks_to_much_more_is_refused(tmp_path):
-    one, _ = model()
-    (tmp_path / "m").write_bytes(rewritten(one.to_bytes(), lambda text: text + " " * 70_000_000))
+    *_, content = written()
+    (tmp_path / "m").write_bytes(rewritten(content, lambda text: text + " " * 70_000_000))
     with zipfile.ZipFile(tmp_path / "m") as archive, zipfile.ZipFile(tmp_path / "n", "w", zipfile.ZIP_DEFLATED) as new:
         for name in archive.namelist():
             new.writestr(name, archive.read(name))
