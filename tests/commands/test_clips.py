@@ -168,7 +168,7 @@ def two(tmp_path_factory):
     ],
 )
 def test_commands_leave_out_recordings_without_frames(two, tmp_path, line, jobs):
-    result = run(*line.format(two, tmp_path).split(), "--start", 1, "-j", jobs, code=0)
+    result = run(*line.format(two, tmp_path).split(), "--start", 1, "-n", 21, "-j", jobs, code=0)
     assert "b: skipped: b: no frames from 1 s on" in result.stderr
 
 

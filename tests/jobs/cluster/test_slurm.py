@@ -110,10 +110,13 @@ def test_jobs_that_slurm_refuses(user, trial, tmp_path, monkeypatch):
     assert "artition" in error
 
 
-def test_without_slurm(trial, tmp_path, monkeypatch):
+def test_without_slurm(tmp_path, monkeypatch):
     _require_jobqueue()
+    (tmp_path / "logs").mkdir()
+    for name in "ab":
+        cloud_log(tmp_path / "logs" / f"{name}.mcap", frames=1, points=1)
     monkeypatch.setenv("PATH", str(tmp_path))
-    line = ["filter", str(trial / "logs"), "-o", f"{tmp_path / 'out'}/", "--cluster", "slurm", "-j", "2"]
+    line = ["filter", str(tmp_path / "logs"), "-o", f"{tmp_path / 'out'}/", "--cluster", "slurm", "-j", "2"]
     result = execute(*line, code=1)
     assert result.stderr == (
         "Error: slurm: there is no command sbatch here; run seaclutter on a login node of the cluster\n"
