@@ -90,7 +90,8 @@ class _Clock:
 
 
 @pytest.fixture(autouse=True)
-def _doctest_environment(request, doctest_namespace, monkeypatch, tmp_path_factory):
+def _doctest_environment(request):
     if isinstance(request.node, DoctestItem):
-        monkeypatch.chdir(Path(__file__).parent)
-        doctest_namespace["folder"] = tmp_path_factory.mktemp("example")
+        namespace, patch, paths = map(request.getfixturevalue, ("doctest_namespace", "monkeypatch", "tmp_path_factory"))
+        patch.chdir(Path(__file__).parent)
+        namespace["folder"] = paths.mktemp("example")
