@@ -49,6 +49,18 @@ def write(path, xyz, *, point_format=6, classification=None, extra=(), scale=0.0
     return path
 
 
+def write_labelled(path):
+    """Write a small tile with two objects of each of two classes."""
+    rng = np.random.default_rng(4)
+    parts = [sea(rng, 600, (60.0, 50.0))]
+    parts += [box(rng, (8 + 20 * n, 12 + 20 * n), (8, 12), (1, 4), 60) for n in range(2)]
+    parts += [box(rng, (8 + 20 * n, 12 + 20 * n), (28, 32), (1, 4), 60) for n in range(2)]
+    sizes = [len(part) for part in parts]
+    classes, objects = np.repeat([0, 1, 1, 2, 2], sizes), np.repeat([0, 1, 2, 3, 4], sizes)
+    extra = [("object_class", "u1", classes), ("object_id", "u2", objects)]
+    return write(path, np.concatenate(parts), extra=extra)
+
+
 def raw_records(path):
     """Return the header of a file and its records before and after the points, as bytes, without laspy."""
     data = path.read_bytes()

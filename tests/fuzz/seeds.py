@@ -290,14 +290,7 @@ def tile(folder, suffix=".las", point_format=6):
 
 def labelled_tiles(folder):
     """Write a tile with classes and objects."""
-    rng = np.random.default_rng(4)
-    parts = [tiles.sea(rng, 600, (60.0, 50.0))]
-    parts += [tiles.box(rng, (8 + 20 * n, 12 + 20 * n), (8, 12), (1, 4), 60) for n in range(2)]
-    parts += [tiles.box(rng, (8 + 20 * n, 12 + 20 * n), (28, 32), (1, 4), 60) for n in range(2)]
-    sizes = [len(part) for part in parts]
-    classes, objects = np.repeat([0, 1, 1, 2, 2], sizes), np.repeat([0, 1, 2, 3, 4], sizes)
-    extra = [("object_class", "u1", classes), ("object_id", "u2", objects)]
-    tiles.write(folder / "tile.las", np.concatenate(parts), extra=extra)
+    tiles.write_labelled(folder / "tile.las")
 
 
 def forest(folder):
