@@ -22,7 +22,7 @@ _SPEED_MS = 4.0
 _ACCELERATION = 0.1
 _JITTER_M, _JITTER_SHARE, _LEARNED = 0.15, 0.1, 0.2
 _STEP_M, _STEP_SPEED_MS, _MAX_STEP_M = 0.4, 5.0, 4.0
-_KNOWN_AFTER_S, _NEW_COAST_S, _COAST_S = 0.5, 0.5, 8.0
+_KNOWN_AFTER_S, _NEW_COAST_S, _COAST_S, _VANISHED_S = 0.5, 0.5, 8.0, 3.0
 _SLACK_S = 1e-6
 _TO_COMPLEX = np.array([1, 1j])
 
@@ -45,7 +45,8 @@ class Track:
 
     ``center`` and ``velocity``, complex numbers, are filtered; ``variance`` are those of position, both, and velocity.
     ``cells``, shape (m, 2), are its parts, ``jitter_m`` is by how far detections miss the place where they are
-    expected. It was seen in ``hits`` of the frames since ``first_s``, and missed in others.
+    expected. It was seen in ``hits`` of the frames since ``first_s``, missed in others, and not seen in those of the
+    ``gap`` since.
     """
 
     number: int
@@ -58,6 +59,7 @@ class Track:
     jitter_m: float
     hits: int = 1
     misses: int = 0
+    gap: int = 0
 
     @property
     def is_new(self) -> bool:
@@ -66,8 +68,13 @@ class Track:
 
     @property
     def score(self) -> float:
-        """Confidence that it is an object, from 0 to 1: how long and how steadily it was seen."""
-        share = self.hits / (self.hits + self.misses)
+        """Confidence that it is an object, from 0 to 1: how long and how steadily it was seen.
+
+        Clutter vanishes, but objects go out of sight, too, so three seconds of the gap count at most.
+        """
+        looks = self.hits + self.misses
+        most = looks * _VANISHED_S / max(self.seen_s - self.first_s, _SLACK_S)
+        share = self.hits / (looks + min(self.gap, most))
         return share * (1 - math.exp(-(self.seen_s - self.first_s) / _KNOWN_AFTER_S))
 
     def update(self, center: complex, cells: Floats, time_s: float, jitter_m: float) -> None:
@@ -83,7 +90,7 @@ class Track:
         self.jitter_m = math.sqrt((1 - _LEARNED) * self.jitter_m**2 + _LEARNED * unexplained)
         self.variance = (1 - gain[0]) * position, (1 - gain[0]) * both, velocity - gain[1] * both
         self.cells, self.seen_s = cells, time_s
-        self.hits += 1
+        self.hits, self.misses, self.gap = self.hits + 1, self.misses + self.gap, 0
 
 
 class Tracker:
@@ -111,7 +118,7 @@ class Tracker:
             result[d] = track
         seen = {t for t, _ in pairs}
         for t, track in enumerate(self._tracks):
-            track.misses += t not in seen
+            track.gap += t not in seen
         new_coast_s = _NEW_COAST_S + interval_s + _SLACK_S
         self._tracks = [one for one in self._tracks if time_s - one.seen_s <= (new_coast_s if one.is_new else _COAST_S)]
         for d in np.flatnonzero(found.kept).tolist():

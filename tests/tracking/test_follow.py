@@ -147,6 +147,14 @@ def test_what_is_seen_for_a_moment_is_a_candidate():
     assert [one.states for one in found if one.tracks] == [[CANDIDATE]] * 3
 
 
+@pytest.mark.parametrize(("seen", "states"), [(40, {CONFIRMED}), (15, {CANDIDATE})])
+def test_what_was_seen_for_seconds_and_went_out_of_sight_is_no_candidate(seen, states):
+    empty = np.array([[60.0, 60, 0]])
+    found = followed([frame_of(k, hull(place(k), 0.3) if k < seen else empty) for k in range(150)])
+    assert [one.index for one in found if one.tracks] == list(range(seen))
+    assert {state for one in found for state in one.states} == states
+
+
 def test_removed_points_continue_an_object_but_begin_none():
     unconfirmed = np.full(len(hull(place(0), 0.3)), Reason.UNCONFIRMED, np.uint8)
 
