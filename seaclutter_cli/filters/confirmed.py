@@ -260,7 +260,7 @@ class Confirmed(Filter):
         undecided = np.zeros((2, 2), np.int64)
         for found, track in zip(one.objects, one.tracks, strict=True):
             score = self._tracker.score(track, one.time_s)
-            is_kept = score > self._params.score_threshold and found.evidence > LEAST and track.stays
+            is_kept = score > self._params.score_threshold and found.evidence > LEAST
             if 0 < score <= _SURE:
                 undecided[int(is_kept)] += 1, len(found.points)
             if not is_kept:

@@ -192,7 +192,7 @@ class ConfirmedObjects:
         kept = []
         for thing, track in zip(scan.things, scan.tracks, strict=True):
             score = track.score(scan.time_s, self.params)
-            if track.stays and score > self.params.score_threshold and thing.evidence > evidence.LEAST:
+            if score > self.params.score_threshold and thing.evidence > evidence.LEAST:
                 track.from_outside |= not thing.near or (track.whole is not None and track.whole.from_outside)
                 if track.from_outside:
                     kept += thing.echoes

@@ -20,11 +20,6 @@ class Entry:
     step_s: float
     memory: float
 
-    def is_beside(self, time_s: float, params: Any) -> bool:
-        if params.causal:
-            return self.time_s == time_s
-        return abs(self.time_s - time_s) <= tracks._NEIGHBOR_STEPS * self.step_s
-
 
 def missed(echoes: int) -> float:
     """Return the evidence of a look that misses an object of so many echoes."""
@@ -43,9 +38,8 @@ class Track:
     velocity: XY = (0.0, 0.0)
     top: float = 0.0
     echoes: int = 1
-    appeared_s: float = 0.0
-    absent_s: float = 0.0
-    stood_s: float = -math.inf
+    first: float = 0.0
+    parent: "Track | None" = None
     outside: bool = False
     from_outside: bool = False
     whole: "Track | None" = None
@@ -53,12 +47,13 @@ class Track:
     error: float | None = None
 
     @property
-    def memory(self) -> float:
-        return self.history[-1].memory if self.history else 0.0
+    def is_begun_part(self) -> bool:
+        """Whether it begins in this frame, as a part of another."""
+        return self.parent is not None and not self.history
 
     @property
-    def stays(self) -> bool:
-        return self.stood_s - self.appeared_s + SLACK_S >= self.absent_s
+    def memory(self) -> float:
+        return self.history[-1].memory if self.history else self.first
 
     @property
     def is_new(self) -> bool:
@@ -93,23 +88,31 @@ class Track:
         self.top, self.echoes = thing.top, len(thing.echoes)
         self.outside |= not thing.near
 
-    def collect(self, evidence: float, time_s: float, memory_s: float) -> None:
+    def collect(self, evidence: float, time_s: float, params: Any) -> None:
         step = tracks._FIRST_STEP_S
         if self.history:
             step = min(time_s - self.history[-1].time_s, tracks._MAX_STEP_S)
-        memory = remembered(self.memory, evidence, step, memory_s)
+        memory = remembered(self.memory, evidence, step, params)
         self.history.append(Entry(time_s, evidence, max(step, 1e-3), memory))
 
     def score(self, time_s: float, params: Any) -> float:
-        around = [one.evidence for one in self.history if one.is_beside(time_s, params)]
-        before = [one.memory for one in self.history if one.time_s < time_s and not one.is_beside(time_s, params)]
-        until_s = time_s + params.look_ahead_s + SLACK_S
+        looks = [number for number, one in enumerate(self.history) if one.time_s <= time_s]
+        now = looks[-1]
+        before = self.history[now - 1].memory if now else self.first
         after = 0.0
-        for one in sorted(self.history, key=lambda one: -one.time_s):
-            if time_s < one.time_s <= until_s and not one.is_beside(time_s, params):
-                after = remembered(after, one.evidence, one.step_s, params.memory_s)
-        look = sum(around) / len(around) + tracks._DOUBT
-        return (before[-1] if before else 0.0) + tracks._LOOK * look + after
+        for one in sorted(self.history[now + 1 :], key=lambda one: -one.time_s):
+            if one.time_s <= time_s + 1.1 * ahead_s(params):
+                after = remembered(after, one.evidence, one.step_s, params)
+        return before + 0.35 * (self.history[now].evidence - 1) + after
+
+
+def ahead_s(params: Any) -> float:
+    return 0.0 if params.causal else params.look_ahead_s
+
+
+def least(params: Any) -> float:
+    """Return the least evidence that is remembered."""
+    return -1.0 if ahead_s(params) else -0.35
 
 
 def with_course(shape: float, error_m: float | None, params: Any) -> float:
@@ -120,9 +123,9 @@ def with_course(shape: float, error_m: float | None, params: Any) -> float:
     return min(max(shape + on_curve(curve, math.log2(error_m + 0.05)), evidence.LEAST), evidence.MOST)
 
 
-def remembered(memory: float, evidence: float, step_s: float, memory_s: float) -> float:
-    total = memory * math.exp(-step_s / memory_s) + evidence * step_s / tracks._DECORRELATION_S
-    return min(max(total, 0.0), tracks._MOST_MEMORY)
+def remembered(memory: float, evidence: float, step_s: float, params: Any) -> float:
+    total = memory * math.exp(-step_s / params.memory_s) + evidence * step_s
+    return min(max(total, least(params)), tracks._MOST_MEMORY)
 
 
 class Tracks:
@@ -192,26 +195,26 @@ class Tracks:
             self.appeared(begun(thing, time_s), time_s) if track is None else track
             for track, thing in zip(followed, things, strict=True)
         ]
-        for track, thing in zip(result, things, strict=True):
-            track.collect(with_course(thing.evidence, track.error, self.params), time_s, self.params.memory_s)
-            if thing.evidence > evidence.LEAST:
-                track.stood_s = time_s
+        pairs = list(zip(result, things, strict=True))
+        for track, thing in sorted(pairs, key=lambda pair: pair[0].is_begun_part):
+            if track.is_begun_part:
+                track.first = min(track.parent.memory, 0.0)
+            track.collect(with_course(thing.evidence, track.error, self.params), time_s, self.params)
         recognise(things, result, votes)
         lost = [(track, hidden) for track, hidden in zip(self.tracks, covered, strict=True) if track not in result]
         for track, hidden in lost:
             places = track.expected(time_s)
             met = sum(meets(place, max(track.top, self.params.min_rise_m)) for place in places)
             if not hidden and met >= tracks._IN_SIGHT * len(places):
-                track.collect(missed(track.echoes), time_s, self.params.memory_s)
+                track.collect(missed(track.echoes), time_s, self.params)
         self.tracks = [track for track, _ in lost if track.may_return(time_s, interval_s)] + result
         self.times.append(time_s)
         return result
 
     def appeared(self, track: Track, time_s: float) -> Track:
-        """Return a track that was not there until now."""
-        track.appeared_s = time_s
-        if self.times and not self.params.causal:
-            track.absent_s = min(time_s - self.times[0], self.params.look_ahead_s)
+        """Return a track that was not there until now, which is evidence against it."""
+        if self.times:
+            track.first = max(self.times[0] - time_s, least(self.params))
         return track
 
     def inherit(
@@ -221,8 +224,6 @@ class Tracks:
         if not heirs:
             return []
         first = max(heirs, key=lambda k: (round(things[k].evidence / 2), votes[k]))
-        if track.memory <= 0 and track.seen_s != self.times[-1]:
-            self.appeared(track, time_s)
         track.follow(things[first], time_s)
         found = [(first, track)]
         for k in heirs:
@@ -231,6 +232,7 @@ class Tracks:
                 part.velocity, part.from_outside = track.velocity, track.from_outside
                 part.outside |= track.outside
                 part.whole = track.whole or track
+                part.parent = track
                 found.append((k, part))
         return found
 
@@ -282,7 +284,7 @@ def common_turn(known: Sequence[Sequence[XY]], cells: Sequence[XY], guess: float
 
 def begun(thing: Thing, time_s: float) -> Track:
     """Return a new track."""
-    track = Track(thing.cells, thing.center, time_s, time_s, appeared_s=time_s)
+    track = Track(thing.cells, thing.center, time_s, time_s)
     track.top, track.echoes, track.outside = thing.top, len(thing.echoes), not thing.near
     return track
 

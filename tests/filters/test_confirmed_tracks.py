@@ -31,7 +31,7 @@ def test_forgotten_evidence_is_not_needed(look_ahead_s, step_s):
     assert scores(params, step_s, forget=True) == scores(params, step_s, forget=False)
 
 
-@pytest.mark.parametrize(("gap_s", "counts"), [(0.504, True), (0.6, False)])
+@pytest.mark.parametrize(("gap_s", "counts"), [(1.004, True), (1.2, False)])
 def test_the_next_frame_counts_even_a_little_beyond_the_look_ahead(gap_s, counts):
     tracker = Tracker(ConfirmedParams())
     track = seen(tracker, 0.0, 0.0)

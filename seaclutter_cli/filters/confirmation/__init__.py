@@ -29,7 +29,7 @@ class ConfirmedParams(RingIntensityParams):
         True, "Use the thresholds; false: only shape and persistence count, and the log needs no intensities."
     )
     look_ahead_s: Annotated[float, Interval(ge=0, le=5)] = key(
-        0.5,
+        1.0,
         "Time after a frame whose evidence counts for its objects, in seconds; less where more than 1.5 million points "
         "would wait.",
     )

@@ -19,7 +19,8 @@ Floats = NDArray[np.float64]
 
 _DECORRELATION_S = 1.0
 _MOST_MEMORY = 3.0
-_LOOK, _DOUBT = 0.35, -2.0
+_LEAST_MEMORY, _LEAST_MEMORY_AT_ONCE = -1.0, -0.35
+_LOOK, _DOUBT = 0.35, 1.0
 _MISSED_ECHOES, _MISSED_POWER = 2.3, 1.65
 _MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
 _KNOWN_AFTER_S = 0.5
@@ -32,8 +33,7 @@ _COVERED = 0.5
 _IN_SIGHT = 0.5
 _CONTACT_M = 2.0
 _COAST_S, _NEW_COAST_S = 2.0, 0.5
-_NEIGHBOR_STEPS = 1.1
-_SLACK_S = 1e-6
+_SLACK_S, _SLACK = 1e-6, 1.1
 _CONTINUED_SHARE = 0.25
 _MAX_CELLS, _SAME_RANGE_M = 256, 1.0
 _TURN_BIN_RAD, _TURN_BINS, _TURN_GAIN = math.radians(0.25), 24, 0.2
@@ -41,12 +41,12 @@ _MET_M = 0.5
 
 
 class Evidence(NamedTuple):
-    """Evidence of one frame: its time, the evidence, the time that it stands for, and the memory after it."""
+    """Evidence of one frame: its time, the evidence, the time that it stands for, and the memory before it."""
 
     time_s: float
     evidence: float
     step_s: float
-    memory: float
+    before: float
 
 
 @dataclass(eq=False)
@@ -57,9 +57,8 @@ class Track:
     its top ``top_m`` above the water, and it had so many ``echoes``. ``error_m`` is how far it was from where it was
     expected; NaN if it was new. ``velocity``, shape (2,), is relative to the lidar, so own ship's motion is
     part of it. It was ever seen, and confirmed, beyond ``start_m`` if ``seen_outside`` and ``from_outside``; in the
-    latter case, it is not own ship when it comes nearer, nor is what is ``part_of`` it. It was ``absent_s`` before it
-    appeared at ``appeared_s``, at most the look-ahead; 0 if that does not count. It last had more than the least
-    evidence at ``stood_s``. ``memory`` is its evidence, and ``history`` that of the frames that decisions still need.
+    latter case, it is not own ship when it comes nearer, nor is what is ``part_of`` it. ``memory`` is its evidence, and
+    ``history`` that of the frames that decisions still need.
     """
 
     cells: Floats
@@ -70,9 +69,6 @@ class Track:
     top_m: float = 0.0
     echoes: int = 1
     error_m: float = math.nan
-    appeared_s: float = 0.0
-    absent_s: float = 0.0
-    stood_s: float = -math.inf
     seen_outside: bool = False
     from_outside: bool = False
     part_of: "Track | None" = None
@@ -91,11 +87,6 @@ class Track:
         In simulated logs that is a half with 3, 15 % with 8 and 5 % with 14.
         """
         return max(-_MISSED_POWER * math.log(max(self.echoes / _MISSED_ECHOES, 1)), LEAST)
-
-    @property
-    def stays(self) -> bool:
-        """Whether it stood for as long as it was absent before: spray is soon gone."""
-        return self.stood_s - self.appeared_s >= self.absent_s - _SLACK_S
 
     def coasts(self, time_s: float, interval_s: float) -> bool:
         """Return whether it may be seen again; ``interval_s`` as for `gate_m`. It is given up after some time."""
@@ -147,6 +138,8 @@ class Tracker:
 
     def __init__(self, params: ConfirmedParams) -> None:
         self._params = params
+        self._ahead_s = 0.0 if params.causal else params.look_ahead_s
+        self._least = _LEAST_MEMORY if self._ahead_s else _LEAST_MEMORY_AT_ONCE
         self._tracks: list[Track] = []
         self._since_s = -np.inf
         self._time_s: float | None = None
@@ -211,25 +204,20 @@ class Tracker:
         the most cells and evidence does, and the others start tracks of their own. A track is neither found nor missed
         if most of its cells lie in an object of another track, such as a boat alongside another, or between the beams.
 
-        An object that continues no track must stay for as long as it was absent before, at most ``look_ahead_s``. With
-        ``causal``, it need not: objects of clear shape are kept at once.
+        That an object was not there before is evidence against it, as if it had been missed: -1 for each second since
+        the first frame, until that is the least memory.
         """
         objects, votes, covered = found.objects, found.votes, found.covered
-        interval, last_s = self._interval_s(time_s), self._time_s
+        interval = self._interval_s(time_s)
         self._since_s, self._time_s = since_s, time_s
         self._start_s = min(self._start_s, time_s)
         tracks: list[Track | None] = [None] * len(objects)
         known = np.array([1 + max(track.memory, 0.0) for track in self._tracks])
         for t, candidates in _by_track(votes, known).items():
-            if self._tracks[t].memory <= 0 and self._tracks[t].seen_s != last_s:  # missed until no evidence was left
-                self._appears(self._tracks[t], time_s)
             first = max(candidates, key=lambda k: (round(objects[k].evidence / 2), votes[k, t]))
             for k in sorted(candidates, key=lambda k: k != first):
                 tracks[k] = self._continued(self._tracks[t], objects[k], time_s, is_first=k == first)
         result = [track or self._begun(one, time_s) for track, one in zip(tracks, objects, strict=True)]
-        for track, one in zip(result, objects, strict=True):
-            if one.evidence > LEAST:
-                track.stood_s = time_s
         self._recognise(objects, result, votes)
         seen = {id(track) for track in result}
         missing = [one for one, hidden in zip(self._tracks, covered, strict=True) if id(one) not in seen and not hidden]
@@ -240,25 +228,13 @@ class Tracker:
         return result
 
     def score(self, track: Track, time_s: float) -> float:
-        """Return the score of a track at a time: its evidence before and after, and some of that around the time.
-
-        Around it are the frame, the one before and the one after, even if that is more than the look-ahead away; with
-        ``causal``, only the frame, so that a body is kept at once when it returns.
-        """
-        beside_steps = 0.0 if self._params.causal else _NEIGHBOR_STEPS
-        around, before, after = [], 0.0, 0.0
-        until_s = time_s + self._params.look_ahead_s + _SLACK_S
-        for item in track.history:
-            if abs(item.time_s - time_s) <= beside_steps * item.step_s:
-                around.append(item.evidence)
-            elif item.time_s < time_s:
-                before = item.memory
-        for item in reversed(track.history):
-            if item.time_s - time_s <= beside_steps * item.step_s:
-                break
-            if item.time_s <= until_s:
-                after = self._remembered(after, item.evidence, item.step_s)
-        return before + _LOOK * (sum(around) / len(around) + _DOUBT) + after
+        """Return the score of a track at a time: its evidence before and after, and some of that at the time."""
+        now = next(one for one in reversed(track.history) if one.time_s <= time_s)
+        until_s, after = time_s + _SLACK * self._ahead_s, 0.0
+        for one in reversed(track.history):
+            if time_s < one.time_s <= until_s:
+                after = self._remembered(after, one.evidence, one.step_s)
+        return now.before + _LOOK * (now.evidence - _DOUBT) + after
 
     def _interval_s(self, time_s: float) -> float:
         return 0.0 if self._time_s is None else time_s - self._time_s
@@ -271,21 +247,16 @@ class Tracker:
         self._collect(track, time_s, course)
         return track
 
-    def _appears(self, track: Track, time_s: float) -> None:
-        """Note that a track was not there until now."""
-        track.appeared_s = time_s
-        if not self._params.causal:
-            track.absent_s = min(time_s - self._start_s, self._params.look_ahead_s)
-
     def _begun(self, found: DetectedObject, time_s: float, parent: Track | None = None) -> Track:
-        track = Track(found.cells, found.center, time_s, time_s, appeared_s=time_s)
+        track = Track(found.cells, found.center, time_s, time_s)
         track.top_m, track.echoes, track.seen_outside = found.top_m, len(found.points), not found.near
         if parent is not None:
             track.velocity = parent.velocity
             track.seen_outside |= parent.seen_outside
             track.from_outside, track.part_of = parent.from_outside, parent.part_of or parent
+            track.memory = min(parent.memory, 0.0)
         else:
-            self._appears(track, time_s)
+            track.memory = max((self._start_s - time_s) / _DECORRELATION_S, self._least)
         self._collect(track, time_s, found.evidence)
         return track
 
@@ -307,17 +278,15 @@ class Tracker:
     def _collect(self, track: Track, time_s: float, evidence: float) -> None:
         """Add the evidence of a frame."""
         step = min(time_s - track.history[-1].time_s, _MAX_STEP_S) if track.history else _FIRST_STEP_S
-        track.memory = self._remembered(track.memory, evidence, step)
         track.history.append(Evidence(time_s, evidence, max(step, 1e-3), track.memory))
-        reach = max(self._params.look_ahead_s, _NEIGHBOR_STEPS * _MAX_STEP_S)
-        oldest = self._since_s - reach - _MAX_STEP_S
-        while len(track.history) > 1 and track.history[1].time_s < oldest:
+        track.memory = self._remembered(track.memory, evidence, step)
+        while len(track.history) > 1 and track.history[0].time_s < self._since_s:
             track.history.popleft()
 
     def _remembered(self, memory: float, evidence: float, step_s: float) -> float:
         """Return the memory after a step with some evidence."""
         remembered = memory * math.exp(-step_s / self._params.memory_s)
-        return min(max(remembered + evidence * step_s / _DECORRELATION_S, 0.0), _MOST_MEMORY)
+        return min(max(remembered + evidence * step_s / _DECORRELATION_S, self._least), _MOST_MEMORY)
 
 
 def _in_sight(tracks: Sequence[Track], sight: Sight, time_s: float) -> list[Track]:
