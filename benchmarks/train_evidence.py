@@ -10,7 +10,8 @@ import argparse
 import json
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ import seaclutter
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import point_truth
 from seaclutter_cli.filters import confirmed
-from seaclutter_cli.filters.confirmation.evidence import FEATURES, OF_SHAPE, OF_TRACKS, log_error
+from seaclutter_cli.filters.confirmation.evidence import FEATURES, OF_SHAPE, OF_TRACKS, track_features
 from seaclutter_cli.filters.confirmation.objects import Clusters, features_of
 from seaclutter_cli.labels import open_labels
 from seaclutter_cli.truth import IGNORED
@@ -59,8 +60,8 @@ class Looks:
 class Recorder(confirmed.Confirmed):
     """The method, which notes the features of all objects, and whether they are targets."""
 
-    def __init__(self, labels: Any) -> None:
-        super().__init__(self.Params())
+    def __init__(self, labels: Any, *, intensities: bool) -> None:
+        super().__init__(self.Params(use_intensity=intensities))
         self.labels, self.seen = labels, []
 
     def _examine(self, frame: Any, time_s: float) -> Any:
@@ -88,13 +89,13 @@ class Recorder(confirmed.Confirmed):
             confirmed.find_objects = find
         for found, track in zip(one.objects, one.tracks, strict=True):
             if seen := known.get(found.points.min()):
-                self.seen.append(((*seen[0], log_error(track.error_m)), seen[1]))
+                self.seen.append(((*seen[0], *track_features(track.error_m, track.rate_hz)), seen[1]))
         return one
 
 
-def looks(path: Path) -> Looks | None:
+def looks(path: Path, *, intensities: bool) -> Looks | None:
     """Return the objects of a log; None without any."""
-    method = Recorder(open_labels(path.with_name(f"{path.stem}.labels.csv")))
+    method = Recorder(open_labels(path.with_name(f"{path.stem}.labels.csv")), intensities=intensities)
     with seaclutter.open_log(path) as log:
         for frame in log.frames():
             method.process(frame)
@@ -114,7 +115,7 @@ class Curves:
     .. [1] Hastie, Tibshirani (1986). "Generalized additive models". Statistical Science 1(3).
     """
 
-    def __init__(self, seen: Looks, names: Sequence[str] = (*FEATURES, OF_TRACKS)) -> None:
+    def __init__(self, seen: Looks, names: Sequence[str]) -> None:
         self.names = names
         quantiles = np.linspace(0.01, 0.99, KNOTS)
         self.knots = [np.unique(np.nanquantile(values, quantiles).round(3)) for values in seen.features]
@@ -172,6 +173,28 @@ def picture(table: dict[str, Any], path: Path) -> None:
     figure.savefig(path, metadata={"Date": None})
 
 
+def learned(folders: Sequence[Path], *, intensities: bool) -> Curves:
+    """Return the curves learned from all logs of some folders; print how they do on what was left out."""
+    with ProcessPoolExecutor(2) as pool:
+        of_log = partial(looks, intensities=intensities)
+        found = [list(pool.map(of_log, sorted(folder.rglob("*.mcap")))) for folder in folders]
+    logs = [[one for one in some if one is not None] for some in found]
+    names = (*FEATURES[: None if intensities else OF_SHAPE], *OF_TRACKS)
+    every = Looks.joined([Looks.joined(some) for some in logs])
+    print("with" if intensities else "without", "intensities:", end=" ")
+    print(f"{sum(map(len, logs))} logs, {len(every.target):,} objects, {every.target.mean():.0%} of targets")
+    for number, folder in enumerate(folders if len(logs) > 1 else ()):
+        others = Looks.joined([Looks.joined(some) for other, some in enumerate(logs) if other != number])
+        print(f"without {folder.name}: {Curves(others, names).loss(Looks.joined(logs[number])):.4f} on its logs")
+    for third in range(3):
+        rest = Looks.joined([Looks.joined([one for k, one in enumerate(some) if k % 3 != third]) for some in logs])
+        out = Looks.joined([Looks.joined(some[third::3]) for some in logs])
+        print(f"third {third + 1} of all logs left out: {Curves(rest, names).loss(out):.4f}")
+    curves = Curves(every, names)
+    print(f"all: {curves.loss(every):.4f}")
+    return curves
+
+
 def main() -> None:
     """Learn the curves, print how they do on what was left out, and write them."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
@@ -179,24 +202,8 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, required=True, help="file of the curves")
     parser.add_argument("--plot", type=Path, help="picture of the curves")
     given = parser.parse_args()
-    with ProcessPoolExecutor(2) as pool:
-        found = [list(pool.map(looks, sorted(folder.rglob("*.mcap")))) for folder in given.folders]
-    logs = [[one for one in some if one is not None] for some in found]
-    every = Looks.joined([Looks.joined(some) for some in logs])
-    print(f"{sum(map(len, logs))} logs, {len(every.target):,} objects, {every.target.mean():.0%} of targets")
-    for number, folder in enumerate(given.folders if len(logs) > 1 else ()):
-        others = Looks.joined([Looks.joined(some) for other, some in enumerate(logs) if other != number])
-        print(f"without {folder.name}: {Curves(others).loss(Looks.joined(logs[number])):.4f} on its logs")
-    for third in range(3):
-        rest = Looks.joined([Looks.joined([one for k, one in enumerate(some) if k % 3 != third]) for some in logs])
-        out = Looks.joined([Looks.joined(some[third::3]) for some in logs])
-        print(f"third {third + 1} of all logs left out: {Curves(rest).loss(out):.4f}")
-    curves = Curves(every)
-    print(f"all: {curves.loss(every):.4f}")
-    of_shape = replace(every, features=np.delete(every.features, range(OF_SHAPE, len(FEATURES)), axis=0))
-    dim = Curves(of_shape, (*FEATURES[:OF_SHAPE], OF_TRACKS))
-    print(f"without intensities: {dim.loss(of_shape):.4f}")
-    tables = {"version": 5, "all": curves.table(), "shape": dim.table()}
+    curves = learned(given.folders, intensities=True)
+    tables = {"version": 6, "all": curves.table(), "shape": learned(given.folders, intensities=False).table()}
     given.output.write_text(json.dumps(tables, indent=1) + "\n", "utf-8")
     if given.plot:
         picture(curves.table(), given.plot)

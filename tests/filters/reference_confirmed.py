@@ -185,7 +185,7 @@ class ConfirmedObjects:
     def things(self, candidates: Sequence[Echo], *, near: bool) -> list[Thing]:
         clusters = clusters_of(candidates, self.beams, self.params)
         said = evidence_of(clusters, self.beams, self.params)
-        return [Thing(own, evidence, near) for own, evidence in zip(clusters, said, strict=True)]
+        return [Thing(own, evidence, near, features) for own, (evidence, features) in zip(clusters, said, strict=True)]
 
     def confirm(self, scan: Scan) -> None:
         """Keep the objects of a frame that are confirmed, and what belongs to them."""

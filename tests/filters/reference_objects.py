@@ -242,6 +242,7 @@ class Thing:
     echoes: list[Echo]
     evidence: float
     near: bool
+    features: dict[str, float]
 
     @cached_property
     def cells(self) -> list[XY]:
@@ -338,18 +339,18 @@ class Beams:
         return any(low <= one <= high for one in self.seen)
 
 
-def evidence_of(groups: Sequence[Sequence[Echo]], lidar: Beams, params: Any) -> list[float]:
-    """Return the evidence of the shape of each object: one curve for each of its features."""
+def evidence_of(groups: Sequence[Sequence[Echo]], lidar: Beams, params: Any) -> list[tuple[float, dict[str, float]]]:
+    """Return the evidence of the shape of each object, one curve for each of its features, and these."""
     stored = tables()["all" if params.use_intensity else "shape"]
     found = []
     for own in groups:
         features = shape_of(own, lidar)
         if params.use_intensity:
             features |= light_of(own)
-        assert {*features, evidence.OF_TRACKS} == set(stored["curves"])
+        assert {*features, *evidence.OF_TRACKS} == set(stored["curves"])
         odds = stored["offset"] + math.fsum(on_curve(stored["curves"][name], value) for name, value in features.items())
         spread = in_volume(sum(echo.linked for echo in own), sum(echo.loose for echo in own))
-        found.append(evidence.LEAST if spread else min(max(odds, evidence.LEAST), evidence.MOST))
+        found.append((evidence.LEAST if spread else min(max(odds, evidence.LEAST), evidence.MOST), features))
     return found
 
 

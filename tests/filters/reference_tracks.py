@@ -39,17 +39,13 @@ class Track:
     top: float = 0.0
     echoes: int = 1
     first: float = 0.0
-    parent: "Track | None" = None
+    is_part: bool = False
+    kind: dict[str, float] = field(default_factory=dict)
     outside: bool = False
     from_outside: bool = False
     whole: "Track | None" = None
     history: list[Entry] = field(default_factory=list)
     error: float | None = None
-
-    @property
-    def is_begun_part(self) -> bool:
-        """Whether it begins in this frame, as a part of another."""
-        return self.parent is not None and not self.history
 
     @property
     def memory(self) -> float:
@@ -115,12 +111,22 @@ def least(params: Any) -> float:
     return -1.0 if ahead_s(params) else -0.35
 
 
-def with_course(shape: float, error_m: float | None, params: Any) -> float:
-    """Return the evidence of an object that was so far from where its track expected it."""
-    if shape <= evidence.LEAST or error_m is None:
+def with_track(shape: float, error_m: float | None, rate_hz: float, params: Any) -> float:
+    """Return the evidence of an object that was so far from where its track expected it, and of which many appear."""
+    if shape <= evidence.LEAST:
         return shape
-    curve = tables()["all" if params.use_intensity else "shape"]["curves"][evidence.OF_TRACKS]
-    return min(max(shape + on_curve(curve, math.log2(error_m + 0.05)), evidence.LEAST), evidence.MOST)
+    curves = tables()["all" if params.use_intensity else "shape"]["curves"]
+    total = shape + on_curve(curves["arrivals"], math.log2(rate_hz + 0.1))
+    if error_m is not None:
+        total += on_curve(curves["error"], math.log2(error_m + 0.05))
+    return min(max(total, evidence.LEAST), evidence.MOST)
+
+
+def likeness(kind: dict[str, float], other: dict[str, float]) -> float:
+    """Return how much an object is like another, from 0 to 1."""
+    height = 0.1 + 0.25 * abs(kind["height_m"])
+    widths = {"height_m": height, "density": 1.5, "brightness": 0.7}
+    return math.exp(-sum(((kind[name] - other[name]) / widths[name]) ** 2 for name in widths if name in kind) / 2)
 
 
 def remembered(memory: float, evidence: float, step_s: float, params: Any) -> float:
@@ -137,6 +143,13 @@ class Tracks:
         self.time_s: float | None = None
         self.times: list[float] = []
         self.yaw_rate = 0.0
+        self.arrivals: list[Track] = []
+
+    def arrivals_hz(self, track: Track, kind: dict[str, float], time_s: float) -> float:
+        """Return how many objects like one appeared in a second of the last three, without the object itself."""
+        others = [one for one in self.arrivals if one.born_s >= time_s - 3 and one is not track]
+        lasts_s = min(max(time_s - min([time_s, *self.times]), 0.5), 3.0)
+        return sum(likeness(kind, one.kind) for one in others) / lasts_s
 
     def turn(self, things: Sequence[Thing], time_s: float) -> None:
         """Turn all tracks by the angle that the well-known ones have in common."""
@@ -195,11 +208,12 @@ class Tracks:
             self.appeared(begun(thing, time_s), time_s) if track is None else track
             for track, thing in zip(followed, things, strict=True)
         ]
-        pairs = list(zip(result, things, strict=True))
-        for track, thing in sorted(pairs, key=lambda pair: pair[0].is_begun_part):
-            if track.is_begun_part:
-                track.first = min(track.parent.memory, 0.0)
-            track.collect(with_course(thing.evidence, track.error, self.params), time_s, self.params)
+        rates = [self.arrivals_hz(track, thing.features, time_s) for track, thing in zip(result, things, strict=True)]
+        for track, thing, rate_hz in zip(result, things, rates, strict=True):
+            track.collect(with_track(thing.evidence, track.error, rate_hz, self.params), time_s, self.params)
+            if self.times and track not in self.tracks and not track.is_part:
+                track.kind = thing.features
+                self.arrivals.append(track)
         recognise(things, result, votes)
         lost = [(track, hidden) for track, hidden in zip(self.tracks, covered, strict=True) if track not in result]
         for track, hidden in lost:
@@ -224,6 +238,7 @@ class Tracks:
         if not heirs:
             return []
         first = max(heirs, key=lambda k: (round(things[k].evidence / 2), votes[k]))
+        memory = track.memory
         track.follow(things[first], time_s)
         found = [(first, track)]
         for k in heirs:
@@ -232,7 +247,7 @@ class Tracks:
                 part.velocity, part.from_outside = track.velocity, track.from_outside
                 part.outside |= track.outside
                 part.whole = track.whole or track
-                part.parent = track
+                part.is_part, part.first = True, min(memory, 0.0)
                 found.append((k, part))
         return found
 

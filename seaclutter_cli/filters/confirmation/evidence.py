@@ -1,4 +1,4 @@
-"""The evidence that an object is a target: one curve for each feature of its shape, and of its track."""
+"""The evidence that an object is a target: one curve for each feature of its shape and its track."""
 
 import math
 from functools import cache
@@ -34,9 +34,10 @@ their thresholds, and the logarithm of the intensity in thresholds.
 """
 OF_SHAPE = 8
 """Number of the features that need no intensities; without any, these have curves of their own."""
-OF_TRACKS = "error"
-"""Name of the feature of a track: the logarithm of the distance from where it was expected, in metres."""
-_LEAST_ERROR_M = 0.05
+OF_TRACKS = ("error", "arrivals")
+"""Names of the features of a track: logarithm of the distance from where it was expected, in metres, and of the number
+of objects like it that appear in a second."""
+_LEAST_ERROR_M, _LEAST_RATE_HZ = 0.05, 0.1
 LEAST, MOST = -3.0, 3.0
 
 
@@ -52,17 +53,20 @@ def log_odds(features: Floats) -> Floats:
     return np.clip(odds, LEAST, MOST)
 
 
-def with_course(evidence: float, error_m: float, *, intensities: bool) -> float:
-    """Return the log-odds of an object from those of its shape and how far it was from where its track expected it."""
+def with_track(evidence: float, features: tuple[float, float], *, intensities: bool) -> float:
+    """Return the log-odds of an object from those of its shape and the features of its track (`track_features`)."""
     if evidence <= LEAST:
         return LEAST
     _, curves = _curves(intensities)
-    return min(max(evidence + float(np.interp(log_error(error_m), *curves[OF_TRACKS])), LEAST), MOST)
+    said = [
+        float(np.interp(x, *curves[name])) for name, x in zip(OF_TRACKS, features, strict=True) if not math.isnan(x)
+    ]
+    return min(max(evidence + sum(said), LEAST), MOST)
 
 
-def log_error(error_m: float) -> float:
-    """Return the feature of an object at some distance from where its track expected it; NaN if it is new."""
-    return math.log2(error_m + _LEAST_ERROR_M)
+def track_features(error_m: float, rate_hz: float) -> tuple[float, float]:
+    """Return the features of a track, in the order of `OF_TRACKS`; the first is NaN if the track is new."""
+    return math.log2(error_m + _LEAST_ERROR_M), math.log2(rate_hz + _LEAST_RATE_HZ)
 
 
 @cache

@@ -1,6 +1,7 @@
 """Objects of a frame, and what their shapes say for a target or for water."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +10,7 @@ from seaclutter_cli.arrays import group_sizes, group_starts
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, fills_volume
-from seaclutter_cli.filters.confirmation.evidence import LEAST, log_odds
+from seaclutter_cli.filters.confirmation.evidence import LEAST, OF_SHAPE, log_odds
 from seaclutter_cli.water.beams import Beams
 
 Floats = NDArray[np.float64]
@@ -31,7 +32,8 @@ class DetectedObject:
     ``points`` are the indices of its points among the echoes of the frame, or in the frame while it waits; ``evidence``
     is positive for a target, negative for water; ``cells``, shape (m, 2), and ``center``, shape (2,), are the mean
     horizontal positions of its points in each cell of 0.5 m and of all; ``top_m`` is the height of the highest above
-    the water. It is ``near`` if it is nearer than ``start_m``, where own ship is.
+    the water; ``features``, shape (F,), are those of its shape, as in `features_of`. It is ``near`` if it is nearer
+    than ``start_m``, where own ship is.
     """
 
     points: NDArray[np.integer]
@@ -40,6 +42,7 @@ class DetectedObject:
     center: Floats
     top_m: float = 0.0
     near: bool = False
+    features: Floats = field(default_factory=lambda: np.zeros(OF_SHAPE))
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,9 @@ class Clusters:
         """Return the indices of the points of a cluster."""
         return self.points[self.start[k] : self.start[k] + self.count[k]]
 
-    def objects(self, echoes: Echoes, heights: Heights, evidence: Floats, *, near: bool) -> list[DetectedObject]:
+    def objects(
+        self, echoes: Echoes, heights: Heights, evidence: Floats, features: Floats, *, near: bool
+    ) -> list[DetectedObject]:
         """Return the objects that the clusters are, sorted by their centres."""
         if not len(self):
             return []
@@ -100,8 +105,9 @@ class Clusters:
         bounds = np.searchsorted(first, np.append(self.start, len(key))).tolist()
         center = (np.add.reduceat(xy, self.start, axis=1) / self.count).T
         top, shape = self.greatest(heights.height_m).tolist(), evidence.tolist()
+        own = [cells[start:end] for start, end in pairwise(bounds)]
         return [
-            DetectedObject(self.members(k), shape[k], cells[bounds[k] : bounds[k + 1]], center[k], top[k], near)
+            DetectedObject(self.members(k), shape[k], own[k], center[k], top[k], near, features[:, k])
             for k in np.lexsort(center.T[::-1]).tolist()
         ]
 
@@ -152,9 +158,10 @@ def find_objects(
     clusters = Clusters.among(echoes, candidates, beams, params, heights.apart)
     if not len(clusters):
         return []
-    evidence = log_odds(features_of(echoes, clusters, heights, beams))
+    features = features_of(echoes, clusters, heights, beams)
+    evidence = log_odds(features)
     evidence[fills_volume(clusters.sum(heights.linked), clusters.sum(heights.loose))] = LEAST
-    return clusters.objects(echoes, heights, evidence, near=near)
+    return clusters.objects(echoes, heights, evidence, features, near=near)
 
 
 def features_of(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Beams) -> Floats:

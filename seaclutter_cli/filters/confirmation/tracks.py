@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.evidence import LEAST, with_course
+from seaclutter_cli.filters.confirmation.arrivals import Arrivals
+from seaclutter_cli.filters.confirmation.evidence import LEAST, track_features, with_track
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
 from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.water.beams import Sight
@@ -57,8 +58,9 @@ class Track:
     its top ``top_m`` above the water, and it had so many ``echoes``. ``error_m`` is how far it was from where it was
     expected; NaN if it was new. ``velocity``, shape (2,), is relative to the lidar, so own ship's motion is
     part of it. It was ever seen, and confirmed, beyond ``start_m`` if ``seen_outside`` and ``from_outside``; in the
-    latter case, it is not own ship when it comes nearer, nor is what is ``part_of`` it. ``memory`` is its evidence, and
-    ``history`` that of the frames that decisions still need.
+    latter case, it is not own ship when it comes nearer, nor is what is ``part_of`` it. ``arrival`` is its number among
+    the `Arrivals`, -1 if it is none, and ``rate_hz`` how many like it appeared in a second. ``memory`` is its evidence,
+    and ``history`` that of the frames that decisions still need.
     """
 
     cells: Floats
@@ -69,6 +71,8 @@ class Track:
     top_m: float = 0.0
     echoes: int = 1
     error_m: float = math.nan
+    arrival: int = -1
+    rate_hz: float = 0.0
     seen_outside: bool = False
     from_outside: bool = False
     part_of: "Track | None" = None
@@ -141,6 +145,7 @@ class Tracker:
         self._ahead_s = 0.0 if params.causal else params.look_ahead_s
         self._least = _LEAST_MEMORY if self._ahead_s else _LEAST_MEMORY_AT_ONCE
         self._tracks: list[Track] = []
+        self._arrivals = Arrivals()
         self._since_s = -np.inf
         self._time_s: float | None = None
         self._start_s = math.inf
@@ -218,6 +223,7 @@ class Tracker:
             for k in sorted(candidates, key=lambda k: k != first):
                 tracks[k] = self._continued(self._tracks[t], objects[k], time_s, is_first=k == first)
         result = [track or self._begun(one, time_s) for track, one in zip(tracks, objects, strict=True)]
+        self._look(objects, result, time_s)
         self._recognise(objects, result, votes)
         seen = {id(track) for track in result}
         missing = [one for one, hidden in zip(self._tracks, covered, strict=True) if id(one) not in seen and not hidden]
@@ -243,8 +249,6 @@ class Tracker:
         if not is_first:
             return self._begun(found, time_s, track)
         track.move(found, time_s)
-        course = with_course(found.evidence, track.error_m, intensities=self._params.use_intensity)
-        self._collect(track, time_s, course)
         return track
 
     def _begun(self, found: DetectedObject, time_s: float, parent: Track | None = None) -> Track:
@@ -257,8 +261,19 @@ class Tracker:
             track.memory = min(parent.memory, 0.0)
         else:
             track.memory = max((self._start_s - time_s) / _DECORRELATION_S, self._least)
-        self._collect(track, time_s, found.evidence)
         return track
+
+    def _look(self, objects: Sequence[DetectedObject], tracks: Sequence[Track], time_s: float) -> None:
+        """Collect the evidence of the objects of a frame, and note which appear in it."""
+        features = np.array([one.features for one in objects])
+        own = np.array([track.arrival for track in tracks], np.int64)
+        rates_hz = self._arrivals.rates_hz(features, own, time_s, self._start_s).tolist()
+        for one, track, rate_hz in zip(objects, tracks, rates_hz, strict=True):
+            track.rate_hz = rate_hz
+            of_track = track_features(track.error_m, rate_hz)
+            self._collect(track, time_s, with_track(one.evidence, of_track, intensities=self._params.use_intensity))
+            if track.born_s == time_s > self._start_s and track.arrival < 0 and track.part_of is None:
+                track.arrival = self._arrivals.add(one.features, time_s)
 
     def _recognise(self, objects: Sequence[DetectedObject], tracks: Sequence[Track], votes: NDArray[np.int64]) -> None:
         """Mark what appears near own ship in contact with objects from outside: it is part of the best known."""

@@ -1,0 +1,58 @@
+"""How often objects like another appear: what water makes once, it makes again."""
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from seaclutter_cli.filters.confirmation.evidence import FEATURES
+
+Floats = NDArray[np.float64]
+
+_MEMORY_S, _LEAST_S = 3.0, 0.5
+_MOST = 1024
+_KIND = [FEATURES.index(name) for name in ("height_m", "density", "brightness")]
+_SPREAD = (0.1, 1.5, 0.7)
+_SPREAD_OF_HEIGHT = 0.25
+
+
+class Arrivals:
+    """The objects that appeared in the last three seconds, at most 1,024.
+
+    Trackers compare the density of new targets with that of false ones [1]_. The second differs from sea to sea and
+    from one kind of object to another, so it is counted: foam, spray and crests appear again and again, targets do not.
+
+    References
+    ----------
+    .. [1] Blackman, Popoli (1999). "Design and Analysis of Modern Tracking Systems". Artech House, section 6.2.
+    """
+
+    def __init__(self) -> None:
+        self._seen: deque[tuple[float, Floats]] = deque(maxlen=_MOST)
+        self._count = 0
+
+    def add(self, features: Floats, time_s: float) -> int:
+        """Note an object that appears, by the features of its shape, shape (F,), and return its number."""
+        self._seen.append((time_s, features))
+        self._count += 1
+        return self._count - 1
+
+    def rates_hz(self, features: Floats, own: NDArray[np.int64], time_s: float, since_s: float) -> Floats:
+        """Return how many objects like each of K appeared in a second, shape (K,), not counting itself.
+
+        ``features`` are those of their shapes, shape (K, F); ``own`` are their numbers, shape (K,), -1 for none;
+        ``since_s`` is when the first could have appeared.
+        """
+        while self._seen and self._seen[0][0] < time_s - _MEMORY_S:
+            self._seen.popleft()
+        if not self._seen or not len(features):
+            return np.zeros(len(features))
+        seen = np.array([one for _, one in self._seen])
+        distance = np.zeros((len(features), len(seen)))
+        for k, spread in zip(_KIND, _SPREAD, strict=True):
+            if k < seen.shape[1]:  # no brightness without intensities
+                scale = spread + (_SPREAD_OF_HEIGHT * np.abs(features[:, k]) if k == _KIND[0] else 0)
+                distance += ((features[:, k, None] - seen[:, k]) / np.reshape(scale, (-1, 1))) ** 2
+        alike = np.exp(-distance / 2)
+        alike[own[:, None] == np.arange(self._count - len(seen), self._count)] = 0
+        return np.asarray(alike.sum(axis=1) / min(max(time_s - since_s, _LEAST_S), _MEMORY_S))
