@@ -69,14 +69,15 @@ class Confirmed(Filter):
        is the logarithm of the odds that an object is a target: the sum of one curve for each of ten features
        (`FEATURES`), learned from logs of four simulators; without intensities, of eight.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
-       most tracks have in common. How far an object is from where it was expected counts in the evidence of a frame, by
-       one more curve: crests and foam have no steady course. The score of a track is the evidence that it collected
-       before, that within ``look_ahead_s`` after the frame, and 0.35 times the mean, less 2, of the frame and the two
-       beside it; with ``causal``, of the frame alone. As in the track score of Sittler [1]_, independent looks add up,
-       one in the time in which the water becomes independent of what it was, about a second. Evidence is forgotten over
-       ``memory_s``. What appears must stay for ``look_ahead_s``, except with ``causal``, and so must what appears again
-       when its evidence was used up. An object is missed only where a beam would have met it. What has the least
-       evidence in a frame is not kept in it.
+       most tracks have in common. Two more curves count in the evidence of a frame: how far an object is from where it
+       was expected, since crests and foam have no steady course, and how many objects like it appeared in a second
+       (`Arrivals`). The score of a track is the evidence that it collected before, that within ``look_ahead_s`` after
+       the frame, and 0.35 times that of the frame, less 1.5. As in the track score of Sittler [1]_, independent looks
+       add up, one in the time in which the water becomes independent of what it was, about a second. Evidence is
+       forgotten over ``memory_s`` and lies between -1 and 3. That an object was not there before counts as evidence
+       against it, so what is soon gone is not kept. Without later frames, as with ``causal``, evidence is at least
+       -0.35. An object is missed only where a beam would have met it. What has the least evidence in a frame is not
+       kept in it.
     6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
        and all where the water has no echoes.
 

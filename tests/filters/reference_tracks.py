@@ -99,7 +99,7 @@ class Track:
         for one in sorted(self.history[now + 1 :], key=lambda one: -one.time_s):
             if one.time_s <= time_s + 1.1 * ahead_s(params):
                 after = remembered(after, one.evidence, one.step_s, params)
-        return before + 0.35 * (self.history[now].evidence - 1) + after
+        return before + 0.35 * (self.history[now].evidence - 1.5) + after
 
 
 def ahead_s(params: Any) -> float:
