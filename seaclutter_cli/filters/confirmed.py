@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.echoes import ALONE, Echoes, Heights, Sea
-from seaclutter_cli.filters.confirmation.evidence import LEAST
+from seaclutter_cli.filters.confirmation.evidence import OF_VOLUME
 from seaclutter_cli.filters.confirmation.objects import DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 from seaclutter_cli.filters.zones import Zones
@@ -72,12 +72,12 @@ class Confirmed(Filter):
        most tracks have in common. Two more curves count in the evidence of a frame: how far an object is from where it
        was expected, since crests and foam have no steady course, and how many objects like it appeared in a second
        (`Arrivals`). The score of a track is the evidence that it collected before, that within ``look_ahead_s`` after
-       the frame, and 0.35 times that of the frame, less 1.5. As in the track score of Sittler [1]_, independent looks
+       the frame, and 0.35 times that of the frame, less 1. As in the track score of Sittler [1]_, independent looks
        add up, one in the time in which the water becomes independent of what it was, about a second. Evidence is
        forgotten over ``memory_s`` and lies between -1 and 3. That an object was not there before counts as evidence
        against it, so what is soon gone is not kept. Without later frames, as with ``causal``, evidence is at least
-       -0.35. An object is missed only where a beam would have met it. What has the least evidence in a frame is not
-       kept in it.
+       -0.35. An object is missed only where a beam would have met it. What fills a volume in a frame is not kept in
+       it.
     6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
        and all where the water has no echoes.
 
@@ -261,7 +261,7 @@ class Confirmed(Filter):
         undecided = np.zeros((2, 2), np.int64)
         for found, track in zip(one.objects, one.tracks, strict=True):
             score = self._tracker.score(track, one.time_s)
-            is_kept = score > self._params.score_threshold and found.evidence > LEAST
+            is_kept = score > self._params.score_threshold and found.evidence > OF_VOLUME
             if 0 < score <= _SURE:
                 undecided[int(is_kept)] += 1, len(found.points)
             if not is_kept:

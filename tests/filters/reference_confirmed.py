@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli.filters import confirmed
-from seaclutter_cli.filters.confirmation import evidence
 from seaclutter_cli.filters.zones import LEAST_M
 from seaclutter_cli.frame import Frame, Reason
 from seaclutter_cli.structure.own_ship import OwnShip
@@ -192,7 +191,7 @@ class ConfirmedObjects:
         kept = []
         for thing, track in zip(scan.things, scan.tracks, strict=True):
             score = track.score(scan.time_s, self.params)
-            if score > self.params.score_threshold and thing.evidence > evidence.LEAST:
+            if score > self.params.score_threshold and thing.evidence > -100:
                 track.from_outside |= not thing.near or (track.whole is not None and track.whole.from_outside)
                 if track.from_outside:
                     kept += thing.echoes

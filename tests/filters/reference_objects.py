@@ -350,7 +350,7 @@ def evidence_of(groups: Sequence[Sequence[Echo]], lidar: Beams, params: Any) -> 
         assert {*features, *evidence.OF_TRACKS} == set(stored["curves"])
         odds = stored["offset"] + math.fsum(on_curve(stored["curves"][name], value) for name, value in features.items())
         spread = in_volume(sum(echo.linked for echo in own), sum(echo.loose for echo in own))
-        found.append((evidence.LEAST if spread else min(max(odds, evidence.LEAST), evidence.MOST), features))
+        found.append((-100.0 if spread else odds, features))
     return found
 
 

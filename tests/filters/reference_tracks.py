@@ -99,7 +99,7 @@ class Track:
         for one in sorted(self.history[now + 1 :], key=lambda one: -one.time_s):
             if one.time_s <= time_s + 1.1 * ahead_s(params):
                 after = remembered(after, one.evidence, one.step_s, params)
-        return before + 0.35 * (self.history[now].evidence - 1.5) + after
+        return before + 0.35 * (self.history[now].evidence - 1) + after
 
 
 def ahead_s(params: Any) -> float:
@@ -113,8 +113,6 @@ def least(params: Any) -> float:
 
 def with_track(shape: float, error_m: float | None, rate_hz: float, params: Any) -> float:
     """Return the evidence of an object that was so far from where its track expected it, and of which many appear."""
-    if shape <= evidence.LEAST:
-        return shape
     curves = tables()["all" if params.use_intensity else "shape"]["curves"]
     total = shape + on_curve(curves["arrivals"], math.log2(rate_hz + 0.1))
     if error_m is not None:
@@ -122,10 +120,15 @@ def with_track(shape: float, error_m: float | None, rate_hz: float, params: Any)
     return min(max(total, evidence.LEAST), evidence.MOST)
 
 
+def kind_of(thing: Thing) -> dict[str, float]:
+    """Return the features by which an object is like others."""
+    return thing.features | {"octave": math.log2(max(math.hypot(*thing.center), 1))}
+
+
 def likeness(kind: dict[str, float], other: dict[str, float]) -> float:
     """Return how much an object is like another, from 0 to 1."""
     height = 0.1 + 0.25 * abs(kind["height_m"])
-    widths = {"height_m": height, "density": 1.5, "brightness": 0.7}
+    widths = {"height_m": height, "density": 1.5, "brightness": 0.7, "octave": 1.0}
     return math.exp(-sum(((kind[name] - other[name]) / widths[name]) ** 2 for name in widths if name in kind) / 2)
 
 
@@ -208,11 +211,11 @@ class Tracks:
             self.appeared(begun(thing, time_s), time_s) if track is None else track
             for track, thing in zip(followed, things, strict=True)
         ]
-        rates = [self.arrivals_hz(track, thing.features, time_s) for track, thing in zip(result, things, strict=True)]
+        rates = [self.arrivals_hz(track, kind_of(thing), time_s) for track, thing in zip(result, things, strict=True)]
         for track, thing, rate_hz in zip(result, things, rates, strict=True):
             track.collect(with_track(thing.evidence, track.error, rate_hz, self.params), time_s, self.params)
             if self.times and track not in self.tracks and not track.is_part:
-                track.kind = thing.features
+                track.kind = kind_of(thing)
                 self.arrivals.append(track)
         recognise(things, result, votes)
         lost = [(track, hidden) for track, hidden in zip(self.tracks, covered, strict=True) if track not in result]

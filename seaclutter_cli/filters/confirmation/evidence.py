@@ -39,29 +39,29 @@ OF_TRACKS = ("error", "arrivals")
 of objects like it that appear in a second."""
 _LEAST_ERROR_M, _LEAST_RATE_HZ = 0.05, 0.1
 LEAST, MOST = -3.0, 3.0
+OF_VOLUME = -100.0
 
 
 def log_odds(features: Floats) -> Floats:
     """Return the logarithm of the odds that objects are targets, shape (K,), from their features, shape (F, K).
 
     The odds are those of the frames from which the curves were learned, in which targets and clutter have equal weight.
-    They are at least 1 to 20 and at most 20 to 1: what was not among these frames must not outweigh what others say.
     """
     offset, curves = _curves(len(features) == len(FEATURES))
     pairs = zip(features, (curves[name] for name in FEATURES), strict=False)
     odds: Floats = offset + np.sum([np.interp(values, *curve) for values, curve in pairs], axis=0)
-    return np.clip(odds, LEAST, MOST)
+    return odds
 
 
 def with_track(evidence: float, features: tuple[float, float], *, intensities: bool) -> float:
-    """Return the log-odds of an object from those of its shape and the features of its track (`track_features`)."""
-    if evidence <= LEAST:
-        return LEAST
+    """Return the log-odds of an object from those of its shape and the features of its track (`track_features`).
+
+    They are at least 1 to 20 and at most 20 to 1: what was not among these frames must not outweigh what others say.
+    """
     _, curves = _curves(intensities)
-    said = [
-        float(np.interp(x, *curves[name])) for name, x in zip(OF_TRACKS, features, strict=True) if not math.isnan(x)
-    ]
-    return min(max(evidence + sum(said), LEAST), MOST)
+    known = {name: x for name, x in zip(OF_TRACKS, features, strict=True) if not math.isnan(x)}
+    said = sum(float(np.interp(x, *curves[name])) for name, x in known.items())
+    return min(max(evidence + said, LEAST), MOST)
 
 
 def track_features(error_m: float, rate_hz: float) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from seaclutter_cli.arrays import group_sizes, group_starts
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, fills_volume
-from seaclutter_cli.filters.confirmation.evidence import LEAST, OF_SHAPE, log_odds
+from seaclutter_cli.filters.confirmation.evidence import OF_SHAPE, OF_VOLUME, log_odds
 from seaclutter_cli.water.beams import Beams
 
 Floats = NDArray[np.float64]
@@ -160,7 +160,7 @@ def find_objects(
         return []
     features = features_of(echoes, clusters, heights, beams)
     evidence = log_odds(features)
-    evidence[fills_volume(clusters.sum(heights.linked), clusters.sum(heights.loose))] = LEAST
+    evidence[fills_volume(clusters.sum(heights.linked), clusters.sum(heights.loose))] = OF_VOLUME
     return clusters.objects(echoes, heights, evidence, features, near=near)
 
 

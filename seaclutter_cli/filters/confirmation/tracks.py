@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 _DECORRELATION_S = 1.0
 _MOST_MEMORY = 3.0
 _LEAST_MEMORY, _LEAST_MEMORY_AT_ONCE = -1.0, -0.35
-_LOOK, _DOUBT = 0.35, 1.5
+_LOOK, _DOUBT = 0.35, 1.0
 _MISSED_ECHOES, _MISSED_POWER = 2.3, 1.65
 _MAX_STEP_S, _FIRST_STEP_S = 0.5, 0.1
 _KNOWN_AFTER_S = 0.5
@@ -265,15 +265,15 @@ class Tracker:
 
     def _look(self, objects: Sequence[DetectedObject], tracks: Sequence[Track], time_s: float) -> None:
         """Collect the evidence of the objects of a frame, and note which appear in it."""
-        features = np.array([one.features for one in objects])
+        kinds = np.array([(*one.features, math.log2(max(math.hypot(*one.center), 1))) for one in objects])
         own = np.array([track.arrival for track in tracks], np.int64)
-        rates_hz = self._arrivals.rates_hz(features, own, time_s, self._start_s).tolist()
-        for one, track, rate_hz in zip(objects, tracks, rates_hz, strict=True):
+        rates_hz = self._arrivals.rates_hz(kinds, own, time_s, self._start_s).tolist()
+        for one, track, rate_hz, kind in zip(objects, tracks, rates_hz, kinds, strict=True):
             track.rate_hz = rate_hz
             of_track = track_features(track.error_m, rate_hz)
             self._collect(track, time_s, with_track(one.evidence, of_track, intensities=self._params.use_intensity))
             if track.born_s == time_s > self._start_s and track.arrival < 0 and track.part_of is None:
-                track.arrival = self._arrivals.add(one.features, time_s)
+                track.arrival = self._arrivals.add(kind, time_s)
 
     def _recognise(self, objects: Sequence[DetectedObject], tracks: Sequence[Track], votes: NDArray[np.int64]) -> None:
         """Mark what appears near own ship in contact with objects from outside: it is part of the best known."""
