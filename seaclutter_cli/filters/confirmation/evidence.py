@@ -59,9 +59,8 @@ def with_track(evidence: float, features: tuple[float, float], *, intensities: b
     They are at least 1 to 20 and at most 20 to 1: what was not among these frames must not outweigh what others say.
     """
     _, curves = _curves(intensities)
-    known = {name: x for name, x in zip(OF_TRACKS, features, strict=True) if not math.isnan(x)}
-    said = sum(float(np.interp(x, *curves[name])) for name, x in known.items())
-    return min(max(evidence + said, LEAST), MOST)
+    said = [np.interp(x, *curves[name]) for name, x in zip(OF_TRACKS, features, strict=True)]
+    return min(max(evidence + float(np.nansum(said)), LEAST), MOST)
 
 
 def track_features(error_m: float, rate_hz: float) -> tuple[float, float]:

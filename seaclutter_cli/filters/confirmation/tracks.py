@@ -220,8 +220,9 @@ class Tracker:
         known = np.array([1 + max(track.memory, 0.0) for track in self._tracks])
         for t, candidates in _by_track(votes, known).items():
             first = max(candidates, key=lambda k: (round(objects[k].evidence / 2), votes[k, t]))
-            for k in sorted(candidates, key=lambda k: k != first):
-                tracks[k] = self._continued(self._tracks[t], objects[k], time_s, is_first=k == first)
+            self._tracks[t].move(objects[first], time_s)
+            for k in candidates:
+                tracks[k] = self._tracks[t] if k == first else self._begun(objects[k], time_s, self._tracks[t])
         result = [track or self._begun(one, time_s) for track, one in zip(tracks, objects, strict=True)]
         self._look(objects, result, time_s)
         self._recognise(objects, result, votes)
@@ -244,12 +245,6 @@ class Tracker:
 
     def _interval_s(self, time_s: float) -> float:
         return 0.0 if self._time_s is None else time_s - self._time_s
-
-    def _continued(self, track: Track, found: DetectedObject, time_s: float, *, is_first: bool) -> Track:
-        if not is_first:
-            return self._begun(found, time_s, track)
-        track.move(found, time_s)
-        return track
 
     def _begun(self, found: DetectedObject, time_s: float, parent: Track | None = None) -> Track:
         track = Track(found.cells, found.center, time_s, time_s)
