@@ -54,5 +54,7 @@ class Arrivals:
                 scale = spread + (_SPREAD_OF_HEIGHT * np.abs(kinds[:, k]) if k == _KIND[0] else 0)
                 distance += ((kinds[:, k, None] - seen[:, k]) / np.reshape(scale, (-1, 1))) ** 2
         alike = np.exp(-distance / 2)
-        alike[own[:, None] == np.arange(self._count - len(seen), self._count)] = 0
+        first = self._count - len(seen)
+        (rows,) = np.nonzero(own >= first)
+        alike[rows, own[rows] - first] = 0
         return np.asarray(alike.sum(axis=1) / min(max(time_s - since_s, _LEAST_S), _MEMORY_S))
