@@ -22,6 +22,7 @@ _SMALL_CRAFT_M, _STRUCTURE_M, _WIDE_M = 12.0, 50.0, 25.0
 _LEAST_WALL_M, _STRAIGHT, _UPRIGHT = 6.0, 1 / 40, 0.5
 _ACCELERATIONS = (0.1, 1.0, 10.0)
 _GAIN = 30.0
+_SIDEWAYS = 0.7
 _NOISE_M, _HIDDEN_NOISE, _BETWEEN_NOISE = 0.08, 0.3, 0.4
 _SPEED_MS = 4.0
 _OUTLYING = 3.0
@@ -111,14 +112,15 @@ def _in_axes(points: Floats, yaws: Floats) -> Floats:
 
 
 def fit(
-    shape: Shape, hulls: Floats, misfits: Floats, sensor: Floats, times_s: Floats
+    shape: Shape, hulls: Floats, hidden: Mask, misfits: Floats, sensor: Floats, times_s: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return yaws, shape (T,), centres, (T, 2), their standard deviations, (T,), and the size, (2,), of a track.
 
     The frames are added to what is known of its shape. Of a side that was never seen, the length is that of a usual
     vessel, and what is shorter than two metres is taken to be nearly round. Hulls taper, so in a view within 25° of
     the axis, the far end is hidden: then the length is at least that of a broad vessel. A face that is nearer than the
-    rest of the rectangle is taken for the side of it.
+    rest of the rectangle is taken for the side of it. What is missing at an end that is hidden, shape (T, 2) for left
+    and right, is there.
     """
     yaws = orientation(misfits, times_s)
     if shape.yaw is not None:
@@ -152,7 +154,7 @@ def fit(
         whole[1] = max(whole[1], _usual_beam_m(whole[0]))
     if whole[0] > _ROUND_M and not shape.broad:
         whole[0] = max(whole[0], whole[1] / _BROAD_BEAM)
-    middle, deviation = _placed(seen_from, low, high, whole)
+    middle, deviation = _placed(seen_from, low, high, whole, hidden)
     return yaws, _in_axes(middle, -yaws), deviation, whole
 
 
@@ -163,12 +165,16 @@ def _is_oblique(seen_from: Floats, low: Floats, high: Floats, size: Floats) -> M
     return np.asarray(((offset - size / 2) > _OBLIQUE * distance).all(axis=1))
 
 
-def _placed(seen_from: Floats, low: Floats, high: Floats, size: Floats) -> tuple[Floats, Floats]:
+def _placed(seen_from: Floats, low: Floats, high: Floats, size: Floats, hidden: Mask) -> tuple[Floats, Floats]:
     """Return the centres along and across, shape (T, 2), and their standard deviations, shape (T,)."""
     missing = np.maximum(size - (high - low), 0)
-    before, beyond = seen_from < low, seen_from > high
-    shift = np.where(before, missing / 2, np.where(beyond, -missing / 2, 0))
-    noise = np.where(before | beyond, _HIDDEN_NOISE, _BETWEEN_NOISE) * missing
+    side = 1.0 * (seen_from < low) - (seen_from > high)
+    view = (low + high) / 2 - seen_from
+    left = view[:, ::-1] * (-1, 1) / np.maximum(np.hypot(*view.T), 1e-9)[:, None]
+    only = 1.0 * hidden[:, :1] - hidden[:, 1:]
+    side = np.where((only != 0) & (np.abs(left) > _SIDEWAYS), only * np.sign(left), side)
+    shift = side * missing / 2
+    noise = np.where(side != 0, _HIDDEN_NOISE, _BETWEEN_NOISE) * missing
     return (low + high) / 2 + shift, _NOISE_M + np.hypot(*noise.T)
 
 

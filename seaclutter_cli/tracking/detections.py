@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,10 @@ Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 DIRECTIONS = 36
+_SECTORS, _BESIDE = 1440, np.array([1, -1])
+_SECTORS_A_RADIAN = _SECTORS / (2 * np.pi)
 YAWS = 45
-_CELL_M = 0.5
+_CELL_M, _COVERED_M = 0.5, 0.4
 _MAX_CELL = 1 << 19
 _FLATTENED = np.array([[1], [1], [0.2]])
 _THINNED_M = np.array([[0.1], [0.1], [1]])
@@ -63,10 +65,14 @@ class Detections:
     the mean positions; ``spans``, shape (K, 2), the lowest and the highest z; ``rises``, the same along the direction
     that is up; ``points``, shape (K,), the numbers of points. A detection is ``kept``, shape (K,), unless it consists
     of points of objects that were not confirmed. ``cells``, shape (m, 2), are the mean positions in cells of 0.5 m,
-    detection by detection, ``owner``, shape (m,), the detection of each.
+    detection by detection, ``owner``, shape (m,), the detection of each. ``ends``, shape (K, 2, 2), are the outermost
+    points to the left and to the right, seen from the lidar; one is ``hidden``, shape (K, 2), if a nearer detection is
+    beside it, behind which more of the object may be.
     """
 
     hulls: Floats
+    ends: Floats
+    hidden: Mask
     centers: Floats
     spans: Floats
     rises: Floats
@@ -74,14 +80,16 @@ class Detections:
     kept: Mask
     cells: Floats
     owner: Indices
+    lidar: tuple[float, float] = (0.0, 0.0)
 
     def __len__(self) -> int:
         return len(self.points)
 
     def moved(self, pose: Pose) -> "Detections":
         """Return the detections in the coordinates in which the lidar has a pose."""
-        hulls, centers, cells = (pose.applied(points) for points in (self.hulls, self.centers, self.cells))
-        return replace(self, hulls=hulls, centers=centers, cells=cells)
+        names = "hulls", "ends", "centers", "cells"
+        moved: dict[str, Any] = {name: pose.applied(getattr(self, name)) for name in names}
+        return replace(self, lidar=pose[:2], **moved)
 
     def misfits(self) -> Floats:
         """Return how badly rectangles at yaws of 0°, 2°, … 88° fit the detections, shape (K, 45).
@@ -102,10 +110,8 @@ class Detections:
 
     def cover(self, rows: Indices) -> NDArray[np.bool_]:
         """Return which detections are in the direction of the middle of n of them, shape (n, K)."""
-        x, y = self.centers.T[:, :, None]
-        to_x, to_y = self.hulls.transpose(2, 0, 1)
-        own = np.arctan2(x * to_y - y * to_x, x * to_x + y * to_y)
-        bearing = np.arctan2(y, x)[:, 0]
+        own = _bearings(self.hulls, self.centers)
+        bearing = _bearing(self.centers)
         apart = (bearing[rows, None] - bearing + np.pi) % (2 * np.pi) - np.pi
         return np.asarray((own.min(axis=1) <= apart) & (apart <= own.max(axis=1)))
 
@@ -135,7 +141,9 @@ class Detections:
         if not len(cluster):
             none = np.empty((0, 2))
             whole = np.empty(0, np.int64)
-            return cls(np.empty((0, DIRECTIONS, 2)), none, none, none, whole, np.empty(0, np.bool_), none, whole)
+            ends, flags = np.empty((0, 2, 2)), np.empty(0, np.bool_)
+            hulls = np.empty((0, DIRECTIONS, 2))
+            return cls(hulls, ends, ends[..., 0] > 0, none, none, none, whole, flags, none, whole)
         starts = group_starts(cluster)
         count = group_sizes(starts, len(cluster))
         if len(count) > _MAX_DETECTIONS:
@@ -153,7 +161,37 @@ class Detections:
             own = across[:, start:end]
             row[:_HALF], row[_HALF:] = own.argmax(axis=1), own.argmin(axis=1)
         hulls, every = xy.T[farthest + starts[:, None]], np.arange(len(count))
-        return cls(hulls, centers, heights, rises, count, every < kept, *_cells(xy, np.repeat(every, count)))
+        cells, owner = _cells(xy, np.repeat(every, count))
+        bearings = _bearings(hulls, centers)
+        ends = hulls[every[:, None], np.stack((bearings.argmax(axis=1), bearings.argmin(axis=1)), axis=1)]
+        hidden = _are_hidden(ends, cells, owner)
+        return cls(hulls, ends, hidden, centers, heights, rises, count, every < kept, cells, owner)
+
+
+def _bearing(points: Floats) -> Floats:
+    """Return the directions of points, shape (…, 2), seen from the lidar."""
+    return np.arctan2(points[..., 1], points[..., 0])
+
+
+def _bearings(hulls: Floats, centers: Floats) -> Floats:
+    """Return the directions of the outermost points against that of the centre, shape (K, 36)."""
+    x, y = centers.T[:, :, None]
+    to_x, to_y = hulls.transpose(2, 0, 1)
+    return np.asarray(np.arctan2(x * to_y - y * to_x, x * to_x + y * to_y))
+
+
+def _are_hidden(ends: Floats, cells: Floats, owner: Indices) -> Mask:
+    """Return beside which ends of detections, shape (K, 2, 2), another detection is nearer, shape (K, 2)."""
+    distance_m = np.hypot(*cells.T)
+    order = np.argsort(-distance_m)
+    half = np.ceil(_SECTORS_A_RADIAN * _COVERED_M / np.maximum(distance_m[order], _CELL_M)).astype(np.int64)
+    nearest = np.full(_SECTORS, -1)
+    middle = np.floor(_bearing(cells[order]) * _SECTORS_A_RADIAN).astype(np.int64)
+    nearest[spans(middle - half, 2 * half + 1) % _SECTORS] = np.repeat(order, 2 * half + 1)  # the nearest is the last
+    beside = np.floor(_bearing(ends) * _SECTORS_A_RADIAN + _BESIDE).astype(np.int64)
+    found = nearest[beside % _SECTORS]
+    is_other = (found >= 0) & (owner[found] != np.arange(len(ends))[:, None])
+    return np.asarray(is_other & (distance_m[found] < np.hypot(*ends.transpose(2, 0, 1)) - _CELL_M))
 
 
 def _clusters(xyz: Floats, doubtful: Mask, tolerance_m: float, min_points: int) -> Indices:

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -123,10 +123,11 @@ class Follower:
         if self._origin_ns is None:  # times from there on are exact to a nanosecond
             self._origin_ns = time_ns
         time_s = (time_ns - self._origin_ns) / 1e9
-        over_ground = pose is not None
-        if self._frames and (is_apart or over_ground != self._frames[-1].over_ground):
+        over_ground, pose = pose is not None, pose or Pose()
+        if self._frames and is_apart:
             yield from self.finish()
-        pose = pose or Pose()
+        elif self._frames and over_ground != self._frames[-1].over_ground:
+            yield from self._move(pose)
         found = Detections.of(result, *self._clustering, self._mounting.up)
         water = _Water.of(result.water, self._mounting) if result.water else None
         clear_m = self._clear_m(result.frame, water, found)
@@ -164,11 +165,22 @@ class Follower:
 
     def finish(self) -> Iterator[FrameObjects]:
         """Yield the objects of all frames that wait, and begin anew."""
+        yield from self._end()
+        self._tracker.forget()
+
+    def _end(self) -> Iterator[FrameObjects]:
         yield from self._complete(np.inf)
         self._frames.clear()
         self._done = self._records = 0
-        self._tracker.forget()
-        self._shapes.clear()
+        self._shapes = {}
+
+    def _move(self, pose: Pose) -> Iterator[FrameObjects]:
+        """Yield the objects of all frames that wait, and go on in coordinates where the lidar has another pose."""
+        last, shapes = self._frames[-1].pose, self._shapes
+        yield from self._end()
+        self._tracker.move(last, pose)
+        turn = pose.yaw - last.yaw
+        self._shapes = {track: replace(one, yaw=one.yaw + turn) for track, one in shapes.items() if one.yaw is not None}
 
     def _complete(self, until_s: float) -> Iterator[FrameObjects]:
         """Yield the objects of frames up to a time, and forget frames that are no context of later ones."""
@@ -224,13 +236,14 @@ class _Lives:
         self, n: int, own: Sequence[tuple[_Waiting, int]], seen: NDArray[np.int64], sensor: Floats, shape: Shape
     ) -> None:
         """Fill in a track, given the frames in which it was seen, and its row in each."""
-        names = "hulls", "spans", "rises", "points", "kept"
-        hulls, spans, rises, points, kept = (
+        names = "hulls", "hidden", "spans", "rises", "points", "kept"
+        hulls, hidden, spans, rises, points, kept = (
             np.array([getattr(f.found, name)[row] for f, row in own]) for name in names
         )
         misfits, clear_m = (np.array([getattr(f, name)[row] for f, row in own]) for name in ("misfits", "clear_m"))
         times_s = self.times_s[seen]
-        yaws, self.places[seen, n], self.deviations[seen, n], size = fit(shape, hulls, misfits, sensor, times_s)
+        fitted = fit(shape, hulls, hidden, misfits, sensor, times_s)
+        yaws, self.places[seen, n], self.deviations[seen, n], size = fitted
         measured = yaws, spans.mean(axis=1), rises[:, 1]
         for values, some in zip((self.yaws, self.middles_m, self.tops_m), measured, strict=True):
             values[:, n] = np.interp(self.times_s, times_s, some)

@@ -1,19 +1,22 @@
 """Tracks: detections of one object in successive frames."""
 
+import cmath
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import group_sizes, group_starts
 from seaclutter_cli.neighbors import nearest
-from seaclutter_cli.tracking.detections import Detections
+from seaclutter_cli.tracking.detections import Detections, Pose
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 Indices = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 _GATE_M, _GATE_SIGMAS, _MAX_GATE_M = 0.8, 2.0, 8.0
 _LEAST_OVERLAP = 0.25
@@ -23,6 +26,7 @@ _ACCELERATION = 0.1
 _JITTER_M, _JITTER_SHARE, _LEARNED = 0.15, 0.1, 0.2
 _STEP_M, _STEP_SPEED_MS, _MAX_STEP_M = 0.4, 5.0, 4.0
 _KNOWN_AFTER_S, _NEW_COAST_S, _COAST_S, _VANISHED_S = 0.5, 0.5, 8.0, 3.0
+_SLIVER, _WHOLE_S = 0.5, 10.0
 _SLACK_S = 1e-6
 _TO_COMPLEX = np.array([1, 1j])
 
@@ -39,6 +43,26 @@ def ahead(position: V, both: V, velocity: V, dt: V | float, acceleration: float)
     )
 
 
+class Look(NamedTuple):
+    """What a frame shows of an object: its center, its cells, shape (m, 2), and by how far the center may be wrong.
+
+    ``ends`` are the outermost points to the left and to the right, seen from the lidar, which are ``hidden`` if more of
+    the object may be behind what is nearer.
+    """
+
+    center: complex
+    cells: Floats
+    jitter_m: float
+    ends: Complexes
+    hidden: Mask
+    lidar: complex
+
+    @property
+    def width_m(self) -> float:
+        """Distance between the ends."""
+        return float(abs(self.ends[0] - self.ends[1]))
+
+
 @dataclass(eq=False)
 class Track:
     """An object over time, as it was when last seen.
@@ -46,11 +70,12 @@ class Track:
     ``center`` and ``velocity``, complex numbers, are filtered; ``variance`` are those of position, both, and velocity.
     ``cells``, shape (m, 2), are its parts, ``jitter_m`` is by how far detections miss the place where they are
     expected. It was seen in ``hits`` of the frames since ``first_s``, missed in others, and not seen in those of the
-    ``gap`` since.
+    ``gap`` since. ``whole`` is its last look with both ends in view, at ``whole_s``, or the last one after ten seconds.
     """
 
     number: int
     center: complex
+    whole: Look
     cells: Floats
     first_s: float
     seen_s: float
@@ -60,6 +85,7 @@ class Track:
     hits: int = 1
     misses: int = 0
     gap: int = 0
+    whole_s: float = -math.inf
 
     @property
     def is_new(self) -> bool:
@@ -77,20 +103,46 @@ class Track:
         share = self.hits / (looks + min(self.gap, most))
         return share * (1 - math.exp(-(self.seen_s - self.first_s) / _KNOWN_AFTER_S))
 
-    def update(self, center: complex, cells: Floats, time_s: float, jitter_m: float) -> None:
-        """Add a detection (Kalman filter of constant velocity)."""
+    def update(self, look: Look, time_s: float) -> None:
+        """Add a look (Kalman filter of constant velocity).
+
+        Of an object that is nearly hidden, other parts may be in view next.
+        """
         elapsed_s = time_s - self.seen_s
         position, both, velocity = ahead(*self.variance, elapsed_s, _ACCELERATION)
+        expected = self.center + self.velocity * elapsed_s
+        if not look.hidden.any():
+            self.whole, self.whole_s = look, time_s
+        elif time_s - self.whole_s > _WHOLE_S:
+            self.whole = look
+        center, jitter_m = self._seen_at(look, expected)
         jitter_m = max(jitter_m, self.jitter_m)
         gain = position / (position + jitter_m**2), both / (position + jitter_m**2)
-        expected = self.center + self.velocity * elapsed_s
         off = center - expected
         self.center, self.velocity = expected + gain[0] * off, self.velocity + gain[1] * off
         unexplained = max((off.real**2 + off.imag**2) / 2 - position, 0.0)
         self.jitter_m = math.sqrt((1 - _LEARNED) * self.jitter_m**2 + _LEARNED * unexplained)
         self.variance = (1 - gain[0]) * position, (1 - gain[0]) * both, velocity - gain[1] * both
-        self.cells, self.seen_s = cells, time_s
+        is_sliver = look.width_m < _SLIVER * self.whole.width_m
+        moved = np.array((self.center - self.whole.center,)).view(np.float64)
+        self.cells = self.whole.cells + moved if is_sliver else look.cells
+        self.seen_s = time_s
         self.hits, self.misses, self.gap = self.hits + 1, self.misses + self.gap, 0
+
+    def _seen_at(self, look: Look, expected: complex) -> tuple[complex, float]:
+        """Return the place that a look shows, and by how far it may be wrong.
+
+        Where something nearer hides an end, the other one may tell it, which agrees better with the motion so far.
+        """
+        if look is self.whole:
+            return look.center, look.jitter_m
+        if look.hidden.all():
+            return look.center, look.jitter_m + (self.whole.width_m - look.width_m) / 2
+        k = int(look.hidden[0])
+        view = expected - look.lidar
+        aside = (look.ends[k] + self.whole.center - self.whole.ends[k] - expected) / view
+        places = look.center, expected + view * 1j * aside.imag
+        return min(places, key=lambda place: abs(place - expected)), look.jitter_m
 
 
 class Tracker:
@@ -105,16 +157,12 @@ class Tracker:
         """Return the track of each detection of a frame; None for doubtful ones that continue no track."""
         interval_s = 0.0 if self._time_s is None else time_s - self._time_s
         self._time_s = time_s
-        starts = group_starts(found.owner)
-        ends = starts + group_sizes(starts, len(found.owner))
-        cells = [found.cells[start:end] for start, end in zip(starts.tolist(), ends.tolist(), strict=True)]
-        centers = (found.centers @ _TO_COMPLEX).tolist()
-        jitters_m = (_JITTER_M + _JITTER_SHARE * np.hypot(*np.ptp(found.hulls, axis=1).T)).tolist()
+        looks = list(_looks(found))
         result: list[Track | None] = [None] * len(found)
         pairs = self._pairs(found, time_s, interval_s)
         for t, d in pairs:
             track = self._tracks[t]
-            track.update(centers[d], cells[d], time_s, jitters_m[d])
+            track.update(looks[d], time_s)
             result[d] = track
         seen = {t for t, _ in pairs}
         for t, track in enumerate(self._tracks):
@@ -123,13 +171,15 @@ class Tracker:
         self._tracks = [one for one in self._tracks if time_s - one.seen_s <= (new_coast_s if one.is_new else _COAST_S)]
         for d in np.flatnonzero(found.kept).tolist():
             if result[d] is None:
-                result[d] = self._begin(centers[d], cells[d], time_s, jitters_m[d])
+                result[d] = self._begin(looks[d], time_s)
         return result
 
-    def _begin(self, center: complex, cells: Floats, time_s: float, jitter_m: float) -> Track:
+    def _begin(self, look: Look, time_s: float) -> Track:
         self._born += 1
-        variance = jitter_m**2, 0.0, _SPEED_MS**2
-        self._tracks.append(Track(self._born, center, cells, time_s, time_s, 0j, variance, jitter_m))
+        variance = look.jitter_m**2, 0.0, _SPEED_MS**2
+        self._tracks.append(
+            Track(self._born, look.center, look, look.cells, time_s, time_s, 0j, variance, look.jitter_m)
+        )
         return self._tracks[-1]
 
     def _pairs(self, found: Detections, time_s: float, interval_s: float) -> list[tuple[int, int]]:
@@ -168,9 +218,29 @@ class Tracker:
                 pairs.append((t, d))
         return pairs
 
+    def move(self, old: Pose, new: Pose) -> None:
+        """Continue in other coordinates, given the pose of the lidar in both; velocities are hardly known there."""
+        turn = cmath.rect(1, new.yaw - old.yaw)
+        for one in self._tracks:
+            one.center = complex(new.x, new.y) + turn * (one.center - complex(old.x, old.y))
+            one.cells = new.applied(old.undone(one.cells))
+            one.velocity, one.whole_s = turn * one.velocity, -math.inf
+            one.variance = one.variance[0], 0.0, _SPEED_MS**2
+
     def forget(self) -> None:
         """Forget all tracks; numbers go on."""
         self._tracks, self._time_s = [], None
+
+
+def _looks(found: Detections) -> Iterator[Look]:
+    """Yield what a frame shows of each object."""
+    starts = group_starts(found.owner)
+    ends = starts + group_sizes(starts, len(found.owner))
+    cells = (found.cells[start:end] for start, end in zip(starts.tolist(), ends.tolist(), strict=True))
+    centers = (found.centers @ _TO_COMPLEX).tolist()
+    jitters_m = (_JITTER_M + _JITTER_SHARE * np.hypot(*np.ptp(found.hulls, axis=1).T)).tolist()
+    each = zip(centers, cells, jitters_m, found.ends @ _TO_COMPLEX, found.hidden, strict=True)
+    return (Look(*one, complex(*found.lidar)) for one in each)
 
 
 def _counted(rows: Indices, columns: Indices, shape: tuple[int, int]) -> Indices:

@@ -142,6 +142,22 @@ def test_ids_survive_two_seconds_without_the_object():
     assert all(np.allclose(one.centers[0, :2], place(one.index), atol=0.3) for one in found)
 
 
+@pytest.mark.parametrize("speed_ms", [2, 4])
+@pytest.mark.parametrize("hidden_m", [8, 12.5])
+def test_ids_and_boxes_survive_what_hides_an_object_bit_by_bit(speed_ms, hidden_m):
+    """A wall hides a boat from its bow on, and shows it again from its bow on; at 8 m, never the whole."""
+    wall, shadow = line((0, 10), (0.4 * hidden_m, 10)), (0, hidden_m)
+    results, places = [], [np.array([-12 + 0.1 * k * speed_ms, 25.0]) for k in range(360 // speed_ms)]
+    for k, at in enumerate(places):
+        boat = hull(at, 0)
+        shade_m = 25 * boat[:, 0] / boat[:, 1]
+        boat = boat[(shade_m < shadow[0]) | (shade_m > shadow[1])]
+        results.append(frame_of(k, np.vstack((wall, boat))))
+    for one, at in zip(followed(results), places, strict=True):
+        assert one.tracks == [1, 2]
+        assert np.hypot(*(one.centers[:, :2] - at).T).min() < 1
+
+
 def test_what_is_seen_for_a_moment_is_a_candidate():
     found = followed([frame_of(k, hull(place(0), 0.3) if k < 3 else np.array([[60.0, 60, 0]])) for k in range(9)])
     assert [one.states for one in found if one.tracks] == [[CANDIDATE]] * 3
@@ -179,6 +195,21 @@ def test_velocity_is_over_ground_where_the_pose_is_known():
         assert one.over_ground
         assert np.allclose(pose.applied(one.centers[:, :2]), place(one.index), atol=0.15)
         assert np.allclose(pose.turned(one.velocities), SPEED_MS * np.array([[np.cos(0.3), np.sin(0.3)]]), atol=0.1)
+
+
+@pytest.mark.parametrize("live", [False, True])
+def test_ids_survive_where_the_pose_comes_and_goes(live):
+    poses = [Pose(100 + 0.5 * k, -0.2 * k, 1 + 0.01 * k) if k in range(20, 40) else None for k in range(60)]
+    clouds = []
+    for k in range(60):
+        pose = Pose(100 + 0.5 * k, -0.2 * k, 1 + 0.01 * k)
+        points = hull(place(k + 500), 0.3, pose[:2])
+        points[:, :2] = pose.undone(points[:, :2])
+        clouds.append(frame_of(k, points))
+    found = followed(clouds, poses, live=live)
+    assert [one.tracks for one in found] == [[1]] * 60
+    assert [one.over_ground for one in found] == [pose is not None for pose in poses]
+    assert all(abs(one.sizes[0, :2] - (LENGTH_M, WIDTH_M)).max() < 0.3 for one in found[30:])
 
 
 @pytest.mark.parametrize("frames", [400])
