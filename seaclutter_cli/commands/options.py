@@ -22,12 +22,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
 _GROUPS = {
-    "Input": "rate calibration sensor integrate intensity-field join recursive clutter-ids ignore-ids",
-    "Method": "keep-end clustering epochs batch learning-rate",
+    "Input": "columns rate calibration sensor integrate intensity-field join merge recursive clutter-ids ignore-ids",
+    "Method": "compare filter-rate max-left choose trade-off hold-out keep-end clustering epochs batch learning-rate",
     "Output": "to keep-raw with-removed keep-organized diagnostics compression split include exclude latched "
-    "csv objects suspects with-scene plot plot-thresholds ring figures figure-format pictures show pick geojson",
-    "Many recordings": "fail-fast resume manifest cluster cluster-insecure",
-    "Messages": "json quiet verbose log-file debug",
+    "summary csv objects suspects with-scene plot plot-thresholds ring figures figure-format pictures show pick "
+    "geojson",
+    "Many recordings": "jobs fail-fast resume manifest cluster cluster-insecure",
+    "Messages": "dry-run json quiet verbose log-file debug",
 }
 """Options in the help, after the usual ones, which belong to no group."""
 
