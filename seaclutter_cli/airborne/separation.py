@@ -8,7 +8,7 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.following import CellDetails, follow_waves, height_limits
+from seaclutter_cli.airborne.rough_water import CellDetails, follow_waves, height_limits
 from seaclutter_cli.airborne.shores import Shores, commonest_level, island_cells, shores_of, water_model
 from seaclutter_cli.airborne.squares import Column, SquareEchoes, Squares, square_table
 from seaclutter_cli.airborne.strips import looks_of, strip_levels, strips_of
