@@ -172,7 +172,10 @@ def load_config(
         return config
     sections: dict[str, dict[str, Any]] = {name: dict(raw.get(name) or {}) for name in _SECTIONS}
     if method and method != config.method:
-        _check_method(method, origin)
+        if isinstance(method, Method) and str(method) in FILTERS:
+            raise ConfigError(f"{origin}: a method is called {method} already; choose another name")
+        if method not in FILTERS:
+            raise ConfigError(f"{origin}: unknown method {method!r}; {_methods(method)}")
         kept = {field.name for field in fields(FILTERS[method].Params)}
         shared = {key: value for key, value in sections["filter"].items() if key in kept}
         sections["filter"] = {**shared, "method": method}
@@ -243,10 +246,7 @@ def _edges_of(section: Mapping[str, Any]) -> Floats | None:
 def _with_adapted_thresholds(
     sections: dict[str, dict[str, Any]], given: Any, overrides: Sequence[str]
 ) -> dict[str, dict[str, Any]]:
-    """Return settings with a threshold for each range ring, if the command line changes only the range rings.
-
-    ``sections`` include the settings of the command line, ``overrides``; ``given`` are parameters without them.
-    """
+    """Return settings with a threshold for each range ring, if the command line changes only the range rings."""
     keys = {override.partition("=")[0].strip() for override in overrides}
     if not keys & _RING_KEYS or "filter.initial_thresholds" in keys or not isinstance(given, RingIntensityParams):
         return sections
@@ -300,13 +300,6 @@ def _without_keys_of_others(method: str, section: Mapping[str, Any], problems: l
             )
             return {key: value for key, value in section.items() if key not in foreign}
     return dict(section)
-
-
-def _check_method(method: str, where: str) -> None:
-    if isinstance(method, Method) and str(method) in FILTERS:
-        raise ConfigError(f"{where}: a method is called {method} already; choose another name")
-    if method not in FILTERS:
-        raise ConfigError(f"{where}: unknown method {method!r}; {_methods(method)}")
 
 
 def _methods(method: object) -> str:

@@ -287,10 +287,7 @@ def _filtered(
     tallies: Mapping[str, Sequence[TopicTally]],
     records: Iterable[tuple[Record, Frame | None]],
 ) -> Iterator[HeldRecord]:
-    """Yield all records in order, frames with their results, which are added to the sums; report unusable frames.
-
-    Filters and their sums are given by topic. `FieldError` if a filter cannot use any frame.
-    """
+    """Yield all records in order, frames with results, which are added to the sums by topic; report unusable frames."""
     holder = RecordHolder(filters)
     for held in chain(chain.from_iterable(starmap(holder.add, records)), holder.finish()):
         frame = held.frame

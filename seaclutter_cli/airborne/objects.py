@@ -150,7 +150,11 @@ def unclassified_objects(
     as the output of an earlier run has none. They are above the mean elevation of the sea up to ten metres around the
     object, or in the tile where there is none; for the probability, above that of the nearest cell.
     """
-    xyz, objects = _off_land(parts, found), list[FoundObject]()
+    chosen = [np.empty((3, 0))]
+    for part, xyz in sliced(parts):
+        own = xyz[:, found.classification[part] == OTHER]
+        chosen.append(own[:, ~found.land.contain(own[:2])])
+    xyz, objects = np.concatenate(chosen, axis=1), list[FoundObject]()
     if not (tile.kind == IS_WATER).any():
         return objects
     for one, rows in enumerate(_clusters(xyz[:2], params), 1):
@@ -159,15 +163,6 @@ def unclassified_objects(
         likely = likely_object(own[2] - level, found.sea.object_height_m)
         objects.append(object_around(one, own[:2], own[2] - mean, None, likely))
     return objects
-
-
-def _off_land(parts: Iterable[Floats], found: Separation) -> Floats:
-    """Return the non-sea points that are not on land, shape (3, N)."""
-    chosen = [np.empty((3, 0))]
-    for part, xyz in sliced(parts):
-        own = xyz[:, found.classification[part] == OTHER]
-        chosen.append(own[:, ~found.land.contain(own[:2])])
-    return np.concatenate(chosen, axis=1)
 
 
 def _levels_around(tile: TileMap, xyz: Floats) -> tuple[float, Floats]:

@@ -167,7 +167,12 @@ def strip_levels(points: GriddedPoints, strip: Bytes) -> StripLevels | None:
     strips, squares = int(strip.max()) + 1, squares_in(points.grid)
     if strips < 2 or strips * squares > len(strip):
         return None
-    count = _points_of(points, strip, strips, squares)
+    flat = np.zeros(strips * squares, np.int64)
+    for part, _, cell in points:
+        located = np.flatnonzero(cell != NOWHERE)
+        own = strip[part][located].astype(np.int64) * squares + square_of(cell[located])
+        flat += np.bincount(own, minlength=len(flat))
+    count = flat.reshape(strips, squares)
     mean, seen = _levels_of(points, strip, count)
     tide = np.full(strips, np.nan)
     tide[np.argmax(count.sum(axis=1))] = 0
@@ -191,16 +196,6 @@ def _step(difference_m: Floats) -> float:
         return 0.0
     step = float(np.median(apart))
     return step if np.mean(np.sign(apart) == np.sign(step)) >= _AGREEING else 0.0
-
-
-def _points_of(points: GriddedPoints, strip: Bytes, strips: int, squares: int) -> Ints:
-    """Return the number of points of each strip in each square, shape (K, S)."""
-    count = np.zeros(strips * squares, np.int64)
-    for part, _, cell in points:
-        located = np.flatnonzero(cell != NOWHERE)
-        own = strip[part][located].astype(np.int64) * squares + square_of(cell[located])
-        count += np.bincount(own, minlength=len(count))
-    return count.reshape(strips, squares)
 
 
 def _levels_of(points: GriddedPoints, strip: Bytes, count: Ints) -> tuple[Floats, Mask]:

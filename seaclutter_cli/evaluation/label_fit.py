@@ -220,10 +220,7 @@ class LabelFit:
         return [Guess(change, fit, fits[best]) for change in ways[best]]
 
     def _shifts(self, made: Sequence[Change]) -> list[Change]:
-        """Return the shift that fits best, along z only unless another one is better.
-
-        From heights at which there are points above or below them, boxes follow the points near them.
-        """
+        """Return the shift that fits best, along z only unless another one is better."""
         frames = [one._replace(targets=_changed(one.targets, made)) for one in self.frames]
         found = []
         for start_m in (0.0, *self._heights(frames)):
@@ -267,10 +264,7 @@ class _Neighbourhood(NamedTuple):
 
 
 def _neighbourhoods(xyz: NDArray[np.float32], boxes: Boxes, margin_m: float) -> Iterator[_Neighbourhood]:
-    """Yield the points in and around each inflated box; those around are at most half its longest side away.
-
-    Boxes of impossible size are passed over as if they were empty.
-    """
+    """Yield the points in and around each inflated box; those around are at most half its longest side away."""
     longest = np.where(np.isfinite(boxes.sizes), boxes.sizes, 0).max(axis=1)
     reaches = np.maximum(_LEAST_REACH_M, longest / 2)
     for center, half, yaw, reach in zip(boxes.centers, boxes.sizes / 2 + margin_m, boxes.yaws, reaches, strict=True):

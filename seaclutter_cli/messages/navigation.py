@@ -187,10 +187,7 @@ class Navigation:
     def _in_fixed(
         self, frame_id: str, stamp_ns: int, preferred: str, late_ns: int = _STALE_NS
     ) -> tuple[Floats, Floats, str] | None:
-        """Return position and orientation in the fixed frame, and its name; the topmost frame unless one is preferred.
-
-        None if no transform on the way changes, since the topmost frame is then part of own ship.
-        """
+        """Return position and orientation in the fixed frame, and its name; None if no transform on the way changes."""
         at, turn, name, moves = np.zeros(3), np.array([0.0, 0, 0, 1]), frame_id, False
         for _ in range(_MAX_DEPTH):
             edge = self._edges.get(name) or (self._edges.get(_BODY) if not moves else None)

@@ -112,11 +112,7 @@ class _SensorCheck:
 
 
 class _ThresholdCheck:
-    """Check whether the thresholds of the range rings suit the intensities; a threshold of 30 is useless up to 1.
-
-    A method that estimates the water compares points with thresholds only where it sees some; other frames do not
-    count.
-    """
+    """Check whether the thresholds of the range rings suit the intensities; a threshold of 30 is useless up to 1."""
 
     def __init__(self, config: Config, sensor: str | None) -> None:
         self._edges, self._needs_water = np.asarray(config.ring_edges, np.float64), config.kind.has_water

@@ -67,10 +67,7 @@ def evaluate_scenes(options: EvaluateScenesOptions) -> "SceneEvaluation":
 def _classify(
     logs: Sequence[tuple[Recording, str]], options: PredictScenesOptions | EvaluateScenesOptions, observer: Observer
 ) -> "tuple[list[ClassifiedLog], Sequence[str]]":
-    """Classify the frames of recordings, and write the table of frames; an error is kept in its outcome.
-
-    Each recording comes with its true class, if it is known. The classes of the model are returned, too.
-    """
+    """Classify the frames of recordings, given their classes if known; return the classes of the model, too."""
     reading = options.reading
     inputs: Paths = {**inputs_of((one for one, _ in logs), reading), "--model": Path(options.model)}
     prepare_outputs({"--csv": options.csv_file}, inputs, force=options.force, observer=observer)

@@ -97,7 +97,13 @@ class SceneModel:
             self._session = runtime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
         except Exception as error:  # onnxruntime's errors have no class in common
             raise ModelError(f"{name}: not a usable ONNX file ({_first_line(error)})") from error
-        self._input = self._check_shape()
+        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
+        if len(inputs) != 1 or len(outputs) != 1:
+            raise self._error(f"expected one input and one output, got {len(inputs)} and {len(outputs)}")
+        kind, shape = inputs[0].type, list(inputs[0].shape)
+        if kind != "tensor(uint8)" or shape[1:] != _IMAGE_SHAPE or shape[0] not in (None, 1, "N"):
+            raise self._error(f"its input is {kind} of {shape}, expected images of {IMAGE_SIZE} by {IMAGE_SIZE} bytes")
+        self._input = str(inputs[0].name)
         self.classes, self.extent_m = self._check_metadata()
         self._check_run()
 
@@ -115,15 +121,6 @@ class SceneModel:
             raise self._error(f"it takes more than {_MOST_S:g} s for an image") from None
         finally:
             options.terminate = True
-
-    def _check_shape(self) -> str:
-        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
-        if len(inputs) != 1 or len(outputs) != 1:
-            raise self._error(f"expected one input and one output, got {len(inputs)} and {len(outputs)}")
-        kind, shape = inputs[0].type, list(inputs[0].shape)
-        if kind != "tensor(uint8)" or shape[1:] != _IMAGE_SHAPE or shape[0] not in (None, 1, "N"):
-            raise self._error(f"its input is {kind} of {shape}, expected images of {IMAGE_SIZE} by {IMAGE_SIZE} bytes")
-        return str(inputs[0].name)
 
     def _check_metadata(self) -> tuple[tuple[str, ...], float]:
         try:

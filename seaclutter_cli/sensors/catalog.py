@@ -138,24 +138,15 @@ def recognise(
     """
     if facts:
         return RecognisedSensor((facts.model,), frozenset({facts.model}), facts.details.get("intensity"), True)
-    models = _guess_sensors(fields, rings, points)
-    possible = frozenset(model for model in SENSORS if _can_be(model, fields, rings))
-    return RecognisedSensor(tuple(models), possible if models else frozenset())
-
-
-def _guess_sensors(fields: Collection[str], rings: int | None, points: int) -> list[str]:
-    """Return the names of the sensors that match a cloud, most likely first; several sensors share a layout.
-
-    Beams that look at the sky or at calm water return nothing, so a cloud may lack rings: the sensors with the fewest
-    beams that suffice match.
-    """
     fitting = [
         (sensor.beams, abs(sensor.beams * sensor.columns - points), name)
         for name, sensor in SENSORS.items()
         if _can_be(name, fields, rings)
         and (not sensor.repeats or points <= _MOST_RETURNS * sensor.beams * sensor.columns)
     ]
-    return [name for beams, _, name in sorted(fitting) if beams == min(fitting)[0]]
+    models = [name for beams, _, name in sorted(fitting) if beams == min(fitting)[0]]
+    possible = frozenset(model for model in SENSORS if _can_be(model, fields, rings))
+    return RecognisedSensor(tuple(models), possible if models else frozenset())
 
 
 def _can_be(model: str, fields: Collection[str], rings: int | None) -> bool:

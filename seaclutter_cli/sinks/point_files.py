@@ -183,10 +183,7 @@ def _grid(xyz: Floats) -> tuple[Floats, Floats]:
 
 
 def _las_columns(laspy: Any, header: Any, points: NDArray[Any]) -> tuple[dict[str, NDArray[Any]], bool]:
-    """Return the values of all dimensions but the coordinates, and add those that LAS does not have to the header.
-
-    Also return whether a name was shortened.
-    """
+    """Return all dimensions but coordinates, after adding what LAS lacks to the header; whether a name was cut."""
     standard = {dimension.name: dimension for dimension in header.point_format.standard_dimensions}
     columns: dict[str, NDArray[Any]] = {}
     extra: dict[str, NDArray[Any]] = {}

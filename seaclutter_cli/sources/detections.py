@@ -46,7 +46,11 @@ class DetectionSource(TimedSource):
         super().__init__()
         self.name = path.name.removesuffix(_SUFFIX) or path.stem
         self._found, bearings = [], 0
-        for number, item in enumerate(_items(path)):
+        with about(path, InputError, DocumentError):
+            items = load_json(read_document(path))
+        if not isinstance(items, list):
+            raise InputError(f"{path}: must be a list of detections, as in the Autoferry sensor fusion data set")
+        for number, item in enumerate(items):
             try:
                 found = _parsed(item)
             except (KeyError, TypeError, ValueError, OverflowError):
@@ -79,14 +83,6 @@ class DetectionSource(TimedSource):
 
     def _message(self, topic: str, one: _Detections, index: int, data: bytes) -> Message:
         return Message(self._channels[topic], one.stamp_ns, one.stamp_ns, index, data)
-
-
-def _items(path: Path) -> list[Any]:
-    with about(path, InputError, DocumentError):
-        items = load_json(read_document(path))
-    if not isinstance(items, list):
-        raise InputError(f"{path}: must be a list of detections, as in the Autoferry sensor fusion data set")
-    return items
 
 
 def _parsed(item: Any) -> _Detections | None:

@@ -243,10 +243,7 @@ def _require_few(folder: Url, number: int) -> None:
 
 
 def _answer(url: Url, request: Callable[[], R]) -> R:
-    """Return the answer to a request without content, made in a thread, so that Ctrl-C ends the wait; or its error.
-
-    Raise `InputError` if it takes too long: pages of a listing that do not end are one request for obstore.
-    """
+    """Return the answer to a request, from a thread, so that Ctrl-C ends the wait; `InputError` if it takes long."""
     try:
         return waited(request, _ANSWER_S)
     except TimeoutError:

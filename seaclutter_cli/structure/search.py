@@ -169,7 +169,9 @@ class StructureSearch:
             self._counts = np.zeros((directions, self._bins), self._dtype)
             self._far = np.zeros((directions, self._far_bins), self._dtype)
         self.frames += 1
-        self._add_returns(self._grid, frame)
+        range_m, direction = frame.range_m[frame.valid], self._grid.directions(frame)
+        _count(self._counts, direction, range_m / _STEP_M)
+        _count(self._far, direction, (range_m - self._reach_m) / _FAR_STEP_M)
         if not finds_water:
             return
         xyz = frame.coordinates if frame.valid.all() else frame.coordinates[:, frame.valid]
@@ -187,11 +189,6 @@ class StructureSearch:
         if surface is not None:
             plane = surface.plane
             self._planes += (1, plane.slope_x, plane.slope_y, plane.level_m)
-
-    def _add_returns(self, grid: BeamGrid, frame: Frame) -> None:
-        range_m, direction = frame.range_m[frame.valid], grid.directions(frame)
-        _count(self._counts, direction, range_m / _STEP_M)
-        _count(self._far, direction, (range_m - self._reach_m) / _FAR_STEP_M)
 
     @property
     def level_m(self) -> float | None:

@@ -170,10 +170,7 @@ def _client_class() -> Any:
 
 
 def _certificates(*, required: bool) -> "Security | None":
-    """Return the certificates of the environment, or else of Dask's configuration; None if there are none.
-
-    Raise `UsageError` if they are required and missing, or cannot be read.
-    """
+    """Return the certificates of the environment, or else of Dask's configuration; `UsageError` if required."""
     from distributed.security import Security
 
     given = {f"tls_{name}": os.environ[variable] for name, variable in FILES.items() if os.environ.get(variable)}

@@ -74,10 +74,7 @@ class Cluster:
 
 @dataclass
 class _Job:
-    """A task on a worker, which ``home`` starts again after its death.
-
-    Either ``number`` is that of a task of the run, or ``receive`` takes the result.
-    """
+    """A task on a worker, ``home``: that of a ``number`` in the run, or one whose result ``receive`` takes."""
 
     worker: str
     home: str
@@ -237,10 +234,7 @@ class _Pool:
             self._cluster.warn(f"{self._name}: worker {address} is left out: it {reason}")
 
     def _update(self) -> set[str]:
-        """Ask the scheduler for its workers and return the addresses of those whose tasks go on.
-
-        Raise `ClusterError` if there have been none for too long, or those that were there first cannot be used.
-        """
+        """Ask the scheduler for its workers; return addresses of those whose tasks go on, or raise `ClusterError`."""
         if self._client.status != "running":
             raise ConnectionError
         found = self._client.scheduler_info(n_workers=-1)["workers"]

@@ -133,14 +133,11 @@ def write_data(model: RobosenseModel, columns: Columns) -> Bytes:
         packets["time"]["high"], packets["time"]["low"] = seconds >> 32, seconds & 0xFFFFFFFF
         packets["time"]["microseconds"] = rest // 1000
     else:
-        _write_classic_time(packets, columns.times_ns)
+        times_ns = columns.times_ns
+        time, moments = packets["time"], (times_ns // 10**9).astype("datetime64[s]").tolist()
+        time["date"] = [(one.year - 2000, one.month, one.day, one.hour, one.minute, one.second) for one in moments]
+        time["milliseconds"], time["microseconds"] = times_ns // 10**6 % 1000, times_ns // 1000 % 1000
     return packets.view(np.uint8).reshape(-1, model.packet_bytes)
-
-
-def _write_classic_time(packets: NDArray[Any], times_ns: Ints) -> None:
-    time, moments = packets["time"], (times_ns // 10**9).astype("datetime64[s]").tolist()
-    time["date"] = [(one.year - 2000, one.month, one.day, one.hour, one.minute, one.second) for one in moments]
-    time["milliseconds"], time["microseconds"] = times_ns // 10**6 % 1000, times_ns // 1000 % 1000
 
 
 def write_info(model: RobosenseModel, angles: Angles) -> Bytes:

@@ -158,10 +158,7 @@ _Write = Callable[[SimulatedFrame], None]
 
 @contextmanager
 def _mcap_log(scene: Scene, stream: BinaryIO) -> Iterator[_Write]:
-    """Yield a writer of PointCloud2 messages to an MCAP file, with the scene as metadata.
-
-    Frames are stamped with the time of their end, as drivers do.
-    """
+    """Yield a writer of PointCloud2 messages, stamped with the end of a frame, to an MCAP file with the scene."""
     period_ns = round(10**9 / scene.lidar.rate_hz)
     entries = {"version": __version__, "scene": json.dumps(scene.as_dict())}
     with cloud_log(stream, Metadata("scene", entries)) as write:

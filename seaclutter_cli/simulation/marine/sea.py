@@ -232,10 +232,7 @@ class Wake:
         return np.asarray(self.width_m / 2 + behind * np.tan(KELVIN))
 
     def _behind(self, leg: Leg, x: Floats, y: Floats, time_s: float) -> tuple[Ints, Floats, Floats, Floats]:
-        """Return the positions that the wake of a leg reaches, their offsets from the bow, and their age.
-
-        The offsets are the distances astern and to the side.
-        """
+        """Return positions in the wake of a leg, their distances astern and to the side of the bow, and their age."""
         nothing = np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0)
         if leg.speed_ms <= 0 or time_s <= leg.start_s - _LONGEST_S:
             return nothing

@@ -81,10 +81,7 @@ def from_names(files: Sequence[Path]) -> list[int] | None:
 
 
 def _in_two_parts(files: Sequence[Path]) -> list[int] | None:
-    """Return the stamps of files named by seconds and nanoseconds without leading zeros, as the exporter of ROS did.
-
-    Decimals of seconds have as many digits in all names, or leading zeros in some.
-    """
+    """Return the stamps of files named by seconds and nanoseconds without leading zeros, as the exporter of ROS did."""
     found = [_TWO_PARTS.search(file.stem) for file in files]
     parts = [(match[1], match[2], match[3]) for match in found if match]
     nanoseconds = [part for _, _, part in parts]

@@ -160,10 +160,7 @@ def _split(flows: Sequence[Flow]) -> list[CapturedSensor]:
 
 
 def _without_copies(sensors: Sequence[CapturedSensor]) -> list[CapturedSensor]:
-    """Return sensors without those that send the packets of another, as with translated addresses on a mirrored port.
-
-    Their packets become packets of the other, received again.
-    """
+    """Return sensors without those that send the packets of another, as on a mirrored port; these count as repeated."""
     kept: list[tuple[CapturedSensor, set[bytes]]] = []
     for sensor in sensors:
         payloads = {payload for _, payload in sensor.samples.data}

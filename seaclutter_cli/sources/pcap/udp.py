@@ -61,10 +61,7 @@ class _Fragments:
         self.lost = 0
 
     def add(self, key: bytes, offset: int, more: bool, piece: bytes) -> bytes | None:
-        """Return the datagram that a fragment completes; None if it is still incomplete.
-
-        The key is sender, receiver and identification, the offset that of the fragment in the datagram in bytes.
-        """
+        """Return the datagram that a fragment at an offset in bytes completes; None if it is incomplete."""
         if self._done.get(key, {}).get(offset) == piece:
             return None
         self._done.pop(key, None)

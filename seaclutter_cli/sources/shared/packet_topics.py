@@ -37,10 +37,7 @@ _IMU_BYTES = 48
 
 @dataclass
 class _Candidate:
-    """A packet topic, the families that may have sent it, and, when it can be decoded, how.
-
-    Its ``companion`` is a topic that contains the calibration of the same sensor.
-    """
+    """A packet topic, families that may have sent it, the topic with its calibration, and, once known, its decoder."""
 
     channel: Channel
     families: Sequence[PacketFamily]
