@@ -19,15 +19,16 @@ _OUTLIERS = 3.5
 _FEW, _HALF = 0.1, 0.5
 _UNEVEN = 1.5
 _CREST = 1.5
-_SURE, _SURE_M = 6.0, 0.3
-_SEEN, _SEEN_M = 4.0, 0.25
-_GROWN, _GROWN_M = 3.0, 0.2
+_ALONE, _ALONE_M = 6.0, 0.3
+_IF_BRIGHT, _IF_BRIGHT_M = 4.0, 0.25
+_BESIDE, _BESIDE_M = 3.0, 0.2
+"""Heights in deviations of the water, and in metres: of a cell alone, of its highest echo, and beside an object."""
 _BRIGHT, _BRIGHTEST, _BRIGHT_ECHO = 2.0, 4.0, 1.5
 _OF_BRIGHT, _OF_BRIGHTEST = 1.0, 0.0
-_RISE, _EVIDENCE = 0.7, 4.0
+_MEAN_RISE, _STANDARD_ERRORS = 0.7, 4.0
 _INDEPENDENT_M = 2 * FINEST_M
 _MANY_ECHOES, _LEAST_CELLS = 30, 50
-_ON_CREST, _FOAM_SURE = 0.5, 0.1
+_ON_CREST, _FOAM_ALONE = 0.5, 0.1
 
 
 @dataclass(frozen=True)
@@ -195,14 +196,14 @@ def height_limits(
     low, high = low_m / sea.deviation, high_m / sea.deviation
     bright = sea.contrast > _BRIGHT
     both = np.hypot(np.maximum(high, 0), np.clip(sea.contrast, 0, _BRIGHTEST))
-    sure = (low > _SURE) & (low_m > _SURE_M)
-    sure |= bright & (both > _SURE) & (high > _SEEN) & (high_m > _SEEN_M)
-    part, group = joined_cells((low > _GROWN) | (bright & (high > 0)) | land, grid.blocks)
+    sure = (low > _ALONE) & (low_m > _ALONE_M)
+    sure |= bright & (both > _ALONE) & (high > _IF_BRIGHT) & (high_m > _IF_BRIGHT_M)
+    part, group = joined_cells((low > _BESIDE) | (bright & (high > 0)) | land, grid.blocks)
     member, found = part > 0, group[part]
     certain = sure | land
     inside = member & _are_objects(found, member, certain, sea, low, grid.cell_m)[found]
-    alone = np.maximum(_SURE * sea.deviation, _SURE_M)
-    limit = np.where(touching(grid, inside), np.maximum(_GROWN * sea.deviation, _GROWN_M), alone)
+    alone = np.maximum(_ALONE * sea.deviation, _ALONE_M)
+    limit = np.where(touching(grid, inside), np.maximum(_BESIDE * sea.deviation, _BESIDE_M), alone)
     common, range_m = (float(np.median(values[used])) if used.any() else 0.0 for values in (alone, ranges))
     covered = inside & ~land & bright
     limit[covered] = np.minimum(limit[covered], common)
@@ -233,6 +234,6 @@ def _are_objects(
     cells = np.maximum(cells, 1)
     error = 1 / np.sqrt(cells * (cell_m / _INDEPENDENT_M) ** 2)
     bright = shine > _BRIGHT * cells
-    foam = bright & (crests > _ON_CREST * cells) & (certain < _FOAM_SURE * cells)
-    risen = height > np.maximum(_RISE, _EVIDENCE * error) * cells
+    foam = bright & (crests > _ON_CREST * cells) & (certain < _FOAM_ALONE * cells)
+    risen = height > np.maximum(_MEAN_RISE, _STANDARD_ERRORS * error) * cells
     return np.asarray(((certain > 0) | (bright & risen)) & ~foam)

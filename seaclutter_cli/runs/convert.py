@@ -106,7 +106,7 @@ class ConvertOutcome(LogOutcome):
     ``messages`` is the number of messages that were written; 0 if the output is that of an earlier run.
     """
 
-    data = "recording status output=written format=form error damage seconds=rounded_s messages topics=sums lost"
+    data = "recording status output=written_to format=form error damage seconds=rounded_s messages topics=sums lost"
 
     form: str
     messages: int = 0

@@ -333,7 +333,7 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         kind = {"with_scene": options.with_scene, **({} if self.form == "mcap" else {"to": self.form})}
         return identity_of(paths, self.config, options.reading, options.written, self.labels, **kind)
 
-    def written(self, options: McapOptions, labels: Labels | None) -> McapOptions:
+    def sink_options(self, options: McapOptions, labels: Labels | None) -> McapOptions:
         """Return the options of the output with those that depend on the configuration."""
         config = self.config
         options = replace(options, config=config.to_yaml(), water=config.kind.has_water, method=config.method)

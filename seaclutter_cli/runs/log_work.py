@@ -121,12 +121,12 @@ class LogWork(RecordingWork[L], RecordedWork[L], Generic[L, O]):
                 if not any(matches(pattern, channel.topic) for channel in source.channels):
                     observer.warn(f"{source.name}: {option} {pattern} matches no topic")
         selection = replace(self.reading.selection, latched=options.latched)
-        written = replace(options, record=partial(self.record, source, outcome), is_part=not selection.is_whole)
+        common = replace(options, record=partial(self.record, source, outcome), is_part=not selection.is_whole)
         made = OUTPUT_FORMATS[self.form]
         with (
             same_output_accepted(self),
             OutputGroup(self.group, replace=self.replaces) as files,
-            made.make_sink(self.target, self.written(written, labels), files, as_is=self.as_is) as sink,
+            made.make_sink(self.target, self.sink_options(common, labels), files, as_is=self.as_is) as sink,
         ):
             frames = self.stream(source, selection, outcome, sink, observer)
             require_frames(source, frames, selection)
@@ -134,7 +134,7 @@ class LogWork(RecordingWork[L], RecordedWork[L], Generic[L, O]):
         if outcome.lost:
             observer.warn(f"{self.output}: {made.title} cannot keep: {listed(outcome.lost, _MAX_LOSSES)}")
 
-    def written(self, options: McapOptions, labels: Labels | None) -> McapOptions:  # noqa: ARG002 - for subclasses
+    def sink_options(self, options: McapOptions, labels: Labels | None) -> McapOptions:  # noqa: ARG002 - for subclasses
         """Return the options of the output, given those that all outputs have."""
         return options
 
@@ -259,8 +259,8 @@ class LogOutcome(Outcome):
     ``bytes_in`` and ``bytes_out`` are the sizes of recording and log.
     """
 
-    data = "recording status output=written error damage seconds=rounded_s"
-    listed = "output=written frames points_in points_out bytes_in bytes_out"
+    data = "recording status output=written_to error damage seconds=rounded_s"
+    listed = "output=written_to frames points_in points_out bytes_in bytes_out"
 
     output: Path
     topics: dict[str, TopicTally] = field(default_factory=dict)
@@ -269,7 +269,7 @@ class LogOutcome(Outcome):
     bytes_out: int = 0
 
     @property
-    def written(self) -> Path | None:
+    def written_to(self) -> Path | None:
         """The output; None after an error."""
         return None if self.error else self.output
 

@@ -71,8 +71,8 @@ def classify_tiles(options: ClassifyTilesOptions) -> "PredictResult":
     model, sent = _load(options, observer), replace(options, tiles=(), observer=SILENT)
     works = [_PredictWork(*each, sent, model) for each in zip(heads, targets, strict=True)]
     # The tiles are the main output: a single one appears after the tables.
-    with OutputGroup(replace=options.force) as files, OutputGroup(files) as written:
-        found = run_tiles(works, options.batch, observer, written)
+    with OutputGroup(replace=options.force) as files, OutputGroup(files) as tiles:
+        found = run_tiles(works, options.batch, observer, tiles)
         write_files(_files(found, options, observer), files, outcomes=found, observer=observer)
     return PredictResult(found, model.settings.objects.min_probability)
 

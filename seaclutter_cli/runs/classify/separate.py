@@ -88,9 +88,9 @@ def separate_tiles(options: SeparateTilesOptions) -> "SeparateResult":
     if unfit := [work.target for work in works if batch.resume and work.target.suffix.lower() not in LAS]:
         raise UsageError(f"{unfit[0]}: --resume needs LAS or LAZ outputs, which say which run wrote them")
     # The tiles are the main output: a single one appears after its maps.
-    with OutputGroup(replace=works[0].replaces) as files, OutputGroup(files) as written:
+    with OutputGroup(replace=works[0].replaces) as files, OutputGroup(files) as tiles:
         earlier = earlier_outcomes(works, observer) if batch.resume else None
-        outcomes = run_tiles(works, batch, observer, written, earlier)
+        outcomes = run_tiles(works, batch, observer, tiles, earlier)
         write_files(map_files(options, [one.map for one in outcomes if one.map], observer), files)
     write_manifest(batch.manifest, [work.recording for work in works], outcomes, replace=works[0].replaces)
     return SeparateResult(outcomes)
@@ -179,8 +179,8 @@ class _SeparateWork(TileWork["SeparatedTile"], RecordedWork["SeparatedTile"]):
 class SeparatedTile(TileOutcome):
     """Outcome of the separation of one tile: numbers of sea and non-sea points, the sea, and its part of the maps."""
 
-    data = "tile output=written points sea other sea_state seconds status error"
-    listed = "output=written points_in=points points_out=other"
+    data = "tile output=written_to points sea other sea_state seconds status error"
+    listed = "output=written_to points_in=points points_out=other"
 
     output: Path
     sea: int = 0
@@ -200,7 +200,7 @@ class SeparatedTile(TileOutcome):
         return f"{count(self.points, 'point')}, {share(self.other, self.points)} non-sea, {self.seconds:.1f} s"
 
     @property
-    def written(self) -> str | None:
+    def written_to(self) -> str | None:
         """Path of the output; None after an error."""
         return None if self.error else str(self.output)
 
