@@ -118,9 +118,9 @@ def fit(
 
     The frames are added to what is known of its shape. Of a side that was never seen, the length is that of a usual
     vessel, and what is shorter than two metres is taken to be nearly round. Hulls taper, so in a view within 25° of
-    the axis, the far end is hidden: then the length is at least that of a broad vessel. A face that is nearer than the
-    rest of the rectangle is taken for the side of it. What is missing at an end that is hidden, shape (T, 2) for left
-    and right, is there.
+    the axis, the far end is hidden; if no view shows it, the length is at least that of a broad vessel. A face that is
+    nearer than the rest of the rectangle is taken for the side of it. What is missing at an end that is hidden, shape
+    (T, 2) for left and right, is there.
     """
     yaws = orientation(misfits, times_s)
     if shape.yaw is not None:
@@ -146,8 +146,9 @@ def fit(
     shape.depth_m = float(whole[1])
     seen_from = _in_axes(sensor, yaws)
     shape.oblique |= bool(_is_oblique(seen_from, low, high, whole).any())
-    view = np.abs(seen_from - (low + high) / 2)
-    shape.broad |= bool((view[:, 1] > _BROAD * np.hypot(*view.T)).any())
+    view = (low + high) / 2 - seen_from
+    far_is_hidden = np.where(view[:, 0] * view[:, 1] < 0, hidden[:, 0], hidden[:, 1])
+    shape.broad |= bool(((np.abs(view[:, 1]) > _BROAD * np.hypot(*view.T)) & ~far_is_hidden).any())
     if whole[0] <= _ROUND_M:  # such as a buoy, of which the far half is hidden
         whole = np.maximum(whole, _ROUND * whole.max())
     elif not shape.oblique:

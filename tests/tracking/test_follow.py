@@ -87,6 +87,15 @@ def test_the_far_end_of_a_boat_is_hidden_in_a_view_along_it():
         assert found[10].centers[0, 1] == pytest.approx(40 + length_m / 2, abs=0.1)
 
 
+@pytest.mark.parametrize(("front", "length_m"), [((11, 9), 8), ((19, 9), 4)])
+def test_the_far_end_of_a_boat_may_be_behind_something_nearer(front, length_m):
+    boat = np.vstack([line((10, 12), (14, 12)), line((10, 12), (10, 14.8))])
+    found = followed([frame_of(k, np.vstack((boat, line(front, (25, 9))))) for k in range(20)])
+    at = found[10].centers[:, 1].argmax()
+    assert found[10].sizes[at, 0] == pytest.approx(length_m, abs=0.2)
+    assert found[10].centers[at, 0] == pytest.approx(10 + length_m / 2, abs=0.1)
+
+
 def test_a_boat_seen_in_pieces_beside_others_is_one():
     pieces = [line((20, y), (20, y + 1.5)) for y in (0, 2.3, 4.6, 6.9)]
     beside = [line((x, 0), (x, 9)) for x in (21.4, 22.8, 24.2)]
