@@ -1,10 +1,15 @@
-"""Text output: printable names, tables, counts and percentages."""
+"""Text output: printable names, tables, counts and percentages; results as JSON."""
 
+import json
 import os
 import re
 import textwrap
 from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
+from typing import Any
+
+SCHEMA_VERSION = 1
+"""Version of results as JSON; it changes when a key is removed or gets another meaning."""
 
 UNKNOWN = "–"
 """Stands for a value that is not known, or a rate without anything to count."""
@@ -19,6 +24,15 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def json_text(data: Any) -> str:
+    """Return results as JSON, which begins with the version of their schema, in each element of a list."""
+    return json.dumps([_versioned(item) for item in data] if isinstance(data, list) else _versioned(data), indent=2)
+
+
+def _versioned(data: Any) -> Any:
+    return {"schema_version": SCHEMA_VERSION, **data} if isinstance(data, dict) else data
 
 
 def harmless(value: object) -> object:

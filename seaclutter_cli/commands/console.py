@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import sys
 import time
@@ -16,7 +15,7 @@ import click
 from seaclutter_cli.commands.printer import show, show_error, show_exactly, show_line
 from seaclutter_cli.errors import OWN_WARNINGS, OutputError, SeaclutterError, opening
 from seaclutter_cli.options import OptionalPath, Options, Place, option
-from seaclutter_cli.text import printable, shortened
+from seaclutter_cli.text import json_text, printable, shortened
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -33,9 +32,6 @@ ARGUMENTS = "seaclutter.arguments"
 """Key in a context's ``meta`` for the arguments of the program."""
 LOG = "seaclutter.log"
 """Key in a context's ``meta`` for the console with a log file."""
-
-SCHEMA_VERSION = 1
-"""Version of the JSON output; it changes when a key is removed or gets another meaning."""
 
 _LINE_SECONDS = 10.0
 _SHOWN_DAMAGE = 10
@@ -144,17 +140,10 @@ class Console(Options):
         if self.as_json or not (self.quiet and result.is_summary):
             text = result.as_detailed_text() if self.verbose else result.as_text()
             if self.as_json:
-                show_exactly(json.dumps(_versioned(result.as_dict()), indent=2))
+                show_exactly(json_text(result.as_dict()))
             elif text:
                 show(text)
         raise click.exceptions.Exit(_FAILED if result.failed else _DAMAGED if result.damaged else 0)
-
-
-def _versioned(data: Any) -> Any:
-    """Return JSON data with the version of their schema, in each element of a list."""
-    if isinstance(data, list):
-        return [_versioned(item) for item in data]
-    return {"schema_version": SCHEMA_VERSION, **data} if isinstance(data, dict) else data
 
 
 class _PlainProgress:

@@ -1,6 +1,5 @@
 """Evaluation of several methods against labels, in one pass over the recordings."""
 
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -36,7 +35,7 @@ from seaclutter_cli.selection import (
     removed_topic,
     studied,
 )
-from seaclutter_cli.text import count, printable, table
+from seaclutter_cli.text import count, json_text, printable, table
 from seaclutter_cli.truth import Truth
 
 
@@ -76,7 +75,7 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     rows = [one.rows for one in outcomes if one.rows and not one.error]
     files: Contents = {
         options.frames_file: lambda it: it.stream.writelines(tables.frame_table(rows)),
-        options.summary_file: json.dumps(shown(comparison.as_dict()), indent=2).encode() + b"\n",
+        options.summary_file: json_text(shown(comparison.as_dict())).encode() + b"\n",
     }
     write_files(files, replace=options.force, outcomes=outcomes, observer=observer)
     write_manifest(options.batch.manifest, [recording for recording, _ in pairs], outcomes, replace=options.force)

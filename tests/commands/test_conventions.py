@@ -9,7 +9,7 @@ import pytest
 
 from seaclutter_cli import __version__
 from seaclutter_cli.commands import COMMANDS, cli
-from seaclutter_cli.commands.console import SCHEMA_VERSION
+from seaclutter_cli.text import SCHEMA_VERSION
 from tests.paths import ROOT
 from tests.running import execute as run
 

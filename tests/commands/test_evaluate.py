@@ -170,6 +170,7 @@ def test_comparisons(log, labels, tmp_path, comparison, names):
     )
     expected = [*filter(is_installed, names.split()), "none"]
     found = json.loads(summary.read_text())
+    assert next(iter(found.items())) == ("schema_version", 1)
     assert list(found["configs"]) == expected
     assert list(found["methods"]) == [*expected, "ideal"]
     assert [row["method"] for row in rows(out)] == [*expected, "ideal"] * FRAMES
