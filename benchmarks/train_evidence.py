@@ -71,7 +71,7 @@ class Recorder(confirmed.Confirmed):
         ignored = points is not None and (points == IGNORED) | truth.ignored.covers(frame.coordinates, MARGIN_M)
 
         def noted(echoes: Any, among: Any, heights: Any, beams: Any, params: Any, *, near: bool) -> Any:
-            clusters = Clusters.among(echoes, among, beams, params, heights.apart)
+            clusters = Clusters.among(echoes, among, beams, params, heights)
             if points is not None and len(clusters):
                 target, unclear = (
                     clusters.mean(one[echoes.index].astype(float))

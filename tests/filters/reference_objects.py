@@ -67,6 +67,7 @@ class Echo:
     upright: bool = False
     mirrored: bool = False
     solid: bool = True
+    awash: bool = False
 
     @property
     def xyz(self) -> tuple[float, float, float]:
@@ -122,7 +123,9 @@ class Background:
         for echo in echoes:
             echo.elsewhere = shares[cell_of(echo)]
             echo.alone = max(echo.unseen, 1 - echo.elsewhere / heights._COMMON)
-            echo.grows |= echo.alone > heights.ALONE and echo.solid and not echo.mirrored
+            echo.grows |= echo.alone > heights.ALONE and not echo.mirrored
+            echo.grows &= echo.solid
+            echo.awash = echo.bright and not (echo.high or echo.upright) and echo.alone <= heights.ALONE
 
     def share(self, ring: int, sector: int) -> float:
         """Return how often the other sectors of a ring had echoes of water."""
@@ -218,12 +221,7 @@ def cells_in_volume(echoes: Sequence[Echo]) -> set[tuple[int, int]]:
         if cell is not None:
             linked[cell] = linked.get(cell, 0) + echo.linked
             loose[cell] = loose.get(cell, 0) + echo.loose
-    return {cell for cell, count in loose.items() if in_volume(linked[cell], count)}
-
-
-def in_volume(linked: int, loose: int) -> bool:
-    """Return whether few of so many neighbours lie on one surface."""
-    return loose > heights._VOLUME * linked + 1
+    return {cell for cell, count in loose.items() if count > heights._VOLUME * linked[cell] + 1}
 
 
 def candidates_of(echoes: Sequence[Echo]) -> list[Echo]:
@@ -271,12 +269,17 @@ def clusters_of(echoes: Sequence[Echo], lidar: "Beams", params: Any) -> list[lis
     """Return groups of points connected by distances below the tolerance, in the order of their first points.
 
     Heights are scaled down where neighbouring beams are more than half of the tolerance apart. What is beside a face
-    and what is not are clusters of their own.
+    and what is not are clusters of their own; what is awash joins what is not only directly.
     """
     reach, places = params.cluster_tolerance_m / objects._BEAMS_IN_REACH, []
     apart_per_m = math.tan(math.radians(lidar.spacing_deg))
     for x, y, z, range_m, beside in ((*echo.xyz, echo.range_m, echo.beside) for echo in echoes):
         places.append((x, y, z * (reach / max(apart_per_m * range_m, reach)) + (0 if beside else objects._APART_M)))
+    firm = places_of(place for place, echo in zip(places, echoes, strict=True) if not echo.awash)
+    for k, echo in enumerate(echoes):
+        if echo.awash and len(firm) and nearest(places[k], firm) >= params.cluster_tolerance_m:
+            x, y, z = places[k]
+            places[k] = x, y, z - 2 * objects._APART_M
     places, free, found = places_of(places), np.ones(len(echoes), bool), []
     for first in range(len(echoes)):
         if not free[first]:
@@ -349,7 +352,7 @@ def evidence_of(groups: Sequence[Sequence[Echo]], lidar: Beams, params: Any) -> 
             features |= light_of(own)
         assert {*features, *evidence.OF_TRACKS} == set(stored["curves"])
         odds = stored["offset"] + math.fsum(on_curve(stored["curves"][name], value) for name, value in features.items())
-        spread = in_volume(sum(echo.linked for echo in own), sum(echo.loose for echo in own))
+        spread = sum(echo.loose for echo in own) > objects._VOLUME * sum(echo.linked for echo in own) + 1
         found.append((-100.0 if spread else odds, features))
     return found
 

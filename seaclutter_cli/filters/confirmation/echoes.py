@@ -1,7 +1,6 @@
 """The points of a frame that may belong to water or objects: which stand out of the water, are bright or upright."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,6 +91,8 @@ class Heights:
         Number of echoes beside each other in one beam, at nearly one range.
     apart : ndarray or None, bool
         Whether a point is in no face and beside none, as wash behind a hull is; None without water.
+    awash : ndarray, bool
+        Whether a point is bright only, and the water has echoes around it.
     water : WaterSurface or None
         The water; None if it is not seen.
     """
@@ -113,6 +114,7 @@ class Heights:
     seen: Floats
     run: NDArray[np.int32]
     apart: Mask | None
+    awash: Mask
     water: WaterSurface | None
 
 
@@ -156,8 +158,9 @@ class Sea:
         seen = self._background.share(echoes.xyz, beside_water & ~upright, time_s)
         alone = np.maximum(unseen, 1 - seen / _COMMON)
         mirrored = np.zeros_like(bodies) if water is None else water.mirrored(x, y, height, deviation, bodies)
-        grows = (height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)) | upright
-        grows |= (alone > ALONE) & solid & ~mirrored
+        grows = height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)
+        grows = (grows | upright | (alone > ALONE) & ~mirrored) & solid
+        awash = bright & (alone <= ALONE) & ~bodies
         return Heights(
             height,
             rise,
@@ -176,6 +179,7 @@ class Sea:
             seen,
             faces.run,
             apart,
+            awash,
             water,
         )
 
@@ -185,14 +189,9 @@ def _in_volume(linked: NDArray[np.int32], loose: NDArray[np.int32], water: Water
     if water is None:
         return np.zeros(len(linked), np.bool_)
     cell = water.cells.number
-    volume = fills_volume(*(np.bincount(cell, weights=counts) for counts in (linked, loose)))
+    volume = np.bincount(cell, weights=loose) > _VOLUME * np.bincount(cell, weights=linked) + 1
     volume[BEYOND:] = False
     return np.asarray(volume[cell])
-
-
-def fills_volume(linked: NDArray[Any], loose: NDArray[Any]) -> Mask:
-    """Return whether few neighbours of echoes lie on one surface with them, as in spray, from both numbers of each."""
-    return loose > _VOLUME * linked + 1
 
 
 def _brightness(echoes: Echoes, threshold: Floats) -> tuple[Mask, Floats]:

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from seaclutter_cli.arrays import group_sizes, group_starts
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, fills_volume
+from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights
 from seaclutter_cli.filters.confirmation.evidence import OF_SHAPE, OF_VOLUME, log_odds
+from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.water.beams import Beams
 
 Floats = NDArray[np.float64]
@@ -22,6 +23,7 @@ _MAX_CELL = 1 << 19
 _DENSITY_AT_M = 10.0
 _LEAST_M, _LEAST_SPACING_M, _FEW, _LEAST_BRIGHTNESS = 0.05, 0.01, 0.01, 0.1
 _APART_M = 1e4
+_VOLUME = 2.0
 _LEAST_SHARE = 0.002
 
 
@@ -64,18 +66,23 @@ class Clusters:
         among: NDArray[np.bool_],
         beams: Beams,
         params: ConfirmedParams,
-        apart: NDArray[np.bool_] | None = None,
+        heights: Heights | None = None,
     ) -> "Clusters":
         """Return the Euclidean clusters of some echoes.
 
         Where the beams are more than half of the tolerance apart, vertical distances are shortened to that, so that the
-        echoes of several beams from one body stay together. Echoes that are ``apart`` do not join others.
+        echoes of several beams from one body stay together. Echoes that are ``apart`` do not join others. Those that
+        are ``awash`` join others that they are near, but not through each other.
         """
         members = np.flatnonzero(among)
         tolerance_m = params.cluster_tolerance_m
         positions = _lowered(echoes, members, beams, tolerance_m)
-        if apart is not None:
-            positions[2, apart[members]] += _APART_M
+        if heights is not None and heights.apart is not None:
+            positions[2, heights.apart[members]] += _APART_M
+            awash = heights.awash[members]
+            if awash.any() and not awash.all():
+                _, distance = nearest(positions[:, ~awash].T, positions[:, awash].T)
+                positions[2, np.flatnonzero(awash)[distance >= tolerance_m]] -= 2 * _APART_M
         labels = euclidean_clusters(positions, tolerance_m, params.min_cluster_points)
         clustered = np.flatnonzero(labels >= 0)
         order = clustered[np.argsort(labels[clustered], kind="stable")]
@@ -155,12 +162,12 @@ def find_objects(
     near: bool,
 ) -> list[DetectedObject]:
     """Return the objects that candidate points form, with the evidence of their shapes."""
-    clusters = Clusters.among(echoes, candidates, beams, params, heights.apart)
+    clusters = Clusters.among(echoes, candidates, beams, params, heights)
     if not len(clusters):
         return []
     features = features_of(echoes, clusters, heights, beams)
     evidence = log_odds(features)
-    evidence[fills_volume(clusters.sum(heights.linked), clusters.sum(heights.loose))] = OF_VOLUME
+    evidence[clusters.sum(heights.loose) > _VOLUME * clusters.sum(heights.linked) + 1] = OF_VOLUME
     return clusters.objects(echoes, heights, evidence, features, near=near)
 
 
