@@ -65,9 +65,9 @@ class Confirmed(Filter):
        Echoes in a volume, such as spray, rain and fog, do not stand out: few of their neighbours lie on one surface. An
        object of such echoes has the least evidence.
     4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. What is beside no face is
-       an object of its own, so that wash does not belong to the hull before it. The evidence of a frame
-       is the logarithm of the odds that an object is a target: the sum of one curve for each of ten features
-       (`FEATURES`), learned from logs of four simulators; without intensities, of eight.
+       an object of its own, so that wash does not belong to the hull before it, and bright water joins only what it is
+       near. The evidence of a frame is the logarithm of the odds that an object is a target: the sum of one curve for
+       each of ten features (`FEATURES`), learned from logs of four simulators; without intensities, of eight.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
        most tracks have in common. Two more curves count in the evidence of a frame: how far an object is from where it
        was expected, since crests and foam have no steady course, and how many objects like it appeared in a second
@@ -79,7 +79,7 @@ class Confirmed(Filter):
        -0.35. An object is missed only where a beam would have met it. What fills a volume in a frame is not kept in
        it.
     6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
-       and all where the water has no echoes.
+       and all where the water has no echoes, but none in a volume.
 
     The result of a frame is complete ``look_ahead_s`` later, at once with ``causal``, and earlier where more than 1.5
     million points would wait.
