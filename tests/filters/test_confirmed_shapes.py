@@ -41,14 +41,30 @@ def test_spray_3_m_above_the_water_is_removed(size):
     assert kept(results) < 0.02
 
 
-def test_a_wall_of_the_same_size_is_kept():
-    def wall(rng, _):
-        bearing, elevation = (axis.ravel() for axis in np.meshgrid(np.arange(0, 12, 0.4), np.arange(-5, 3, 0.5)))
-        x = np.full(len(bearing), 18.0)
-        y, z = x * np.tan(np.radians(bearing)), x * np.tan(np.radians(elevation))
-        return np.column_stack((x, y, z, rng.uniform(5, 90, len(x))))
+def wall(rng, _):
+    bearing, elevation = (axis.ravel() for axis in np.meshgrid(np.arange(0, 12, 0.4), np.arange(-5, 3, 0.5)))
+    x = np.full(len(bearing), 18.0)
+    y, z = x * np.tan(np.radians(bearing)), x * np.tan(np.radians(elevation))
+    return np.column_stack((x, y, z, rng.uniform(5, 90, len(x))))
 
+
+def test_a_wall_of_the_same_size_is_kept():
     assert kept(run(log_with(wall))) > 0.95
+
+
+def test_glint_before_a_wall_does_not_belong_to_it():
+    """Echoes of bright water join each other up to the wall, but those 1.5 m before it are not its own."""
+    wall_m = 19.4
+
+    def glint(rng, time_s):
+        patch = in_box(rng, 300, (wall_m - 2, 2, -MAST_M), (4, 3, 0.02))
+        patch[:, 3] = rng.uniform(90, 200, len(patch))
+        return np.concatenate((wall(rng, time_s) + np.array([wall_m - 18, 0, 0, 0]), patch))
+
+    results = run(log_with(glint))
+    assert np.mean([result.keep[400:-300].mean() for result in results]) > 0.95
+    before = [result.keep[-300:][result.frame.coordinates[0, -300:] < wall_m - 1.6] for result in results]
+    assert np.concatenate(before).mean() < 0.02
 
 
 def test_a_flat_deck_that_one_beam_meets_above_calm_water_is_kept():
