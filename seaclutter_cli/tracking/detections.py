@@ -141,9 +141,9 @@ class Detections:
         if not len(cluster):
             none = np.empty((0, 2))
             whole = np.empty(0, np.int64)
-            ends, flags = np.empty((0, 2, 2)), np.empty(0, np.bool_)
-            hulls = np.empty((0, DIRECTIONS, 2))
-            return cls(hulls, ends, ends[..., 0] > 0, none, none, none, whole, flags, none, whole)
+            hulls, ends = np.empty((0, DIRECTIONS, 2)), np.empty((0, 2, 2))
+            hidden, flags = np.empty((0, 2), np.bool_), np.empty(0, np.bool_)
+            return cls(hulls, ends, hidden, none, none, none, whole, flags, none, whole)
         starts = group_starts(cluster)
         count = group_sizes(starts, len(cluster))
         if len(count) > _MAX_DETECTIONS:

@@ -89,7 +89,7 @@ class Track:
         if self.history:
             step = min(time_s - self.history[-1].time_s, tracks._MAX_STEP_S)
         memory = remembered(self.memory, evidence, step, params)
-        self.history.append(Entry(time_s, evidence, max(step, 1e-3), memory))
+        self.history.append(Entry(time_s, evidence, step, memory))
 
     def score(self, time_s: float, params: Any) -> float:
         looks = [number for number, one in enumerate(self.history) if one.time_s <= time_s]

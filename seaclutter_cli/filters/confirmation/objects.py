@@ -82,7 +82,7 @@ class Clusters:
             awash = heights.awash[members]
             if awash.any() and not awash.all():
                 _, distance = nearest(positions[:, ~awash].T, positions[:, awash].T)
-                positions[2, np.flatnonzero(awash)[distance >= tolerance_m]] -= 2 * _APART_M
+                positions[2, np.flatnonzero(awash)[distance >= tolerance_m]] -= 2 * _APART_M  # below all others
         labels = euclidean_clusters(positions, tolerance_m, params.min_cluster_points)
         clustered = np.flatnonzero(labels >= 0)
         order = clustered[np.argsort(labels[clustered], kind="stable")]

@@ -59,8 +59,8 @@ class Track:
     expected; NaN if it was new. ``velocity``, shape (2,), is relative to the lidar, so own ship's motion is
     part of it. It was ever seen, and confirmed, beyond ``start_m`` if ``seen_outside`` and ``from_outside``; in the
     latter case, it is not own ship when it comes nearer, nor is what is ``part_of`` it. ``arrival`` is its number among
-    the `Arrivals`, -1 if it is none, and ``rate_hz`` how many like it appeared in a second. ``memory`` is its evidence,
-    and ``history`` that of the frames that decisions still need.
+    the `Arrivals`, or -1, and ``rate_hz`` the number of similar objects that appeared per second. ``memory`` is its
+    evidence, and ``history`` that of the frames that decisions still need.
     """
 
     cells: Floats
@@ -288,7 +288,7 @@ class Tracker:
     def _collect(self, track: Track, time_s: float, evidence: float) -> None:
         """Add the evidence of a frame."""
         step = min(time_s - track.history[-1].time_s, _MAX_STEP_S) if track.history else _FIRST_STEP_S
-        track.history.append(Evidence(time_s, evidence, max(step, 1e-3), track.memory))
+        track.history.append(Evidence(time_s, evidence, step, track.memory))
         track.memory = self._remembered(track.memory, evidence, step)
         while len(track.history) > 1 and track.history[0].time_s < self._since_s:
             track.history.popleft()
