@@ -31,6 +31,9 @@ _FRAMES = 20
 _MIN_POINTS, _MIN_RING_POINTS = 200, 500
 _REMEDY = "find suitable thresholds with: seaclutter calibrate"
 _FEW_WATER = 0.05
+_MAX_GAP_NS, _MAX_STEP_BACK_NS = 5_000_000_000, 100_000_000
+"""As in the method ``confirmed``."""
+_ENOUGH_S = 2.0
 _SHOWS_BEAMS = 10
 """Number of the frame that shows sensor and beams."""
 _BEGIN, _EVERY = 50, 5
@@ -285,10 +288,17 @@ class FitChecks(Checks):
         self._sensor, self._frames = TopicStatistics(), 0
         self._beams_deg: Floats | None = None
         self._around: Surroundings | None = None
+        self._first_ns = self._last_ns = self._restarts = 0
 
     def see(self, result: FilterResult) -> None:
         """Check a frame."""
         self._warn(self.add(result))
+        stamp_ns = result.frame.stamp_ns
+        if not self._frames:
+            self._first_ns = stamp_ns
+        elif not -_MAX_STEP_BACK_NS <= stamp_ns - self._last_ns <= _MAX_GAP_NS:
+            self._restarts += 1
+        self._last_ns = stamp_ns
         if not self._written_anew and (change := rewrapped(result.frame.cloud)):
             self._written_anew = change
             self._warn([change])
@@ -320,6 +330,15 @@ class FitChecks(Checks):
         models = self._sensor.sensor(self._facts.get(self._topic)).models
         return smallest(models, self._beams_deg, tally.mean_water.level_m)
 
+    @property
+    def cause(self) -> str:
+        """Why objects were not followed for long enough, if stamps tell it, for the end of a warning."""
+        if self._restarts:
+            frames = f"{self._restarts:,} of {count(self._frames, 'frame')}"
+            return f"; the stamps of {frames} step back or by more than 5 s, and objects are followed anew from there"
+        seconds = (self._last_ns - self._first_ns) / 1e9
+        return f"; the frames span only {seconds:.1f} s" if seconds < _ENOUGH_S else ""
+
     def checked(self, every: Iterable[Filtered]) -> Iterator[Filtered]:
         """Yield frames with the result of one method, and check them."""
         tally = TopicTally()
@@ -338,6 +357,9 @@ class FitChecks(Checks):
         elif self._config.kind.has_water and tally.water_frames <= _FEW_WATER * tally.frames:
             frames = f"{without:,} of {count(tally.frames, 'frame')}"
             yield f"no water seen in {frames}; heights are then unknown, and every object that stays is kept"
+        elif 3 * (undecided := int(tally.undecided[1, 1])) > (kept := int(tally.counts[Reason.KEPT])):
+            part = share(undecided, kept)
+            yield f"{part} of the points kept are of objects that evidence does not decide{self.cause}"
 
     def _warn(self, texts: Iterable[str]) -> None:
         for text in texts:

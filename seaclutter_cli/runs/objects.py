@@ -23,8 +23,8 @@ from seaclutter_cli.runs.outputs import Contents, PackedRows, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.sinks.objects import COLUMNS, ObjectTable, TrackSummary, check_objects_file, parsed, write_objects
-from seaclutter_cli.text import count, printable, table
-from seaclutter_cli.tracking.follow import Follower
+from seaclutter_cli.text import count, printable, share, table
+from seaclutter_cli.tracking.follow import CANDIDATE, CONFIRMED, Follower
 from seaclutter_cli.water import Mounting
 
 _MOST_SHOWN = 20
@@ -146,6 +146,10 @@ class ObjectsWork(RecordingWork[RecordedObjects]):
             tallies = run(source, self.config.make_filter, [table], selection, on_result)
         for topic, tally in tallies.items():
             checks[topic].end(tally)
+            sure, unsure = (table.states[topic, state] for state in (CONFIRMED, CANDIDATE))
+            if unsure > sure:
+                boxes = f"{share(unsure, sure + unsure)} of the boxes are of candidates"
+                observer.warn(f"{topic}: {boxes}{checks[topic].cause}")
         outcome.frames, outcome.indices, outcome.tracks = len(table.indices), table.indices, table.tracks
         self.finish(source, labels, outcome.frames)
 

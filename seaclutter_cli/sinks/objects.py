@@ -3,7 +3,7 @@
 import csv
 import json
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -82,6 +82,7 @@ class ObjectTable(Sink):
         self._fixes: dict[str, deque[Fix | None]] = {}
         self.indices: list[int] = []
         self.tracks: dict[tuple[str, int], TrackSummary] = {}
+        self.states: Counter[tuple[str, str]] = Counter()
 
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:
         """Start a recording."""
@@ -115,6 +116,7 @@ class ObjectTable(Sink):
             self._sum_up(topic, frame)
 
     def _sum_up(self, topic: str, frame: FrameObjects) -> None:
+        self.states.update((topic, state) for state in frame.states)
         distances, speeds = (np.hypot(*each.T).tolist() for each in (frame.centers[:, :2], frame.velocities))
         columns = frame.sizes.round(2).tolist(), distances, speeds, frame.scores.tolist()
         objects = zip(frame.tracks, frame.states, frame.kinds, *columns, strict=True)

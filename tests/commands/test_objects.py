@@ -2,10 +2,14 @@
 
 import csv
 import json
+import struct
 import sys
 from functools import partial
+from itertools import islice
 
 import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
 
 import seaclutter
 from seaclutter_cli.sinks.csv import csv_line
@@ -47,6 +51,47 @@ def test_settings_that_do_not_fit_the_log_are_named(command, tmp_path, monkeypat
 def test_a_filtered_log_is_named(tmp_path):
     run("filter", SEA, "-n", 3, "-o", tmp_path / "f.mcap")
     assert "already filtered by joint" in run("objects", tmp_path / "f.mcap").stderr
+
+
+def stamped(path, offset_ns):
+    """Write the first 40 frames of the sample with other stamps, of number n later by ``offset_ns(n)``."""
+    with SEA.open("rb") as file, path.open("wb") as output:
+        writer = Writer(output)
+        writer.start()
+        found = islice(make_reader(file).iter_messages(topics="/points"), 40)
+        for number, (schema, channel, message) in enumerate(found):
+            if not number:
+                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channel_id = writer.register_channel(channel.topic, channel.message_encoding, schema_id)
+            seconds, nanos = struct.unpack_from("<iI", message.data, 4)
+            stamp = struct.pack("<iI", *divmod(seconds * 10**9 + nanos + offset_ns(number), 10**9))
+            data = message.data[:4] + stamp + message.data[12:]
+            writer.add_message(channel_id, message.log_time, data, message.publish_time)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("offset_ns", "arguments", "expected"),
+    [
+        (lambda n: n % 2 * 10**10, ("-n", 40), "the stamps of 39 of 40 frames step back or by more than 5 s"),
+        (lambda n: -(n % 2) * 3 * 10**8, ("-n", 20), "the stamps of 10 of 20 frames step back or by more than 5 s"),
+        (lambda _: 0, ("-n", 3), "the frames span only 0.2 s"),
+    ],
+)
+def test_what_leaves_objects_undecided_is_named(tmp_path, offset_ns, arguments, expected):
+    log = stamped(tmp_path / "log.mcap", offset_ns)
+    filtered = run("filter", log, *arguments, "-m", "confirmed", "-o", tmp_path / "f.mcap").stderr
+    assert f"of the points kept are of objects that evidence does not decide; {expected}" in " ".join(filtered.split())
+    for method in ("confirmed", "joint"):
+        found = run("objects", log, *arguments, "-m", method).stderr
+        assert method == "joint" or f"does not decide; {expected}" in " ".join(found.split())
+        assert offset_ns(1) < 0 or f"of the boxes are of candidates; {expected}" in " ".join(found.split())
+
+
+def test_a_gap_leaves_nothing_undecided(tmp_path):
+    log = stamped(tmp_path / "log.mcap", lambda n: (n > 15) * 2 * 10**10)
+    assert "Warning" not in run("objects", log).stderr
 
 
 def test_python_returns_the_same_table(table):
