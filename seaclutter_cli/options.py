@@ -279,15 +279,32 @@ def grouped(*left_out: str, default: Options, help: str = "", **words: str) -> A
     return option("", help or summary, default=default, kind=Group(type(default), left_out, words))
 
 
+@dataclass(frozen=True)
+class UseCase:
+    """What a class of options is for: a command, by its name with that of its group, and the function that it calls.
+
+    The function is `imported` by its name when it is called; or it is one that gets the console and prints. ``plan`` is
+    the one for ``--dry-run``, and ``messages`` are options of the console that the command has.
+    """
+
+    name: str
+    function: str | Callable[..., Any]
+    plan: str | None = None
+    short_help: str | None = None
+    messages: Sequence[str] = ("as_json", "quiet", "verbose", "log_file")
+
+
 # They are frozen, too; said here, mypy would give inherited options the type that is given instead of the one stored.
 @dataclass_transform(kw_only_default=True, field_specifiers=(option, grouped))
 class Options:
     """Base of classes of options: frozen dataclasses whose fields are made by `option` and documented by its help.
 
-    If it ``writes_remotely``, its output files may be in object storage.
+    If it ``writes_remotely``, its output files may be in object storage. With a ``use_case``, which is not inherited,
+    its docstring is the help of a command.
     """
 
     writes_remotely: ClassVar[bool] = False
+    use_case: ClassVar[UseCase]
 
     def __init_subclass__(cls) -> None:
         own = {name: value for name, value in vars(cls).items() if isinstance(value, Option)}

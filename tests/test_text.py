@@ -6,7 +6,7 @@ from typing import Annotated
 import pytest
 from annotated_types import Ge, Interval
 
-from seaclutter_cli.commands.logs import _effective
+from seaclutter_cli.commands.options import _effective
 from seaclutter_cli.commands.printer import _presentable
 from seaclutter_cli.paths import Identities
 from seaclutter_cli.runs.options.logs import parse_seeds

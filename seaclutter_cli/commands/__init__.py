@@ -1,4 +1,4 @@
-"""Command line. Each command is a module of this package, imported only when it is called, to keep help fast."""
+"""Command line. Each command is made when it is called, and what it calls is imported then, to keep help fast."""
 
 import io
 import logging
@@ -7,13 +7,13 @@ import sys
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from importlib import import_module
 from typing import Any
 
 import click
 
 from seaclutter_cli.commands.console import ARGUMENTS, DEBUG, LOG, show_each_warning_once
 from seaclutter_cli.commands.groups import VERSION, CommandGroup
+from seaclutter_cli.commands.options import commands_of
 from seaclutter_cli.commands.printer import LogHandler, close_output, show, show_error, show_traceback
 from seaclutter_cli.errors import OWN_WARNINGS, SeaclutterError
 from seaclutter_cli.interrupts import exit_status, handle_interrupts, ignore_interrupts
@@ -42,10 +42,17 @@ COMMANDS: Mapping[str, str] = {
     "classify": "Separate sea from objects in airborne lidar tiles, and classify the objects.",
     "config": "Show and check configurations; list built-in sensors, methods and scenes.",
 }
-"""Commands and their short help. To add one, add a line here and in `_MODULES`, and a command in its module."""
+"""Commands and their short help. To add one, add a line here, and a class of options with a `UseCase`."""
 
-_MODULES = {"scene": "classifiers", "classify": "classifiers", "config": "config"}
-"""Modules of commands, if it is not that of the commands for logs."""
+_MODULES = {"config": "commands.config", **dict.fromkeys(("scene", "classify"), "runs.options.classifiers")}
+"""Modules of the options of commands, if it is not that of the commands for logs."""
+_SCENE = """Train, evaluate and use the classifier that recognises the scene of a frame in its top view.
+
+The built-in model distinguishes open water (separate objects) from confined water (continuous facades: quay walls,
+moored rows, the banks of a channel). It needs the extra `scene`; training needs the extra `train`.
+"""
+_GROUPS: Mapping[str, Mapping[str, Any]] = {"scene": {"help": _SCENE}, "config": {"former": {"sensors": "list"}}}
+"""What groups have besides their commands."""
 _LITTLE_MEMORY = "not enough memory; close other programs, or raise the limit of this process (ulimit -v)"
 _SIGNS_OF_LITTLE_MEMORY = ("can't start new thread", "failed to map segment", "cannot allocate memory")
 
@@ -58,10 +65,12 @@ class _Program(CommandGroup):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name in COMMANDS and cmd_name not in self.commands:
-            for command in import_module(f"seaclutter_cli.commands.{_MODULES.get(cmd_name, 'logs')}").COMMANDS:
-                command.short_help = COMMANDS[command.name]
-                command.help = command.help or command.short_help
-                self.add_command(command)
+            command, *others = commands_of(_MODULES.get(cmd_name, "runs.options.logs"), cmd_name)
+            if command.name != cmd_name:
+                kept = {"help": COMMANDS[cmd_name], **_GROUPS.get(cmd_name, {})}
+                command = CommandGroup(cmd_name, [command, *others], **kept)
+            command.short_help = COMMANDS[cmd_name]
+            self.add_command(command)
         return super().get_command(ctx, cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002

@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from seaclutter_cli.commands.console import DEBUG, Console
-from seaclutter_cli.commands.groups import CommandGroup
-from seaclutter_cli.commands.options import command
 from seaclutter_cli.commands.printer import show, show_error, show_exactly
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.options import Anything, Choice, Options, option
+from seaclutter_cli.options import Anything, Choice, Options, UseCase, option
 from seaclutter_cli.runs.options import ConfigOptions
 from seaclutter_cli.text import printable
 
@@ -21,14 +19,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 _KINDS = ("sensors", "methods", "formats", "configs", "scenes", "layouts", "tiles", "lidars", "plugins")
-
-
-class _CheckOptions(Options):
-    files: Sequence[str] = option("FILES...", "Configuration files.", kind=Anything())
-
-
-class _ListOptions(Options):
-    kinds: Sequence[str] = option("[KIND]...", "Kinds of items.", default=(), kind=Choice(_KINDS))
 
 
 def _show(console: Console, **sources: Any) -> None:
@@ -59,27 +49,32 @@ def _check(_: Console, files: Sequence[str]) -> None:
         context.exit(ConfigError.exit_code)
 
 
-_CONFIG = [
-    command(
-        "config show",
-        _show,
-        ConfigOptions,
-        "Print the effective configuration, ready to save and edit.",
-        messages=("as_json",),
-    ),
-    command("config check", _check, _CheckOptions, "Check configuration files and list all errors.", messages=()),
-    command(
+class _ShowOptions(ConfigOptions):
+    """Print the effective configuration, ready to save and edit."""
+
+    use_case = UseCase("config show", _show, messages=("as_json",))
+
+
+class _CheckOptions(Options):
+    """Check configuration files and list all errors."""
+
+    use_case = UseCase("config check", _check, messages=())
+
+    files: Sequence[str] = option("FILES...", "Configuration files.", kind=Anything())
+
+
+class _ListOptions(Options):
+    """List built-in items, by default of every KIND.
+
+    KIND is sensors, methods, formats, configs, scenes, layouts, tiles (scenes from the air), lidars (to simulate), or
+    plugins (of installed packages).
+    """
+
+    use_case = UseCase(
         "config list",
         "runs.builtin.list_builtin",
-        _ListOptions,
-        """List built-in items, by default of every KIND.
-
-        KIND is sensors, methods, formats, configs, scenes, layouts, tiles (scenes from the air), lidars (to
-        simulate), or plugins (of installed packages).
-        """,
         messages=("as_json",),
         short_help="List built-in sensors, methods, formats, configurations, scenes and lidars.",
-    ),
-]
+    )
 
-COMMANDS = (CommandGroup("config", _CONFIG, former={"sensors": "list"}),)
+    kinds: Sequence[str] = option("[KIND]...", "Kinds of items.", default=(), kind=Choice(_KINDS))

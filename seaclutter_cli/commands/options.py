@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 import sys
 from dataclasses import MISSING
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
-from seaclutter_cli.commands.console import DEBUG, NOTES, Console
+from seaclutter_cli.commands.console import ARGUMENTS, DEBUG, NOTES, Console
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.options import Choice, Flag, Group, Kind, Number, Option, Options, Whole, declared
 from seaclutter_cli.registry import imported
 from seaclutter_cli.runs.options import WORKING_CONFIG, ConfigFile, MethodName
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
 _GROUPS = {
     "Input": "columns rate calibration sensor integrate intensity-field join merge recursive clutter-ids ignore-ids",
@@ -167,7 +169,7 @@ _DEBUG = click.Option(
 
 
 def _parameters(
-    options: Mapping[str, Option], left_out: Sequence[str] = (), words: Mapping[str, str] = {}
+    options: Mapping[str, Option], left_out: Collection[str] = (), words: Mapping[str, str] = {}
 ) -> Iterator[click.Parameter]:
     for name, one in options.items():
         if isinstance(one.kind, Group):
@@ -176,7 +178,7 @@ def _parameters(
             yield _parameter(name, one, words)
 
 
-def _taken(options: Mapping[str, Option], values: Mapping[str, Any], left_out: Sequence[str] = ()) -> dict[str, Any]:
+def _taken(options: Mapping[str, Option], values: Mapping[str, Any], left_out: Collection[str] = ()) -> dict[str, Any]:
     """Return the arguments of a function from the values of parameters, those of groups as objects."""
     taken = {}
     for name, one in options.items():
@@ -187,42 +189,57 @@ def _taken(options: Mapping[str, Option], values: Mapping[str, Any], left_out: S
     return taken
 
 
-def command(  # noqa: PLR0913 - what makes a command
-    name: str,
-    function: str | Callable[..., Any],
-    takes: type[Options],
-    text: str,
-    *,
-    short_help: str | None = None,
-    plan: str | None = None,
-    messages: Sequence[str] = ("as_json", "quiet", "verbose", "log_file"),
-    **others: Callable[[], Any],
-) -> click.Command:
-    """Return a command that calls a function and prints its result; ``name`` has that of its group, too.
+_OUTPUTS = ("-o", "--output", "--figures", "--log-file")
+_FLAGS = ("--force", "-q", "--quiet", "-v", "--verbose", "--debug", "--json")
 
-    The function is `imported` by its name when it is called; or it is one of the console, which prints. It takes the
-    options of a class, and ``others``, by functions that return them; ``plan`` is the one for ``--dry-run``.
-    ``messages`` are options of the console that the command has.
-    """
-    options = declared(takes)
+
+def _effective(arguments: Sequence[str]) -> list[str]:
+    """Return the arguments as far as results depend on them: with OUT in place of outputs, and without such flags."""
+    shown: list[str] = []
+    for argument in arguments:
+        name, equals, _ = argument.partition("=")
+        if shown and shown[-1] in _OUTPUTS:
+            shown.append("OUT")
+        elif equals and name in _OUTPUTS:
+            shown.append(f"{name}=OUT")
+        elif argument.startswith("-o") and argument != "-o":
+            shown.append("-oOUT")
+        elif argument not in _FLAGS:
+            shown.append(argument)
+    return shown
+
+
+def commands_of(module: str, name: str) -> list[click.Command]:
+    """Return the command of a name, or those of a group of this name, from the use cases in a module."""
+    found = vars(import_module(f"seaclutter_cli.{module}")).values()
+    kinds = (one for one in found if isinstance(one, type) and issubclass(one, Options) and "use_case" in vars(one))
+    return [_command(one) for one in kinds if one.use_case.name.partition(" ")[0] == name]
+
+
+def _command(takes: type[Options]) -> click.Command:
+    """Return the command of a class of options, which calls their function and prints its result."""
+    use_case, options = takes.use_case, declared(takes)
     parameters = [*_parameters(options)]
-    silenced = [key for key in declared(Console) if key not in (*messages, *(["dry_run"] if plan else []))]
+    silenced = {*declared(Console)} - {*use_case.messages, "dry_run" if use_case.plan else ""}
     parameters += _parameters(declared(Console), silenced)
 
     def run(**values: Any) -> None:
         console = Console(**_taken(declared(Console), values, silenced))
-        taken = _taken(options, values)
-        if callable(function):
+        taken, function = _taken(options, values), use_case.function
+        if not isinstance(function, str):
             function(console, **taken)
             return
-        taken |= {key: make() for key, make in others.items()}
         if "keep_going" in options:
             taken["keep_going"] = True
-        console.finish(imported(plan if plan and console.dry_run else function)(**taken, observer=console))
+        if "command" in options:
+            arguments = _effective(click.get_current_context().meta.get(ARGUMENTS, ()))
+            taken["command"] = shlex.join(["seaclutter", *arguments])
+        planned = use_case.plan if console.dry_run else None
+        console.finish(imported(planned or function)(**taken, observer=console))
 
     for parameter in parameters:
         if isinstance(parameter, click.Option) and parameter.expose_value:
             longest = max(parameter.opts, key=len).strip("-")
-            parameter.envvar = re.sub("[ -]", "_", f"seaclutter {name} {longest}").upper()
-    own = name.rpartition(" ")[2]
-    return _Command(own, callback=run, params=[*parameters, _DEBUG], help=text, short_help=short_help)
+            parameter.envvar = re.sub("[ -]", "_", f"seaclutter {use_case.name} {longest}").upper()
+    own = use_case.name.rpartition(" ")[2]
+    return _Command(own, callback=run, params=[*parameters, _DEBUG], help=takes.__doc__, short_help=use_case.short_help)

@@ -5,7 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Literal
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.options import Converted, Grouped, Kind, Number, OptionalPath, Place, Whole, grouped, option
+from seaclutter_cli.options import (
+    Converted,
+    Grouped,
+    Kind,
+    Number,
+    OptionalPath,
+    Place,
+    UseCase,
+    Whole,
+    grouped,
+    option,
+)
 from seaclutter_cli.runs.options import BatchOptions, Observed, OfLogs, Places, ReadOptions, Replacing, Settings
 from seaclutter_cli.scenes import TrainingParams
 
@@ -87,16 +98,18 @@ class ClassifierOptions(Replacing):
     csv_file: OptionalPath = option("--csv", "Write a CSV table with a line for each frame.", default=None)
 
 
-class PredictScenesOptions(ClassifierOptions, OfLogs):
-    """Options of a prediction of scenes."""
-
-
-class EvaluateScenesOptions(ClassifierOptions, LabelledLogs):
-    """Options of the evaluation of a scene classifier."""
-
-
 class TrainScenesOptions(Replacing, LabelledLogs):
-    """Options of the training of a scene classifier."""
+    """Train a classifier on logs with known scenes, and write it as an ONNX file.
+
+    FOLDERS contain one folder of logs per class, named after the class (open/, confined/); --scene gives classes
+    and logs one by one. A frame with nothing in view gets the first class. Logs, never frames, are split into three
+    parts: 60 % for training, 20 % for choosing the best epoch, and 20 % for the test, which gives the confusion
+    matrix.
+    """
+
+    use_case = UseCase(
+        "scene train", "runs.scenes.train_scenes", short_help="Train a classifier on logs with known scenes."
+    )
 
     output: Converted[PathLike, Path] = option("-o --output MODEL.onnx", "Model file to write.")
     plot_file: OptionalPath = option("--plot", "Draw loss and precision over the epochs, as PNG or SVG.", default=None)
@@ -107,6 +120,27 @@ class TrainScenesOptions(Replacing, LabelledLogs):
         "--every", "Use one frame in N; consecutive frames are nearly the same.", default=1, kind=Whole(1)
     )
     training: Grouped[TrainingParams] = grouped(default=TrainingParams())
+
+
+class EvaluateScenesOptions(ClassifierOptions, LabelledLogs):
+    """Evaluate a classifier on logs with known scenes: confusion matrix, precision and recall of each class.
+
+    FOLDERS contain one folder of logs per class, named after the class (open/, confined/); --scene gives classes
+    and logs one by one. With --every and --hold, the evaluated scene is the one that a filter would use.
+    """
+
+    use_case = UseCase(
+        "scene evaluate", "runs.scenes.evaluate_scenes", short_help="Evaluate a classifier on logs with known scenes."
+    )
+
+
+class PredictScenesOptions(ClassifierOptions, OfLogs):
+    """Predict the scenes of LOGS: a line for each log and topic, with the share of frames of each class.
+
+    --csv writes the scene of each frame and the probabilities of the classes.
+    """
+
+    use_case = UseCase("scene predict", "runs.scenes.predict_scenes", short_help="Predict the scenes of logs.")
 
 
 class OfTiles(Replacing, Observed):
@@ -154,7 +188,19 @@ class _Classes(Kind):
 
 
 class SeparateTilesOptions(WritingTiles):
-    """Options of the separation of tiles."""
+    """Separate each TILE into sea and non-sea points by morphological opening; on rough water, follow the waves.
+
+    Sea points get the ASPRS class 9 (water), all others 1; land is recognised by its level, flatness and echoes.
+    Everything else in a LAS or LAZ file is kept; a record says which waves were found. Several tiles are a survey:
+    each is separated with a margin from its neighbours. TILE is a LAS or LAZ file, or a
+    PCD, PLY, NPY, KITTI or CSV file in metres with z upwards, or a folder or glob of such files.
+    """
+
+    use_case = UseCase(
+        "classify separate",
+        "runs.classify.separate.separate_tiles",
+        short_help="Separate tiles into sea and non-sea points.",
+    )
 
     with_height: bool = option("--with-height", "Also write each point's height above the sea surface.", default=False)
     land: Literal["keep", "class2", "ignore"] | None = option(
@@ -191,20 +237,17 @@ class SeparateTilesOptions(WritingTiles):
     batch: Grouped[BatchOptions] = grouped(default=BatchOptions(), recording="tile")
 
 
-class ClassifyTilesOptions(WritingTiles):
-    """Options of the classification of tiles; settings override those in the model, except for the features."""
-
-    model: Converted[PathLike, Path] = option("--model MODEL", "Model file from classify train.", kind=Place())
-    csv_file: OptionalPath = option("--csv", "Also write a CSV table with a line for each object.", default=None)
-    geojson_file: OptionalPath = option("--geojson", "Also write the boxes of the objects as GeoJSON.", default=None)
-    plot_file: OptionalPath = option("--plot", "Draw a top view of the tile, as PNG or SVG.", default=None)
-    batch: Grouped[BatchOptions] = grouped(
-        *("fail_fast", "resume", "manifest", "cluster", "cluster_insecure"), default=BatchOptions(), recording="tile"
-    )
-
-
 class TrainForestOptions(OfTiles):
-    """Options of the training of a random forest."""
+    """Train a random forest on labelled TILEs to classify objects.
+
+    Part of the tiles, or of the objects if there are fewer than four tiles, is held out for a test, which the
+    report shows. Classes are 1 ship, 2 reef, 3 shoal, 4 aquaculture, 5 seaweed, 6 island, 7 fishing fence, 8
+    garbage patch. Needs the extra classify.
+    """
+
+    use_case = UseCase(
+        "classify train", "runs.classify.train.train_forest", short_help="Train a random forest on labelled tiles."
+    )
 
     output: Converted[PathLike, Path] = option("-o --output MODEL", "Model file to write.")
     class_field: str = option(
@@ -216,3 +259,26 @@ class TrainForestOptions(OfTiles):
         default="object_id",
     )
     plot_file: OptionalPath = option("--plot", "Draw the confusion matrix, as PNG or SVG.", default=None)
+
+
+class ClassifyTilesOptions(WritingTiles):
+    """Classify the non-sea points of each TILE with a trained model, and find the objects.
+
+    Each point gets the additional dimensions predicted_class (0 for none, otherwise as in train), probability and
+    predicted_object, and the same classification as by separate. The CSV table has the coordinates of the tile;
+    GeoJSON is in WGS 84 if the tile states its coordinate reference system.
+    """
+
+    use_case = UseCase(
+        "classify predict",
+        "runs.classify.predict.classify_tiles",
+        short_help="Classify points and objects with a trained model.",
+    )
+
+    model: Converted[PathLike, Path] = option("--model MODEL", "Model file from classify train.", kind=Place())
+    csv_file: OptionalPath = option("--csv", "Also write a CSV table with a line for each object.", default=None)
+    geojson_file: OptionalPath = option("--geojson", "Also write the boxes of the objects as GeoJSON.", default=None)
+    plot_file: OptionalPath = option("--plot", "Draw a top view of the tile, as PNG or SVG.", default=None)
+    batch: Grouped[BatchOptions] = grouped(
+        *("fail_fast", "resume", "manifest", "cluster", "cluster_insecure"), default=BatchOptions(), recording="tile"
+    )

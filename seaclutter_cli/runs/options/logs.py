@@ -16,6 +16,7 @@ from seaclutter_cli.options import (
     OptionalPath,
     Parsed,
     Place,
+    UseCase,
     Whole,
     grouped,
     option,
@@ -65,7 +66,15 @@ class WritingLogs(Replacing, OfLogs):
 
 
 class FilterOptions(WritingLogs, LabelSources, ConfigOptions):
-    """Options of a filter run."""
+    """Filter each frame of LOGS and write filtered logs, by default MCAP files.
+
+    LOGS are MCAP files, ROS bags, rosbag2 folders, packet captures (PCAP, PCAPNG), folders of frames, or globs.
+    Every other topic, attachment and metadata record is copied unchanged: the output is a drop-in replacement for
+    the input. What another format cannot keep is named in a warning. A ROS 2 recording is a folder; PCD, LAS, LAZ
+    and NPZ are folders with a file for each frame.
+    """
+
+    use_case = UseCase("filter", "runs.filter.filter_log", plan="runs.plan.plan_filter")
 
     csv_file: OptionalPath = option("--csv", "Also write a table with a row for each frame.", default=None)
     objects_file: OptionalPath = option(
@@ -85,7 +94,15 @@ class FilterOptions(WritingLogs, LabelSources, ConfigOptions):
 
 
 class ConvertOptions(WritingLogs):
-    """Options of a conversion."""
+    """Convert LOGS to another format, without filtering.
+
+    LOGS are MCAP files, ROS bags, rosbag2 folders, packet captures (PCAP, PCAPNG), folders of frames, or globs. All
+    topics are converted, messages between ROS 1 and ROS 2 with their definitions; what a format cannot keep is
+    named in a warning. A ROS 2 recording is a folder. PCD, LAS, LAZ and NPZ are folders with a file for each frame
+    of one topic, or a file if the recording has one frame.
+    """
+
+    use_case = UseCase("convert", "runs.convert.convert_log", plan="runs.plan.plan_convert")
 
     reading: Grouped[ReadOptions] = grouped("intensity_field", default=ReadOptions())
     written: Grouped[McapOptions] = grouped(
@@ -96,13 +113,28 @@ class ConvertOptions(WritingLogs):
 
 
 class InfoOptions(OfLogs):
-    """Options of a survey of logs."""
+    """Show the content of LOGS: topics, frames, fields, extents, and the settings that a filter run needs.
+
+    Every frame is read; -n N stops after the first N. Of an MCAP file of more than 16 MB in object storage, the
+    summary and the first frames are read, unless -n or a time is given.
+    """
+
+    use_case = UseCase("info", "runs.info.info")
 
     batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
 
 
 class MaskOptions(Replacing, OfLogs):
-    """Options of the search for own ship's structure."""
+    """Find own ship's masts, rails and roofs in LOGS, and write a mask of them.
+
+    Own structure returns in the same directions at the same ranges while all else changes, so use a log under way.
+    A mask has directions, by beam and azimuth, with a span of ranges; points behind the structure are kept. Several
+    LOGS must be of the same lidar in the same place. Nothing is masked if the vessel seems to be at rest.
+
+    `filter -s filter.mask=MASK.csv`, or `mask: MASK.csv` in a configuration, uses it.
+    """
+
+    use_case = UseCase("mask", "runs.mask.find_mask")
 
     output: OptionalPath = option(
         "-o --output MASK.csv", "Write the mask, for the configuration key filter.mask.", default=None, kw_only=False
@@ -117,7 +149,13 @@ class MaskOptions(Replacing, OfLogs):
 
 
 class ViewOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
-    """Options of the viewer."""
+    """Show LOGS in the Rerun viewer: raw, removed and kept points, boxes, clusters and threshold curves.
+
+    LOGS are raw logs, which are filtered first, or logs written by `filter --keep-raw --with-removed`. The viewer
+    only listens on this computer. It needs the extra `view`.
+    """
+
+    use_case = UseCase("view", "runs.report.view_logs", messages=("quiet", "verbose", "log_file"))
 
     target: OptionalPath = option(
         "--save FILE.rrd",
@@ -129,7 +167,14 @@ class ViewOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
 
 
 class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
-    """Options of a calibration."""
+    """Find the threshold of each range ring and the far limit of clutter in LOGS, and write a configuration.
+
+    LOGS should contain sea clutter recorded by your sensor, and no targets; use --labels to leave targets out. All
+    other settings, including the width of the range rings, come from the configuration given with -c. With
+    -m confirmed, the mounting of the lidar is found as well.
+    """
+
+    use_case = UseCase("calibrate", "runs.calibrate.calibrate")
 
     output: OptionalPath = option(
         "-o --output CONFIG", "Configuration to write, for filter -c.", default=None, required=True
@@ -165,7 +210,13 @@ class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
 
 
 class EvaluateOptions(Replacing, OfLabelledLogs, MethodOptions):
-    """Options of an evaluation."""
+    """Filter LOGS, cluster the remaining points and compare the clusters with labels.
+
+    LOGS are MCAP files, ROS bags, rosbag2 folders, packet captures (PCAP, PCAPNG), folders of frames, or globs.
+    Several methods run in one pass. Frames without a label are counted, but left out of every rate.
+    """
+
+    use_case = UseCase("evaluate", "runs.evaluate.evaluate")
 
     labels: Converted[PathLike | Sequence[PathLike] | None, tuple[Path, ...]] = option(
         "--labels LABELS", LABELS_HELP, default=(), kind=Place(remote=True), kw_only=False
@@ -186,7 +237,19 @@ class EvaluateOptions(Replacing, OfLabelledLogs, MethodOptions):
 
 
 class LabelCheckOptions(OfLabelledLogs):
-    """Options of a check of labels."""
+    """Compare labels with the points of LOGS, and name probable mistakes with their remedies.
+
+    Found are yaws in degrees or in the other direction, length and width or x and y swapped, centimetres and
+    millimetres, positions off by a distance, boxes too small or too large, duplicates, misspelt classes, and
+    labels of another recording. These are guesses from up to twelve frames. The exit status is 1 if there are any.
+    `evaluate`, `tune` and `report` give the same as warnings.
+    """
+
+    use_case = UseCase(
+        "labels check",
+        "runs.labels.check_labels",
+        short_help="Find mistakes in labels that would give wrong rates without an error.",
+    )
 
     batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
 
@@ -203,7 +266,15 @@ class _Sweeps(Parsed):
 
 
 class TuneOptions(Replacing, OfLabelledLogs, MethodOptions):
-    """Options of a comparison of methods and parameter values."""
+    """Filter LOGS with every combination of methods and parameter values, and report the best one.
+
+    The best combination has the fewest bad frames: those with a false alarm plus those with a missed target. Ties
+    go to the combination with the fewest false alarms and missed targets, then to the first. Some of the labelled
+    frames are held out: they do not take part in the choice and show what the best combination is worth on new
+    data.
+    """
+
+    use_case = UseCase("tune", "runs.tune.tune")
 
     sweeps: Converted[Mapping[str, Sequence[Any]] | Sequence[str], tuple[Sweep, ...]] = option(
         "--sweep KEY=VALUES",
@@ -237,7 +308,14 @@ class TuneOptions(Replacing, OfLabelledLogs, MethodOptions):
 
 
 class ReportOptions(Replacing, OfLogs, LabelSources, MethodOptions):
-    """Options of a report."""
+    """Write a page that shows the effect of a filter on LOGS and, with labels, its quality.
+
+    LOGS are raw logs, which are filtered for the report, or logs written by `filter --keep-raw --with-removed`,
+    which are not filtered again. The page shows the points of selected frames: the worst, the best, and some
+    evenly spaced ones.
+    """
+
+    use_case = UseCase("report", "runs.report.report")
 
     output: Converted[PathLike, Path] = option(
         "-o --output REPORT.html", "HTML page to write; one file that opens offline in any browser.", kw_only=False
@@ -256,7 +334,16 @@ class ReportOptions(Replacing, OfLogs, LabelSources, MethodOptions):
 
 
 class ObjectsOptions(Replacing, OfLogs, ConfigOptions):
-    """Options of a search for objects; the default method is ``confirmed``."""
+    """Follow the objects in LOGS over time: where they are, how large, and how they move.
+
+    LOGS are filtered with the method `confirmed`, unless another one or a configuration is given. Clusters of the
+    points that are left become tracks; a track survives if its object is hidden for up to eight seconds. Sizes are
+    those of rectangles fitted over many frames. Velocities are over ground if the log has odometry or /tf,
+    otherwise relative to own ship, as the column `velocity` says. The state is `confirmed`, `candidate` (seen for a
+    short time only) or `lost` (hidden in this frame). Without -o, only a summary is shown.
+    """
+
+    use_case = UseCase("objects", "runs.objects.find_objects")
 
     output: OptionalPath = option(
         "-o --output OBJECTS",
@@ -268,7 +355,19 @@ class ObjectsOptions(Replacing, OfLogs, ConfigOptions):
 
 
 class ProposeOptions(Replacing, OfLogs, ConfigOptions):
-    """Options of a proposal of labels; the default method is ``confirmed``."""
+    """Label the objects in LOGS with boxes, for a person to correct.
+
+    The boxes are those of `objects`, with ids, a class guessed from the size (buoy up to 2 m, small craft up to
+    12 m, vessel; areas to ignore above 50 m), and a mark, sure or doubtful. Doubtful tracks come first. The labels
+    are the method's own, so `evaluate` warns while they are as proposed. Correct them, then clear the mark: in a
+    CSV file the column `proposed`, in JSON the key `annotator`.
+    """
+
+    use_case = UseCase(
+        "labels propose",
+        "runs.label_proposal.propose_labels",
+        short_help="Label the objects in logs with boxes, for a person to correct.",
+    )
 
     output: PathLike = option(
         "-o --output LABELS",
@@ -283,7 +382,16 @@ class ProposeOptions(Replacing, OfLogs, ConfigOptions):
 
 
 class CompareOptions(Observed):
-    """Options of a comparison of labels."""
+    """Show what differs between labels A and B of the same frames: what a person corrected, how good A was.
+
+    Boxes of a frame belong together if they overlap, seen from above. They must be numbered by frames.
+    """
+
+    use_case = UseCase(
+        "labels compare",
+        "runs.labels.compare_labels",
+        short_help="Show what was corrected in proposed labels, and how good they were.",
+    )
 
     proposed: Converted[PathLike, Path] = option(
         "A", "Labels before they were corrected, as `labels propose` wrote them.", kind=Place(), kw_only=False
@@ -294,7 +402,16 @@ class CompareOptions(Observed):
 
 
 class SuspectsOptions(Replacing, OfLogs, ConfigOptions):
-    """Options of a search for suspects."""
+    """List what a filter removed from LOGS that may have been a target, and what it kept that may be clutter.
+
+    No labels are needed. Bodies are clusters that rise out of the water, or lie alone on it; they are followed over
+    time. One that is solid, stays, and moves steadily is like a target: if the filter removed it, it is a suspect,
+    with its time, place, points, and the rule that removed them. Kept clusters that are not like that may be
+    clutter. LOGS are raw logs, which are filtered first, or logs written by `filter --with-removed`, which are
+    judged as they are, unless a method or configuration is given. The scores are indications, not rates.
+    """
+
+    use_case = UseCase("suspects", "runs.suspects.find_suspects")
 
     output: OptionalPath = option(
         "-o --output SUSPECTS.csv", "Write a table with a row for each suspect.", default=None, kw_only=False
@@ -323,7 +440,17 @@ def parse_seeds(text: str) -> tuple[int, ...]:
 
 
 class SimulateOptions(Replacing, Observed):
-    """Options of a simulation: scene, output, and values that replace those of the scene."""
+    """Simulate a labelled lidar recording of SCENE: a scene file (YAML), or the name of a built-in scene or layout.
+
+    LOG.mcap has clouds with a field `label`: 0 for clutter, 65535 for own ship or ignored points, otherwise the
+    number of the target. LOG.labels.csv has a box for each target and frame. LOG.pcap has packets, which carry no
+    labels. A layout generates a different scene for each seed. A scene with a section `tile` is recorded from the
+    air: the output is a LAS or LAZ file with the true class of each point (classification, object_class,
+    object_id). `seaclutter config list` lists the built-in scenes, layouts, tiles and lidars. With --seeds, the
+    recordings are OUT/SCENE_SEED.mcap, and tiles OUT/SCENE_SEED.laz.
+    """
+
+    use_case = UseCase("simulate", "runs.simulate.simulate")
 
     scene: PathLike = option(
         "SCENE",
