@@ -16,7 +16,7 @@ _TURNING_S, _STEADY_S, _STEADY = 0.7, 5.0, 0.1
 _SIZE_QUANTILE = 0.9
 _OBLIQUE, _BROAD = np.sin(np.radians((10, 25)))
 _USUAL_BEAM, _SHIP_BEAM, _BROAD_BEAM = 0.3, 0.6, 0.35
-_SAIL_THIN, _SAIL_TALL = 0.14, 0.5
+_SAIL_THIN, _SAIL_TALL, _SAIL_SHARE = 0.2, 0.5, 0.85
 _ROUND_M, _ROUND, _FINE = 2.0, 0.9, 0.04
 _SMALL_CRAFT_M, _STRUCTURE_M, _WIDE_M = 12.0, 50.0, 25.0
 _LEAST_WALL_M, _STRAIGHT, _UPRIGHT = 6.0, 1 / 40, 0.5
@@ -64,10 +64,20 @@ def guessed_class(size: Floats, depth_m: float) -> str:
 
 
 def with_hull(size: Floats) -> Floats:
-    """Return the size of an object, shape (3,), with the width of a usual vessel if only its sail is in view."""
+    """Return the size of an object, shape (3,), with that of a usual hull if only sails are in view.
+
+    Jib and mainsail together are shorter than the hull.
+
+    Examples
+    --------
+    >>> with_hull(np.array((6.8, 0.9, 9.0))).round(1).tolist(), with_hull(np.array((6.8, 2.0, 9.0))).tolist()
+    ([8.0, 2.4, 9.0], [6.8, 2.0, 9.0])
+    """
     length_m, width_m, height_m = size
-    is_sail = width_m < _SAIL_THIN * length_m < _SAIL_THIN / _SAIL_TALL * height_m
-    return np.array((length_m, _usual_beam_m(length_m), height_m)) if is_sail else size
+    if not width_m < _SAIL_THIN * length_m < _SAIL_THIN / _SAIL_TALL * height_m:
+        return size
+    length_m /= _SAIL_SHARE
+    return np.array((length_m, _usual_beam_m(length_m), height_m))
 
 
 def _usual_beam_m(length_m: float) -> float:
