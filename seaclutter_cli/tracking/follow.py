@@ -24,6 +24,7 @@ _MAX_WAITING = 50_000
 _SURE, _CLEAR_M, _BEAM_DEG, _BOAT_M, _CREST_M = 0.5, 0.5, 0.2, (2.5, 15.0), 0.3
 _MOST_COMPARED, _MOSTLY = 20, 0.8
 _PART_SHARE = 0.5
+_STEP_M, _FASTEST_MS, _STEP_RAD, _FASTEST_RAD_S = 0.5, 30.0, np.radians(5), np.radians(90)
 
 
 @dataclass(frozen=True)
@@ -126,13 +127,13 @@ class Follower:
         over_ground, pose = pose is not None, pose or Pose()
         if self._frames and is_apart:
             yield from self.finish()
-        elif self._frames and over_ground != self._frames[-1].over_ground:
+        elif self._frames and (over_ground != self._frames[-1].over_ground or self._jumps(pose, time_s)):
             yield from self._move(pose)
         found = Detections.of(result, *self._clustering, self._mounting.up)
         water = _Water.of(result.water, self._mounting) if result.water else None
         clear_m = self._clear_m(result.frame, water, found)
         found = found.moved(pose)
-        tracks = self._tracker.step(found, time_s)
+        tracks = self._tracker.step(found, time_s) if frame.valid.any() else []  # no echo at all misses nothing
         rows = [row for row, track in enumerate(tracks) if track is not None]
         known = [track for track in tracks if track is not None]
         moment = frame.index, frame.stamp_ns, time_s
@@ -173,6 +174,14 @@ class Follower:
         self._frames.clear()
         self._done = self._records = 0
         self._shapes = {}
+
+    def _jumps(self, pose: Pose, time_s: float) -> bool:
+        """Return whether the pose of the lidar changed by more than a vessel moves, as after a correction."""
+        last = self._frames[-1]
+        elapsed_s = time_s - last.time_s
+        turn = (pose.yaw - last.pose.yaw + np.pi) % (2 * np.pi) - np.pi
+        moved_m = np.hypot(pose.x - last.pose.x, pose.y - last.pose.y)
+        return bool(moved_m > _STEP_M + _FASTEST_MS * elapsed_s or abs(turn) > _STEP_RAD + _FASTEST_RAD_S * elapsed_s)
 
     def _move(self, pose: Pose) -> Iterator[FrameObjects]:
         """Yield the objects of all frames that wait, and go on in coordinates where the lidar has another pose."""

@@ -221,6 +221,29 @@ def test_ids_survive_where_the_pose_comes_and_goes(live):
     assert all(abs(one.sizes[0, :2] - (LENGTH_M, WIDTH_M)).max() < 0.3 for one in found[30:])
 
 
+@pytest.mark.parametrize("jump", [(2, 4, 0), (400, 0, 0), (0, 0, 0.5)])
+@pytest.mark.parametrize("times", [{30}, {20, 21}])
+def test_ids_survive_where_the_pose_jumps(jump, times):
+    """An estimate of the pose that is corrected, or wrong for a frame, does not move what is around."""
+    at, poses, clouds = np.zeros(3), [], []
+    for k in range(60):
+        at = at + jump if k in times and not at.any() else np.zeros(3) if k in times else at
+        poses.append(Pose(*at))
+        clouds.append(frame_of(k, hull(place(k), 0.3)))
+    found = followed(clouds, poses)
+    assert [one.tracks for one in found] == [[1]] * 60
+    speeds = [np.hypot(*one.velocities[0]) for one in found[10:] if one.index not in times]
+    assert np.allclose(speeds, SPEED_MS, atol=0.3)
+
+
+@pytest.mark.parametrize("every", [2, 5])
+def test_frames_without_any_echo_miss_nothing(every):
+    nothing = np.empty((0, 3))
+    found = followed([frame_of(k, nothing if k % every else hull(place(k), 0.3)) for k in range(60)])
+    assert {name for one in found[: -every + 1] for name in one.states} == {CONFIRMED, "lost"}
+    assert min(one.scores[0] for one in found[: -every + 1]) > 0.9
+
+
 @pytest.mark.parametrize("frames", [400])
 def test_frames_are_complete_after_a_limited_time(frames):
     follower = Follower(1.5, 5, context_s=1.0)
