@@ -177,15 +177,19 @@ def _is_oblique(seen_from: Floats, low: Floats, high: Floats, size: Floats) -> M
 
 
 def _placed(seen_from: Floats, low: Floats, high: Floats, size: Floats, hidden: Mask) -> tuple[Floats, Floats]:
-    """Return the centres along and across, shape (T, 2), and their standard deviations, shape (T,)."""
+    """Return the centres along and across, shape (T, 2), and their standard deviations, shape (T,).
+
+    A view that exceeds the size shows something else, too, such as spray.
+    """
     missing = np.maximum(size - (high - low), 0)
+    excess = np.maximum(high - low - size, 0)
     side = 1.0 * (seen_from < low) - (seen_from > high)
     view = (low + high) / 2 - seen_from
     left = view[:, ::-1] * (-1, 1) / np.maximum(np.hypot(*view.T), 1e-9)[:, None]
     only = 1.0 * hidden[:, :1] - hidden[:, 1:]
     side = np.where((only != 0) & (np.abs(left) > _SIDEWAYS), only * np.sign(left), side)
     shift = side * missing / 2
-    noise = np.where(side != 0, _HIDDEN_NOISE, _BETWEEN_NOISE) * missing
+    noise = np.where(side != 0, _HIDDEN_NOISE, _BETWEEN_NOISE) * missing + _BETWEEN_NOISE * excess
     return (low + high) / 2 + shift, _NOISE_M + np.hypot(*noise.T)
 
 

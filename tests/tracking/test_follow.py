@@ -221,6 +221,14 @@ def test_ids_survive_where_the_pose_comes_and_goes(live):
     assert all(abs(one.sizes[0, :2] - (LENGTH_M, WIDTH_M)).max() < 0.3 for one in found[30:])
 
 
+def test_spray_behind_a_boat_in_some_frames_does_not_move_it():
+    astern = np.array((np.cos(0.3), np.sin(0.3)))
+    views = [[hull(place(k), 0.3)] + [hull(place(k) - astern, 0.3)] * (k % 24 in {5, 6}) for k in range(60)]
+    for one in followed([frame_of(k, np.vstack(view)) for k, view in enumerate(views)]):
+        assert np.allclose(one.centers[:, :2], place(one.index), atol=0.1)
+        assert np.hypot(*one.velocities.T) == pytest.approx(SPEED_MS, abs=0.1)
+
+
 @pytest.mark.parametrize("jump", [(2, 4, 0), (400, 0, 0), (0, 0, 0.5)])
 @pytest.mark.parametrize("times", [{30}, {20, 21}])
 def test_ids_survive_where_the_pose_jumps(jump, times):
