@@ -41,8 +41,6 @@ from .runs.mask import find_mask as find_mask
 from .runs.objects import find_objects as find_objects
 from .runs.observer import LoggingObserver as LoggingObserver
 from .runs.observer import Observer as Observer
-from .runs.options import BatchOptions as BatchOptions
-from .runs.options import ReadOptions as ReadOptions
 from .runs.plan import plan_convert as plan_convert
 from .runs.plan import plan_filter as plan_filter
 from .runs.report import report as report
@@ -53,7 +51,6 @@ from .runs.scenes import train_scenes as train_scenes
 from .runs.simulate import simulate as simulate
 from .runs.suspects import find_suspects as find_suspects
 from .runs.tune import tune as tune
-from .sinks.options import McapOptions as McapOptions
 from .sinks.options import Split as Split
 
 __version__: str

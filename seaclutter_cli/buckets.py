@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 from weakref import WeakValueDictionary
 
 from seaclutter_cli.errors import SeaclutterError
-from seaclutter_cli.options import Group, Options, declared
+from seaclutter_cli.options import Options, declared
 from seaclutter_cli.urls import Url, is_url, parse_url
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def _argument(value: Any, local: Callable[[Url], Any]) -> Any:
     if isinstance(value, Options):
         other = copy(value)
         for name, one in declared(type(value)).items():
-            if one.kind.is_place or isinstance(one.kind, Group):
+            if one.kind.is_place:
                 vars(other)[name] = _argument(vars(value)[name], local)
         return other
     return _converted(value, lambda leaf: local(leaf) if isinstance(leaf, Url) else leaf)

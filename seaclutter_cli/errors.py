@@ -264,8 +264,7 @@ class SelectionError(UsageError):
     Examples
     --------
     >>> import seaclutter
-    >>> part = seaclutter.ReadOptions(start_s=10.0)
-    >>> seaclutter.filter_log("samples/sea.mcap", folder / "none.mcap", reading=part)
+    >>> seaclutter.filter_log("samples/sea.mcap", folder / "none.mcap", start_s=10.0)
     Traceback (most recent call last):
     seaclutter_cli.errors.SelectionError: sea: no frames from 10 s on; ...
     """

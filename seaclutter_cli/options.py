@@ -14,7 +14,7 @@ import numbers
 import operator
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from functools import wraps
 from pathlib import Path
@@ -30,6 +30,7 @@ R = TypeVar("R")
 T = TypeVar("T")
 Given = TypeVar("Given")
 Stored = TypeVar("Stored")
+K = TypeVar("K", bound="Options")
 _TINY = 1e-100  # the inverse of a smaller number is not finite
 
 
@@ -178,24 +179,6 @@ class Parsed(Kind):
             return self.parse(value)
 
 
-@dataclass(frozen=True)
-class Group(Kind):
-    """Objects of a class of options, whose fields are options of a command, too, except those left out.
-
-    ``words`` replace words in braces in their help.
-    """
-
-    members: type[Options]
-    left_out: Sequence[str] = ()
-    words: Mapping[str, str] = field(default_factory=dict)
-
-    def check(self, value: Any, name: str) -> Any:
-        """Return an object of the class."""
-        if not isinstance(value, self.members):
-            raise UsageError(f"{name}: must be of class {self.members.__name__}, got {value!r}")
-        return value
-
-
 class Converted(Generic[Given, Stored]):
     """Annotation of an option that is given as one type and stored as another."""
 
@@ -206,7 +189,6 @@ class Converted(Generic[Given, Stored]):
 
 
 OptionalPath = Converted[PathLike | None, Path | None]
-Grouped = Converted[T | None, T]
 
 
 @dataclass(eq=False)
@@ -223,6 +205,7 @@ class Option:
     kw_only: bool
     name: str = ""
     annotation: str = ""
+    place: int = 0
 
     def __post_init__(self) -> None:
         words = self.text.split()
@@ -273,12 +256,6 @@ def _kind_of(annotation: str, *, remote: bool) -> Kind:
     return Place(remote=remote, output=True) if annotation in ("OptionalPath", "Converted[PathLike, Path]") else Kind()
 
 
-def grouped(*left_out: str, default: Options, help: str = "", **words: str) -> Any:  # noqa: A002
-    """Declare an object of another class of options as a field; see `Group`. Its help is the summary of the class."""
-    summary = (type(default).__doc__ or "").partition("\n")[0]
-    return option("", help or summary, default=default, kind=Group(type(default), left_out, words))
-
-
 @dataclass(frozen=True)
 class UseCase:
     """What a class of options is for: a command, by its name with that of its group, and the function that it calls.
@@ -295,40 +272,47 @@ class UseCase:
 
 
 # They are frozen, too; said here, mypy would give inherited options the type that is given instead of the one stored.
-@dataclass_transform(kw_only_default=True, field_specifiers=(option, grouped))
+@dataclass_transform(kw_only_default=True, field_specifiers=(option,))
 class Options:
     """Base of classes of options: frozen dataclasses whose fields are made by `option` and documented by its help.
 
     If it ``writes_remotely``, its output files may be in object storage. With a ``use_case``, which is not inherited,
-    its docstring is the help of a command.
+    its docstring is the help of a command. ``left_out`` are options of its bases that it does not have.
+    ``words`` replace others in their help. Options of classes that others share have a ``place`` after those of these.
     """
 
     writes_remotely: ClassVar[bool] = False
     use_case: ClassVar[UseCase]
+    left_out: ClassVar[Collection[str]] = ()
+    place: ClassVar[int] = 0
+    words: ClassVar[Mapping[str, str]] = {}
 
     def __init_subclass__(cls) -> None:
         own = {name: value for name, value in vars(cls).items() if isinstance(value, Option)}
         for name, value in own.items():
             value.name, value.annotation = name, inspect.get_annotations(cls)[name]
+            value.place = vars(cls).get("place", 0)
             value.kind = value.kind or _kind_of(value.annotation, remote=cls.writes_remotely)
             setattr(cls, name, field(default=value.default, kw_only=value.kw_only, metadata={Option: value}))
         dataclasses.dataclass(frozen=True, repr=False)(cls)
         for name, value in own.items():
             setattr(cls, name, value)
-        if "Examples" in (cls.__doc__ or ""):  # of the public API
-            cls.__doc__ = documented(cls.__doc__, cls)
 
     def __repr__(self) -> str:
         """Return the options as dataclasses do, which would take time for each class."""
         return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in vars(self).items())})"
 
+    def part(self, made: K, kind: type[Options] | None = None) -> K:
+        """Return another object with those of its options that are of a class, by default its own, as they are here."""
+        vars(made).update({name: vars(self)[name] for name in declared(kind or type(made))})
+        return made
+
 
 def declared(kind: type[Any]) -> dict[str, Option]:
     """Return the options of a class by name, in the order of the signature; what runs report to comes last."""
-    found = [one.metadata[Option] for one in fields(kind)]
+    found = [one.metadata[Option] for one in fields(kind) if one.name not in kind.left_out]
     last = ("keep_going", "observer")
-    order = sorted(found, key=lambda one: (one.kw_only, one.name in last, isinstance(one.kind, Group)))
-    return {one.name: one for one in order}
+    return {one.name: one for one in sorted(found, key=lambda one: (one.kw_only, one.name in last, one.place))}
 
 
 def function_of(kind: Callable[P, T]) -> Callable[[Callable[[T], R]], Callable[P, R]]:
@@ -337,13 +321,12 @@ def function_of(kind: Callable[P, T]) -> Callable[[Callable[[T], R]], Callable[P
     def decorate(run: Callable[[T], R]) -> Callable[P, R]:
         @wraps(run)
         def function(*args: P.args, **kwargs: P.kwargs) -> R:
+            if wrong := kwargs.keys() - options:
+                raise TypeError(f"{run.__name__}() got an unexpected keyword argument {min(wrong)!r}")
             return run(kind(*args, **kwargs))
 
-        signature = inspect.signature(kind)
-        shown = []
-        for name, one in declared(kind).items():  # type: ignore[arg-type]
-            known = signature.parameters[name].replace(annotation=_shown(one.annotation))
-            shown.append(known.replace(default=None) if isinstance(one.kind, Group) else known)
+        signature, options = inspect.signature(kind), declared(kind)  # type: ignore[arg-type]
+        shown = [signature.parameters[name].replace(annotation=_shown(one.annotation)) for name, one in options.items()]
         returned = inspect.signature(run).return_annotation
         function.options = kind  # type: ignore[attr-defined]
         function.__signature__ = inspect.Signature(shown, return_annotation=returned)  # type: ignore[attr-defined]
@@ -359,7 +342,7 @@ _RAISES = "Raises\n------\nSeaclutterError\n    If a log or an option cannot be 
 def documented(text: str | None, kind: Any, raises: str = "") -> str:
     """Return a docstring with the options of a class as its section of parameters, and one of errors, unless it has."""
     lines = ["Parameters", "----------"]
-    names = {flag: f"``{name}``" for name, one in _all_declared(kind) for flag in one.flags}
+    names = {flag: f"``{name}``" for name, one in declared(kind).items() for flag in one.flags}
     for name, one in declared(kind).items():
         optional = "" if one.default is MISSING else ", optional"
         lines += [f"{name} : {_in_words(one)}{optional}", f"    {_in_python(one.help, names)}"]
@@ -372,7 +355,7 @@ def documented(text: str | None, kind: Any, raises: str = "") -> str:
 def _shown(annotation: str) -> str:
     if annotation.startswith("Converted["):
         annotation = ast.unparse(ast.parse(annotation, mode="eval").body.slice.elts[0])  # type: ignore[attr-defined]
-    return re.sub(r"Grouped\[(\w+)\]", r"\1 | None", annotation.replace("OptionalPath", "PathLike | None"))
+    return annotation.replace("OptionalPath", "PathLike | None")
 
 
 def _in_words(one: Option) -> str:
@@ -398,10 +381,3 @@ def _in_python(text: str, names: Mapping[str, str]) -> str:
     """Return the help of an option with names of parameters in place of flags."""
     text = re.sub(r" *\[default: [^]]*\]|(?:;|,) repeatable(?=\.)", "", text)
     return re.sub(r"(?<![\w-])--?[a-z][a-z-]*", lambda flag: names.get(flag[0], flag[0]), text)
-
-
-def _all_declared(kind: type[Any]) -> Iterable[tuple[str, Option]]:
-    for name, one in declared(kind).items():
-        yield name, one
-        if isinstance(one.kind, Group):
-            yield from _all_declared(one.kind.members)

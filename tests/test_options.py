@@ -14,7 +14,8 @@ from seaclutter_cli import buckets
 from seaclutter_cli.commands import cli
 from seaclutter_cli.commands.console import Console
 from seaclutter_cli.errors import AdaptedThresholdsWarning, ConfigError, UsageError
-from seaclutter_cli.options import Group, declared
+from seaclutter_cli.options import declared
+from seaclutter_cli.runs.options import BatchOptions, ReadOptions
 from seaclutter_cli.runs.options.logs import FilterOptions, TuneOptions
 from tests.paths import ROOT
 from tests.running import execute
@@ -48,20 +49,13 @@ def parameters_of(words):
     return {parameter.name for parameter in command.params if parameter.expose_value}
 
 
-def flat(options, left_out=()):
-    """Yield the names of options with flags, those of groups in place of the groups."""
-    for name, one in declared(options).items():
-        if isinstance(one.kind, Group):
-            yield from flat(one.kind.members, one.kind.left_out)
-        elif one.flags and name not in left_out:
-            yield name
-
-
 @pytest.mark.parametrize(("words", "name"), COMMANDS.items())
 def test_a_command_has_the_options_of_its_function(words, name):
     function = getattr(seaclutter, name)
     options = function.options
-    assert parameters_of(words) - set(declared(Console)) == set(flat(options))
+    assert parameters_of(words) - set(declared(Console)) == {
+        name for name, one in declared(options).items() if one.flags
+    }
     assert list(inspect.signature(function).parameters) == list(declared(options))
     for parameter in declared(options):
         assert f"\n{parameter} : " in function.__doc__
@@ -74,12 +68,12 @@ def test_a_command_has_the_options_of_its_function(words, name):
         (("--filter-rate", "0"), {"filter_rate": 0}),
         (("--filter-rate", "1.5"), {"filter_rate": 1.5}),
         (("--max-left", "inf"), {"max_left": np.inf}),
-        (("-n", "0"), {"reading": {"frames": 0}}),
-        (("-n", "1.5"), {"reading": {"frames": 1.5}}),
-        (("--rate", "nan"), {"reading": {"rate_hz": np.nan}}),
-        (("--start", "soon"), {"reading": {"start_s": "soon"}}),
-        (("--sensor", "VLP"), {"reading": {"sensor": "VLP"}}),
-        (("-j", "0"), {"batch": {"jobs": 0}}),
+        (("-n", "0"), {"frames": 0}),
+        (("-n", "1.5"), {"frames": 1.5}),
+        (("--rate", "nan"), {"rate_hz": np.nan}),
+        (("--start", "soon"), {"start_s": "soon"}),
+        (("--sensor", "VLP"), {"sensor": "VLP"}),
+        (("-j", "0"), {"jobs": 0}),
         (("--clutter-ids", "a"), {"clutter_ids": ["a"]}),
         (("--labels", "-"), {"labels": "-"}),
         (("--plot", "folder/"), {"plot_file": "folder/"}),
@@ -89,23 +83,20 @@ def test_values_are_refused_alike(tmp_path, arguments, keywords):
     given = ["calibrate", str(SEA), "-o", str(tmp_path / "c.yaml"), *arguments]
     execute(*given, code=2)
     with pytest.raises(UsageError):
-        seaclutter.calibrate(
-            SEA,
-            **{key: value for key, value in keywords.items() if key not in ("reading", "batch")},
-            reading=seaclutter.ReadOptions(**keywords.get("reading", {})),
-            batch=seaclutter.BatchOptions(**keywords.get("batch", {})),
-        )
+        seaclutter.calibrate(SEA, **keywords)
 
 
 def test_a_wrong_keyword_is_an_error():
     with pytest.raises(TypeError, match="no_such"):
         seaclutter.filter_log(SEA, "out.mcap", no_such=1)
+    with pytest.raises(TypeError, match="keep_raw"):
+        seaclutter.convert_log(SEA, "out.mcap", keep_raw=True)
 
 
 def test_none_stands_for_the_default():
-    options = FilterOptions("a.mcap", "b.mcap", reading=None, labels=None, written=None)
+    options = FilterOptions("a.mcap", "b.mcap", rate_hz=None, labels=None, diagnostics=None)
     assert options == FilterOptions("a.mcap", "b.mcap")
-    assert options.reading == seaclutter.ReadOptions()
+    assert options.reading == ReadOptions()
 
 
 def test_single_values_are_sequences():
@@ -148,7 +139,7 @@ def test_examples_run(name, tmp_path, monkeypatch):
 
 
 def test_urls_become_paths_wherever_they_are_given():
-    """In logs and outputs as they were given, with the slash of a folder; in files and groups of options as paths."""
+    """In logs and outputs as they were given, with the slash of a folder; in files as paths."""
     given = ["s3://trial/day1/*.mcap", "b.mcap"]
     options = FilterOptions(
         given,
@@ -156,7 +147,8 @@ def test_urls_become_paths_wherever_they_are_given():
         csv_file="s3://trial/frames.csv",
         labels=["s3://trial/labels"],
         config="s3://trial/joint.yaml",
-        batch=seaclutter.BatchOptions(cluster="tls://host:8786", jobs=2),
+        cluster="tls://host:8786",
+        jobs=2,
         observer=seaclutter.LoggingObserver(),
     )
     local = buckets._argument(options, lambda url: Path("/copies") / url.key)
@@ -169,4 +161,4 @@ def test_urls_become_paths_wherever_they_are_given():
     assert local.observer is not options.observer
     assert options.logs == given
     with pytest.raises(UsageError, match="takes a local path"):
-        seaclutter.BatchOptions(manifest="s3://trial/m.csv")
+        BatchOptions(manifest="s3://trial/m.csv")

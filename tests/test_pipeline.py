@@ -321,10 +321,9 @@ class TestSideBySide:
             assert own == results_of(SEA, "/points", make, frames=25)
 
     def test_scores_are_those_of_separate_runs(self):
-        reading = seaclutter.ReadOptions(frames=25)
-        together = seaclutter.evaluate(SEA, LABELS, methods=["joint", "confirmed"], reading=reading).totals()
+        together = seaclutter.evaluate(SEA, LABELS, methods=["joint", "confirmed"], frames=25).totals()
         for name in ("joint", "confirmed"):
-            alone = seaclutter.evaluate(SEA, LABELS, methods=name, reading=reading).totals()
+            alone = seaclutter.evaluate(SEA, LABELS, methods=name, frames=25).totals()
             assert without_times(alone[name]) == without_times(together[name])
 
 

@@ -351,11 +351,11 @@ def test_python_takes_classes_objects_and_functions(tmp_path, method):
     with seaclutter.open_log(tmp_path / "x.mcap") as log:
         assert [frame.size for frame in log.frames()] == wanted
     assert done.outcomes[0].frames == len(wanted)
-    scores = seaclutter.evaluate(SEA, LABELLED, methods=[method, "none"], reading=seaclutter.ReadOptions(frames=5))
+    scores = seaclutter.evaluate(SEA, LABELLED, methods=[method, "none"], frames=5)
     assert list(scores.totals()) == [getattr(method, "__name__", "Low"), "none", "ideal"]
-    tuned = seaclutter.tune(SEA, LABELLED, methods=[method, "none"], reading=seaclutter.ReadOptions(frames=5))
+    tuned = seaclutter.tune(SEA, LABELLED, methods=[method, "none"], frames=5)
     assert tuned is not None
-    found = seaclutter.find_suspects(SEA, tmp_path / "s.csv", method=method, reading=seaclutter.ReadOptions(frames=10))
+    found = seaclutter.find_suspects(SEA, tmp_path / "s.csv", method=method, frames=10)
     assert found.outcomes[0].method == getattr(method, "__name__", "Low")
     check_filter(method)
 
@@ -401,15 +401,14 @@ def test_mistakes_of_a_method_are_one_line(tmp_path, name):
     members, text = MISTAKES[name]
     wrong = type("Wrong", (seaclutter.Filter,), members)
     with pytest.raises(seaclutter.MethodError, match=text) as raised:
-        seaclutter.filter_log(SEA, tmp_path / "x.mcap", method=wrong, reading=seaclutter.ReadOptions(frames=3))
+        seaclutter.filter_log(SEA, tmp_path / "x.mcap", method=wrong, frames=3)
     assert str(raised.value).startswith("Wrong failed on ")
     assert not (tmp_path / "x.mcap").exists()
 
 
 def test_methods_that_cannot_be_sent(trial):
-    two = seaclutter.BatchOptions(jobs=2)
     with pytest.raises(seaclutter.UsageError, match="cannot be sent to other processes"):
-        seaclutter.evaluate(trial, trial, methods=[lambda frame: frame.valid], batch=two)
+        seaclutter.evaluate(trial, trial, methods=[lambda frame: frame.valid], jobs=2)
 
 
 @pytest.mark.parametrize("name", [name for name in FILTERS.built_in if name not in OPTIONAL or is_installed(name)])

@@ -16,12 +16,12 @@ from click.core import ParameterSource
 
 from seaclutter_cli.commands.console import ARGUMENTS, DEBUG, NOTES, Console
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.options import Choice, Flag, Group, Kind, Number, Option, Options, Whole, declared
+from seaclutter_cli.options import Choice, Flag, Kind, Number, Option, Options, Whole, declared
 from seaclutter_cli.registry import imported
 from seaclutter_cli.runs.options import WORKING_CONFIG, ConfigFile, MethodName
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
 _GROUPS = {
     "Input": "columns rate calibration sensor integrate intensity-field join merge recursive clutter-ids ignore-ids",
@@ -168,27 +168,6 @@ _DEBUG = click.Option(
 )
 
 
-def _parameters(
-    options: Mapping[str, Option], left_out: Collection[str] = (), words: Mapping[str, str] = {}
-) -> Iterator[click.Parameter]:
-    for name, one in options.items():
-        if isinstance(one.kind, Group):
-            yield from _parameters(declared(one.kind.members), one.kind.left_out, one.kind.words)
-        elif one.flags and name not in left_out:
-            yield _parameter(name, one, words)
-
-
-def _taken(options: Mapping[str, Option], values: Mapping[str, Any], left_out: Collection[str] = ()) -> dict[str, Any]:
-    """Return the arguments of a function from the values of parameters, those of groups as objects."""
-    taken = {}
-    for name, one in options.items():
-        if isinstance(one.kind, Group):
-            taken[name] = one.kind.members(**_taken(declared(one.kind.members), values, one.kind.left_out))
-        elif one.flags and name not in left_out:
-            taken[name] = values[name]
-    return taken
-
-
 _OUTPUTS = ("-o", "--output", "--figures", "--log-file")
 _FLAGS = ("--force", "-q", "--quiet", "-v", "--verbose", "--debug", "--json")
 
@@ -219,13 +198,14 @@ def commands_of(module: str, name: str) -> list[click.Command]:
 def _command(takes: type[Options]) -> click.Command:
     """Return the command of a class of options, which calls their function and prints its result."""
     use_case, options = takes.use_case, declared(takes)
-    parameters = [*_parameters(options)]
-    silenced = {*declared(Console)} - {*use_case.messages, "dry_run" if use_case.plan else ""}
-    parameters += _parameters(declared(Console), silenced)
+    own = {name: one for name, one in options.items() if one.flags}
+    messages = (*(["dry_run"] if use_case.plan else []), *use_case.messages)
+    parameters = [_parameter(name, one, takes.words) for name, one in own.items()]
+    parameters += [_parameter(name, one, {}) for name, one in declared(Console).items() if name in messages]
 
     def run(**values: Any) -> None:
-        console = Console(**_taken(declared(Console), values, silenced))
-        taken, function = _taken(options, values), use_case.function
+        console = Console(**{name: values[name] for name in messages})
+        taken, function = {name: values[name] for name in own}, use_case.function
         if not isinstance(function, str):
             function(console, **taken)
             return
@@ -241,5 +221,6 @@ def _command(takes: type[Options]) -> click.Command:
         if isinstance(parameter, click.Option) and parameter.expose_value:
             longest = max(parameter.opts, key=len).strip("-")
             parameter.envvar = re.sub("[ -]", "_", f"seaclutter {use_case.name} {longest}").upper()
-    own = use_case.name.rpartition(" ")[2]
-    return _Command(own, callback=run, params=[*parameters, _DEBUG], help=takes.__doc__, short_help=use_case.short_help)
+    last = use_case.name.rpartition(" ")[2]
+    parameters.append(_DEBUG)
+    return _Command(last, callback=run, params=parameters, help=takes.__doc__, short_help=use_case.short_help)

@@ -56,8 +56,7 @@ def filter_log(options: FilterOptions) -> "FilterSummary":
     Examples
     --------
     >>> import seaclutter
-    >>> first = seaclutter.ReadOptions(frames=5)
-    >>> done = seaclutter.filter_log("samples/sea.mcap", folder / "filtered.mcap", reading=first)
+    >>> done = seaclutter.filter_log("samples/sea.mcap", folder / "filtered.mcap", frames=5)
     >>> outcome = done.outcomes[0]
     >>> outcome.frames, outcome.topics["/points"].points_in
     (5, 10304)

@@ -55,7 +55,7 @@ def report(options: ReportOptions) -> "ReportResult":
     Examples
     --------
     >>> import seaclutter
-    >>> done = seaclutter.report("samples/sea.mcap", folder / "report.html", reading=seaclutter.ReadOptions(frames=20))
+    >>> done = seaclutter.report("samples/sea.mcap", folder / "report.html", frames=20)
     >>> done.frames, len(done.sizes)
     (20, 1)
     """

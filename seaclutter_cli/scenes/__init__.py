@@ -35,6 +35,8 @@ class SceneParams:
 class TrainingParams(Options):
     """Parameters of the training."""
 
+    place = 2
+
     epochs: int = option("--epochs", "Passes over all training frames.", default=30, kind=Whole(1))
     batch: int = option("--batch", "Frames per step.", default=32, kind=Whole(2))
     learning_rate: float = option(

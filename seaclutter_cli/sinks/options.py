@@ -50,8 +50,8 @@ class Split:
     Examples
     --------
     >>> import seaclutter
-    >>> parts = seaclutter.McapOptions(split=seaclutter.Split(duration_ns=2 * 10**9))
-    >>> done = seaclutter.convert_log("samples/sea.mcap", folder / "parts.mcap", written=parts)
+    >>> limit = seaclutter.Split(duration_ns=2 * 10**9)
+    >>> done = seaclutter.convert_log("samples/sea.mcap", folder / "parts.mcap", split=limit)
     >>> [part.name for part in sorted(folder.glob("parts_*.mcap"))]
     ['parts_0.mcap', 'parts_1.mcap', 'parts_2.mcap']
     """
@@ -133,18 +133,10 @@ def _pattern(text: str) -> str:
     return text
 
 
-class McapOptions(Options):
-    """Contents of a filtered log.
+class ContentOptions(Options):
+    """Contents of a filtered log."""
 
-    Examples
-    --------
-    >>> import seaclutter
-    >>> both = seaclutter.McapOptions(keep_raw=True, with_removed=True)
-    >>> done = seaclutter.filter_log("samples/sea.mcap", folder / "both.mcap", written=both)
-    >>> with seaclutter.open_log(folder / "both.mcap") as log:
-    ...     log.topics
-    ('/points', '/points/filtered', '/points/removed')
-    """
+    place = 2
 
     keep_raw: bool = option(
         "--keep-raw", "Keep the raw cloud on its topic; write the filtered one to TOPIC/filtered.", default=False
@@ -187,7 +179,22 @@ class McapOptions(Options):
         "Keep the last message of TOPIC before --start, as of /tf_static and other latched topics; repeatable.",
         default=(),
     )
-    config: str = option("", "Effective configuration as YAML; the run fills it in, and all below.", default="")
+
+    @property
+    def written(self) -> McapOptions:
+        """These options alone, for a sink."""
+        return self.part(McapOptions(), ContentOptions)
+
+    def takes(self, topic: str) -> bool:
+        """Return whether one of the other topics is written."""
+        included = not self.include or any(matches(pattern, topic) for pattern in self.include)
+        return included and not any(matches(pattern, topic) for pattern in self.exclude)
+
+
+class McapOptions(ContentOptions):
+    """Contents of a filtered log, and what a run fills in."""
+
+    config: str = option("", "Effective configuration as YAML.", default="")
     water: bool = option("", "Whether the method estimates the water, for the diagnostics.", default=False)
     scene: Callable[[FilterResult], SceneUpdate] | None = option(
         "", "Function that returns the boxes of a filtered frame.", default=None, kind=Anything()
@@ -200,8 +207,3 @@ class McapOptions(Options):
     )
     method: str = option("", "Name of the method.", default="")
     is_part: bool = option("", "Whether only a part of the recording is written.", default=False)
-
-    def takes(self, topic: str) -> bool:
-        """Return whether one of the other topics is written."""
-        included = not self.include or any(matches(pattern, topic) for pattern in self.include)
-        return included and not any(matches(pattern, topic) for pattern in self.exclude)

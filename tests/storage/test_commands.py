@@ -236,8 +236,7 @@ def test_the_library(logs, scratch, tmp_path):
     with seaclutter.open_log(f"{logs}/sea.mcap") as log:
         assert len(list(log.frames("/points"))) == 60
         assert list(scratch.iterdir())
-    first = seaclutter.ReadOptions(frames=2)
-    done = seaclutter.filter_log(f"{logs}/sea.mcap", f"{logs}/f.mcap", config=f"{logs}/config.yaml", reading=first)
+    done = seaclutter.filter_log(f"{logs}/sea.mcap", f"{logs}/f.mcap", config=f"{logs}/config.yaml", frames=2)
     assert str(done.outcomes[0].output) == f"{logs}/f.mcap"
     seaclutter.calibrate(f"{logs}/sea.mcap", labels=f"{logs}/sea.labels.csv", output=f"{logs}/c.yaml")
     assert {"f.mcap", "c.yaml"} <= set(names(logs))

@@ -10,7 +10,6 @@ from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.options import (
     Anything,
     Converted,
-    Grouped,
     Kind,
     Number,
     OptionalPath,
@@ -18,7 +17,6 @@ from seaclutter_cli.options import (
     Parsed,
     Place,
     Whole,
-    grouped,
     option,
 )
 from seaclutter_cli.runs.observer import SILENT, Observer, raising
@@ -60,6 +58,8 @@ _TIME = Parsed("selection.parse_moment", _Time())
 class Decoding(Options):
     """How recordings are decoded."""
 
+    place = 1
+
     rate_hz: float = option(
         "--rate HZ", "Frames per second of recordings without time stamps.", default=10.0, kind=Number(0, above=True)
     )
@@ -92,16 +92,9 @@ class Decoding(Options):
 
 
 class ReadOptions(Decoding):
-    """Part of each recording to read, and how.
+    """Part of each recording to read, and how."""
 
-    Examples
-    --------
-    >>> import seaclutter
-    >>> part = seaclutter.ReadOptions(start_s=1.0, end_s=1.5)
-    >>> done = seaclutter.filter_log("samples/sea.mcap", folder / "part.mcap", reading=part)
-    >>> done.outcomes[0].frames
-    5
-    """
+    place = 1
 
     topics: Converted[str | Sequence[str], tuple[str, ...]] = option(
         "-t --topic NAME", "Point-cloud topic, if there are several; repeatable.", default=()
@@ -131,6 +124,11 @@ class ReadOptions(Decoding):
     recursive: bool = option("--recursive", "Also search subfolders for recordings.", default=False)
 
     @property
+    def reading(self) -> ReadOptions:
+        """These options alone."""
+        return self.part(ReadOptions())
+
+    @property
     def selection(self) -> Selection:
         """Selected part of each recording."""
         from seaclutter_cli.selection import Selection
@@ -150,7 +148,7 @@ class Observed(Options):
     observer: Observer = option("", "Receives progress and warnings.", default=SILENT, kind=Anything(is_place=True))
 
 
-class OfLogs(Observed):
+class OfLogs(ReadOptions, Observed):
     """What every function for logs takes."""
 
     writes_remotely = True
@@ -158,7 +156,6 @@ class OfLogs(Observed):
     logs: PathLike | Sequence[PathLike] = option(
         "LOGS...", "Files, folders or globs of logs, or URLs of objects.", kind=Places(is_place=True), kw_only=False
     )
-    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
     keep_going: bool = option(
         "",
         "Store the error of a recording in its outcome and continue with the others, instead of raising it.",
@@ -187,15 +184,9 @@ class BatchOptions(Options):
     """How several recordings are processed. Results do not depend on it.
 
     A script that uses several processes needs ``if __name__ == "__main__":``, as for `multiprocessing`.
-
-    Examples
-    --------
-    >>> import seaclutter
-    >>> table = seaclutter.BatchOptions(manifest=folder / "runs.csv")
-    >>> done = seaclutter.filter_log("samples/sea.mcap", folder / "listed.mcap", batch=table)
-    >>> (folder / "runs.csv").read_text().splitlines()[1].split(",")[3:5]
-    ['done', '60']
     """
+
+    place = 3
 
     jobs: int | None = option(
         "-j --jobs N",
@@ -221,6 +212,11 @@ class BatchOptions(Options):
     cluster_insecure: bool = option(
         "--cluster-insecure", "Allow a cluster without encryption, tcp://HOST:PORT.", default=False
     )
+
+    @property
+    def batch(self) -> BatchOptions:
+        """These options alone."""
+        return self.part(BatchOptions())
 
     def runs_here(self, recordings: int) -> bool:
         """Return whether the work is on a single recording, in this process."""

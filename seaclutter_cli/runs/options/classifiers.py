@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.options import (
     Converted,
-    Grouped,
     Kind,
     Number,
     OptionalPath,
     Place,
     UseCase,
     Whole,
-    grouped,
     option,
 )
 from seaclutter_cli.runs.options import BatchOptions, Observed, OfLogs, Places, ReadOptions, Replacing, Settings
@@ -29,7 +27,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.urls import PathLike
 
 
-class LabelledLogs(Observed):
+class LabelledLogs(ReadOptions, Observed):
     """Logs by the class of their scene, and how they are read."""
 
     folders: Converted[PathLike | Sequence[PathLike], tuple[Path, ...]] = option(
@@ -42,7 +40,6 @@ class LabelledLogs(Observed):
     scenes: Converted[str | Sequence[str], tuple[str, ...]] = option(
         "--scene CLASS=LOGS", "A class, and the file, folder or glob of its logs; repeatable.", default=()
     )
-    reading: Grouped[ReadOptions] = grouped(default=ReadOptions())
 
     def find(self) -> list[tuple[Recording, str]]:
         """Return recordings with their true classes; raise `UsageError` if there are none, or one has two."""
@@ -98,7 +95,7 @@ class ClassifierOptions(Replacing):
     csv_file: OptionalPath = option("--csv", "Write a CSV table with a line for each frame.", default=None)
 
 
-class TrainScenesOptions(Replacing, LabelledLogs):
+class TrainScenesOptions(Replacing, TrainingParams, LabelledLogs):
     """Train a classifier on logs with known scenes, and write it as an ONNX file.
 
     FOLDERS contain one folder of logs per class, named after the class (open/, confined/); --scene gives classes
@@ -119,7 +116,11 @@ class TrainScenesOptions(Replacing, LabelledLogs):
     every: int = option(
         "--every", "Use one frame in N; consecutive frames are nearly the same.", default=1, kind=Whole(1)
     )
-    training: Grouped[TrainingParams] = grouped(default=TrainingParams())
+
+    @property
+    def training(self) -> TrainingParams:
+        """Parameters of the training alone."""
+        return self.part(TrainingParams())
 
 
 class EvaluateScenesOptions(ClassifierOptions, LabelledLogs):
@@ -145,6 +146,8 @@ class PredictScenesOptions(ClassifierOptions, OfLogs):
 
 class OfTiles(Replacing, Observed):
     """What every function for airborne tiles takes; settings are defaults < file < single keys."""
+
+    words: ClassVar[Mapping[str, str]] = {"recording": "tile"}
 
     tiles: PathLike | Sequence[PathLike] = option(
         "TILE...", "Files, folders or globs of tiles.", kind=Places(), kw_only=False
@@ -187,7 +190,7 @@ class _Classes(Kind):
         return tuple(value)
 
 
-class SeparateTilesOptions(WritingTiles):
+class SeparateTilesOptions(BatchOptions, WritingTiles):
     """Separate each TILE into sea and non-sea points by morphological opening; on rough water, follow the waves.
 
     Sea points get the ASPRS class 9 (water), all others 1; land is recognised by its level, flatness and echoes.
@@ -234,7 +237,6 @@ class SeparateTilesOptions(WritingTiles):
     geojson_file: OptionalPath = option(
         "--geojson", "Also write the shoreline and the boxes of objects as GeoJSON.", default=None
     )
-    batch: Grouped[BatchOptions] = grouped(default=BatchOptions(), recording="tile")
 
 
 class TrainForestOptions(OfTiles):
@@ -261,7 +263,7 @@ class TrainForestOptions(OfTiles):
     plot_file: OptionalPath = option("--plot", "Draw the confusion matrix, as PNG or SVG.", default=None)
 
 
-class ClassifyTilesOptions(WritingTiles):
+class ClassifyTilesOptions(BatchOptions, WritingTiles):
     """Classify the non-sea points of each TILE with a trained model, and find the objects.
 
     Each point gets the additional dimensions predicted_class (0 for none, otherwise as in train), probability and
@@ -274,11 +276,9 @@ class ClassifyTilesOptions(WritingTiles):
         "runs.classify.predict.classify_tiles",
         short_help="Classify points and objects with a trained model.",
     )
+    left_out = ("fail_fast", "resume", "manifest", "cluster", "cluster_insecure")
 
     model: Converted[PathLike, Path] = option("--model MODEL", "Model file from classify train.", kind=Place())
     csv_file: OptionalPath = option("--csv", "Also write a CSV table with a line for each object.", default=None)
     geojson_file: OptionalPath = option("--geojson", "Also write the boxes of the objects as GeoJSON.", default=None)
     plot_file: OptionalPath = option("--plot", "Draw a top view of the tile, as PNG or SVG.", default=None)
-    batch: Grouped[BatchOptions] = grouped(
-        *("fail_fast", "resume", "manifest", "cluster", "cluster_insecure"), default=BatchOptions(), recording="tile"
-    )

@@ -11,14 +11,12 @@ from seaclutter_cli.options import (
     Anything,
     Choice,
     Converted,
-    Grouped,
     Number,
     OptionalPath,
     Parsed,
     Place,
     UseCase,
     Whole,
-    grouped,
     option,
 )
 from seaclutter_cli.registry import imported
@@ -31,10 +29,9 @@ from seaclutter_cli.runs.options import (
     Observed,
     OfLabelledLogs,
     OfLogs,
-    ReadOptions,
     Replacing,
 )
-from seaclutter_cli.sinks.options import FORMATS, McapOptions
+from seaclutter_cli.sinks.options import FORMATS, ContentOptions
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -46,7 +43,7 @@ _RANGE = re.compile(r"\s*(\d{1,9})(?:\s*(?:\.\.|-)\s*(\d{1,9}))?\s*")
 _MAX_SEEDS = 100_000
 
 
-class WritingLogs(Replacing, OfLogs):
+class WritingLogs(Replacing, ContentOptions, BatchOptions, OfLogs):
     """Options of functions that write a log for each recording."""
 
     output: PathLike = option(
@@ -61,8 +58,6 @@ class WritingLogs(Replacing, OfLogs):
         default=None,
         kind=Choice(FORMATS, lambda: imported("sinks.formats.OUTPUT_FORMATS").added),
     )
-    written: Grouped[McapOptions] = grouped(default=McapOptions())
-    batch: Grouped[BatchOptions] = grouped(default=BatchOptions())
 
 
 class FilterOptions(WritingLogs, LabelSources, ConfigOptions):
@@ -104,15 +99,10 @@ class ConvertOptions(WritingLogs):
 
     use_case = UseCase("convert", "runs.convert.convert_log", plan="runs.plan.plan_convert")
 
-    reading: Grouped[ReadOptions] = grouped("intensity_field", default=ReadOptions())
-    written: Grouped[McapOptions] = grouped(
-        *("keep_raw", "with_removed", "keep_organized", "diagnostics"),
-        default=McapOptions(),
-        help="Compression, parts and topics of the outputs; the rest is for `filter_log` only.",
-    )
+    left_out = ("intensity_field", "keep_raw", "with_removed", "keep_organized", "diagnostics")
 
 
-class InfoOptions(OfLogs):
+class InfoOptions(BatchOptions, OfLogs):
     """Show the content of LOGS: topics, frames, fields, extents, and the settings that a filter run needs.
 
     Every frame is read; -n N stops after the first N. Of an MCAP file of more than 16 MB in object storage, the
@@ -120,8 +110,7 @@ class InfoOptions(OfLogs):
     """
 
     use_case = UseCase("info", "runs.info.info")
-
-    batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
+    left_out = ("resume", "manifest")
 
 
 class MaskOptions(Replacing, OfLogs):
@@ -166,7 +155,7 @@ class ViewOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
     port: int = option("--port", "Port of the viewer.", default=9876, kind=Whole(1, 65535))
 
 
-class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
+class CalibrateOptions(Replacing, BatchOptions, OfLogs, LabelSources, ConfigOptions):
     """Find the threshold of each range ring and the far limit of clutter in LOGS, and write a configuration.
 
     LOGS should contain sea clutter recorded by your sensor, and no targets; use --labels to leave targets out. All
@@ -175,6 +164,7 @@ class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
     """
 
     use_case = UseCase("calibrate", "runs.calibrate.calibrate")
+    left_out = ("fail_fast", "resume", "manifest")
 
     output: OptionalPath = option(
         "-o --output CONFIG", "Configuration to write, for filter -c.", default=None, required=True
@@ -206,10 +196,9 @@ class CalibrateOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
     plot_file: OptionalPath = option(
         "--plot", "Also plot clutter and thresholds over range (.png or .svg).", default=None
     )
-    batch: Grouped[BatchOptions] = grouped("fail_fast", "resume", "manifest", default=BatchOptions())
 
 
-class EvaluateOptions(Replacing, OfLabelledLogs, MethodOptions):
+class EvaluateOptions(Replacing, BatchOptions, OfLabelledLogs, MethodOptions):
     """Filter LOGS, cluster the remaining points and compare the clusters with labels.
 
     LOGS are MCAP files, ROS bags, rosbag2 folders, packet captures (PCAP, PCAPNG), folders of frames, or globs.
@@ -217,6 +206,7 @@ class EvaluateOptions(Replacing, OfLabelledLogs, MethodOptions):
     """
 
     use_case = UseCase("evaluate", "runs.evaluate.evaluate")
+    left_out = ("resume",)
 
     labels: Converted[PathLike | Sequence[PathLike] | None, tuple[Path, ...]] = option(
         "--labels LABELS", LABELS_HELP, default=(), kind=Place(remote=True), kw_only=False
@@ -233,10 +223,9 @@ class EvaluateOptions(Replacing, OfLabelledLogs, MethodOptions):
         "Clustering algorithm; by default that of the configuration. With dbscan, also show its measures.",
         default=None,
     )
-    batch: Grouped[BatchOptions] = grouped("resume", default=BatchOptions())
 
 
-class LabelCheckOptions(OfLabelledLogs):
+class LabelCheckOptions(BatchOptions, OfLabelledLogs):
     """Compare labels with the points of LOGS, and name probable mistakes with their remedies.
 
     Found are yaws in degrees or in the other direction, length and width or x and y swapped, centimetres and
@@ -250,8 +239,7 @@ class LabelCheckOptions(OfLabelledLogs):
         "runs.labels.check_labels",
         short_help="Find mistakes in labels that would give wrong rates without an error.",
     )
-
-    batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
+    left_out = ("resume", "manifest")
 
 
 class _Sweeps(Parsed):
@@ -265,7 +253,7 @@ class _Sweeps(Parsed):
         return tuple(Sweep(key, tuple(tried)) for key, tried in values.items())
 
 
-class TuneOptions(Replacing, OfLabelledLogs, MethodOptions):
+class TuneOptions(Replacing, BatchOptions, OfLabelledLogs, MethodOptions):
     """Filter LOGS with every combination of methods and parameter values, and report the best one.
 
     The best combination has the fewest bad frames: those with a false alarm plus those with a missed target. Ties
@@ -275,6 +263,7 @@ class TuneOptions(Replacing, OfLabelledLogs, MethodOptions):
     """
 
     use_case = UseCase("tune", "runs.tune.tune")
+    left_out = ("resume", "manifest")
 
     sweeps: Converted[Mapping[str, Sequence[Any]] | Sequence[str], tuple[Sweep, ...]] = option(
         "--sweep KEY=VALUES",
@@ -304,7 +293,6 @@ class TuneOptions(Replacing, OfLabelledLogs, MethodOptions):
         default=None,
     )
     ring: int = option("--ring K", "Range ring of --plot-thresholds, from 1.", default=2, kind=Whole(1))
-    batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
 
 
 class ReportOptions(Replacing, OfLogs, LabelSources, MethodOptions):
@@ -333,7 +321,7 @@ class ReportOptions(Replacing, OfLogs, LabelSources, MethodOptions):
     command: str | None = option("", "Command line that the page shows.", default=None)
 
 
-class ObjectsOptions(Replacing, OfLogs, ConfigOptions):
+class ObjectsOptions(Replacing, BatchOptions, OfLogs, ConfigOptions):
     """Follow the objects in LOGS over time: where they are, how large, and how they move.
 
     LOGS are filtered with the method `confirmed`, unless another one or a configuration is given. Clusters of the
@@ -344,6 +332,7 @@ class ObjectsOptions(Replacing, OfLogs, ConfigOptions):
     """
 
     use_case = UseCase("objects", "runs.objects.find_objects")
+    left_out = ("resume",)
 
     output: OptionalPath = option(
         "-o --output OBJECTS",
@@ -351,10 +340,9 @@ class ObjectsOptions(Replacing, OfLogs, ConfigOptions):
         default=None,
         kw_only=False,
     )
-    batch: Grouped[BatchOptions] = grouped("resume", default=BatchOptions())
 
 
-class ProposeOptions(Replacing, OfLogs, ConfigOptions):
+class ProposeOptions(Replacing, BatchOptions, OfLogs, ConfigOptions):
     """Label the objects in LOGS with boxes, for a person to correct.
 
     The boxes are those of `objects`, with ids, a class guessed from the size (buoy up to 2 m, small craft up to
@@ -368,6 +356,7 @@ class ProposeOptions(Replacing, OfLogs, ConfigOptions):
         "runs.label_proposal.propose_labels",
         short_help="Label the objects in logs with boxes, for a person to correct.",
     )
+    left_out = ("resume", "manifest")
 
     output: PathLike = option(
         "-o --output LABELS",
@@ -378,7 +367,6 @@ class ProposeOptions(Replacing, OfLogs, ConfigOptions):
     to: Literal["csv", "sustechpoints", "seepersea"] = option(
         "--to", "Form of the labels; sustechpoints and seepersea are folders with the clouds.", default="csv"
     )
-    batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
 
 
 class CompareOptions(Observed):
@@ -401,7 +389,7 @@ class CompareOptions(Observed):
     )
 
 
-class SuspectsOptions(Replacing, OfLogs, ConfigOptions):
+class SuspectsOptions(Replacing, BatchOptions, OfLogs, ConfigOptions):
     """List what a filter removed from LOGS that may have been a target, and what it kept that may be clutter.
 
     No labels are needed. Bodies are clusters that rise out of the water, or lie alone on it; they are followed over
@@ -412,6 +400,7 @@ class SuspectsOptions(Replacing, OfLogs, ConfigOptions):
     """
 
     use_case = UseCase("suspects", "runs.suspects.find_suspects")
+    left_out = ("resume", "manifest")
 
     output: OptionalPath = option(
         "-o --output SUSPECTS.csv", "Write a table with a row for each suspect.", default=None, kw_only=False
@@ -423,7 +412,6 @@ class SuspectsOptions(Replacing, OfLogs, ConfigOptions):
         kind=Place(remote=True),
     )
     shown: int = option("--show", "Number of suspects of each kind to show.", default=10, kind=Whole(1, 500))
-    batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())
 
 
 def parse_seeds(text: str) -> tuple[int, ...]:
@@ -439,7 +427,7 @@ def parse_seeds(text: str) -> tuple[int, ...]:
     return tuple(seeds)
 
 
-class SimulateOptions(Replacing, Observed):
+class SimulateOptions(Replacing, BatchOptions, Observed):
     """Simulate a labelled lidar recording of SCENE: a scene file (YAML), or the name of a built-in scene or layout.
 
     LOG.mcap has clouds with a field `label`: 0 for clutter, 65535 for own ship or ignored points, otherwise the
@@ -451,6 +439,7 @@ class SimulateOptions(Replacing, Observed):
     """
 
     use_case = UseCase("simulate", "runs.simulate.simulate")
+    left_out = ("resume", "manifest")
 
     scene: PathLike = option(
         "SCENE",
@@ -488,4 +477,3 @@ class SimulateOptions(Replacing, Observed):
         default=None,
         kind=Parsed(parse_seeds),
     )
-    batch: Grouped[BatchOptions] = grouped("resume", "manifest", default=BatchOptions())

@@ -11,7 +11,7 @@ from rosbags.rosbag2 import Reader
 from seaclutter_cli.records import Channel, Schema
 from seaclutter_cli.runs.convert import convert_log
 from seaclutter_cli.sinks.bag_writer import BagWriter
-from seaclutter_cli.sinks.options import McapOptions, Split
+from seaclutter_cli.sinks.options import Split
 from seaclutter_cli.sources.formats import open_source
 from tests.logs import Entry, Topic, cloud_messages, cloud_topic, write_log
 
@@ -42,7 +42,7 @@ QOS += "\n  liveliness: 1\n  avoid_ros_namespace_conventions: false"
 
 
 def convert(log, target, form, **written):
-    (outcome,) = convert_log(log, target, to=form, written=McapOptions(**written), keep_going=True).outcomes
+    (outcome,) = convert_log(log, target, to=form, **written, keep_going=True).outcomes
     assert (outcome.error, outcome.damage) == (None, [])
     return outcome
 
