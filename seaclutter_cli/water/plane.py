@@ -22,7 +22,7 @@ _OTHERS_M, _PASSES, _MOST, _WIDER = 2.0, 6, 0.98, 1.5
 _SUPPORT, LEAST_SUPPORT = 0.4, 1.0
 _TILT_RIDGE = 5.0
 _MIN_CELLS = 8
-_FLAT_M, _ENOUGH, _SURE_M, _BESIDE, _FEET = 0.3, 3.0, 20.0, 0.1, 0.3
+_FLAT_M, _ENOUGH, _SURE_M, _BESIDE = 0.3, 3.0, 20.0, 0.1
 _BELOW_M = 1.0
 _OF_BODIES = _BEARINGS * _RINGS
 _DEEPEST_M, _CELL_CM = 100.0, 20000
@@ -63,29 +63,34 @@ class PolarCells:
 
     ``cell`` is the number of each of N points' cells, shape (N,); `_OF_BODIES` for points that belong to bodies.
     ``lowest``, shape (3, C), and ``number``, shape (C,), are the lowest point and the number of each occupied cell, and
-    the feet of the bodies in it; ``trust``, shape (C,), is 1 where three echoes are near the lowest.
+    the feet of the bodies in it; ``trust``, shape (C,), is 1 where three echoes are near the lowest. ``top``, shape
+    (C,), is z of the top of the bodies above feet, infinite for points beside bodies, and NaN for others.
     """
 
     cell: NDArray[np.int64]
     lowest: Floats
     number: NDArray[np.int64]
     trust: Floats
+    top: Floats
 
     @classmethod
-    def of(cls, xyz: Floats, feet: Floats | None = None) -> "PolarCells":
+    def of(cls, xyz: Floats, bodies: Floats | None = None) -> "PolarCells":
         """Return the cells of points between `NEAREST_M` and `FARTHEST_M`, shape (3, N).
 
-        ``feet`` are the lower ends of the faces of bodies, shape (3, M). What is above them, or behind or beside them,
-        is part of a body, such as a deck; what is below is mirrored, or water. They stand in the water themselves. What
-        else fills a cell upwards is fog, or spray.
+        ``bodies``, shape (4, M), are the horizontal positions of faces of bodies, and z of their feet and tops. What is
+        higher than feet in its cell, and those beside and before it, is part of a body, such as a deck. Feet stand in
+        the water or are mirrored, as is what is below them, so they count little. What else fills a cell upwards is
+        fog, or spray.
         """
         z, cell = xyz[2], _cell(xyz)
-        if feet is not None:
-            of_feet, feet = _lowest_feet(feet)
+        if bodies is not None:
+            top = np.full(_OF_BODIES, -np.inf)
+            np.maximum.at(top, _cell(bodies), bodies[3])
+            of_feet, feet = _lowest_feet(bodies)
             foot = np.full(_OF_BODIES, np.inf)
             foot[of_feet] = feet[2]
-            foot = _lowest_around(foot.reshape(_BEARINGS, _RINGS)).reshape(-1)
-            cell[z > foot[cell] + _FLAT_M] = _OF_BODIES
+            foot = _lowest_around(foot.reshape(_BEARINGS, _RINGS))
+            cell[z > np.minimum.accumulate(foot, axis=1).reshape(-1)[cell] + _FLAT_M] = _OF_BODIES
         low = np.full(_OF_BODIES + 1, np.inf)
         np.minimum.at(low, cell, z)
         low[_OF_BODIES] = np.inf
@@ -96,12 +101,14 @@ class PolarCells:
         flat = np.bincount(cell[z <= low[cell] + _FLAT_M], minlength=len(low))[number]
         lows = xyz.take(lowest[number], axis=1)
         trust = _nearness(lows) * (np.minimum(flat, _ENOUGH) / _ENOUGH) ** 2
-        if feet is None:
-            return cls(cell, lows, number, trust)
-        trust[np.isfinite(foot[number])] *= _BESIDE
+        if bodies is None:
+            return cls(cell, lows, number, trust, np.full(len(number), np.nan))
+        beside = np.isfinite(foot.reshape(-1)[number])
+        trust[beside] *= _BESIDE
         trust *= (flat / np.bincount(cell, minlength=len(low))[number]) ** 2
-        trust = np.concatenate((trust, _FEET * _nearness(feet)))
-        return cls(cell, np.concatenate((lows, feet), axis=1), np.concatenate((number, of_feet)), trust)
+        trust = np.concatenate((trust, _BESIDE * _nearness(feet)))
+        top = np.concatenate((np.where(beside, np.inf, np.nan), top[of_feet]))
+        return cls(cell, np.concatenate((lows, feet), axis=1), np.concatenate((number, of_feet)), trust, top)
 
     @property
     def enough(self) -> bool:
@@ -109,16 +116,14 @@ class PolarCells:
         bearings = np.count_nonzero(np.bincount(self.number // _RINGS))
         return bool(len(self.number) >= _MIN_CELLS and bearings >= MIN_SUPPORT)
 
-    def under(self, xyz: Floats, height_m: Floats, weight: Floats) -> bool:
-        """Return whether more cells are wholly below a plane than support it, so that it is no water.
+    def contradict(self, plane: Plane, weight: Floats) -> bool:
+        """Return whether more cells contradict a plane than support it, by their weights in its fit, shape (C,).
 
-        Heights of N points above it, shape (N,), and weights of the cells in its fit, shape (C,).
+        Echoes below the water are images of bodies, and those are at least as high as their images are deep.
         """
-        distance = np.hypot(*xyz[:2])
-        used = np.flatnonzero((distance >= NEAREST_M) & (distance < FARTHEST_M))
-        top = np.full(_OF_BODIES, -np.inf)
-        np.maximum.at(top, _cell(xyz.take(used, axis=1)), height_m[used])
-        below = np.count_nonzero(np.isfinite(top) & (top < -_BELOW_M))
+        level = plane.height(*self.lowest[:2])
+        rise = np.nan_to_num(self.top - level, nan=0.0, posinf=np.inf)
+        below = np.count_nonzero(self.lowest[2] - level + rise < -_BELOW_M)
         return bool(below > np.count_nonzero(weight > _ABOVE / 3 * self.trust))
 
 
@@ -133,13 +138,13 @@ def _lowest_around(foot: Floats) -> Floats:
     return np.asarray(around)
 
 
-def _lowest_feet(feet: Floats) -> tuple[NDArray[np.int64], Floats]:
+def _lowest_feet(bodies: Floats) -> tuple[NDArray[np.int64], Floats]:
     """Return the occupied cells, and one foot for each, in its middle.
 
     It is higher than a tenth of the feet in its cell: those are mirrored.
     """
-    cm = np.clip((feet[2] + _DEEPEST_M) * 100, 0, _CELL_CM - 1).astype(np.int64)
-    ordered = np.sort(_cell(feet) * _CELL_CM + cm)
+    cm = np.clip((bodies[2] + _DEEPEST_M) * 100, 0, _CELL_CM - 1).astype(np.int64)
+    ordered = np.sort(_cell(bodies) * _CELL_CM + cm)
     start = group_starts(ordered // _CELL_CM)
     cell, cm = np.divmod(ordered[start + group_sizes(start, len(ordered)) // 10], _CELL_CM)
     bearing = (cell // _RINGS + 0.5) * (2 * np.pi / _BEARINGS) - np.pi
@@ -149,7 +154,7 @@ def _lowest_feet(feet: Floats) -> tuple[NDArray[np.int64], Floats]:
 
 def _cell(xyz: Floats) -> NDArray[np.int64]:
     """Return the number of the cell of each point."""
-    x, y, _ = xyz
+    x, y = xyz[:2]
     bearing = ((np.arctan2(y, x) + np.pi) * (_BEARINGS / (2 * np.pi))).astype(np.int64)
     bearing[bearing == _BEARINGS] = 0
     ring = np.maximum((np.hypot(x, y) - NEAREST_M) / _STEP_M, 0).astype(np.int64)
@@ -164,7 +169,8 @@ def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
     water is not. Cells are weighed with one and a half of that scale, so that crests count. Points above the plane
     count 40 %, since what rises out of the water is above it. Without a start, it starts from several levels and
     returns the lowest plane with at least 40 % of the weight of the best one: decks and quays can have more cells than
-    the water. Planes below the lidar come first, unless they hold less than one cell that is fully trusted.
+    the water. Planes below the lidar come first, unless they hold less than one cell that is fully trusted, and of
+    those, planes that few cells contradict.
     """
     if start is not None:
         return _reweighted(cells, start)
@@ -173,12 +179,13 @@ def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
     starts = cells.lowest[2, order[np.searchsorted(total, np.array(_START_SHARES) * total[-1])]]
     fits = [_reweighted(cells, Plane(level, 0.0, 0.0)) for level in starts.tolist()]
     sure = [fit for fit in fits if fit[0].level_m < 0 and fit[1].sum() >= LEAST_SUPPORT]  # water is below the lidar
+    sure = [fit for fit in sure or fits if not cells.contradict(*fit)] or sure
     needed = _SUPPORT * max(float(weight.sum()) for _, weight in sure or fits)
     return min((fit for fit in sure or fits if fit[1].sum() >= needed), key=lambda fit: fit[0].level_m)
 
 
-def level_variance(cells: PolarCells, plane: Plane, weight: Floats) -> float:
-    """Return the variance of the level of a fitted plane, from the residuals and weights of the cells, shape (C,).
+def covariance(cells: PolarCells, plane: Plane, weight: Floats) -> Floats:
+    """Return the covariance of level and slopes of a fitted plane, shape (3, 3), from the weights of the cells, (C,).
 
     Since neighbouring cells see the same waves, cells count as many observations as their weights add up to.
     """
@@ -186,7 +193,7 @@ def level_variance(cells: PolarCells, plane: Plane, weight: Floats) -> float:
     rows = np.stack((np.ones_like(x), x, y))
     normal = (weight * rows) @ rows.T + np.diag((0, _TILT_RIDGE, _TILT_RIDGE))
     mean_square = weight @ np.square(z - plane.height(x, y)) / weight.sum()
-    return float(mean_square * np.linalg.inv(normal)[0, 0])
+    return np.asarray(mean_square * np.linalg.inv(normal))
 
 
 def _reweighted(cells: PolarCells, plane: Plane) -> tuple[Plane, Floats]:

@@ -25,11 +25,6 @@ _ROUGHNESS = 0.5
 RANGE_NOISE_M = 0.02
 
 
-def mirrored_below_m(deviation_m: Floats | float) -> Floats:
-    """Return the depth below water of a standard deviation from which echoes are mirrored, or noise."""
-    return np.asarray(np.maximum(_MIN_DEPTH_M, _DEPTH_SIGMAS * np.asarray(deviation_m)))
-
-
 @dataclass(frozen=True)
 class GridCells:
     """The cells of N positions on a grid of 1.5 m within 60 m, as their numbers, shape (N,); 6400 beyond the grid."""
@@ -120,7 +115,7 @@ class WaterSurface:
 
     ``tilt_variance`` is the variance of the slope of the plane against the sea farther away, ``cells`` are the cells of
     the N points that the estimate received, ``level_deviation_m`` is the standard deviation of the error of the plane
-    at the lidar.
+    at the lidar, ``covariance``, shape (3, 3), that of the errors of its level and slopes.
     """
 
     plane: Plane
@@ -129,6 +124,7 @@ class WaterSurface:
     swell: Swell
     cells: GridCells
     level_deviation_m: float
+    covariance: Floats
 
     def above(self, x: Floats, y: Floats, z: Floats, cells: GridCells | None = None) -> tuple[Floats, Floats, Floats]:
         """Return the height of points above the water, its standard deviation, and how many echoes show the water.
@@ -146,20 +142,23 @@ class WaterSurface:
         deviation = np.sqrt(self.sigma_m**2 * (_ROUGHNESS**2 + unknown) + of_plane * unknown) + RANGE_NOISE_M
         return z - self.plane.height(x, y) - swell, deviation, echoes
 
-    def mirrored(
-        self, x: Floats, y: Floats, height: Floats, deviation: Floats, bodies: NDArray[np.bool_]
-    ) -> NDArray[np.bool_]:
-        """Return which of N echoes are mirrored: below the water with a body above, shape (N,).
+    def deep(self, x: Floats, y: Floats, height: Floats, deviation: Floats) -> NDArray[np.bool_]:
+        """Return which of N echoes are below the water, as images and noise are, also if its plane is wrong, (N,)."""
+        rows = np.stack((np.ones_like(x), x, y))
+        of_plane = np.sum(rows * (self.covariance @ rows), axis=0)
+        return np.asarray(height < -np.maximum(_MIN_DEPTH_M, _DEPTH_SIGMAS * np.sqrt(deviation**2 + of_plane)))
+
+    def mirrored(self, x: Floats, y: Floats, deep: NDArray[np.bool_], bodies: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which of N echoes are mirrored: `deep`, with a body above, shape (N,).
 
         ``bodies`` tells which of them belong to bodies. An image is where the body is, as far below the water as that
         rises above it. Beyond the grid, cells are four times as large.
         """
-        below = height < -mirrored_below_m(deviation)
         beside = self.cells.beside(bodies)
         far = self.cells.number == BEYOND
-        if (below & far).any():
+        if (deep & far).any():
             beside[far] = GridCells.of(x[far] / _COARSE, y[far] / _COARSE).beside(bodies[far])
-        return np.asarray(below & beside)
+        return np.asarray(deep & beside)
 
     def height(self, x: Floats, y: Floats) -> Floats:
         """Return z of the water at given positions, in metres."""

@@ -15,10 +15,10 @@ from seaclutter_cli.water.plane import (
     Plane,
     PolarCells,
     WaterEchoes,
+    covariance,
     fit_plane,
-    level_variance,
 )
-from seaclutter_cli.water.surface import RANGE_NOISE_M, GridCells, Swell, WaterSurface, mirrored_below_m
+from seaclutter_cli.water.surface import RANGE_NOISE_M, GridCells, Swell, WaterSurface
 from seaclutter_cli.water.trial import Trial
 
 _START_SIGMA_M = 0.1
@@ -28,7 +28,6 @@ _MIN_BAND_M = 0.15
 _SIGMA_TIME_S = 1.0
 _MEMORY_S, _TURNED_MEMORY_S = 5.0, 15.0
 _BODY_M = 0.5
-_DEPTH_PER_M = 0.015
 _CRESTS = 0.75
 
 
@@ -42,9 +41,9 @@ class WaterTracker:
     1. *Plane*: the lowest echo of each polar cell of 10° by 3 m, from 5 to 45 m; a plane through them by iteratively
        reweighted least squares, from the plane of the frame before, at the likeliest of five scales, because calm water
        is at one height amid decks and images. Echoes in faces belong to bodies, as do those above their feet, such as
-       decks, and echoes much lower than the plane before are mirrored; none of them counts, but feet stand in the
-       water. Cells count more that are near and have several echoes at one height, and none above, as fog has. If more
-       cells are wholly below the plane than at it, it is no water.
+       decks; none of them counts. Feet stand in the water or are mirrored, so they count little. Cells count more that
+       are near and have several echoes at one height, and none above, as fog has. If more cells have echoes below the
+       plane, without a body above as high, than are at it, it is no water, and another is searched.
     2. *Level and deviation*: medians over the echoes near that plane, with the weights of the cells. Far away, heights
        spread more, as the plane follows the waves near the lidar: by the variance of its slope against the sea.
     3. *Swell*: a mean over 2.5 m of the echoes near the plane, and then of those near this surface, so that it follows
@@ -66,7 +65,7 @@ class WaterTracker:
         """Forget the water."""
         self._plane: Plane | None = None
         self._sigma_m = self._tilt_variance = 0.0
-        self._variance = 0.0
+        self._covariance = np.zeros((3, 3))
         self._seen_s = 0.0
         self._attitude: Attitude | None = None
 
@@ -84,28 +83,27 @@ class WaterTracker:
         distance = np.hypot(x, y)
         near = (distance >= NEAREST_M) & (distance < FARTHEST_M)
         of_bodies = near & (faces.height_m > _BODY_M + 2 * self._known_sigma_m)
-        feet = np.stack([values[of_bodies] for values in (x, y, faces.low_m)])
-        if known is not None:  # what is much lower is mirrored
-            depth = _DEPTH_PER_M * distance + mirrored_below_m(self._known_sigma_m)
-            near &= z - known.height(x, y) > -depth
+        bodies = np.stack([values[of_bodies] for values in (x, y, faces.low_m, faces.top_m)])
         near = np.flatnonzero(near & (faces.height_m <= LEAST_M + self._known_sigma_m))
-        cells = PolarCells.of(xyz.take(near, axis=1), feet)
+        cells = PolarCells.of(xyz.take(near, axis=1), bodies)
         lowest, weight = fit_plane(cells, known) if cells.enough else (known, None)
         if turn is not None and weight is not None and weight.sum() < MIN_SUPPORT:
             lowest, weight = known, None
         if lowest is None:
             return None
-        height = z - lowest.height(x, y)
-        if weight is not None and cells.under(xyz, height, weight):  # boats lie below it
+        if weight is not None and cells.contradict(lowest, weight):  # boats lie below it
             self.reset()
-            return None
+            lowest, weight = fit_plane(cells, None)
+            if cells.contradict(lowest, weight):
+                return None
+        height = z - lowest.height(x, y)
         stands = faces.stands(z - height, self._known_sigma_m)
         if weight is not None:
             if weight.any():
                 fitted = self._plane is None or weight.sum() >= LEAST_SUPPORT
-                variance = level_variance(cells, lowest, weight) if fitted else self._variance_at(time_s)
+                spread = covariance(cells, lowest, weight) if fitted else self._covariance_at(time_s)
                 echoes = WaterEchoes.of(cells, height[near], weight, ~stands[near])
-                self._update(lowest, variance, echoes, time_s, attitude)
+                self._update(lowest, spread, echoes, time_s, attitude)
             lowest = self._plane
         if lowest is None:
             return None
@@ -114,11 +112,12 @@ class WaterTracker:
         cells_of_flat, height = GridCells(grid.number[flat]), (z - lowest.height(x, y))[flat]
         swell = Swell.of(cells_of_flat, height, np.abs(height) <= band)
         swell = Swell.of(cells_of_flat, height, np.abs(height - swell.at(cells_of_flat)[0]) <= band)
-        deviation = math.hypot(math.sqrt(self._variance_at(time_s)), _CRESTS * self._sigma_m, RANGE_NOISE_M)
-        return WaterSurface(lowest, self._sigma_m, self._tilt_variance, swell, grid, deviation)
+        spread = self._covariance_at(time_s)
+        deviation = math.hypot(math.sqrt(spread[0, 0]), _CRESTS * self._sigma_m, RANGE_NOISE_M)
+        return WaterSurface(lowest, self._sigma_m, self._tilt_variance, swell, grid, deviation, spread)
 
     def _update(
-        self, lowest: Plane, variance: float, echoes: WaterEchoes, time_s: float, attitude: Attitude | None
+        self, lowest: Plane, spread: Floats, echoes: WaterEchoes, time_s: float, attitude: Attitude | None
     ) -> None:
         known = self._plane is not None
         sigma, offset = self._known_sigma_m, 0.0
@@ -130,13 +129,14 @@ class WaterTracker:
         share = np.exp((self._seen_s - time_s) / _SIGMA_TIME_S) if known else 0.0
         self._sigma_m = float(share * self._sigma_m + (1 - share) * sigma)
         self._tilt_variance = float(share * self._tilt_variance + (1 - share) * echoes.tilt_variance())
-        self._plane, self._variance, self._seen_s, self._attitude = plane, variance, time_s, attitude
+        self._plane, self._covariance, self._seen_s, self._attitude = plane, spread, time_s, attitude
         if attitude:
             self.trial.add(plane, attitude, time_s)
 
-    def _variance_at(self, time_s: float) -> float:
-        """Return the variance of the plane at a time at which it holds."""
-        return self._variance + self._sigma_m**2 * (time_s - self._seen_s) / _SIGMA_TIME_S
+    def _covariance_at(self, time_s: float) -> Floats:
+        """Return the covariance of the plane at a time at which it holds."""
+        heave = np.diag((1.0, 0.0, 0.0))
+        return self._covariance + heave * (self._sigma_m**2 * (time_s - self._seen_s) / _SIGMA_TIME_S)
 
     @property
     def _known_sigma_m(self) -> float:

@@ -66,6 +66,7 @@ class Echo:
     high: bool = False
     upright: bool = False
     mirrored: bool = False
+    deep: bool = False
     solid: bool = True
     awash: bool = False
 
@@ -123,7 +124,7 @@ class Background:
         for echo in echoes:
             echo.elsewhere = shares[cell_of(echo)]
             echo.alone = max(echo.unseen, 1 - echo.elsewhere / heights._COMMON)
-            echo.grows |= echo.alone > heights.ALONE and not echo.mirrored
+            echo.grows |= echo.alone > heights.ALONE and not echo.deep
             echo.grows &= echo.solid
             echo.awash = echo.bright and not (echo.high or echo.upright) and echo.alone <= heights.ALONE
 
@@ -155,9 +156,9 @@ def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, fac
     sigma = 0.0 if water is None else water.sigma
     for one in echoes:
         solid = one.solid = grid_cell(*one.xy) not in volume
-        deepest = -max(water_surface._MIN_DEPTH_M, water_surface._DEPTH_SIGMAS * one.deviation)
+        one.deep = water is not None and water.is_deep(*one.point.xyz)
         one.high = one.height > one.rise and solid
-        one.upright = one.face > LEAST_M + sigma and one.height >= deepest and solid
+        one.upright = one.face > LEAST_M + sigma and solid and not one.deep
         one.grows = one.grows or one.upright
     bodies = {grid_cell(*one.xy) for one in echoes if one.high or one.upright} - {None}
     around = {(x + i, y + j) for x, y in bodies for i in (-1, 0, 1) for j in (-1, 0, 1)}
@@ -166,8 +167,7 @@ def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, fac
     for one in echoes:
         cell = grid_cell(*one.xy)
         beside = far_cell(*one.xy) in far_around if cell is None else cell in around
-        deepest = -max(water_surface._MIN_DEPTH_M, water_surface._DEPTH_SIGMAS * one.deviation)
-        one.mirrored = water is not None and one.height < deepest and beside
+        one.mirrored = one.deep and beside
     bodies = {grid_cell(*one.xy) for one in echoes if one.upright} - {None}
     around = {(x + i, y + j) for x, y in bodies for i in (-1, 0, 1) for j in (-1, 0, 1)} | {None}
     for one in echoes:
@@ -391,7 +391,7 @@ def shape_of(echoes: Sequence[Echo], lidar: Beams) -> dict[str, float]:
         "extent_m": extent,
         "density": math.log2(count * (mean([echo.range_m for echo in echoes]) / 10) ** 2),
         "echoes_beside": math.log2(max(beside, 0.01) / count),
-        "face_share": face / max(top, 0.05),
+        "face_share": min(face, max(top, 0)) / max(top, 0.05),
         "slenderness": math.log2((max(across) - min(across) + 0.05) / max(extent + spacing, 0.05)),
         "row": mean([echo.alone for echo in echoes]) * math.log2(mean([echo.run for echo in echoes])),
         "background": mean([math.log2(echo.elsewhere + 0.002) for echo in echoes]),

@@ -32,13 +32,14 @@ class Plane(NamedTuple):
 
 @dataclass
 class Surface:
-    """The water in one frame: plane, deviation, variance of the slope, swell, and deviation of the level."""
+    """The water in one frame: plane, deviation, variance of the slope, swell, errors of level and plane."""
 
     plane: Plane
     sigma: float
     tilt: float
     swell: "Swell"
     level_sigma: float
+    covariance: list[list[float]]
 
     def above(self, x: float, y: float, z: float) -> tuple[float, float, float]:
         """Return the height of a point above the water, its standard deviation, and how many echoes show the water."""
@@ -47,6 +48,13 @@ class Surface:
         variance = self.sigma**2 * (surface._ROUGHNESS**2 + unknown) + self.tilt * (x * x + y * y) * unknown
         deviation = math.sqrt(variance) + surface.RANGE_NOISE_M
         return self.plane.height_of(x, y, z) - swell, deviation, echoes
+
+    def is_deep(self, x: float, y: float, z: float) -> bool:
+        """Return whether a point is below the water, also if the plane is wrong."""
+        height, deviation, _ = self.above(x, y, z)
+        row = (1.0, x, y)
+        variance = sum(row[i] * self.covariance[i][j] * row[j] for i in range(3) for j in range(3))
+        return height < -max(surface._MIN_DEPTH_M, surface._DEPTH_SIGMAS * math.sqrt(deviation**2 + variance))
 
     def level(self, x: float, y: float) -> float:
         """Return z of the water at a position."""
@@ -58,7 +66,8 @@ class Water:
 
     def __init__(self) -> None:
         self.plane: Plane | None = None
-        self.sigma = self.tilt = self.variance = 0.0
+        self.sigma = self.tilt = 0.0
+        self.covariance = [[0.0] * 3] * 3
         self.seen_s = 0.0
 
     def step(self, points: Sequence[XYZ], faces: Sequence[Face], time_s: float) -> Surface | None:
@@ -70,21 +79,22 @@ class Water:
         near = [k for k, (x, y, _) in enumerate(points) if plane.NEAREST_M <= math.hypot(x, y) < plane.FARTHEST_M]
         bodies = [k for k in near if faces[k].height > tracker._BODY_M + 2 * sigma]
         feet = feet_of([(cell_of(*points[k][:2]), faces[k].low) for k in bodies])
-        used = [k for k in near if faces[k].height <= span and not self.is_mirrored(points[k], sigma)]
+        used = [k for k in near if faces[k].height <= span]
         used = [k for k in used if not is_part(points[k], feet)]
         cells = cells_of(points, used, feet)
+        for k in bodies:
+            foot = cells[*cell_of(*points[k][:2]), True]
+            foot.top = max(foot.top, faces[k].top)
         fitted, weights = self.plane, None
         if len(cells) >= plane._MIN_CELLS and len({bearing for bearing, *_ in cells}) >= plane.MIN_SUPPORT:
             fitted, weights = self.fit(cells)
         if fitted is None:
             return None
-        if weights is not None:
-            supported = sum(is_water(weight, cells[key].trust) for key, weight in weights.items())
-            tops: dict[tuple[int, int], float] = {}
-            for x, y, z in (points[k] for k in near):
-                tops[cell_of(x, y)] = max(tops.get(cell_of(x, y), -math.inf), fitted.height_of(x, y, z))
-            if sum(top < -plane._BELOW_M for top in tops.values()) > supported:
-                self.plane, self.sigma, self.seen_s = None, 0.0, 0.0
+        if weights is not None and contradict(cells, fitted, weights):
+            self.plane, self.sigma, self.seen_s = None, 0.0, 0.0
+            fitted, weights = self.fit(cells)
+            span = LEAST_M + tracker._START_SIGMA_M
+            if contradict(cells, fitted, weights):
                 return None
         stands = []
         for (x, y, z), face in zip(points, faces, strict=True):
@@ -95,21 +105,15 @@ class Water:
             water = {key[:2] for key, weight in weights.items() if is_water(weight, cells[key].trust)}
             trust = {key: trust[key] for key in water}
             if any(weights.values()):
-                self.update(fitted, flat, trust, self.new_variance(cells, fitted, weights, time_s), time_s)
+                self.update(fitted, flat, trust, self.new_covariance(cells, fitted, weights, time_s), time_s)
         return None if self.plane is None else self.surface(self.plane, points, stands, time_s)
-
-    def is_mirrored(self, point: XYZ, sigma: float) -> bool:
-        """Return whether a point is much lower than the water of the frame before."""
-        depth = max(surface._MIN_DEPTH_M, surface._DEPTH_SIGMAS * sigma)
-        depth += tracker._DEPTH_PER_M * math.hypot(*point[:2])
-        return self.plane is not None and self.plane.height_of(*point) <= -depth
 
     def update(
         self,
         fitted: Plane,
         flat: Sequence[XYZ],
         trust: Mapping[tuple[int, int], float],
-        variance: float,
+        covariance: list[list[float]],
         time_s: float,
     ) -> None:
         """Estimate level and deviation around a plane from flat points in the cells of water."""
@@ -122,7 +126,7 @@ class Water:
             self.sigma = old * self.sigma + (1 - old) * sigma
             self.tilt = old * self.tilt + (1 - old) * tilt_variance(flat, trust, fitted)
             self.plane = Plane(fitted.a + offset, fitted.b, fitted.c)
-            self.variance, self.seen_s = variance, time_s
+            self.covariance, self.seen_s = covariance, time_s
 
     def fit(self, cells: "Cells") -> tuple[Plane, dict["Key", float]]:
         """Return the plane through the lowest points, and the weight of each cell."""
@@ -132,6 +136,7 @@ class Water:
         levels = [weighted_quantile(weighted, part) for part in plane._START_SHARES]
         fits = [reweighted(cells, Plane(level, 0, 0)) for level in levels]
         below = [one for one in fits if one[0].a < 0 and sum(one[1].values()) >= plane.LEAST_SUPPORT]
+        below = [one for one in below or fits if not contradict(cells, *one)] or below
         enough = plane._SUPPORT * max(sum(weights.values()) for _, weights in below or fits)
         return min((one for one in below or fits if sum(one[1].values()) >= enough), key=lambda one: one[0].a)
 
@@ -139,24 +144,29 @@ class Water:
         flat = [(x, y, level.height_of(x, y, z)) for (x, y, z), up in zip(points, stands, strict=True) if not up]
         swell = Swell((x, y, h) for x, y, h in flat if abs(h) <= band(self.sigma))
         swell = Swell((x, y, h) for x, y, h in flat if abs(h - swell.at(x, y)[0]) <= band(self.sigma))
-        variance = self.held_variance(time_s) + (tracker._CRESTS * self.sigma) ** 2 + surface.RANGE_NOISE_M**2
-        return Surface(level, self.sigma, self.tilt, swell, math.sqrt(variance))
+        held = self.held_covariance(time_s)
+        variance = held[0][0] + (tracker._CRESTS * self.sigma) ** 2 + surface.RANGE_NOISE_M**2
+        return Surface(level, self.sigma, self.tilt, swell, math.sqrt(variance), held)
 
-    def new_variance(self, cells: "Cells", fitted: Plane, weights: Mapping["Key", float], time_s: float) -> float:
+    def new_covariance(
+        self, cells: "Cells", fitted: Plane, weights: Mapping["Key", float], time_s: float
+    ) -> list[list[float]]:
         if self.plane is None or sum(weights.values()) >= plane.LEAST_SUPPORT:
-            return level_variance(cells, fitted, weights)
-        return self.held_variance(time_s)
+            return covariance_of(cells, fitted, weights)
+        return self.held_covariance(time_s)
 
-    def held_variance(self, time_s: float) -> float:
-        return self.variance + self.sigma**2 * (time_s - self.seen_s) / tracker._SIGMA_TIME_S
+    def held_covariance(self, time_s: float) -> list[list[float]]:
+        heave = self.sigma**2 * (time_s - self.seen_s) / tracker._SIGMA_TIME_S
+        return [[self.covariance[0][0] + heave, *self.covariance[0][1:]], *self.covariance[1:]]
 
 
 @dataclass
 class Cell:
-    """A polar cell: its lowest point, and how far that may be trusted to be water."""
+    """A polar cell: its lowest point, how far that may be trusted to be water, and the top of bodies above it."""
 
     lowest: XYZ
     trust: float
+    top: float | None = None
 
     @property
     def distance_squared(self) -> float:
@@ -179,14 +189,19 @@ def feet_of(lows: Sequence[tuple[tuple[int, int], float]]) -> dict[tuple[int, in
 
 def foot_around(cell: tuple[int, int], feet: Mapping[tuple[int, int], float]) -> float:
     """Return the lowest foot in a cell, those beside it, and those in front of them; infinite without any."""
+    return foot_within(cell, feet, 2)
+
+
+def foot_within(cell: tuple[int, int], feet: Mapping[tuple[int, int], float], rings: int) -> float:
+    """Return the lowest foot in a cell, those beside it, and those before them within some rings."""
     bearing, ring = cell
     beside = [(bearing + step) % plane._BEARINGS for step in (-1, 0, 1)]
-    return min((feet.get((b, r), math.inf) for b in beside for r in (ring, ring - 1)), default=math.inf)
+    return min(feet.get((b, ring - step), math.inf) for b in beside for step in range(rings))
 
 
 def is_part(point: XYZ, feet: Mapping[tuple[int, int], float]) -> bool:
     """Return whether a point is part of a body, such as its deck."""
-    return point[2] > foot_around(cell_of(*point[:2]), feet) + plane._FLAT_M
+    return point[2] > foot_within(cell_of(*point[:2]), feet, plane._RINGS) + plane._FLAT_M
 
 
 def cells_of(points: Sequence[XYZ], used: Sequence[int], feet: Mapping[tuple[int, int], float]) -> dict[Key, Cell]:
@@ -202,11 +217,12 @@ def cells_of(points: Sequence[XYZ], used: Sequence[int], feet: Mapping[tuple[int
         cell.trust /= 1 + cell.distance_squared / plane._SURE_M**2
         if foot_around(key, feet) < math.inf:
             cell.trust *= plane._BESIDE
+            cell.top = math.inf
         found[*key, False] = cell
     for (bearing, ring), low in feet.items():
         angle = (bearing + 0.5) * 2 * math.pi / plane._BEARINGS - math.pi
         distance = plane.NEAREST_M + (ring + 0.5) * plane._STEP_M
-        foot = Cell((distance * math.cos(angle), distance * math.sin(angle), low), plane._FEET)
+        foot = Cell((distance * math.cos(angle), distance * math.sin(angle), low), plane._BESIDE, -math.inf)
         foot.trust /= 1 + foot.distance_squared / plane._SURE_M**2
         found[bearing, ring, True] = foot
     return found
@@ -215,6 +231,16 @@ def cells_of(points: Sequence[XYZ], used: Sequence[int], feet: Mapping[tuple[int
 def is_water(weight: float, trust: float) -> bool:
     """Return whether a cell of a weight in the fit is one of water."""
     return weight > plane._ABOVE / 3 * trust
+
+
+def contradict(cells: "Cells", fitted: Plane, weights: Mapping["Key", float]) -> bool:
+    """Return whether more cells are below a plane, without a body above that is as high, than are water."""
+    below = 0
+    for cell in cells.values():
+        x, y, _ = cell.lowest
+        rise = 0.0 if cell.top is None else fitted.height_of(x, y, cell.top)
+        below += fitted.height_of(*cell.lowest) + rise < -plane._BELOW_M
+    return below > sum(is_water(weight, cells[key].trust) for key, weight in weights.items())
 
 
 def cell_of(x: float, y: float) -> tuple[int, int]:
@@ -281,8 +307,8 @@ def log_likelihood(cells: Cells, fitted: Plane, scale: float) -> float:
     return sum(trust * math.log(share * pdf + (1 - share) * other) for trust, pdf in seen)
 
 
-def level_variance(cells: Cells, fitted: Plane, weights: Mapping[Key, float]) -> float:
-    """Return the variance of the level of a plane of least squares: mean square of residuals, times the inverse."""
+def covariance_of(cells: Cells, fitted: Plane, weights: Mapping[Key, float]) -> list[list[float]]:
+    """Return the covariance of a plane of least squares: mean square of residuals, times the inverse."""
     total, squares, matrix = 0.0, 0.0, [[0.0, 0.0, 0.0], [0.0, plane._TILT_RIDGE, 0.0], [0.0, 0.0, plane._TILT_RIDGE]]
     for key, cell in cells.items():
         total += weights[key]
@@ -291,7 +317,8 @@ def level_variance(cells: Cells, fitted: Plane, weights: Mapping[Key, float]) ->
         for i in range(3):
             for j in range(3):
                 matrix[i][j] += weights[key] * row[i] * row[j]
-    return squares / total * solved(matrix, [1.0, 0.0, 0.0])[0]
+    columns = [solved(matrix, [float(i == j) for j in range(3)]) for i in range(3)]
+    return [[squares / total * value for value in column] for column in columns]
 
 
 def solved(matrix: list[list[float]], right: list[float]) -> list[float]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.water.plane import MIN_SUPPORT, Plane, PolarCells, WaterEchoes, fit_plane, level_variance
+from seaclutter_cli.water.plane import MIN_SUPPORT, Plane, PolarCells, WaterEchoes, covariance, fit_plane
 
 
 def spread(rng, size, level_m, noise_m=0.05, slope=(0.0, 0.0)):
@@ -52,7 +52,8 @@ def test_few_flat_echoes_near_the_lidar_win_over_mirrored_ones_below_quays():
     near = np.stack((distance * np.cos(bearing), distance * np.sin(bearing), rng.normal(-1.2, 0.03, 90)))
     x, side = rng.uniform(-40, 40, 1500), rng.choice((-1, 1), 1500)
     mirrored = np.stack((x, side * rng.uniform(14, 16, 1500), rng.uniform(-5.2, -2.7, 1500)))
-    quays = np.vstack((mirrored[:2], -2.4 - mirrored[2]))
+    tops = -2.4 - mirrored[2]
+    quays = np.vstack((mirrored[:2], tops, tops))
     plane, _ = fit_plane(PolarCells.of(np.hstack((near, mirrored)), quays), None)
     assert plane.level_m == pytest.approx(-1.2, abs=0.2)
     assert abs(plane.slope_x) + abs(plane.slope_y) < 0.05
@@ -97,13 +98,13 @@ def test_fog_around_the_lidar_is_not_taken_for_the_water():
     fog = np.stack((distance * np.cos(bearing), distance * np.sin(bearing), rng.uniform(-3, 3, 3000)))
     water = spread(rng, 400, -5.6)
     beyond = np.hypot(*water[:2]) > 12
-    plane, _ = fit_plane(PolarCells.of(np.hstack((fog, water[:, beyond])), np.empty((3, 0))), None)
+    plane, _ = fit_plane(PolarCells.of(np.hstack((fog, water[:, beyond])), np.empty((4, 0))), None)
     assert plane.level_m == pytest.approx(-5.6, abs=0.1)
 
 
 def test_cells_that_hold_bodies_are_hardly_trusted():
     water = np.array([(10.0, 0.0, -2.0), (-10.0, 0.5, -2.0)]).T
-    alone, beside = PolarCells.of(water), PolarCells.of(water, np.array([[10.5], [0.0], [1.0]]))
+    alone, beside = PolarCells.of(water), PolarCells.of(water, np.array([[10.5], [0.0], [1.0], [1.0]]))
     ratio = beside.trust[:2] / alone.trust
     assert sorted(ratio.tolist()) == [pytest.approx(0.1), 1.0]
 
@@ -115,6 +116,7 @@ def test_boats_stand_in_the_water_and_their_decks_are_not_taken_for_it():
     feet = spread(rng, 3000, -5.2, noise_m=0.02)
     feet[2, rng.random(3000) < 0.05] -= 1.5
     cabins = spread(rng, 1000, -3.2)
+    feet, cabins = np.vstack((feet, feet[2] + 2)), np.vstack((cabins, cabins[2]))
     cells = PolarCells.of(decks, np.hstack((feet, cabins)))
     plane, weight = fit_plane(cells, None)
     assert plane.level_m == pytest.approx(-5.2, abs=0.1)
@@ -124,7 +126,7 @@ def test_boats_stand_in_the_water_and_their_decks_are_not_taken_for_it():
 
 def level_deviation(points):
     cells = PolarCells.of(points)
-    return np.sqrt(level_variance(cells, *fit_plane(cells, None)))
+    return np.sqrt(covariance(cells, *fit_plane(cells, None))[0, 0])
 
 
 def test_the_level_is_uncertain_by_noise_few_echoes_and_those_of_one_side_only():

@@ -11,7 +11,7 @@ from seaclutter_cli.filters.zones import LEAST_M
 from seaclutter_cli.frame import Attitude, Frame, Reason
 from seaclutter_cli.water import Faces, WaterSurface, WaterTracker
 from seaclutter_cli.water.beams import Beams
-from seaclutter_cli.water.surface import BEYOND, mirrored_below_m
+from seaclutter_cli.water.surface import BEYOND
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -145,7 +145,8 @@ class Sea:
         rise = np.maximum(self._params.min_rise_m, self._params.rise_sigmas * deviation)
         linked, loose = faces.neighbors(height > rise)
         solid = ~_in_volume(linked, loose, water)
-        upright = faces.stands(level, sigma) & (height >= -mirrored_below_m(deviation)) & solid
+        deep = np.zeros(echoes.size, np.bool_) if water is None else water.deep(x, y, height, deviation)
+        upright = faces.stands(level, sigma) & ~deep & solid
         high = (height > rise) & solid
         bodies = high | upright
         beside_water = np.abs(height) <= rise
@@ -157,9 +158,9 @@ class Sea:
         unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
         seen = self._background.share(echoes.xyz, beside_water & ~upright, time_s)
         alone = np.maximum(unseen, 1 - seen / _COMMON)
-        mirrored = np.zeros_like(bodies) if water is None else water.mirrored(x, y, height, deviation, bodies)
+        mirrored = deep if water is None else water.mirrored(x, y, deep, bodies)
         grows = height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)
-        grows = (grows | upright | (alone > ALONE) & ~mirrored) & solid
+        grows = (grows | upright | (alone > ALONE) & ~deep) & solid
         awash = bright & (alone <= ALONE) & ~bodies
         return Heights(
             height,

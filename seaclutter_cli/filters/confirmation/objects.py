@@ -186,7 +186,7 @@ def features_of(echoes: Echoes, clusters: Clusters, heights: Heights, beams: Bea
         extent,
         np.log2(count * (range_m / _DENSITY_AT_M) ** 2),
         np.log2(np.maximum(beside, _FEW) / count),
-        face / np.maximum(top, _LEAST_M),
+        np.minimum(face, np.maximum(top, 0)) / np.maximum(top, _LEAST_M),
         np.log2((width + _LEAST_M) / np.maximum(extent + spacing, _LEAST_M)),
         clusters.mean(heights.alone) * np.log2(clusters.mean(heights.run)),
         clusters.mean(np.log2(heights.seen + _LEAST_SHARE)),
