@@ -21,6 +21,8 @@ _MAX_TRANSFORMS = 1000
 _KEPT, _MAX_EDGES, _MAX_DEPTH = 256, 256, 32
 _STALE_NS = 1_000_000_000
 _KEPT_TURNS, _GAP_NS = 2048, 500_000_000
+_LASTING_NS = 500_000_000
+_STEP_M, _FASTEST_MS, _STEP_RAD, _FASTEST_RAD_S = 0.5, 30.0, math.radians(5), math.radians(90)
 _UNSET = (0.0, 0.0, 0.0, 1.0)
 _UPRIGHT = 0.5
 _BODY = ""
@@ -37,12 +39,44 @@ class _Sample(NamedTuple):
     turn: Floats
 
 
+    def leads_to(self, later: "_Sample") -> bool:
+        """Return whether a vessel can move so far in so short a time."""
+        elapsed_s = (later.stamp_ns - self.stamp_ns) / 1e9
+        if elapsed_s <= 0 or math.dist(self.at, later.at) > _STEP_M + _FASTEST_MS * elapsed_s:
+            return False
+        turned = 2 * math.acos(min(abs(float(self.turn @ later.turn)), 1.0))
+        return turned <= _STEP_RAD + _FASTEST_RAD_S * elapsed_s
+
+
 @dataclass
 class _Edge:
     """Samples of the transform of a frame to its parent, in the order of time."""
 
     parent: str
     samples: deque[_Sample] = field(default_factory=lambda: deque(maxlen=_KEPT))
+    _apart: deque[_Sample] = field(default_factory=lambda: deque(maxlen=_KEPT))
+    _apart_ns: int = 0
+
+    def add(self, sample: _Sample) -> None:
+        """Add a sample; one that no vessel can reach counts once others have agreed with it for half a second.
+
+        An estimate that is corrected stays where it is, one that is wrong for a moment comes back. Samples that
+        repeat a time, or are late, add nothing.
+        """
+        elapsed_ns = sample.stamp_ns - self.samples[-1].stamp_ns if self.samples else 1
+        if (len(self.samples) < 2 and elapsed_ns > 0) or self.samples[-1].leads_to(sample):  # noqa: PLR2004 - a pair
+            self.samples.append(sample)
+            self._apart.clear()
+            return
+        if -_STALE_NS < elapsed_ns <= 0:
+            return
+        if not self._apart or not self._apart[-1].leads_to(sample):
+            self._apart.clear()
+            self._apart_ns = sample.stamp_ns
+        self._apart.append(sample)
+        if sample.stamp_ns - self._apart_ns >= _LASTING_NS:
+            self.samples, self._apart = self._apart, self.samples
+            self._apart.clear()
 
     def at(self, stamp_ns: int, late_ns: int = _STALE_NS) -> _Sample | None:
         """Return the transform at a time, between samples or within a time of them; a single one is static."""
@@ -208,8 +242,8 @@ class Navigation:
         if child not in self._edges and len(self._edges) >= _MAX_EDGES:
             return
         edge = self._edges.setdefault(child, _Edge(parent))
-        if edge.parent == parent and (not edge.samples or edge.samples[-1].stamp_ns < sample.stamp_ns):
-            edge.samples.append(sample._replace(turn=sample.turn / size))
+        if edge.parent == parent:
+            edge.add(sample._replace(turn=sample.turn / size))
 
     def _transforms(self, read: Reader, _message: Message) -> None:
         for _ in range(read.length(_MAX_TRANSFORMS, "transform")):

@@ -104,6 +104,39 @@ def test_poses_are_in_the_frame_that_does_not_jump(send):
     assert np.allclose(navigation.pose("lidar", STAMP_NS + 1), (1, 0, 0))
 
 
+def odometry(send, navigation, places, period_ns=5 * 10**7):
+    """Send an odometry; return the poses of the lidar after each message, when that before is a period old."""
+    poses = []
+    for k, at in enumerate(places):
+        stamp_ns = STAMP_NS + k * period_ns
+        send(navigation, "nav_msgs/msg/Odometry", "odom", stamp_ns, child="base", at=(*at, 0), yaw=0)
+        poses.append(navigation.pose("lidar", stamp_ns))
+    return poses
+
+
+@pytest.mark.parametrize("wrong", [{20}, {20, 21}, {20, 22, 23}])
+def test_poses_that_are_wrong_for_a_moment_are_no_motion(send, wrong):
+    places = [(0.1 * k + 40 * (k in wrong), 0) for k in range(40)]
+    poses = odometry(send, Navigation(), places)
+    assert np.allclose(poses[1:], [(0.1 * k, 0, 0) for k in range(1, 40)])
+
+
+def test_poses_that_are_corrected_stay_where_they_are(send):
+    places = [(0.1 * k + 40 * (k >= 20), 0) for k in range(60)]
+    poses = np.array(odometry(send, Navigation(), places)[1:])[:, 0]
+    truth = 0.1 * np.arange(1, 60)
+    late = np.arange(1, 60) < 30
+    assert np.allclose(poses[late], truth[late])
+    assert np.allclose(poses[~late], truth[~late] + 40)
+
+
+def test_poses_go_on_after_one_whose_time_is_wrong(send):
+    navigation = Navigation()
+    odometry(send, navigation, [(k, 0) for k in range(3)])
+    send(navigation, "nav_msgs/msg/Odometry", "odom", STAMP_NS + 10**13, child="base", at=(3, 0, 0), yaw=0)
+    assert odometry(send, navigation, [(0.1 * k, 0) for k in range(40)])[-1] == pytest.approx((3.9, 0, 0))
+
+
 def test_places_on_earth_come_from_a_fix_and_the_heading(send):
     navigation = Navigation()
     send(navigation, "sensor_msgs/msg/NavSatFix", "gnss", STAMP_NS, at=(60, 10, 0))
