@@ -24,6 +24,7 @@ _KEPT_TURNS, _GAP_NS = 2048, 500_000_000
 _LASTING_NS = 500_000_000
 _STEP_M, _FASTEST_MS, _STEP_RAD, _FASTEST_RAD_S = 0.5, 30.0, math.radians(5), math.radians(90)
 _UNSET = (0.0, 0.0, 0.0, 1.0)
+_POSITION, _HEADING = "position in sensor_msgs/NavSatFix", "heading, which is the orientation in sensor_msgs/Imu"
 _UPRIGHT = 0.5
 _BODY = ""
 """Frame of poses that name none: the lidar, or own ship where transforms lead from the lidar to no other frame."""
@@ -38,6 +39,9 @@ class _Sample(NamedTuple):
     at: Floats
     turn: Floats
 
+    def is_at(self, other: "_Sample") -> bool:
+        """Return whether place and orientation are the same."""
+        return bool((self.at == other.at).all() and (self.turn == other.turn).all())
 
     def leads_to(self, later: "_Sample") -> bool:
         """Return whether a vessel can move so far in so short a time."""
@@ -50,10 +54,11 @@ class _Sample(NamedTuple):
 
 @dataclass
 class _Edge:
-    """Samples of the transform of a frame to its parent, in the order of time."""
+    """Samples of the transform of a frame to its parent, in the order of time; fixed ones may be repeated."""
 
     parent: str
     samples: deque[_Sample] = field(default_factory=lambda: deque(maxlen=_KEPT))
+    moves: bool = False
     _apart: deque[_Sample] = field(default_factory=lambda: deque(maxlen=_KEPT))
     _apart_ns: int = 0
 
@@ -64,7 +69,8 @@ class _Edge:
         repeat a time, or are late, add nothing.
         """
         elapsed_ns = sample.stamp_ns - self.samples[-1].stamp_ns if self.samples else 1
-        if (len(self.samples) < 2 and elapsed_ns > 0) or self.samples[-1].leads_to(sample):  # noqa: PLR2004 - a pair
+        if (len(self.samples) < 2 and elapsed_ns > 0) or self.samples[-1].leads_to(sample):
+            self.moves |= bool(self.samples) and not self.samples[-1].is_at(sample)
             self.samples.append(sample)
             self._apart.clear()
             return
@@ -75,14 +81,14 @@ class _Edge:
             self._apart_ns = sample.stamp_ns
         self._apart.append(sample)
         if sample.stamp_ns - self._apart_ns >= _LASTING_NS:
-            self.samples, self._apart = self._apart, self.samples
+            self.samples, self._apart, self.moves = self._apart, self.samples, True
             self._apart.clear()
 
     def at(self, stamp_ns: int, late_ns: int = _STALE_NS) -> _Sample | None:
-        """Return the transform at a time, between samples or within a time of them; a single one is static."""
+        """Return the transform at a time, between samples or within a time of them, or the fixed one."""
         known = self.samples
-        if len(known) == 1:
-            return known[0]
+        if not self.moves:
+            return known[-1]
         k = min(max(bisect(known, stamp_ns, key=lambda one: one.stamp_ns), 1), len(known) - 1)
         before, after = known[k - 1], known[k]
         if not before.stamp_ns - late_ns <= stamp_ns <= after.stamp_ns + late_ns:
@@ -99,7 +105,7 @@ class _Gyro:
     def __init__(self, topic: str, frame_id: str, *, is_measured: bool) -> None:
         self.topic, self.frame_id, self._is_measured = topic, frame_id, is_measured
         self.breaks = 0
-        self.edge = _Edge("", deque(maxlen=_KEPT_TURNS))
+        self.edge = _Edge("", deque(maxlen=_KEPT_TURNS), moves=True)
         self._rate = np.zeros(3)
 
     def add(self, stamp_ns: int, turn: Floats | None, rate: Floats) -> None:
@@ -137,12 +143,15 @@ class Navigation:
     Transforms come from ``tf2_msgs/TFMessage`` and ``nav_msgs/Odometry``, a pose of own ship from
     ``geometry_msgs/PoseStamped``, a position on earth from ``sensor_msgs/NavSatFix`` with the orientation of a
     ``sensor_msgs/Imu``, or from transforms to the frame ``earth``. Of several parents of a frame, the first counts.
+    ``unplaced`` says what a place on earth lacked last, in a log with fixes.
     """
 
     def __init__(self) -> None:
         self._edges: dict[str, _Edge] = {}
+        self.unplaced = ""
+        self._has_fixes = False
         self._fix: tuple[int, float, float] | None = None
-        self._imu: tuple[int, Floats, str] | None = None
+        self._imu: tuple[int, Floats, str, str] | None = None
         self._gyro: _Gyro | None = None
 
     @staticmethod
@@ -186,22 +195,24 @@ class Navigation:
             sample = gyro.edge.at(stamp_ns, 0)
             if sample is None or len(gyro.edge.samples) == 1:
                 return None
-            (root, to_root), (other, from_imu) = self._mounted(name), self._mounted(gyro.frame_id)
-            axes = rotation(*sample.turn)
-            if root == other:
-                axes = axes @ from_imu.T @ to_root
-            elif axes[2, 2] < 0:  # its z axis is down
-                axes = axes @ np.diag((1.0, -1.0, -1.0))
-            return Attitude(axes, (gyro.topic, gyro.frame_id, gyro.breaks))
+            return Attitude(self._axes(name, gyro.frame_id, sample.turn), (gyro.topic, gyro.frame_id, gyro.breaks))
         found = self._in_fixed(name, stamp_ns, _CONTINUOUS, late_ns=0)
         return None if found is None else Attitude(rotation(*found[1]), ("transforms", found[2], 0))
+
+    def _axes(self, name: str, imu: str, turn: Floats) -> Floats:
+        """Return the axes of a frame, given the orientation of an IMU."""
+        (root, to_root), (other, from_imu) = self._mounted(name), self._mounted(imu)
+        axes = rotation(*turn)
+        if root == other:
+            return np.asarray(axes @ from_imu.T @ to_root)
+        return axes @ np.diag((1.0, -1.0, -1.0)) if axes[2, 2] < 0 else axes  # its z axis is down
 
     def _mounted(self, name: str) -> tuple[str, Floats]:
         """Return the topmost frame above a frame to which fixed transforms lead, and the rotation to its axes."""
         axes = np.eye(3)
         for _ in range(_MAX_DEPTH):
             edge = self._edges.get(name)
-            if edge is None or len(edge.samples) > 1:
+            if edge is None or edge.moves:
                 break
             name, axes = edge.parent, rotation(*edge.samples[0].turn) @ axes
         return name, axes
@@ -211,12 +222,21 @@ class Navigation:
         found = self._in_fixed(frame_id, stamp_ns, _EARTH)
         if found is not None and found[2] == _EARTH:
             return _from_earth(found[0], rotation(*found[1]))
-        if self._fix is None or self._imu is None:
+        lacks = self._lacks(stamp_ns)
+        self.unplaced = lacks or self.unplaced
+        if self._fix is None or self._imu is None or lacks:
             return None
-        if max(abs(stamp_ns - self._fix[0]), abs(stamp_ns - self._imu[0])) > 2 * _STALE_NS:
-            return None
-        axes = rotation(*self._imu[1])
+        axes = self._axes(_plain(frame_id), self._imu[3], self._imu[1])
         return Fix(*self._fix[1:], math.atan2(axes[1, 0], axes[0, 0]))
+
+    def _lacks(self, stamp_ns: int) -> str:
+        """Return what a place on earth lacks at a time; empty if nothing, or if the log has no fixes."""
+        for known, name in ((self._fix, _POSITION), (self._imu, _HEADING)):
+            if known is None and self._has_fixes:
+                return f"no {name}"
+            if known is not None and abs(stamp_ns - known[0]) > 2 * _STALE_NS:
+                return f"no {name}, within two seconds"
+        return ""
 
     def _in_fixed(
         self, frame_id: str, stamp_ns: int, preferred: str, late_ns: int = _STALE_NS
@@ -231,7 +251,7 @@ class Navigation:
             if sample is None:
                 return None
             at, turn = rotation(*sample.turn) @ at + sample.at, _product(sample.turn, turn)
-            moves |= len(edge.samples) > 1
+            moves |= edge.moves
             name = edge.parent
         return None
 
@@ -263,7 +283,8 @@ class Navigation:
 
     def _satellites(self, read: Reader, message: Message) -> None:
         head, (status, _), (north, east, _) = read.header(), (read.number("b"), read.number("H")), read.numbers("ddd")
-        if status >= 0 and abs(north) <= 90 and abs(east) <= 180:
+        self._has_fixes = True
+        if status >= 0 and abs(north) <= 90 and abs(east) <= 180 and (north or east):  # 0, 0 is unset
             self._fix = head.stamp_ns or message.log_time_ns, north, east
 
     def _orientation(self, read: Reader, message: Message) -> None:
@@ -272,9 +293,9 @@ class Navigation:
         stamp_ns, topic = head.stamp_ns or message.log_time_ns, message.channel.topic
         size = np.linalg.norm(turn)
         is_known = bool(not unknown and np.isfinite(size) and size > 0)
-        if is_known and (self._imu is None or self._imu[2] == topic):
-            self._imu = stamp_ns, turn / size, topic
         is_set = is_known and tuple(turn) != _UNSET  # drivers leave it as it is
+        if is_set and (self._imu is None or self._imu[2] == topic):
+            self._imu = stamp_ns, turn / size, topic, _plain(head.frame_id)
         if self._gyro is None and (is_set or np.isfinite(rate).all()):
             self._gyro = _Gyro(topic, _plain(head.frame_id), is_measured=is_set)
         if self._gyro is not None and self._gyro.topic == topic:
@@ -298,8 +319,8 @@ def on_earth(fix: Fix, xy: Floats) -> Floats:
     shrunk = 1 - _SQUARED_ECCENTRICITY * math.sin(latitude) ** 2
     meridian = _EQUATOR_M * (1 - _SQUARED_ECCENTRICITY) / shrunk**1.5
     parallel = max(_EQUATOR_M / math.sqrt(shrunk) * math.cos(latitude), 1.0)
-    places = fix.latitude_deg + np.degrees(north / meridian), fix.longitude_deg + np.degrees(east / parallel)
-    return np.stack(places, axis=1)
+    longitudes = (fix.longitude_deg + np.degrees(east / parallel) + 180) % 360 - 180
+    return np.stack((fix.latitude_deg + np.degrees(north / meridian), longitudes), axis=1)
 
 
 def _from_earth(at: Floats, axes: Floats) -> Fix:

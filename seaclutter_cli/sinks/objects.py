@@ -79,6 +79,8 @@ class ObjectTable(Sink):
         self._write, self._new = write, new
         self._followers: dict[str, Follower] = {}
         self._recording, self._navigation = "", Navigation()
+        self._source: Source | None = None
+        self._unplaced = 0
         self._fixes: dict[str, deque[Fix | None]] = {}
         self.indices: list[int] = []
         self.tracks: dict[tuple[str, int], TrackSummary] = {}
@@ -87,6 +89,7 @@ class ObjectTable(Sink):
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:
         """Start a recording."""
         self._recording, self._navigation = source.name, Navigation()
+        self._source, self._unplaced = source, 0
         self._followers = {channel.topic: self._new() for channel in clouds}
         self._fixes = {channel.topic: deque() for channel in clouds}
 
@@ -102,12 +105,16 @@ class ObjectTable(Sink):
         # Objects are complete many seconds later; own ship is elsewhere then.
         fix = self._navigation.fix(frame.cloud.frame_id.lstrip("/"), frame.stamp_ns)
         self._fixes[frame.topic].append(fix)
+        self._unplaced += fix is None
         self._write_all(frame.topic, self._followers[frame.topic].add(result, pose_of(self._navigation, result)))
 
     def end(self) -> None:
         """Write the rows of all frames that are left."""
         for topic, follower in self._followers.items():
             self._write_all(topic, follower.finish())
+        if self._source and self._unplaced and self._navigation.unplaced:
+            frames = f"{self._unplaced:,} of {len(self.indices):,} frames"
+            self._source.warn(f"no place on earth is known for {frames}: {self._navigation.unplaced}")
 
     def _write_all(self, topic: str, frames: Iterable[FrameObjects]) -> None:
         for frame in frames:

@@ -7,9 +7,11 @@ import sys
 from functools import partial
 from itertools import islice
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
+from rosbags.typesys import Stores, get_typestore
 
 import seaclutter
 from seaclutter_cli.sinks.csv import csv_line
@@ -17,6 +19,7 @@ from seaclutter_cli.sinks.objects import COLUMNS, write_objects
 from tests.paths import ROOT
 from tests.running import execute
 
+FIX = "sensor_msgs/msg/NavSatFix"
 SEA = ROOT / "samples" / "sea.mcap"
 
 run = partial(execute, code=0)
@@ -128,6 +131,31 @@ def test_a_missing_library_is_named_with_its_extra(tmp_path, monkeypatch):
 def test_tracks_on_earth_need_a_position(tmp_path):
     assert "NavSatFix" in run("objects", SEA, "-n", 9, "-o", tmp_path / "o.geojson", code=1).stderr
     assert not list(tmp_path.iterdir())
+
+
+def test_places_that_are_missing_although_there_are_fixes_are_named(tmp_path):
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    log, types = stamped(tmp_path / "clouds.mcap", lambda _: 0), store.types
+    with log.open("rb") as file, (tmp_path / "log.mcap").open("wb") as output:
+        writer = Writer(output)
+        writer.start()
+        topics = {}
+        for schema, channel, message in make_reader(file).iter_messages():
+            if not topics:
+                topics["fix"] = writer.register_channel("/fix", "cdr", writer.register_schema(FIX, "ros2msg", b""))
+                topics["points"] = writer.register_channel(
+                    channel.topic, "cdr", writer.register_schema(schema.name, schema.encoding, schema.data)
+                )
+            stamp = types["builtin_interfaces/msg/Time"](*divmod(message.log_time, 10**9))
+            head, status = types["std_msgs/msg/Header"](stamp, "gnss"), types["sensor_msgs/msg/NavSatStatus"](0, 1)
+            fix = types[FIX](head, status, 60.0, 10.0, 0.0, np.zeros(9), 0)
+            for name, data in (("fix", bytes(store.serialize_cdr(fix, FIX))), ("points", message.data)):
+                writer.add_message(topics[name], message.log_time, data, message.publish_time)
+        writer.finish()
+    filtered = "filter", "-m", "confirmed", "-o", tmp_path / "f.mcap", "--objects", tmp_path / "o.csv"
+    for name, *options in (("objects",), filtered):
+        shown = " ".join(run(name, tmp_path / "log.mcap", *options).stderr.split())
+        assert "no place on earth is known for 40 of 40 frames: no heading" in shown
 
 
 def test_other_suffixes_are_refused(tmp_path):

@@ -11,6 +11,8 @@ from seaclutter_cli.records import Channel, Message, Schema
 
 STORES = {"cdr": get_typestore(Stores.ROS2_HUMBLE), "ros1": get_typestore(Stores.ROS1_NOETIC)}
 STORES["ros1"].register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms\n", "tf2_msgs/msg/TFMessage"))
+IMU = "sensor_msgs/msg/Imu"
+NAN = math.nan
 STAMP_NS = 1_700_000_000_000_000_000
 
 
@@ -96,6 +98,16 @@ def test_static_transforms_alone_are_no_motion(send):
     assert navigation.pose("lidar", STAMP_NS) is None
 
 
+def test_static_transforms_that_are_repeated_are_no_motion(send):
+    """The static publisher of ROS 1 sends them to /tf, again and again."""
+    navigation = Navigation()
+    for k in range(30):
+        stamp_ns = STAMP_NS + k * 10**8
+        send(navigation, "tf2_msgs/msg/TFMessage", "base_link", stamp_ns, child="lidar", at=(1, 0, 2), yaw=90)
+    assert navigation.pose("lidar", stamp_ns) is None
+    assert navigation.attitude("lidar", stamp_ns) is None
+
+
 def test_poses_are_in_the_frame_that_does_not_jump(send):
     navigation = Navigation()
     for k in range(2):
@@ -148,6 +160,38 @@ def test_places_on_earth_come_from_a_fix_and_the_heading(send):
     assert np.allclose(places, [[60 + 1 / 60, 10], [60, 10 + 2 / 60]], atol=2e-4)
 
 
+def test_the_heading_is_that_of_the_lidar_if_it_is_known_how_the_imu_is_mounted(send):
+    navigation = Navigation()
+    send(navigation, "tf2_msgs/msg/TFMessage", "lidar", STAMP_NS, child="imu", at=(0, 0, 0), yaw=180)
+    send(navigation, "sensor_msgs/msg/NavSatFix", "gnss", STAMP_NS, at=(60, 10, 0))
+    send(navigation, "sensor_msgs/msg/Imu", "imu", STAMP_NS, yaw=90)
+    assert navigation.fix("lidar", STAMP_NS).yaw == pytest.approx(-math.pi / 2)
+
+
+@pytest.mark.parametrize(
+    ("place", "heading", "late_s", "reason"),
+    [
+        ((60, 10, 0), None, 0, "no heading"),
+        ((60, 10, 0), {"yaw": 0, "turn": (0, 0, 0, 1)}, 0, "no heading"),
+        ((60, 10, 0), {"yaw": 90}, 3, "no position in sensor_msgs/NavSatFix, within two seconds"),
+        ((NAN, NAN, 0), {"yaw": 90}, 0, "no position"),
+        ((0, 0, 0), {"yaw": 90}, 0, "no position"),
+        ((60, 190, 0), {"yaw": 90}, 0, "no position"),
+    ],
+)
+def test_what_a_place_on_earth_lacks_is_said(send, place, heading, late_s, reason):
+    navigation = Navigation()
+    send(navigation, "sensor_msgs/msg/NavSatFix", "gnss", STAMP_NS, at=place)
+    if heading:
+        send(navigation, "sensor_msgs/msg/Imu", "imu", STAMP_NS, **heading)
+    assert navigation.fix("lidar", STAMP_NS + late_s * 10**9) is None
+    assert navigation.unplaced.startswith(reason)
+
+
+def test_longitudes_go_on_beyond_180():
+    assert np.allclose(on_earth(Fix(0.0, 179.999, 0.0), np.array([[1113.2, 0.0]])), [[0, -179.991]], atol=1e-5)
+
+
 def test_places_on_earth_come_from_transforms_to_it(send):
     pyproj = pytest.importorskip("pyproj")
     navigation = Navigation()
@@ -177,10 +221,6 @@ def test_broken_messages_are_left_out():
 def yaw_of(attitude):
     """Return the yaw of an attitude in degrees."""
     return pytest.approx(math.degrees(math.atan2(attitude.rotation[1, 0], attitude.rotation[0, 0])), abs=1e-6)
-
-
-IMU = "sensor_msgs/msg/Imu"
-NAN = math.nan
 
 
 def test_attitudes_are_those_of_the_imu_between_its_messages(send):
