@@ -62,15 +62,15 @@ class _Edge:
     _apart: deque[_Sample] = field(default_factory=lambda: deque(maxlen=_KEPT))
     _apart_ns: int = 0
 
-    def add(self, sample: _Sample) -> None:
+    def add(self, sample: _Sample, *, is_motion: bool) -> None:
         """Add a sample; one that no vessel can reach counts once others have agreed with it for half a second.
 
         An estimate that is corrected stays where it is, one that is wrong for a moment comes back. Samples that
-        repeat a time, or are late, add nothing.
+        repeat a time, or are late, add nothing. Samples of motion move the frame even where they are equal.
         """
         elapsed_ns = sample.stamp_ns - self.samples[-1].stamp_ns if self.samples else 1
         if (len(self.samples) < 2 and elapsed_ns > 0) or self.samples[-1].leads_to(sample):
-            self.moves |= bool(self.samples) and not self.samples[-1].is_at(sample)
+            self.moves |= bool(self.samples) and (is_motion or not self.samples[-1].is_at(sample))
             self.samples.append(sample)
             self._apart.clear()
             return
@@ -231,10 +231,10 @@ class Navigation:
 
     def _lacks(self, stamp_ns: int) -> str:
         """Return what a place on earth lacks at a time; empty if nothing, or if the log has no fixes."""
-        for known, name in ((self._fix, _POSITION), (self._imu, _HEADING)):
-            if known is None and self._has_fixes:
+        for known, name in ((self._fix, _POSITION), (self._imu, _HEADING)) if self._has_fixes else ():
+            if known is None:
                 return f"no {name}"
-            if known is not None and abs(stamp_ns - known[0]) > 2 * _STALE_NS:
+            if abs(stamp_ns - known[0]) > 2 * _STALE_NS:
                 return f"no {name}, within two seconds"
         return ""
 
@@ -255,7 +255,7 @@ class Navigation:
             name = edge.parent
         return None
 
-    def _add(self, parent: str, child: str, sample: _Sample) -> None:
+    def _add(self, parent: str, child: str, sample: _Sample, *, is_motion: bool = True) -> None:
         size = np.linalg.norm(sample.turn)
         if not (np.isfinite(sample.at).all() and np.isfinite(size) and size > 0) or child == parent:
             return
@@ -263,12 +263,12 @@ class Navigation:
             return
         edge = self._edges.setdefault(child, _Edge(parent))
         if edge.parent == parent:
-            edge.add(sample._replace(turn=sample.turn / size))
+            edge.add(sample._replace(turn=sample.turn / size), is_motion=is_motion)
 
     def _transforms(self, read: Reader, _message: Message) -> None:
         for _ in range(read.length(_MAX_TRANSFORMS, "transform")):
             head, child = read.header(), read.text()
-            self._add(_plain(head.frame_id), _plain(child), _sample(read, head.stamp_ns))
+            self._add(_plain(head.frame_id), _plain(child), _sample(read, head.stamp_ns), is_motion=False)
 
     def _odometry(self, read: Reader, message: Message) -> None:
         head, child = read.header(), read.text()

@@ -170,7 +170,7 @@ def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
     count 40 %, since what rises out of the water is above it. Without a start, it starts from several levels and
     returns the lowest plane with at least 40 % of the weight of the best one: decks and quays can have more cells than
     the water. Planes below the lidar come first, unless they hold less than one cell that is fully trusted, and of
-    those, planes that few cells contradict.
+    those, planes that no more cells contradict than support.
     """
     if start is not None:
         return _reweighted(cells, start)

@@ -188,6 +188,18 @@ def test_what_a_place_on_earth_lacks_is_said(send, place, heading, late_s, reaso
     assert navigation.unplaced.startswith(reason)
 
 
+def test_a_log_without_fixes_lacks_no_place(send):
+    navigation = Navigation()
+    send(navigation, IMU, "imu", STAMP_NS, yaw=90)
+    assert navigation.fix("lidar", STAMP_NS + 3 * 10**9) is None
+    assert not navigation.unplaced
+
+
+def test_odometry_of_a_vessel_at_rest_is_motion_over_ground(send):
+    poses = odometry(send, Navigation(), [(2, 1)] * 10)
+    assert np.allclose(poses[1:], [(2, 1, 0)] * 9)
+
+
 def test_longitudes_go_on_beyond_180():
     assert np.allclose(on_earth(Fix(0.0, 179.999, 0.0), np.array([[1113.2, 0.0]])), [[0, -179.991]], atol=1e-5)
 
