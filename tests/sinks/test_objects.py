@@ -24,7 +24,7 @@ def message(kind, stamp_ns, *values):
 
 def fix_and_heading(stamp_ns, latitude_deg):
     types, zero = STORE.types, np.zeros(9)
-    level = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+    level = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 1e-3, 1.0)  # without any turn, it would be unset
     still = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
     status = types["sensor_msgs/msg/NavSatStatus"](0, 1)
     yield message("sensor_msgs/msg/NavSatFix", stamp_ns, status, latitude_deg, 0.0, 0.0, zero, 0)
