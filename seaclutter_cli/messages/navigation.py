@@ -24,7 +24,8 @@ _KEPT_TURNS, _GAP_NS = 2048, 500_000_000
 _LASTING_NS = 500_000_000
 _STEP_M, _FASTEST_MS, _STEP_RAD, _FASTEST_RAD_S = 0.5, 30.0, math.radians(5), math.radians(90)
 _UNSET = (0.0, 0.0, 0.0, 1.0)
-_POSITION, _HEADING = "position in sensor_msgs/NavSatFix", "heading, which is the orientation in sensor_msgs/Imu"
+_POSITION = "position in sensor_msgs/NavSatFix"
+_HEADING = "heading, which is the orientation in sensor_msgs/Imu (0, 0, 0, 1 counts as unset)"
 _UPRIGHT = 0.5
 _BODY = ""
 """Frame of poses that name none: the lidar, or own ship where transforms lead from the lidar to no other frame."""
