@@ -38,6 +38,7 @@ class Kind:
     """Values of an option; any text by default. Places are files, folders, URLs and what receives texts about them."""
 
     is_place = False
+    output = or_folder = False
     metavar: ClassVar[str | None] = None
 
     def parse(self, text: str) -> Any:
@@ -301,6 +302,12 @@ class Options:
     def __repr__(self) -> str:
         """Return the options as dataclasses do, which would take time for each class."""
         return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in vars(self).items())})"
+
+    @property
+    def outputs(self) -> dict[str, Path]:
+        """Files to write, by the option that gives them; what may be a folder is left out."""
+        files = [one for one in declared(type(self)).values() if one.kind.output and not one.kind.or_folder]
+        return {one.flags[0]: path for one in files if (path := vars(self)[one.name])}
 
     def part(self, made: K, kind: type[Options] | None = None) -> K:
         """Return another object with those of its options that are of a class, by default its own, as they are here."""

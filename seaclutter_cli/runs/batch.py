@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager, ExitStack, closing, contextmanage
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
 
 from seaclutter_cli.buckets import copies_removed, local, mirror_of, on_paths, shown
@@ -153,13 +154,16 @@ class RecordingWork(Work[O]):
 
 
 def prepared(
-    options: OfLogs, outputs: Paths, observer: Observer, configs: "Iterable[Config]" = ()
+    options: OfLogs, observer: Observer, configs: "Iterable[Config]" = (), others: Paths = MappingProxyType({})
 ) -> list[tuple[Recording, LabelFile | None]]:
-    """Return recordings with their labels, not yet read, after a check of the outputs against all inputs."""
+    """Return recordings with their labels, not yet read, after a check of the outputs against all inputs.
+
+    Outputs are those of the options, and ``others`` by option.
+    """
     recordings = expand(options.logs, options.reading, observer)
     inputs = inputs_of(recordings, options.reading, getattr(options, "config", None), configs)
     labels, force = getattr(options, "labels", ()), getattr(options, "force", False)
-    prepare_outputs(outputs, inputs, labels, force=force, observer=observer)
+    prepare_outputs({**options.outputs, **others}, inputs, labels, force=force, observer=observer)
     return list(zip(recordings, assign_labels(options, recordings), strict=True))
 
 

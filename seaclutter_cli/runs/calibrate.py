@@ -68,8 +68,7 @@ def calibrate(options: CalibrateOptions) -> CalibrationResult:
     config = _starting_config(options)
     if (options.choose or options.trade_off) and not options.labels:
         raise UsageError(f"{'--choose' if options.choose else '--trade-off'}: filter rates are compared by --labels")
-    outputs = {"-o": options.output, "--plot": options.plot_file}
-    pairs = prepared(options, outputs, observer, [config])
+    pairs = prepared(options, observer, [config])
     works = [_CalibrateWork(options.reading, *each, config, options) for each in pairs]
     clutter, read = Clutter(config.filter, options), list[Calibrated]()
 

@@ -65,8 +65,7 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     settings = [f"evaluation.clustering={options.clustering}"] if options.clustering else []
     chosen = variants(options, *settings)
     chosen = chosen if options.without_labels else with_ideal(chosen)
-    outputs = {"-o": options.frames_file, "--summary": options.summary_file, "--manifest": options.batch.manifest}
-    pairs = prepared(options, outputs, observer, [one.config for one in chosen])
+    pairs = prepared(options, observer, [one.config for one in chosen])
     make = partial(EvaluateWork, tabulated=bool(options.frames_file), indicated=options.without_labels)
     works = [make(options.reading, *each, chosen) for each in pairs]
     earlier = None if options.without_labels else without_labels(works, observer)

@@ -59,9 +59,9 @@ def propose_labels(options: ProposeOptions) -> "ProposalResult":
     (130, 10)
     """
     observer, config = options.watching, objects_config(options)
-    pairs = prepared(options, {}, observer, [config])
+    pairs = prepared(options, observer, [config])
     targets = _targets(options, [recording for recording, _ in pairs])
-    prepared(options, {"-o": targets}, observer, [config])
+    prepared(options, observer, [config], {"-o": targets})
     works = [ProposeWork(options.reading, *each, config) for each in pairs]
     outcomes = [one for one in run_all(works, options.batch, observer) if isinstance(one, ProposedLabels)]
     with OutputGroup(replace=options.force) as files:

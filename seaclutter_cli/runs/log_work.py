@@ -184,18 +184,13 @@ class LogRun(Generic[W]):
         configs = [work.config for work in self.works[:1] if hasattr(work, "config")]
         self.inputs = inputs_of(recordings, options.reading, getattr(options, "config", None), configs)
         self.root = Root(Path(options.output), OUTPUT_FORMATS[form].marker)
-        self.others: Paths = {
-            "--csv": getattr(options, "csv_file", None),
-            "--objects": getattr(options, "objects_file", None),
-            "--manifest": options.batch.manifest,
-        }
         self.is_alone = options.batch.runs_here(len(recordings))
 
     def prepare(self, observer: Observer, *, dry: bool = False) -> None:
         """Check the names of the outputs, and prepare their folders, unless ``dry``; see `prepare_outputs`."""
         targets, force = [work.target for work in self.works], dry or self.works[0].replaces
         earlier = [part for work in self.works if work.has_parts for part in parts_after(work.target, 0)]
-        outputs = {"-o": [*(work.output for work in self.works), *earlier], **self.others}
+        outputs: Paths = {"-o": [*(work.output for work in self.works), *earlier], **self.options.outputs}
         labels = getattr(self.options, "labels", ())
         prepare_outputs(outputs, self.inputs, labels, force=force, observer=observer, root=self.root, dry=dry)
         check_names(targets, self.options.to)

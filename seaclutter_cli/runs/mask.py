@@ -35,7 +35,7 @@ def find_mask(options: MaskOptions) -> "MaskResult":
     (60, True)
     """
     observer = options.watching
-    pairs = prepared(options, {"-o": options.output, "--plot": options.plot_file}, observer)
+    pairs = prepared(options, observer)
     search = StructureSearch(options.reach_m)
     outcomes = [_MaskWork(options.reading, *each, search).run(observer) for each in pairs]
     result = MaskResult(outcomes, search.found(), options.reach_m)

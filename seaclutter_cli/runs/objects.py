@@ -51,7 +51,7 @@ def find_objects(options: ObjectsOptions) -> "ObjectsResult":
     """
     observer, config = options.watching, objects_config(options)
     check_objects_file(options.output)
-    pairs = prepared(options, {"-o": options.output}, observer, [config])
+    pairs = prepared(options, observer, [config])
     works = [ObjectsWork(options.reading, *each, config) for each in pairs]
     result = ObjectsResult(run_all(works, options.batch, observer))
     files: Contents = {options.output: lambda it: write_objects(it.path, it.stream, result.lines())}

@@ -64,7 +64,7 @@ def report(options: ReportOptions) -> "ReportResult":
     figures = [folder / f"{name}.{options.figure_format}" for name in FIGURES] if folder else []
     if folder and is_file(folder):
         raise UsageError(f"{folder}: is a file; --figures takes a folder")
-    pairs = prepared(options, {"-o": options.output, "--figures": figures}, observer)
+    pairs = prepared(options, observer, others={"--figures": figures})
     make = partial(_Studied, options=options)
     comparison, studied = filter_or_replay(pairs, options, options.reading, observer, make)
     collected, suspects = studied.collector, studied.finish()
@@ -191,7 +191,7 @@ def view_logs(options: ViewOptions) -> "ViewResult":
     require_rerun()
     if options.target:
         check_rerun_file(options.target)
-    pairs = prepared(options, {"--save": options.target}, observer)
+    pairs = prepared(options, observer)
     methods = MethodOptions(config=options.config, methods=options.method or (), settings=options.settings)
     with OutputGroup(replace=options.force) as files, ExitStack() as stack:
 

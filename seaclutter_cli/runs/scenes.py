@@ -70,7 +70,7 @@ def _classify(
     """Classify the frames of recordings, given their classes if known; return the classes of the model, too."""
     reading = options.reading
     inputs: Paths = {**inputs_of((one for one, _ in logs), reading), "--model": Path(options.model)}
-    prepare_outputs({"--csv": options.csv_file}, inputs, force=options.force, observer=observer)
+    prepare_outputs(options.outputs, inputs, force=options.force, observer=observer)
     model = SceneModel(options.model)
     known = sorted({scene for _, scene in logs} - {""})
     if unknown := [scene for scene in known if scene not in model.classes]:
@@ -253,7 +253,7 @@ def train_scenes(options: TrainScenesOptions) -> "SceneTraining":
     check_torch()
     observer, labelled = options.observer, options.find()
     prepare_outputs(
-        {"-o": options.output, "--plot": options.plot_file},
+        options.outputs,
         inputs_of((recording for recording, _ in labelled), options.reading),
         force=options.force,
         observer=observer,

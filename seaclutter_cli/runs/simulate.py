@@ -76,7 +76,7 @@ def _simulate_recording(name: str, output: Path, options: SimulateOptions, obser
     if output.suffix not in endings:
         raise UsageError(f"{output}: the name of the recording must end in {' or '.join(endings)}")
     labels = output.with_suffix(".labels.csv")
-    targets = {"-o": output, "the labels of -o": labels, "--scene-file": options.scene_file}
+    targets = {"-o": output, "the labels of -o": labels, **options.outputs}
     prepare_outputs(targets, {"SCENE": Path(name)}, force=options.force, observer=observer)
     points, started = Counter[int](), perf_counter()
     with OutputGroup(replace=options.force) as files, observer.progress(output.stem, scene.recording.frames) as step:
@@ -102,8 +102,7 @@ def _simulate_tile(name: str, output: Path, options: SimulateOptions, observer: 
                 f"--{option}: not available for tiles; set height, density and returns in the scene's section lidar"
             )
     scene = load_tile_scene(name).with_tile(seed=options.seed)
-    targets = {"-o": output, "--scene-file": options.scene_file}
-    prepare_outputs(targets, {"SCENE": Path(name)}, force=options.force, observer=observer)
+    prepare_outputs({"-o": output, **options.outputs}, {"SCENE": Path(name)}, force=options.force, observer=observer)
     land, points = 0, Counter[int]()
     started = perf_counter()
 

@@ -69,8 +69,8 @@ def find_suspects(options: SuspectsOptions) -> "SuspectsResult":
         if is_file(folder):
             raise UsageError(f"{folder}: is a file; --pictures takes a folder")
     # The names of pictures are not known before; their folder is.
-    outputs = {"-o": options.output, "--pictures": folder / "suspect.png" if folder else None}
-    pairs = prepared(options, outputs, observer, [config])
+    pictures = {"--pictures": folder / "suspect.png" if folder else None}
+    pairs = prepared(options, observer, [config], pictures)
     is_given = bool(options.method or options.settings) or options.config is not None
     make = partial(_SuspectsWork, is_given=is_given, shown=options.shown, drawn=folder is not None)
     works = [make(options.reading, *pair, config) for pair in pairs]

@@ -50,9 +50,7 @@ def tune(options: TuneOptions) -> "TuningResult":
     observer = options.watching
     note_left_out(options, observer)
     combinations = grid(options.sweeps, options)
-    targets = {"-o": options.output, "--csv": options.csv_file, "--plot": options.curve_file}
-    targets["--plot-thresholds"] = options.thresholds_file
-    pairs = prepared(options, targets, observer, [one.config for one in combinations])
+    pairs = prepared(options, observer, [one.config for one in combinations])
     _check_plots(options, combinations, len(pairs))
     history = _ThresholdHistory(combinations, options.ring) if options.thresholds_file else None
     listeners = [history] if history else []

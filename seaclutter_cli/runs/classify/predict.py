@@ -63,9 +63,8 @@ def classify_tiles(options: ClassifyTilesOptions) -> "PredictResult":
     observer, paths, plot_file = options.observer, find_tiles(options.tiles), options.plot_file
     if options.model.is_dir():
         raise UsageError(f"{options.model}: is a directory; --model takes a file")
-    others = {"--csv": options.csv_file, "--geojson": options.geojson_file, "--plot": plot_file}
     heads = tiles_of(paths, None, observer)
-    targets = plan_tiles(heads, options, others, {"--model": options.model}, force=options.force)
+    targets = plan_tiles(heads, options, {"--model": options.model}, force=options.force)
     if plot_file and len(paths) > 1:
         raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
     model, sent = _load(options, observer), replace(options, tiles=(), observer=SILENT)

@@ -78,8 +78,7 @@ def separate_tiles(options: SeparateTilesOptions) -> "SeparateResult":
         with requiring("the shoreline", "geo"):
             import contourpy  # noqa: F401 - availability check
     heads = tiles_of(find_tiles(options.tiles), options.window_m, observer)
-    others = {"--plot": options.plot_file, "--geojson": options.geojson_file, "--manifest": batch.manifest}
-    targets = plan_tiles(heads, options, others, force=options.force or batch.resume)
+    targets = plan_tiles(heads, options, force=options.force or batch.resume)
     margins = margins_of(heads, options.margin_m, observer)
     several, pixel_m = len(heads) > 1, pixel_of(heads) if is_mapped else None
     sent = [replace(options, tiles=(), observer=SILENT)] * len(heads)

@@ -121,15 +121,14 @@ def warn_of_doubts(tile: LasTile | CloudTile, found: Separation, observer: Obser
 def plan_tiles(
     tiles: Sequence[TileHead],
     options: WritingTiles,
-    other_outputs: Paths,
     inputs: Paths = MappingProxyType({}),
     *,
     force: bool,
 ) -> list[Path]:
     """Return the output file of each tile: ``output`` itself for one, files named after the tiles in it for several.
 
-    ``output`` is a folder if there are several tiles, or if it is a `str` that ends in a slash. Additional output and
-    input files are given by option. Raise `UsageError` if an output is an input, exists and may not be replaced, would
+    ``output`` is a folder if there are several tiles, or if it is a `str` that ends in a slash. Additional input files
+    are given by option. Raise `UsageError` if an output is an input, exists and may not be replaced, would
     be written twice, or has a format to which the tile cannot be converted.
     """
     targets, paths = [Path(options.output)], [tile.path for tile in tiles]
@@ -138,7 +137,7 @@ def plan_tiles(
         names = [one if one.suffix.lower() in (*LAS, *POINT_WRITERS) else one.with_suffix(".pcd") for one in names]
         targets = outputs_in(targets[0], names, paths, "tile", "rename one, or leave one out")
     prepare_outputs(
-        {"-o": targets, **other_outputs},
+        {"-o": targets, **options.outputs},
         {"TILE": paths, "-c": options.config, **inputs},
         force=force,
         observer=options.observer,

@@ -42,9 +42,8 @@ def train_forest(options: TrainForestOptions) -> "TrainingReport":
     (True, True)
     """
     observer, settings, paths = options.observer, options.loaded(), find_tiles(options.tiles)
-    targets = {"-o": options.output, "--plot": options.plot_file}
     inputs = {"TILE": paths, "-c": options.config}
-    prepare_outputs(targets, inputs, force=options.force, observer=observer)
+    prepare_outputs(options.outputs, inputs, force=options.force, observer=observer)
     parts = [_samples(number, path, settings, options, observer) for number, path in enumerate(paths)]
     model, report = fit(join(parts), settings)
     files = {options.output: model.to_bytes()}
