@@ -332,7 +332,7 @@ class ObjectsOptions(Replacing, BatchOptions, OfLogs, ConfigOptions):
     """
 
     use_case = UseCase("objects", "runs.objects.find_objects")
-    left_out = ("resume",)
+    left_out = ("resume", "manifest")
 
     output: OptionalPath = option(
         "-o --output OBJECTS",
