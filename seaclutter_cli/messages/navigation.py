@@ -63,7 +63,7 @@ class _Edge:
     _apart: deque[_Sample] = field(default_factory=lambda: deque(maxlen=_KEPT))
     _apart_ns: int = 0
 
-    def add(self, sample: _Sample, *, is_motion: bool) -> None:
+    def add(self, sample: _Sample, *, is_motion: bool = True) -> None:
         """Add a sample; one that no vessel can reach counts once others have agreed with it for half a second.
 
         An estimate that is corrected stays where it is, one that is wrong for a moment comes back. Samples that
@@ -71,7 +71,7 @@ class _Edge:
         """
         elapsed_ns = sample.stamp_ns - self.samples[-1].stamp_ns if self.samples else 1
         if (len(self.samples) < 2 and elapsed_ns > 0) or self.samples[-1].leads_to(sample):
-            self.moves |= bool(self.samples) and (is_motion or not self.samples[-1].is_at(sample))
+            self.moves |= is_motion or (bool(self.samples) and not self.samples[-1].is_at(sample))
             self.samples.append(sample)
             self._apart.clear()
             return
@@ -144,14 +144,12 @@ class Navigation:
     Transforms come from ``tf2_msgs/TFMessage`` and ``nav_msgs/Odometry``, a pose of own ship from
     ``geometry_msgs/PoseStamped``, a position on earth from ``sensor_msgs/NavSatFix`` with the orientation of a
     ``sensor_msgs/Imu``, or from transforms to the frame ``earth``. Of several parents of a frame, the first counts.
-    ``unplaced`` says what a place on earth lacked last, in a log with fixes.
     """
 
     def __init__(self) -> None:
         self._edges: dict[str, _Edge] = {}
-        self.unplaced = ""
-        self._has_fixes = False
-        self._fix: tuple[int, float, float] | None = None
+        self._lacking, self._has_fixes = "", False
+        self._places = _Edge(_EARTH)
         self._imu: tuple[int, Floats, str, str] | None = None
         self._gyro: _Gyro | None = None
 
@@ -223,16 +221,23 @@ class Navigation:
         found = self._in_fixed(frame_id, stamp_ns, _EARTH)
         if found is not None and found[2] == _EARTH:
             return _from_earth(found[0], rotation(*found[1]))
-        lacks = self._lacks(stamp_ns)
-        self.unplaced = lacks or self.unplaced
-        if self._fix is None or self._imu is None or lacks:
+        place = self._places.samples[-1] if self._places.samples else None
+        lacks = self._lacks(stamp_ns, place)
+        self._lacking = lacks or self._lacking
+        if place is None or self._imu is None or lacks:
             return None
-        axes = self._axes(_plain(frame_id), self._imu[3], self._imu[1])
-        return Fix(*self._fix[1:], math.atan2(axes[1, 0], axes[0, 0]))
+        axes, (x, y, z) = self._axes(_plain(frame_id), self._imu[3], self._imu[1]), place.at.tolist()
+        north, east = math.atan2(z, math.hypot(x, y)), math.atan2(y, x)
+        return Fix(math.degrees(north), math.degrees(east), math.atan2(axes[1, 0], axes[0, 0]))
 
-    def _lacks(self, stamp_ns: int) -> str:
-        """Return what a place on earth lacks at a time; empty if nothing, or if the log has no fixes."""
-        for known, name in ((self._fix, _POSITION), (self._imu, _HEADING)) if self._has_fixes else ():
+    @property
+    def unplaced(self) -> str:
+        """What a place on earth lacked last; empty if nothing, or if the log has no fixes."""
+        return self._lacking if self._has_fixes else ""
+
+    def _lacks(self, stamp_ns: int, place: _Sample | None) -> str:
+        """Return what a place on earth lacks at a time; empty if nothing."""
+        for known, name in (place, _POSITION), (self._imu, _HEADING):
             if known is None:
                 return f"no {name}"
             if abs(stamp_ns - known[0]) > 2 * _STALE_NS:
@@ -286,7 +291,8 @@ class Navigation:
         head, (status, _), (north, east, _) = read.header(), (read.number("b"), read.number("H")), read.numbers("ddd")
         self._has_fixes = True
         if status >= 0 and abs(north) <= 90 and abs(east) <= 180 and (north or east):  # 0, 0 is unset
-            self._fix = head.stamp_ns or message.log_time_ns, north, east
+            stamp_ns, turn = head.stamp_ns or message.log_time_ns, np.array(_UNSET)
+            self._places.add(_Sample(stamp_ns, _on_sphere(math.radians(north), math.radians(east)), turn))
 
     def _orientation(self, read: Reader, message: Message) -> None:
         head, turn = read.header(), np.array(read.numbers("dddd"))
@@ -322,6 +328,12 @@ def on_earth(fix: Fix, xy: Floats) -> Floats:
     parallel = max(_EQUATOR_M / math.sqrt(shrunk) * math.cos(latitude), 1.0)
     longitudes = (fix.longitude_deg + np.degrees(east / parallel) + 180) % 360 - 180
     return np.stack((fix.latitude_deg + np.degrees(north / meridian), longitudes), axis=1)
+
+
+def _on_sphere(north: float, east: float) -> Floats:
+    """Return a point whose distances to others are those between places on earth, to a percent."""
+    around = math.cos(north)
+    return _EQUATOR_M * np.array([around * math.cos(east), around * math.sin(east), math.sin(north)])
 
 
 def _from_earth(at: Floats, axes: Floats) -> Fix:

@@ -37,11 +37,11 @@ def test_places_on_earth_are_those_of_their_frames():
     table.begin(SimpleNamespace(name="trial"), [SimpleNamespace(topic="/points")])
     for k in range(100):
         stamp_ns = 10**9 + k * 5 * 10**8
-        for record in fix_and_heading(stamp_ns, 10 + k / 100):
+        for record in fix_and_heading(stamp_ns, 10 + k / 10_000):
             table.copy(record)
         frame = Frame.of_arrays(BOAT, np.full(len(BOAT), 50.0), stamp_ns=stamp_ns, index=k)
         table.write(FilterResult(frame, np.zeros(len(BOAT), np.uint8)))
     table.end()
     rows = list(rows_as_mappings(lines))
     assert [row["frame"] for row in rows] == list(range(100))
-    assert np.allclose([row["latitude_deg"] for row in rows], 10 + np.arange(100) / 100, atol=1e-4)
+    assert np.allclose([row["latitude_deg"] for row in rows], 10 + np.arange(100) / 10_000, atol=1e-6)
