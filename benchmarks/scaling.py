@@ -62,13 +62,8 @@ class Nothing(Work[Outcome]):
 
     recording: Recording
 
-    def run(self, observer: Observer) -> Outcome:  # noqa: ARG002
-        """Return an outcome at once."""
-        return self.without_result(None)
-
-    def without_result(self, reason: str | None) -> Outcome:
-        """Return an outcome."""
-        return Outcome(recording=self.recording.name, error=reason)
+    def fill(self, outcome: Outcome, observer: Observer) -> None:
+        """Do nothing."""
 
 
 def engine_cost(folder: Path) -> tuple[float, float]:

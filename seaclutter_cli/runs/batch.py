@@ -86,9 +86,16 @@ class Work(ABC, Generic[O]):
         """Files that the work writes."""
         return ()
 
-    @abstractmethod
     def run(self, observer: Observer) -> O:
         """Do the work; an error of the recording is stored in the outcome."""
+        outcome = self.without_result(None)
+        with storing_errors(outcome, observer):
+            self.fill(outcome, observer)
+        return outcome
+
+    @abstractmethod
+    def fill(self, outcome: O, observer: Observer) -> None:
+        """Do the work, and store what is found in the outcome."""
 
     def without_result(self, reason: str | None) -> O:
         """Return the outcome of work that has not begun, or did not come to an end."""
@@ -114,14 +121,11 @@ class RecordingWork(Work[O]):
         """Files and folders that the work reads."""
         return *self.recording.paths, *self.reading.beside(), *((self.labels.path,) if self.labels else ())
 
-    def run(self, observer: Observer) -> O:
-        """Do the work; store an error in the outcome."""
-        outcome = self.without_result(None)
-        with storing_errors(outcome, observer):
-            labels = self.labels.open() if self.labels else None
-            with opened(self.recording, self.reading, observer, outcome) as source:
-                self.study(source, labels, outcome, observer)
-        return outcome
+    def fill(self, outcome: O, observer: Observer) -> None:
+        """Open the recording and its labels, and study them."""
+        labels = self.labels.open() if self.labels else None
+        with opened(self.recording, self.reading, observer, outcome) as source:
+            self.study(source, labels, outcome, observer)
 
     @abstractmethod
     def study(self, source: Source, labels: Labels | None, outcome: O, observer: Observer) -> None:

@@ -19,7 +19,7 @@ from seaclutter_cli.runs.checks import FARTHEST_M, OF_A_MAP
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import InfoOptions
-from seaclutter_cli.runs.recordings import RecordingsResult, expand, expected_frames, opened, statuses, storing_errors
+from seaclutter_cli.runs.recordings import RecordingsResult, expand, expected_frames, opened, statuses
 from seaclutter_cli.runs.surroundings import Surroundings, smallest
 from seaclutter_cli.runs.topic_statistics import Described, TopicStatistics
 from seaclutter_cli.selection import hint_of
@@ -58,29 +58,26 @@ class _InfoWork(Work["Content"]):
     reading: ReadOptions
     recording: Recording
 
-    def run(self, observer: Observer) -> "Content":
-        content = self.without_result(None)
-        with storing_errors(content, observer):
-            part = excerpt_of(self.recording) if self.reading.selection.is_whole else None
-            with opened(self.recording, self.reading, observer, content) as source:
-                content.format, content.channels, content.has_times = source.format, source.channels, source.has_times
-                selection, topics = self.reading.selection, self.reading.topics
-                clouds = [c for c in source.channels if find_codec(c) and (not topics or c.topic in topics)]
-                content.clouds = {channel.topic: TopicStatistics(around=Surroundings()) for channel in clouds}
-                with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
-                    for record, frame in read(source, clouds, selection, unreadable=content.unreadable):
-                        if isinstance(record, Message):
-                            content.messages[record.channel.topic] += 1
-                            content.note_time(record.log_time_ns)
-                        if frame is not None:
-                            content.clouds[frame.topic].add(frame)
-                            step()
-                if part:  # of the whole recording
-                    content.sampled, content.times_ns = True, [part.start_ns, part.end_ns]
-                    content.messages = Counter[str]()
-                    for channel in content.channels:
-                        content.messages[channel.topic] += part.messages.get(channel.id, 0)
-        return content
+    def fill(self, outcome: "Content", observer: Observer) -> None:
+        part = excerpt_of(self.recording) if self.reading.selection.is_whole else None
+        with opened(self.recording, self.reading, observer, outcome) as source:
+            outcome.format, outcome.channels, outcome.has_times = source.format, source.channels, source.has_times
+            selection, topics = self.reading.selection, self.reading.topics
+            clouds = [c for c in source.channels if find_codec(c) and (not topics or c.topic in topics)]
+            outcome.clouds = {channel.topic: TopicStatistics(around=Surroundings()) for channel in clouds}
+            with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
+                for record, frame in read(source, clouds, selection, unreadable=outcome.unreadable):
+                    if isinstance(record, Message):
+                        outcome.messages[record.channel.topic] += 1
+                        outcome.note_time(record.log_time_ns)
+                    if frame is not None:
+                        outcome.clouds[frame.topic].add(frame)
+                        step()
+            if part:  # of the whole recording
+                outcome.sampled, outcome.times_ns = True, [part.start_ns, part.end_ns]
+                outcome.messages = Counter[str]()
+                for channel in outcome.channels:
+                    outcome.messages[channel.topic] += part.messages.get(channel.id, 0)
 
     def without_result(self, reason: str | None) -> "Content":
         return Content(recording=self.recording.name, path=str(self.recording.paths[0]), error=reason)

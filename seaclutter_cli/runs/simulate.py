@@ -16,7 +16,7 @@ from seaclutter_cli.runs.batch import Work, run_all
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options.logs import SimulateOptions
 from seaclutter_cli.runs.outputs import prepare_outputs
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, Result, statuses, storing_errors
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, Result, statuses
 from seaclutter_cli.simulation.airborne.scene import TileScene, is_tile_scene, load_tile_scene, save_tile_scene
 from seaclutter_cli.simulation.marine.recording import SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import Scene, save_scene
@@ -239,11 +239,8 @@ class _SimulateWork(Work[_Simulated]):
     def writes(self) -> Sequence[Path]:
         return self.recording.paths
 
-    def run(self, observer: Observer) -> _Simulated:
-        outcome = self.without_result(None)
-        with storing_errors(outcome, observer):
-            outcome.result = self.simulate(observer)
-        return outcome
+    def fill(self, outcome: _Simulated, observer: Observer) -> None:
+        outcome.result = self.simulate(observer)
 
     def simulate(self, observer: Observer) -> SimulationResult | TileSimulationResult:
         (output,) = self.recording.paths

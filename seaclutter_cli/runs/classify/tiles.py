@@ -20,7 +20,7 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions, SeparateTilesOptions, WritingTiles
 from seaclutter_cli.runs.outputs import Paths, is_folder, outputs_in, prepare_outputs
-from seaclutter_cli.runs.recordings import O, Outcome, storing_errors
+from seaclutter_cli.runs.recordings import O, Outcome
 from seaclutter_cli.runs.resume import same_output_accepted
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las
@@ -214,12 +214,10 @@ class TileWork(Work[O]):
         """Whether the output may be replaced."""
         return self.options.force or self.options.batch.resume
 
-    def run(self, observer: Observer) -> O:
-        """Write the output; store an error in the outcome."""
-        outcome = self.without_result(None)
-        with storing_errors(outcome, observer), same_output_accepted(self), OutputGroup(replace=self.replaces) as files:
+    def fill(self, outcome: O, observer: Observer) -> None:
+        """Write the output, which appears by itself."""
+        with same_output_accepted(self), OutputGroup(replace=self.replaces) as files:
             self.write(outcome, observer, files)
-        return outcome
 
     @abstractmethod
     def write(self, outcome: O, observer: Observer, files: OutputGroup) -> None:
