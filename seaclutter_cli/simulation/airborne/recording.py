@@ -9,7 +9,6 @@ from typing import Any
 from uuid import UUID
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Bytes, Floats, Indices, Rng, Rows
 from seaclutter_cli.simulation.airborne.coast import VEGETATION, Coast, TileWater, leaves, make_coast, water
@@ -63,8 +62,8 @@ class Pulses:
 _RAY = np.dtype([("z", "f8"), ("reflectivity", "f8"), ("number", "u2"), ("code", "u1")])
 """End of a ray: its height and reflectivity, the number of the object (0: none), and its class."""
 
-Groups = tuple[Indices, Floats, Floats, NDArray[np.uint16], Bytes]
-"""Pulses with a possible echo of one number; its mean height and power, object and class of the ray in its middle."""
+_ECHO = np.dtype([("pulse", "i8"), ("z", "f8"), ("power", "f8"), ("number", "u2"), ("code", "u1")])
+"""A possible echo of a pulse: its mean height and power, object and class of the ray in its middle."""
 
 
 def _rays(z: Floats, reflectivity: Floats, code: Bytes | int) -> Rows:
@@ -243,18 +242,15 @@ def _echoes(pulses: Pulses, hits: Rows, lidar: AirborneParams, rng: Rng) -> Rows
     blocks = [_groups(hits, np.arange(start, min(start + _BLOCK, len(hits))), lidar) for start in starts]
     found = []
     for echo in range(lidar.max_returns):
-        possible = [np.concatenate(column) for column in zip(*(block[echo] for block in blocks), strict=True)]
+        possible = np.concatenate([block[echo] for block in blocks])
         weakest = _WEAKEST * rng.exponential(3.0, len(hits))
-        detected = possible[2] > weakest[possible[0]]
-        found.append([column[detected] for column in possible])
-    pulse, height, power, label, code = (np.concatenate(column) for column in zip(*found, strict=True))
-    order = np.argsort(pulse, kind="stable")
-    echoes = pulse[order], height[order], power[order], label[order], code[order]
-    return _points(pulses, echoes, lidar, rng)
+        found.append(possible[possible["power"] > weakest[possible["pulse"]]])
+    echoes = np.concatenate(found)
+    return _points(pulses, echoes[np.argsort(echoes["pulse"], kind="stable")], lidar, rng)
 
 
-def _groups(hits: Rows, block: Indices, lidar: AirborneParams) -> list[Groups]:
-    """Return the possible echoes of a block of pulses, from the highest down."""
+def _groups(hits: Rows, block: Indices, lidar: AirborneParams) -> list[Rows]:
+    """Return the possible echoes of a block of pulses, `_ECHO` for each number, from the highest down."""
     rays = hits[block]
     order = np.argsort(-rays["z"], axis=1, kind="stable")
     z, reflectivity, number, code = (np.take_along_axis(rays[name], order, 1) for name in _RAY.names or ())
@@ -265,18 +261,20 @@ def _groups(hits: Rows, block: Indices, lidar: AirborneParams) -> list[Groups]:
         in_echo = group[rows] == echo
         count = in_echo.sum(axis=1)
         middle = np.argmax(in_echo, axis=1) + (count - 1) // 2
-        height = (z[rows] * in_echo).sum(axis=1) / count
-        power = (reflectivity[rows] * in_echo).sum(axis=1) / _BEAMS
-        found.append((block[rows], height, power, number[rows, middle], code[rows, middle]))
+        echoes = np.empty(len(rows), _ECHO)
+        echoes["pulse"], echoes["number"], echoes["code"] = block[rows], number[rows, middle], code[rows, middle]
+        echoes["z"] = (z[rows] * in_echo).sum(axis=1) / count
+        echoes["power"] = (reflectivity[rows] * in_echo).sum(axis=1) / _BEAMS
+        found.append(echoes)
     return found
 
 
-def _points(pulses: Pulses, echoes: Groups, lidar: AirborneParams, rng: Rng) -> Rows:
-    pulse, height, power, label, code = echoes
+def _points(pulses: Pulses, echoes: Rows, lidar: AirborneParams, rng: Rng) -> Rows:
+    pulse = echoes["pulse"]
     out = np.zeros(len(pulse), POINT)
-    z = height + rng.normal(0, lidar.range_noise_m, len(pulse))
+    z = echoes["z"] + rng.normal(0, lidar.range_noise_m, len(pulse))
     out["x"], out["y"], out["z"] = pulses.x[pulse], pulses.y[pulse] - pulses.slope[pulse] * z, z
-    digital = lidar.gain * power * rng.lognormal(0, 0.08, len(pulse))
+    digital = lidar.gain * echoes["power"] * rng.lognormal(0, 0.08, len(pulse))
     out["intensity"] = np.clip(np.round(digital), 1, 65535)
     echoes_of = np.bincount(pulse, minlength=len(pulses.x))
     before = np.cumsum(echoes_of) - echoes_of
@@ -284,8 +282,7 @@ def _points(pulses: Pulses, echoes: Groups, lidar: AirborneParams, rng: Rng) -> 
     out["number_of_returns"] = echoes_of[pulse]
     out["scan_angle"] = np.degrees(np.arctan(pulses.slope[pulse]))
     out["gps_time"] = pulses.times_s[pulse]
-    out["object_id"] = label
-    out["classification"] = code
+    out["object_id"], out["classification"] = echoes["number"], echoes["code"]
     return out
 
 

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy import ndimage
 
-from seaclutter_cli.arrays import Floats, Mask, Rng
+from seaclutter_cli.arrays import Floats, Indices, Mask, Rng
 
 Map = Floats
 Size = tuple[float, float, float]
@@ -49,6 +49,12 @@ def _blob(rng: Rng, x: Map, y: Map, ragged: float) -> Map:
     waves = sum(a * np.cos(n * bearing) + b * np.sin(n * bearing) for n, (a, b) in zip(lobes, swing, strict=True))
     edge = np.clip(0.88 + np.asarray(waves), 0.4, 1.0)
     return np.asarray(1 - np.hypot(x / (x.max() + STEP_M), y / (y.max() + STEP_M)) / edge)
+
+
+def _blocks(shape: tuple[int, ...], sides: tuple[int, int]) -> tuple[tuple[Indices, ...], list[int]]:
+    """Return the block, of some cells along each axis, that each cell of a map is in, and the numbers of blocks."""
+    block = np.ix_(*(np.arange(cells) // side for cells, side in zip(shape, sides, strict=True)))
+    return block, [int(at.max()) + 1 for at in block]
 
 
 def _patch(
@@ -94,9 +100,9 @@ def _ship(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
 
 def _stack(rng: Rng, top: Map, where: Mask, deck: float, height: float) -> None:
     """Stack containers of 6 by 2.5 m to random heights."""
-    rows, columns = (np.arange(cells) // step for cells, step in zip(top.shape, (26, 10), strict=True))
-    piles = rng.integers(0, max(2, int(height / 2.6)) + 1, (rows[-1] + 1, columns[-1] + 1))
-    top[where] = (deck + 2.6 * piles[rows[:, None], columns[None, :]])[where]
+    block, count = _blocks(top.shape, (26, 10))
+    piles = rng.integers(0, max(2, int(height / 2.6)) + 1, count)
+    top[where] = (deck + 2.6 * piles[block])[where]
 
 
 def _reef(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
@@ -212,15 +218,11 @@ def _garbage(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch
     body = _blob(rng, x, y, 0.5)
     top, tint = np.full(body.shape, -np.inf), np.full(body.shape, reflectivity)
     for side, share in ((2, 0.35), (3, 0.30), (5, 0.15), (8, 0.05)):
-        rows, columns = (np.arange(cells) // side for cells in body.shape)
-        count = rows[-1] + 1, columns[-1] + 1
+        block, count = _blocks(body.shape, (side, side))
         present, height = rng.random(count) < share, size[2] * rng.beta(1.6, 2.2, count)
         brightness = np.clip(reflectivity * rng.lognormal(0, 0.7, count), 0.03, 0.9)
-        here = present[rows[:, None], columns[None, :]] & (body > 0)
-        top[here], tint[here] = (
-            height[rows[:, None], columns[None, :]][here],
-            brightness[rows[:, None], columns[None, :]][here],
-        )
+        here = present[block] & (body > 0)
+        top[here], tint[here] = height[block][here], brightness[block][here]
     return _patch(top, tint, "drifts")
 
 
