@@ -86,6 +86,11 @@ class Work(ABC, Generic[O]):
         """Files that the work writes."""
         return ()
 
+    @property
+    def input_bytes(self) -> int:
+        """Size of the files of the recording in bytes; 0 for those that cannot be read."""
+        return sum(map(size_of, self.recording.paths))
+
     def run(self, observer: Observer) -> O:
         """Do the work; an error of the recording is stored in the outcome."""
         outcome = self.without_result(None)
@@ -323,7 +328,7 @@ def _run_batch(
 def _progress(works: Sequence[Work[O]], observer: Observer) -> Iterator[Callable[[int, float], None]]:
     """Show the progress over all recordings, in MiB of input if there are any; yield the function that gets shares."""
     noun, unit = works[0].noun if works else Work.noun, "MiB"
-    sizes = [max(input_bytes(work.recording), 1) / _MIB for work in works]
+    sizes = [max(work.input_bytes, 1) / _MIB for work in works]
     if sum(sizes) < 1:  # small, or not there yet
         sizes, unit = [1.0] * len(works), noun
     shares = [0.0] * len(works)
@@ -339,11 +344,6 @@ def _progress(works: Sequence[Work[O]], observer: Observer) -> Iterator[Callable
                 shown += 1
 
         yield on_share
-
-
-def input_bytes(recording: Recording) -> int:
-    """Return the size of the files of a recording in bytes; 0 for those that cannot be read."""
-    return sum(map(size_of, recording.paths))
 
 
 def size_of(path: Path) -> int:

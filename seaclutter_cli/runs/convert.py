@@ -12,7 +12,6 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reading import read
 from seaclutter_cli.records import Channel
-from seaclutter_cli.runs.batch import input_bytes
 from seaclutter_cli.runs.log_work import LogOutcome, LogRun, LogSummary, LogWork
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ConvertOptions
@@ -66,9 +65,8 @@ class ConvertWork(LogWork["ConvertOutcome", ConvertOptions]):
 
     def without_result(self, reason: str | None) -> "ConvertOutcome":
         """Return an outcome without frames."""
-        size = input_bytes(self.recording)
         return ConvertOutcome(
-            recording=self.recording.name, output=self.output, form=self.form, bytes_in=size, error=reason
+            recording=self.recording.name, output=self.output, form=self.form, bytes_in=self.input_bytes, error=reason
         )
 
     def identity(self) -> RunIdentity:

@@ -19,7 +19,6 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import TopicTally, run
 from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.reporting.palette import reason_names
-from seaclutter_cli.runs.batch import input_bytes
 from seaclutter_cli.runs.checks import FitChecks, warn_if_filtered
 from seaclutter_cli.runs.log_work import LogOutcome, LogRun, LogSummary, LogWork
 from seaclutter_cli.runs.methods import configured
@@ -283,7 +282,7 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
             output=self.output,
             edges=self.config.ring_edges,
             has_water=self.config.kind.has_water,
-            bytes_in=input_bytes(self.recording),
+            bytes_in=self.input_bytes,
             error=reason,
         )
 

@@ -11,7 +11,6 @@ from typing import Any
 from seaclutter_cli.buckets import mirror_of, on_paths
 from seaclutter_cli.errors import SeaclutterError
 from seaclutter_cli.options import function_of
-from seaclutter_cli.runs.batch import input_bytes
 from seaclutter_cli.runs.convert import ConvertWork
 from seaclutter_cli.runs.filter import filter_run
 from seaclutter_cli.runs.info import excerpt_of
@@ -85,7 +84,7 @@ def _plan(run: LogRun[W], observer: Observer) -> "RunPlan":
 
 def _planned(work: LogWork[Any, Any]) -> "Planned":
     """Return what would be done with one recording; an error is the reason why it would be refused."""
-    recording, size = work.recording, input_bytes(work.recording)
+    recording, size = work.recording, work.input_bytes
     planned = Planned(recording=recording.name, input=recording.paths[0], output=work.output, bytes_in=size)
     try:
         _look(work, planned)

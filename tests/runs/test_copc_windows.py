@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.errors import CloudError
+from seaclutter_cli.runs.classify.separate import _SeparateWork
 from seaclutter_cli.sources import extents
 from seaclutter_cli.sources.extents import Extent, TilePart, windows_of
 from seaclutter_cli.sources.frame_files import laz_worker
@@ -76,6 +77,14 @@ def test_only_the_chunks_of_a_window_are_read(survey, monkeypatch):
         TilePart(path, head.window)
     assert len(read_points) == 16
     assert read_points[0] < 0.4 * len(points())  # the root and a quarter of the rest; one in the middle needs all
+
+
+def test_a_window_is_as_large_as_what_is_read_of_it(survey):
+    path = survey / "survey.copc.laz"
+    works = [_SeparateWork(one, path, None, None, None, several=True, pixel_m=None) for one in windows_of(path, 50)]
+    assert len(works) == 16
+    assert 0 < min(one.input_bytes for one in works) < path.stat().st_size / 2
+    assert max(one.input_bytes for one in works) < path.stat().st_size
 
 
 def test_a_whole_copc_file_loses_its_index(survey, tmp_path):

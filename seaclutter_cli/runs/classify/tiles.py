@@ -189,10 +189,6 @@ class _Window(Recording):
     def name(self) -> str:
         return self.tile.name
 
-    @property
-    def size(self) -> int:
-        return self.tile.size
-
 
 @dataclass(frozen=True)
 class TileWork(Work[O]):
@@ -208,6 +204,11 @@ class TileWork(Work[O]):
     def writes(self) -> Sequence[Path]:
         """The output."""
         return (self.target,)
+
+    @property
+    def input_bytes(self) -> int:
+        """Size of the tile in bytes: that of its file, or of the part that is its window."""
+        return self.tile.size or super().input_bytes
 
     @property
     def replaces(self) -> bool:
