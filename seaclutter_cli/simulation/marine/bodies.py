@@ -21,19 +21,61 @@ _FOLLOW_LENGTH_M = 6.0
 
 @dataclass(frozen=True)
 class PlacedBody:
-    """Pose of a body when the lidar points at it, of the lidar then, and height of the sea or the ground there."""
+    """A body when the lidar points at it: its pose, that of the lidar, and the height of the sea or the ground there.
 
+    ``reflectivity`` is that of its brightest parts, ``label`` its number in the labels.
+    """
+
+    mesh: Mesh
+    reflectivity: float
+    label: int
     pose: Pose
     lidar: Pose
     base_m: float
+
+    def add_echoes(self, shots: Shots, echoes: Echoes, near: Ints) -> None:
+        """Add the echoes of the body from the shots in its direction, ``near``, shape (M,)."""
+        mesh, pose = self.mesh, self.pose
+        origins = (shots.origins[near] - pose.position) @ pose.rotation
+        rays = shots.directions[near] @ pose.rotation
+        lower, upper = mesh.bounds
+        begin, end = intersect_box(origins, rays, lower - 1e-6, upper + 1e-6)
+        close = begin <= np.minimum(end, echoes.range_m[near])
+        if not close.any():
+            return
+        near, origins, rays = near[close], origins[close], rays[close]
+        distance, which = intersect_triangles(origins, rays, mesh.transforms)
+        hit = np.flatnonzero(which >= 0)
+        normals = mesh.normals[which[hit]]
+        facing = np.abs(np.einsum("ij,ij->i", normals, rays[hit])) / np.linalg.norm(normals, axis=1)
+        echoes.add(near[hit], distance[hit], self.reflectivity * mesh.shades[which[hit]] * facing, self.label)
+
+    def box(self) -> tuple[Floats, Floats, float]:
+        """Return the upright box, in the frame of the lidar, around the part above the water or the ground.
+
+        The box, its centre, its size (length, width, height) and its yaw in radians, contains all of that part, so it
+        is wider if the body is tilted.
+        """
+        world = self.mesh.corners @ self.pose.rotation.T + self.pose.position
+        world[:, 2] = np.maximum(world[:, 2], min(self.base_m, float(world[:, 2].max())))
+        in_lidar = (world - self.lidar.position) @ self.lidar.rotation
+        ahead = self.pose.rotation[:, 0] @ self.lidar.rotation
+        yaw = float(np.arctan2(ahead[1], ahead[0]))
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        aligned = in_lidar @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        lower, upper = aligned.min(axis=0), aligned.max(axis=0)
+        middle = (lower + upper) / 2
+        center = np.array([cos * middle[0] - sin * middle[1], sin * middle[0] + cos * middle[1], middle[2]])
+        return center, upper - lower, yaw
 
 
 class Bodies:
     """The bodies of a scene, O of them."""
 
     def __init__(self, objects: Sequence[SceneObjectParams]) -> None:
-        self.objects = objects
-        self.meshes = [SHAPES[item.shape].scaled(*(float(size) for size in item.size_m)) for item in objects]
+        meshes = (SHAPES[item.shape].scaled(*(float(size) for size in item.size_m)) for item in objects)
+        labels = (IGNORED if item.ignore else item.track_id for item in objects)
+        self._surfaces = list(zip(meshes, (item.reflectivity for item in objects), labels, strict=True))
         self._tracks = [item.track for item in objects]
         # Bodies longer than a wave follow it less.
         self._follow = np.array(
@@ -42,7 +84,7 @@ class Bodies:
 
     def locate(self, moment: Moment, ride: Ride, lidar: Lidar, start_s: float) -> list[PlacedBody]:
         """Return the pose of each body in the frame that starts at a time."""
-        times_s = np.full(len(self.objects), start_s)
+        times_s = np.full(len(self._surfaces), start_s)
         for _ in range(2):
             positions, rotation = ride.at(times_s)
             places = [track.at(times_s[k : k + 1]) for k, track in enumerate(self._tracks)]
@@ -56,66 +98,40 @@ class Bodies:
         attitudes = rotations(heading, pitch, roll)
         position = np.stack((x, y, self._follow * height), axis=1)
         return [
-            PlacedBody(Pose(position[k], attitudes[k]), Pose(positions[k], rotation[k]), float(height[k]))
-            for k in range(len(self.objects))
+            PlacedBody(*surface, Pose(position[k], attitudes[k]), Pose(positions[k], rotation[k]), float(height[k]))
+            for k, surface in enumerate(self._surfaces)
         ]
 
-    def add_echoes(
-        self, shots: Shots, echoes: Echoes, placed: Sequence[PlacedBody], before: Shots | None = None
-    ) -> None:
-        """Add the echoes of all bodies, nearest body first, since it hides others.
 
-        Shots that the water has mirrored have the bearings that they had ``before``.
-        """
-        if not placed:
-            return
-        aimed = before or shots
-        first, last = bearings(aimed, self.meshes, [one.pose for one in placed])
-        distances = [float(np.hypot(*(one.pose.position - aimed.origins[0])[:2])) for one in placed]
-        for number in np.argsort(distances, kind="stable").tolist():
-            near = aimed.between(float(first[number]), float(last[number]))
-            if before:
-                near = near[echoes.range_m[near] > 0]
-            if len(near):
-                item = self.objects[number]
-                surface = item.reflectivity, IGNORED if item.ignore else item.track_id
-                add_body_echoes(shots, echoes, near, self.meshes[number], placed[number].pose, surface)
+def add_body_echoes(shots: Shots, echoes: Echoes, placed: Sequence[PlacedBody], before: Shots | None = None) -> None:
+    """Add the echoes of bodies, nearest body first, since it hides others.
 
-
-def add_body_echoes(
-    shots: Shots, echoes: Echoes, near: Ints, mesh: Mesh, pose: Pose, surface: tuple[float, int]
-) -> None:
-    """Add the echoes of a body from the shots in its direction, ``near``, shape (M,).
-
-    ``surface`` is the reflectivity of its brightest parts, and its number in the labels.
+    Shots that the water has mirrored have the bearings that they had ``before``.
     """
-    reflectivity, label = surface
-    origins = (shots.origins[near] - pose.position) @ pose.rotation
-    rays = shots.directions[near] @ pose.rotation
-    lower, upper = mesh.bounds
-    begin, end = intersect_box(origins, rays, lower - 1e-6, upper + 1e-6)
-    close = begin <= np.minimum(end, echoes.range_m[near])
-    if not close.any():
+    if not placed:
         return
-    near, origins, rays = near[close], origins[close], rays[close]
-    distance, which = intersect_triangles(origins, rays, mesh.transforms)
-    hit = np.flatnonzero(which >= 0)
-    normals = mesh.normals[which[hit]]
-    facing = np.abs(np.einsum("ij,ij->i", normals, rays[hit])) / np.linalg.norm(normals, axis=1)
-    echoes.add(near[hit], distance[hit], reflectivity * mesh.shades[which[hit]] * facing, label)
+    aimed = before or shots
+    first, last = bearings(aimed, placed)
+    distances = [float(np.hypot(*(one.pose.position - aimed.origins[0])[:2])) for one in placed]
+    for number in np.argsort(distances, kind="stable").tolist():
+        near = aimed.between(float(first[number]), float(last[number]))
+        if before:
+            near = near[echoes.range_m[near] > 0]
+        if len(near):
+            placed[number].add_echoes(shots, echoes, near)
 
 
-def bearings(shots: Shots, meshes: Sequence[Mesh], poses: Sequence[Pose]) -> tuple[Floats, Floats]:
+def bearings(shots: Shots, placed: Sequence[PlacedBody]) -> tuple[Floats, Floats]:
     """Return the range of azimuths in which each of O bodies is visible from any origin of the shots.
 
     First and last azimuth, shape (O,), are counter-clockwise, in radians; a full circle if the lidar is within the
     body's box.
     """
-    bounds = np.array([mesh.bounds for mesh in meshes])
+    bounds = np.array([one.mesh.bounds for one in placed])
     margin = shots.spread_m + _MARGIN_M
     bounds += margin * np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]])
     corners = np.stack([bounds[:, _CORNERS[:, axis], axis] for axis in range(3)], axis=2)
-    rotation, positions = np.array([pose.rotation for pose in poses]), np.array([pose.position for pose in poses])
+    rotation, positions = (np.array([getattr(one.pose, name) for one in placed]) for name in ("rotation", "position"))
     offsets = np.einsum("oki,oji->okj", corners, rotation) + (positions - shots.origins[0])[:, None]
     middle = offsets.mean(axis=1)
     ahead = np.arctan2(middle[:, 1], middle[:, 0])
@@ -124,22 +140,3 @@ def bearings(shots: Shots, meshes: Sequence[Mesh], poses: Sequence[Pose]) -> tup
     within = last - first >= np.pi
     first[within], last[within] = -np.pi, np.pi
     return ahead + first, ahead + last
-
-
-def box_of(mesh: Mesh, pose: Pose, lidar: Pose, base_m: float) -> tuple[Floats, Floats, float]:
-    """Return the upright box, in the frame of the lidar, around the part of a body above the water or the ground.
-
-    ``base_m`` is their height there. The box, its centre, its size (length, width, height) and its yaw in radians,
-    contains all of that part, so it is wider if the body is tilted.
-    """
-    world = mesh.corners @ pose.rotation.T + pose.position
-    world[:, 2] = np.maximum(world[:, 2], min(base_m, float(world[:, 2].max())))
-    in_lidar = (world - lidar.position) @ lidar.rotation
-    ahead = pose.rotation[:, 0] @ lidar.rotation
-    yaw = float(np.arctan2(ahead[1], ahead[0]))
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    aligned = in_lidar @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    lower, upper = aligned.min(axis=0), aligned.max(axis=0)
-    middle = (lower + upper) / 2
-    center = np.array([cos * middle[0] - sin * middle[1], sin * middle[0] + cos * middle[1], middle[2]])
-    return center, upper - lower, yaw

@@ -19,8 +19,8 @@ from seaclutter_cli.sensors.robosense.models import BLOCKS, CHANNELS, MODELS
 from seaclutter_cli.sensors.robosense.packets import DATA_PORT, INFO_PORT, Angles, Columns, write_data, write_info
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Receiver, Shots, extinction
 from seaclutter_cli.simulation.lidar.models import LIDARS, Lidar
-from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody, add_body_echoes, box_of
-from seaclutter_cli.simulation.marine.motion import Pose, Ride
+from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody, add_body_echoes
+from seaclutter_cli.simulation.marine.motion import Ride
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 from seaclutter_cli.simulation.marine.terrain import Ground, GroundParams, SeaTerrain, Terrain
@@ -85,12 +85,13 @@ class Renderer:
 
         echoes = Echoes.empty(len(shots))
         moment.add_echoes(shots, echoes, rng)
-        hull = self._ride.hull(start_s)
-        add_body_echoes(shots, echoes, np.arange(len(shots)), self._own, hull, (_DARK_REFLECTIVITY, IGNORED))
-        self._bodies.add_echoes(shots, echoes, placed)
+        hull, lidar = self._ride.hull(start_s), self._ride.lidar(start_s)
+        own = PlacedBody(self._own, _DARK_REFLECTIVITY, IGNORED, hull, lidar, -np.inf)
+        own.add_echoes(shots, echoes, np.arange(len(shots)))
+        add_body_echoes(shots, echoes, placed)
         if isinstance(moment, WideWater):
-            moment.add_effects(shots, echoes, (self._bodies, placed), rng)
-        return SimulatedFrame(index, *self._receiver.receive(echoes, times_s, rng), self._boxes(placed, hull, start_s))
+            moment.add_effects(shots, echoes, placed, rng)
+        return SimulatedFrame(index, *self._receiver.receive(echoes, times_s, rng), self._boxes(placed, own))
 
     def _shots(self, positions: Floats, rotation: Floats) -> Shots:
         beams = len(self.lidar.elevations_deg)
@@ -99,14 +100,14 @@ class Renderer:
         origins = (self.lidar.lenses @ rotation.transpose(0, 2, 1)).reshape(-1, 3) + np.repeat(positions, beams, axis=0)
         return Shots(origins, directions, azimuths)
 
-    def _boxes(self, placed: list[PlacedBody], hull: Pose, start_s: float) -> Boxes:
+    def _boxes(self, placed: list[PlacedBody], own: PlacedBody) -> Boxes:
         """Return the boxes of all objects within range; own ship and the ground are areas to ignore."""
-        lidar, reach_m = self._ride.lidar(start_s), self.lidar.max_range_m
-        rows = [(IGNORED, "ignore", *box_of(self._own, hull, lidar, -np.inf))]
+        reach_m = self.lidar.max_range_m
+        rows = [(IGNORED, "ignore", *own.box())]
         if isinstance(self._terrain, Ground):
-            rows.append((IGNORED, "ignore", *self._terrain.box(lidar, reach_m)))
-        for item, mesh, one in zip(self.scene.objects, self._bodies.meshes, placed, strict=True):
-            center, size, yaw = box_of(mesh, one.pose, one.lidar, one.base_m)
+            rows.append((IGNORED, "ignore", *self._terrain.box(own.lidar, reach_m)))
+        for item, one in zip(self.scene.objects, placed, strict=True):
+            center, size, yaw = one.box()
             if np.hypot(center[0], center[1]) - np.hypot(size[0], size[1]) / 2 <= reach_m:
                 kind = "ignore" if item.ignore else item.class_name or item.shape
                 rows.append((item.track_id, kind, center, size, yaw))

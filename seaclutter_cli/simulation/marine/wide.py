@@ -10,7 +10,7 @@ from scipy.special import gammaincinv
 from seaclutter_cli.arrays import Floats, Ints, Rng
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots, extinction
 from seaclutter_cli.simulation.marine import physics as optics
-from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody
+from seaclutter_cli.simulation.marine.bodies import PlacedBody, add_body_echoes
 from seaclutter_cli.simulation.marine.motion import Pose
 from seaclutter_cli.simulation.marine.physics import DIVERGENCE_RAD, PULSE_M, PhysicsParams, Weather
 from seaclutter_cli.simulation.marine.scene import Scene
@@ -168,7 +168,7 @@ class WideWater(MarineWater):
         x, y, heading = (float(one[0]) for one in self._wide.own.track.at(np.array([time_s])))
         return x, y, heading
 
-    def add_effects(self, shots: Shots, echoes: Echoes, bodies: tuple[Bodies, Sequence[PlacedBody]], rng: Rng) -> None:
+    def add_effects(self, shots: Shots, echoes: Echoes, bodies: Sequence[PlacedBody], rng: Rng) -> None:
         """Add spray, mirrored echoes, blooming and weather to the echoes of water and bodies."""
         self._add_sheets(shots, echoes, rng)
         self._add_mirrored(shots, echoes, bodies, rng)
@@ -176,9 +176,7 @@ class WideWater(MarineWater):
             self._add_blooming(shots, echoes, track, rng)
         self._wide.weather.add_echoes(echoes, rng)
 
-    def _add_mirrored(
-        self, shots: Shots, echoes: Echoes, bodies: tuple[Bodies, Sequence[PlacedBody]], rng: Rng
-    ) -> None:
+    def _add_mirrored(self, shots: Shots, echoes: Echoes, bodies: Sequence[PlacedBody], rng: Rng) -> None:
         r"""Add the echoes of bodies that shots meet after the water has mirrored them, at the length of the whole way.
 
         The water mirrors a share :math:`F(\theta)` of the light on its way out and on its way back, and ripples spread
@@ -197,7 +195,7 @@ class WideWater(MarineWater):
         seen = Echoes.empty(len(shots))
         seen.range_m[:] = 0.0
         seen.range_m[shot] = np.inf
-        bodies[0].add_echoes(mirrored, seen, bodies[1], before=shots)
+        add_body_echoes(mirrored, seen, bodies, before=shots)
         met = np.isfinite(seen.range_m[shot])
         shot, way, cosines = shot[met], way[met], cosines[met]
         share = optics.fresnel(cosines, optics.refractive_index(self._wavelength_nm)) ** 2 * optics.mirror_share(

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
-from seaclutter_cli.simulation.marine.bodies import add_body_echoes, bearings
+from seaclutter_cli.simulation.marine.bodies import PlacedBody, bearings
 from seaclutter_cli.simulation.marine.motion import Pose
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 
@@ -23,7 +23,8 @@ def test_no_shot_that_hits_a_body_is_left_out(shape):
         position = np.append(rng.uniform(-40, 40, 2), 0.0)
         pose = Pose.of(position, yaw=float(rng.uniform(-4, 4)), pitch=0.1, roll=-0.1)
         every, some = Echoes.empty(len(fired)), Echoes.empty(len(fired))
-        add_body_echoes(fired, every, np.arange(len(fired)), mesh, pose, (0.5, 1))
-        first, last = bearings(fired, [mesh], [pose])
-        add_body_echoes(fired, some, fired.between(float(first[0]), float(last[0])), mesh, pose, (0.5, 1))
+        body = PlacedBody(mesh, 0.5, 1, pose, pose, 0.0)
+        body.add_echoes(fired, every, np.arange(len(fired)))
+        first, last = bearings(fired, [body])
+        body.add_echoes(fired, some, fired.between(float(first[0]), float(last[0])))
         np.testing.assert_allclose(some.range_m, every.range_m, rtol=1e-12)
