@@ -119,6 +119,8 @@ class _ThresholdCheck:
 
     def __init__(self, config: Config, sensor: str | None) -> None:
         self._edges, self._needs_water = np.asarray(config.ring_edges, np.float64), config.kind.has_water
+        # What rises out of the water needs no intensity.
+        self._passes = "reaches its threshold" if self._needs_water else "can pass"
         top = SENSORS[sensor].max_intensity if sensor and sensor in SENSORS else None
         self._sensor, self._top = sensor, np.inf if top is None else top
         rings = max(0, len(self._edges) - 1)
@@ -165,7 +167,7 @@ class _ThresholdCheck:
         if self._most < least:
             other = f"; use --intensity-field {self._other}" if self._other else ""
             fitting = f"{ranges}; find thresholds for this sensor with: seaclutter calibrate"
-            return f"no point can pass: {fitting if self._most else f'the intensities are always 0{other}'}"
+            return f"no point {self._passes}: {fitting if self._most else f'the intensities are always 0{other}'}"
         if not self._low.any() and self._points.sum() >= _MIN_POINTS:
             return f"no point is below its threshold: {ranges}; {_REMEDY}"
         many = self._points >= _MIN_RING_POINTS
@@ -173,7 +175,7 @@ class _ThresholdCheck:
         blind = many & (2 * self._ring_most < self._thresholds)
         if useless.any():
             return self._in_ring(useless, "is below the threshold")
-        return self._in_ring(blind, "can pass") if blind.any() else None
+        return self._in_ring(blind, self._passes) if blind.any() else None
 
     def _in_ring(self, rings: Mask, problem: str) -> str:
         k = int(np.flatnonzero(rings)[0])
@@ -320,7 +322,7 @@ class FitChecks(Checks):
 
         Return a line for the summary about the least that the lidar sees, if the method finds objects on water.
         """
-        self._warn(self.finish() or (self._of_sums(tally) if tally.points_in else ()))
+        self._warn(self.finish() or (self._of_sums(tally) if tally.frames else ()))
         if self._around is not None:
             self._warn(filter(None, [self._around.warning()]))
         if self._frames < _SHOWS_BEAMS or tally.mean_water is None:
@@ -351,7 +353,9 @@ class FitChecks(Checks):
 
     def _of_sums(self, tally: TopicTally) -> Iterator[str]:
         most, without = Reason(int(tally.counts.argmax())), tally.frames - tally.water_frames
-        if not tally.counts[Reason.KEPT]:
+        if not tally.points_in:
+            yield "all clouds are empty"
+        elif not tally.counts[Reason.KEPT]:
             removed = f"{share(int(tally.counts[most]), tally.points_in)} were removed"
             yield f"no points are left; {removed}: {reason_names(self._config.ring_edges)[most]}"
         elif self._config.kind.has_water and tally.water_frames <= _FEW_WATER * tally.frames:

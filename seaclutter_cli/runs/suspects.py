@@ -160,7 +160,7 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
         for frame, (result,), _ in self.stepped(every, source, observer, clouds):
             if outcome.start_ns is None:
                 outcome.start_ns = frame.stamp_ns
-            outcome.frames += 1
+            outcome.frames += result is not None
             finder.add(frame, [result])
         outcome.suspects, outcome.unjudged = finder.finish(), finder.unjudged
         wanted = _chosen(outcome.suspects, self.shown) if self.drawn else {}

@@ -3,11 +3,14 @@
 import csv
 import json
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
+from numpy.lib import recfunctions
 
 from seaclutter_cli.commands import cli
 from seaclutter_cli.runs.suspects import COLUMNS
+from tests.logs import PERIOD_NS, POINT, START_NS, Entry, cloud_message, cloud_topic, sea_points, write_log
 from tests.paths import ROOT
 
 SEA = ROOT / "samples" / "sea.mcap"
@@ -64,6 +67,20 @@ def test_the_text_names_the_rule(tmp_path):
     assert "outlier" in result.stdout
     assert all(len(line) <= 80 for line in result.stdout.splitlines())
     assert "targets: none" not in result.stdout
+
+
+def test_empty_logs_are_said_and_frames_without_intensity_are_not_counted(tmp_path):
+    full, empty = sea_points(2000), np.empty(0, POINT)
+    bare = recfunctions.drop_fields(full, "intensity", usemask=False)
+    for name, clouds in {"half": [full, bare] * 2, "empty": [empty] * 3}.items():
+        entries = [
+            Entry("/points", START_NS + k * PERIOD_NS, cloud_message("ros2", one, START_NS + k * PERIOD_NS))
+            for k, one in enumerate(clouds)
+        ]
+        write_log(tmp_path / f"{name}.mcap", [cloud_topic("/points")], entries)
+    half = run("suspects", tmp_path / "half.mcap", "-m", "joint")
+    assert (half.exit_code, "half: joint on /points, 2 frames" in half.stdout) == (3, True)
+    assert "/points: all clouds are empty" in run("suspects", tmp_path / "empty.mcap", "-m", "joint").stderr
 
 
 def test_refusals(tmp_path):

@@ -117,3 +117,11 @@ def test_intensities_that_are_always_zero_are_said_with_the_field_that_works(nam
     points["x"], points[name] = np.linspace(10, 70, 400), 40
     dark = Frame(from_array(points, stamp_ns=10**9))
     assert f"no point can pass: the intensities are always 0{remedy}" in warnings([dark])
+
+
+def test_intensities_that_are_always_zero_let_bodies_on_water_pass():
+    points = frame(scale=0).cloud.points.copy()
+    points["y"], points["z"] = np.random.default_rng(0).uniform(-70, 70, len(points)), points["z"] - 2
+    dark = Frame(from_array(points, stamp_ns=10**9))
+    found = warnings([dark], overrides=("filter.method=confirmed",))
+    assert "no point reaches its threshold: the intensities are always 0" in found
