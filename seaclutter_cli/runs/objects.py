@@ -97,9 +97,10 @@ class RecordedObjects(Outcome):
             for topic, found in by_topic.items()
         ]
         if blocks:
-            over_ground = next(iter(by_topic.values()))[0].over_ground
-            motion = "over ground" if over_ground else "relative to own ship"
-            blocks.append(f"Sizes are length x width x height; speeds are {motion}.")
+            over_ground = [one.over_ground for one in self.confirmed]
+            which = "some speeds" if any(over_ground) and not all(over_ground) else "speeds"
+            motion = "over ground" if all(over_ground) else "relative to own ship"
+            blocks.append(f"Sizes are length x width x height; {which} are {motion}.")
         return "\n".join([head, *blocks])
 
 

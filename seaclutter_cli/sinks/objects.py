@@ -56,7 +56,7 @@ OVER_GROUND, RELATIVE = "ground", "own_ship"
 
 @dataclass
 class TrackSummary:
-    """A track as a whole: its class, the frames in which it was seen, size, greatest speed, and least distance."""
+    """A track as a whole: its class, the frames in which it was seen, size, least distance, and greatest speed."""
 
     topic: str
     track_id: int
@@ -133,8 +133,9 @@ class ObjectTable(Sink):
             one.is_confirmed |= state == CONFIRMED
             one.length_m, one.width_m, one.height_m = size
             one.nearest_m = min(one.nearest_m, round(distance_m, 1))
-            one.speed_ms = max(one.speed_ms, round(speed_ms, 2))
-            one.kind, one.score, one.over_ground = kind, round(score, 3), frame.over_ground
+            one.kind, one.score = kind, round(score, 3)
+            if speed_ms >= one.speed_ms:
+                one.speed_ms, one.over_ground = round(speed_ms, 2), frame.over_ground
 
 
 def pose_of(navigation: Navigation, result: FilterResult) -> Pose | None:

@@ -1,5 +1,6 @@
 """The table of objects: rows of frames that are complete many seconds later."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,6 +8,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.records import Channel, Message, Schema
+from seaclutter_cli.runs.objects import RecordedObjects
 from seaclutter_cli.runs.outputs import PackedRows
 from seaclutter_cli.sinks.objects import ObjectTable, rows_as_mappings
 from seaclutter_cli.tracking.follow import Follower
@@ -29,6 +31,34 @@ def fix_and_heading(stamp_ns, latitude_deg):
     status = types["sensor_msgs/msg/NavSatStatus"](0, 1)
     yield message("sensor_msgs/msg/NavSatFix", stamp_ns, status, latitude_deg, 0.0, 0.0, zero, 0)
     yield message("sensor_msgs/msg/Imu", stamp_ns, level, zero, still, zero, still, zero)
+
+
+def odometry(stamp_ns, x_m):
+    types, zero = STORE.types, np.zeros(36)
+    still = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
+    level = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
+    at = types["geometry_msgs/msg/Pose"](types["geometry_msgs/msg/Point"](x_m, 0.0, 0.0), level)
+    pose = types["geometry_msgs/msg/PoseWithCovariance"](at, zero)
+    twist = types["geometry_msgs/msg/TwistWithCovariance"](types["geometry_msgs/msg/Twist"](still, still), zero)
+    return message("nav_msgs/msg/Odometry", stamp_ns, "lidar", pose, twist)
+
+
+def test_the_greatest_speed_is_that_over_ground_if_it_was_measured_so():
+    table = ObjectTable(PackedRows().write, lambda: Follower(1.5, 5))
+    table.begin(SimpleNamespace(name="trial"), [SimpleNamespace(topic="/points")])
+    for k in range(60):
+        stamp_ns = 10**9 + k * 10**8
+        if k < 30:
+            table.copy(odometry(stamp_ns, 0.3 * k))
+        frame = Frame.of_arrays(BOAT, np.full(len(BOAT), 50.0), stamp_ns=stamp_ns, index=k)
+        table.write(FilterResult(frame, np.zeros(len(BOAT), np.uint8)))
+    table.end()
+    (track,) = table.tracks.values()
+    assert (round(track.speed_ms), track.over_ground) == (3, True)
+    other = replace(track, track_id=2, over_ground=False)
+    for tracks, text in (([track], "; speeds are over"), ([track, other], "; some speeds are relative to own ship")):
+        found = RecordedObjects(recording="trial", tracks={("/points", one.track_id): one for one in tracks})
+        assert text in found.as_text()
 
 
 def test_places_on_earth_are_those_of_their_frames():
