@@ -27,7 +27,7 @@ from seaclutter_cli.runs.objects import ObjectsWork, RecordedObjects, objects_co
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ProposeOptions
 from seaclutter_cli.runs.outputs import is_folder, may_appear
-from seaclutter_cli.runs.recordings import LABEL_SUFFIX, RecordingsResult, open_recording
+from seaclutter_cli.runs.recordings import LABEL_SUFFIX, RecordingsResult, expand, open_recording
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.sinks.atomic import AtomicFile, AtomicFolder, OutputGroup
 from seaclutter_cli.sinks.objects import rows_as_mappings
@@ -59,9 +59,8 @@ def propose_labels(options: ProposeOptions) -> "ProposalResult":
     (130, 10)
     """
     observer, config = options.watching, objects_config(options)
-    pairs = prepared(options, observer, [config])
-    targets = _targets(options, [recording for recording, _ in pairs])
-    prepared(options, observer, [config], {"-o": targets})
+    targets = _targets(options, expand(options.logs, options.reading, ahead=False))
+    pairs = prepared(options, observer, [config], {"-o": targets})
     works = [ProposeWork(options.reading, *each, config) for each in pairs]
     outcomes = [one for one in run_all(works, options.batch, observer) if isinstance(one, ProposedLabels)]
     with OutputGroup(replace=options.force) as files:
@@ -196,7 +195,7 @@ class ProposalResult(RecordingsResult[ProposedLabels]):
 
     def as_text(self) -> str:
         """Return what was proposed, and what to do with it."""
-        advice = "The labels are the method's own: correct them, doubtful ones first, before you evaluate with them."
+        advice = "The labels are the method's own: correct them, doubtful ones first, before you\nevaluate with them."
         return "\n\n".join(filter(None, (self.details(), advice if any(one.found for one in self.outcomes) else "")))
 
 

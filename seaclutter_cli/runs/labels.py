@@ -178,7 +178,7 @@ def compare_labels(options: CompareOptions) -> "LabelComparison":
     """
     before, numbers_before = _opened(options.proposed)
     after, numbers_after = _opened(options.corrected)
-    result = LabelComparison(only_before=len(numbers_before - numbers_after))
+    result = LabelComparison(len(numbers_before - numbers_after), len(numbers_after - numbers_before))
     for number in sorted(numbers_after):
         first = _boxes(before, number) if number in numbers_before else Boxes()
         result.add(first, _boxes(after, number))
@@ -211,12 +211,16 @@ class LabelComparison(Result):
     """Differences of labels: boxes by what was done to them, and the overlap of those that belong together.
 
     ``changes`` count boxes ``unchanged``, ``moved`` (or turned or resized), with another ``class``, ``added`` and
-    ``deleted``. Of ``frames`` of the second labels, ``only_before`` are missing.
+    ``deleted``. Of the ``frames`` of the second labels, ``only_after`` are not in the first, and ``only_before`` the
+    reverse.
     """
 
-    data = "frames only_before boxes_before boxes_after changes good precision recall mean_overlap ids_changed"
+    data = (
+        "frames only_before only_after boxes_before boxes_after changes good precision recall mean_overlap ids_changed"
+    )
 
     only_before: int = 0
+    only_after: int = 0
     frames: int = 0
     boxes_before: int = 0
     boxes_after: int = 0
@@ -278,10 +282,15 @@ class LabelComparison(Result):
             table(("boxes", "number", "share"), rows),
             f"found before: {recall} of the boxes after, with an overlap (IoU) of at least 0.5",
             f"right before: {precision} of the boxes before, with the same overlap",
-            f"mean overlap of boxes that belong together: {overlap}; {ids} had several ids before",
+            f"mean overlap of boxes that belong together: {overlap}",
+            f"{ids} had several ids before",
         ]
         if self.only_before:
             lines.append(f"{count(self.only_before, 'frame')} of the labels before have none after, and were left out")
+        if self.only_after:
+            lines.append(
+                f"{count(self.only_after, 'frame')} of the labels after had none before; their boxes count as added"
+            )
         return "\n".join(lines)
 
 

@@ -159,6 +159,19 @@ def test_comparison_counts_each_change(tmp_path):
     assert dict(found.changes) == {"unchanged": 1, "moved": 1, "class": 1, "deleted": 1, "added": 1}
     assert (found.only_before, found.good, found.frames) == (1, 2, 1)
     assert "0.89" in found.as_text()  # mean of 1 and 3.5 / 4.5
+    back = seaclutter.compare_labels(tmp_path / "b.csv", tmp_path / "a.csv")
+    assert (back.only_before, back.only_after, back.frames) == (0, 1, 2)
+    assert "1 frame of the labels after had none before; their boxes count as added" in back.as_text()
+    assert all(len(line) <= 80 for line in back.as_text().splitlines())
+
+
+def test_what_is_left_out_of_a_folder_is_said_once(tmp_path):
+    for name in "a.mcap", "inner/b.mcap":
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(SEA.read_bytes())
+    result = run("labels", "propose", tmp_path, "-n", 3, "-o", tmp_path / "labels" / "")
+    assert result.stderr.count("--recursive includes") == 1
+    assert all(len(line) <= 80 for line in result.stdout.splitlines())
 
 
 def as_sustechpoints_reads(path):
