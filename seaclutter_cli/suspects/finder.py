@@ -189,26 +189,29 @@ class Body:
 class Tally:
     """Sums over the bodies of a recording for M methods, shape (M,): the looks of those that are likely targets.
 
-    ``lost`` and ``changes`` are looks of these in which they are lost, and changes between kept and not; ``doubtful``
-    the looks of unlikely bodies that are kept, and clusters of kept points near the water. ``kept_score`` and
-    ``lost_score`` are sums of the scores of all bodies over the looks in which they are kept or lost.
+    ``lost`` and ``found`` are looks of these in which they are lost and kept; in neither, the configuration removes
+    them, such as own ship. ``changes`` are those between kept and not, within ``seconds``, the times from first to last
+    look at those that are ever lost or kept. ``doubtful`` are the looks of unlikely bodies that are kept, and clusters
+    of kept points near the water. ``kept_score`` and ``lost_score`` are sums of the scores of all bodies over the looks
+    in which they are kept or lost.
     """
 
     lost: Counts
+    found: Counts
     changes: Counts
     doubtful: Counts
     kept_looks: Counts
     lost_looks: Counts
     kept_score: Floats
     lost_score: Floats
-    looks: int = 0
-    seconds: float = 0.0
+    seconds: Floats
 
     @classmethod
     def of(cls, methods: int) -> Self:
         """Return the sums over no body."""
-        lost, changes, doubtful, kept_looks, lost_looks = (_zeros(methods) for _ in range(5))
-        return cls(lost, changes, doubtful, kept_looks, lost_looks, np.zeros(methods), np.zeros(methods))
+        lost, found, changes, doubtful, kept_looks, lost_looks = (_zeros(methods) for _ in range(6))
+        scores_and_seconds = (np.zeros(methods) for _ in range(3))
+        return cls(lost, found, changes, doubtful, kept_looks, lost_looks, *scores_and_seconds)
 
 
 class SuspectFinder:
@@ -326,9 +329,9 @@ class SuspectFinder:
             self.tally.kept_score += score * body.kept
             self.tally.lost_score += score * body.lost
             if score >= LIKELY:
-                self.tally.looks += body.looks
-                self.tally.seconds += body.last[2] - body.first[2]
+                self.tally.seconds += (body.last[2] - body.first[2]) * (body.lost + body.kept > 0)
                 self.tally.lost += body.lost
+                self.tally.found += body.kept
                 self.tally.changes += body.changes
             elif body.is_unlikely:
                 self.tally.doubtful += body.kept

@@ -48,14 +48,13 @@ class Indications(Tally):
 
     def of_method(self, m: int) -> dict[str, Any]:
         """Return what the sums indicate for a method; None where there is nothing to count."""
-        lost, doubtful = _ratio(self.lost[m], self.looks), _ratio(self.doubtful[m], self.frames)
-        found = self.looks - int(self.lost[m])
+        lost, found, doubtful = (int(one[m]) for one in (self.lost, self.found, self.doubtful))
         others = [self.same[m, k] for k in range(len(self.lost)) if k != m]
         return {
-            "targets_lost": lost,
-            "doubtful_per_frame": doubtful,
-            "f1": _ratio(2 * found, self.looks and found + int(self.doubtful[m]) + self.looks),
-            "changes_per_minute": _ratio(60 * self.changes[m], self.seconds),
+            "targets_lost": _ratio(lost, lost + found),
+            "doubtful_per_frame": _ratio(doubtful, self.frames),
+            "f1": _ratio(2 * found, (lost + found) and 2 * found + lost + doubtful),
+            "changes_per_minute": _ratio(60 * self.changes[m], self.seconds[m]),
             "score_of_kept": _ratio(self.kept_score[m], self.kept_looks[m]),
             "score_of_removed": _ratio(self.lost_score[m], self.lost_looks[m]),
             "water_kept": _ratio(self.water_kept[m].sum(), self.water.sum()),
