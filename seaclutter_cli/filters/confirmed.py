@@ -60,10 +60,10 @@ class Confirmed(Filter):
     1. *Water*: the surface and its deviation :math:`\sigma`, from the echoes of the water itself (`WaterTracker`).
     2. *Band*: points higher above the water than :math:`\max(0.2\,\mathrm{m}, 4\sigma)` stand out.
     3. *Candidates*: points in faces, which are echoes above each other in one direction at nearly one range (`Faces`);
-       points that stand out; bright ones in the band, which reach their thresholds; and all where the water has no
-       echoes. Where much water is bright, only the brightest at each range are candidates, as many as do not join.
-       Echoes in a volume, such as spray, rain and fog, do not stand out: few of their neighbours lie on one surface. An
-       object of such echoes has the least evidence.
+       points that stand out; bright ones in the band, which reach their thresholds or four times the mean intensity of
+       the water at their range; and all where the water has no echoes. Where much water is bright, only the brightest
+       at each range are candidates, as many as do not join. Echoes in a volume, such as spray, rain and fog, do not
+       stand out: few of their neighbours lie on one surface. An object of such echoes has the least evidence.
     4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. What is beside no face is
        an object of its own, so that wash does not belong to the hull before it, and bright water joins only what it is
        near. The evidence of a frame is the logarithm of the odds that an object is a target: the sum of one curve for

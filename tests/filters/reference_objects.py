@@ -53,9 +53,9 @@ class Echo:
     rise: float
     deviation: float
     grows: bool
-    bright: bool
-    low: bool
     unseen: float
+    bright: bool = False
+    low: bool = True
     alone: float = 0.0
     elsewhere: float = 0.0
     beside: bool = True
@@ -172,15 +172,35 @@ def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, fac
     around = {(x + i, y + j) for x, y in bodies for i in (-1, 0, 1) for j in (-1, 0, 1)} | {None}
     for one in echoes:
         one.beside = water is None or grid_cell(*one.xy) in around
+    if params.use_intensity:
+        mark_bright(echoes, water, params.cluster_tolerance_m)
+    return echoes
+
+
+def mark_bright(echoes: Sequence[Echo], water: Surface | None, tolerance_m: float) -> None:
+    """Set which echoes reach their threshold or four times the intensity of the water, and which of them are bright."""
+    near: dict[int, list[Echo]] = {}
+    for one in echoes:
+        near.setdefault(min(int(math.hypot(*one.xy) / tolerance_m), heights._MAX_RING), []).append(one)
+    reach = heights._RINGS // 2
+    for ring, here in near.items():
+        around = [one for other in range(ring - reach, ring + reach + 1) for one in near.get(other, [])]
+        of_water = [one for one in around if abs(one.height) <= one.rise and not one.upright]
+        count = sum(1 / one.run for one in of_water)
+        total = sum(one.point.intensity / one.run for one in of_water)
+        for one in here:
+            if water is not None and count >= heights._LEAST_ECHOES - 1e-9 and total > 0:
+                one.threshold = min(one.threshold, heights._BRIGHTER * total / count)
+            one.low = one.point.intensity < one.threshold
+            one.bright = not one.low and abs(one.height) <= one.rise
     rings: dict[int, list[Echo]] = {}
     for one in echoes:
         if one.bright and not one.beside:
-            rings.setdefault(int(math.hypot(*one.xy) / params.cluster_tolerance_m), []).append(one)
+            rings.setdefault(int(math.hypot(*one.xy) / tolerance_m), []).append(one)
     for ring, bright in rings.items():
         bright.sort(key=lambda one: -one.point.intensity)
         for one in bright[math.ceil(heights._NEIGHBORS * (2 * ring + 1)) :]:
             one.bright = False
-    return echoes
 
 
 def far_cell(x: float, y: float) -> tuple[int, int] | None:
@@ -195,7 +215,6 @@ def echo_of(number: int, point: Point, ring: int, water: Surface | None, params:
     if water is not None:
         height, deviation, shown = water.above(*point.xyz)
     threshold = [*params.initial_thresholds, -math.inf][max(ring, 0)]
-    reached = params.use_intensity and point.intensity >= threshold
     rise = max(params.min_rise_m, params.rise_sigmas * deviation)
     return Echo(
         number,
@@ -206,8 +225,6 @@ def echo_of(number: int, point: Point, ring: int, water: Surface | None, params:
         rise,
         deviation=deviation,
         grows=height > max(params.growth_height_m, heights._GROWTH_SIGMAS * deviation),
-        bright=reached and abs(height) <= rise,
-        low=not reached,
         unseen=min(max((heights._SHOWN - shown) / (heights._SHOWN - heights._OWN), 0.0), 1.0),
     )
 

@@ -83,14 +83,15 @@ def test_flat_echoes_near_the_water_are_not_kept():
     assert kept(run(log_with(lambda rng, _: in_box(rng, 60, (15, 0, 0.05 - MAST_M), (3, 3, 0.05))))) < 0.02
 
 
-def test_a_swimmer_in_water_that_reaches_its_thresholds_is_kept():
-    """The water would join into one object with the swimmer, who is brighter."""
+@pytest.mark.parametrize(("brightness", "contrast", "top_m"), [(40, (2.5, 5), 0.4), (3, (6, 9), 0.19)])
+def test_a_swimmer_is_brighter_than_the_water(brightness, contrast, top_m):
+    """Water that reaches its thresholds would join into one object with the swimmer; in dark water, neither does."""
 
     def lit(rng, time_s):
         sea = water(rng, time_s, 4000, 0.03)
-        sea[:, 3] = rng.uniform(35, 60, len(sea))
-        swimmer = in_box(rng, 20, (12, 0, 0.2 - MAST_M), (0.5, 0.5, 0.4))
-        swimmer[:, 3] = rng.uniform(100, 200, len(swimmer))
+        sea[:, 3] = brightness * rng.uniform(0.85, 1.5, len(sea))
+        swimmer = in_box(rng, 20, (12, 0, top_m / 2 - MAST_M), (0.5, 0.5, top_m))
+        swimmer[:, 3] = brightness * rng.uniform(*contrast, len(swimmer))
         return np.concatenate((sea, swimmer))
 
     results = run(log_with(lit))

@@ -22,6 +22,7 @@ _VOLUME = 2.5
 _OWN, _SHOWN = 4.0, 12.0
 _COMMON = 0.25
 _NEIGHBORS = 2 / 3
+_RINGS, _MAX_RING, _LEAST_ECHOES, _BRIGHTER = 9, 1000, 3, 4.0
 ALONE = 0.75
 
 
@@ -75,11 +76,11 @@ class Heights:
     linked, loose : ndarray, int32
         Numbers of neighbours that stand out, too, and lie on one surface with a point, or do not.
     high, bright, low, upright, grows, mirrored : ndarray, bool
-        Whether a point stands out; is near the water, reaches its threshold and is brighter than most water at its
-        range; does not reach it; belongs to a face that water does not have; may return to a confirmed object; is below
-        the water under a body.
+        Whether a point stands out; is near the water, reaches its threshold or four times the intensity of the water,
+        and is brighter than most water at its range; reaches neither; belongs to a face that water does not have; may
+        return to a confirmed object; is below the water under a body.
     brightness : ndarray, float64
-        Intensity divided by the threshold; 0 without thresholds.
+        Intensity divided by the threshold, or by four times that of the water, if less; 0 without thresholds.
     unseen : ndarray, float64
         1 where the water has no echoes but those that an object itself may have, 0 where echoes show it all around.
     alone : ndarray, float64
@@ -141,7 +142,6 @@ class Sea:
         else:
             height, deviation, shown = water.above(x, y, z, water.cells)
         level, sigma = z - height, 0.0 if water is None else water.sigma_m
-        reached, brightness = _brightness(echoes, threshold)
         rise = np.maximum(self._params.min_rise_m, self._params.rise_sigmas * deviation)
         linked, loose = faces.neighbors(height > rise)
         solid = ~_in_volume(linked, loose, water)
@@ -150,13 +150,18 @@ class Sea:
         high = (height > rise) & solid
         bodies = high | upright
         beside_water = np.abs(height) <= rise
+        of_water = beside_water & ~upright
         apart = None if water is None else ~water.cells.beside(upright)
+        ring = np.hypot(x, y) / self._params.cluster_tolerance_m
+        if apart is not None and echoes.intensity is not None:
+            usual = _intensity_of(of_water, echoes.intensity, ring, faces.run)
+            threshold = np.minimum(threshold, _BRIGHTER * usual)
+        reached, brightness = _brightness(echoes, threshold)
         bright = reached & beside_water
         if apart is not None and echoes.intensity is not None:
-            ring = np.hypot(x, y) / self._params.cluster_tolerance_m
             bright &= ~_is_common(echoes.intensity, ring, bright & apart)
         unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
-        seen = self._background.share(echoes.xyz, beside_water & ~upright, time_s)
+        seen = self._background.share(echoes.xyz, of_water, time_s)
         alone = np.maximum(unseen, 1 - seen / _COMMON)
         mirrored = deep if water is None else water.mirrored(x, y, deep, bodies)
         grows = height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)
@@ -193,6 +198,20 @@ def _in_volume(linked: NDArray[np.int32], loose: NDArray[np.int32], water: Water
     volume = np.bincount(cell, weights=loose) > _VOLUME * np.bincount(cell, weights=linked) + 1
     volume[BEYOND:] = False
     return np.asarray(volume[cell])
+
+
+def _intensity_of(water: Mask, intensity: Floats, ring: Floats, run: NDArray[np.int32]) -> Floats:
+    """Return the mean intensity of the water at the range of each echo, shape (M,); infinity where it is not known.
+
+    Echoes beside each other in one beam count as one, so that a long log is not taken for water.
+    """
+    number = np.minimum(ring, _MAX_RING).astype(np.int64)
+    weight = water / run
+    count, total = (
+        np.convolve(np.bincount(number, one, _RINGS), np.ones(_RINGS), "same") for one in (weight, weight * intensity)
+    )
+    mean = np.divide(total, count, out=np.full(len(count), np.inf), where=(count >= _LEAST_ECHOES) & (total > 0))
+    return np.asarray(mean[number])
 
 
 def _brightness(echoes: Echoes, threshold: Floats) -> tuple[Mask, Floats]:
