@@ -153,10 +153,7 @@ class Sea:
         of_water = beside_water & ~upright
         apart = None if water is None else ~water.cells.beside(upright)
         ring = np.hypot(x, y) / self._params.cluster_tolerance_m
-        if apart is not None and echoes.intensity is not None:
-            usual = _intensity_of(of_water, echoes.intensity, ring, faces.run)
-            threshold = np.minimum(threshold, _BRIGHTER * usual)
-        reached, brightness = _brightness(echoes, threshold)
+        reached, brightness = _brightness(echoes, threshold, ring, of_water / faces.run)
         bright = reached & beside_water
         if apart is not None and echoes.intensity is not None:
             bright &= ~_is_common(echoes.intensity, ring, bright & apart)
@@ -200,24 +197,21 @@ def _in_volume(linked: NDArray[np.int32], loose: NDArray[np.int32], water: Water
     return np.asarray(volume[cell])
 
 
-def _intensity_of(water: Mask, intensity: Floats, ring: Floats, run: NDArray[np.int32]) -> Floats:
-    """Return the mean intensity of the water at the range of each echo, shape (M,); infinity where it is not known.
+def _brightness(echoes: Echoes, threshold: Floats, ring: Floats, weight: Floats) -> tuple[Mask, Floats]:
+    """Return which points reach their threshold, and intensity divided by threshold.
 
-    Echoes beside each other in one beam count as one, so that a long log is not taken for water.
+    Where the water is dark, few of its echoes reach four times its mean intensity, which is the threshold there. Those
+    beside each other in one beam have the ``weight`` of one, so that a long log is not taken for water; others have 0.
     """
-    number = np.minimum(ring, _MAX_RING).astype(np.int64)
-    weight = water / run
-    count, total = (
-        np.convolve(np.bincount(number, one, _RINGS), np.ones(_RINGS), "same") for one in (weight, weight * intensity)
-    )
-    mean = np.divide(total, count, out=np.full(len(count), np.inf), where=(count >= _LEAST_ECHOES) & (total > 0))
-    return np.asarray(mean[number])
-
-
-def _brightness(echoes: Echoes, threshold: Floats) -> tuple[Mask, Floats]:
-    """Return which points reach their threshold, and intensity divided by threshold."""
     if echoes.intensity is None:
         return np.zeros(echoes.size, np.bool_), np.zeros(echoes.size)
+    number = np.minimum(ring, _MAX_RING).astype(np.int64)
+    count, total = (
+        np.convolve(np.bincount(number, one, _RINGS), np.ones(_RINGS), "same")
+        for one in (weight, weight * echoes.intensity)
+    )
+    mean = np.divide(total, count, out=np.full(len(count), np.inf), where=(count >= _LEAST_ECHOES) & (total > 0))
+    threshold = np.minimum(threshold, _BRIGHTER * mean[number])
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(threshold > 0, echoes.intensity / threshold, 1.0)
     return echoes.intensity >= threshold, ratio
