@@ -85,8 +85,9 @@ class Confirmed(Filter):
     million points would wait.
 
     Within own ship, which ends at ``start_m`` or, with auto, where constant returns end (`OwnShip`), only objects are
-    kept that were confirmed outside. The first 20 frames wait until they show where that is. At rest they do not, and
-    more than 1.5 million points do not wait, nor any with ``causal``: it is 10 m then.
+    kept that were confirmed outside. The first 20 frames wait until they show where that is. At rest, a quay is as
+    constant, and belongs to own ship until the vessel moves. More than 1.5 million points do not wait, nor any with
+    ``causal``: it is 10 m then. What is constant is no water.
 
     **State**: own ship, the water and its echoes, the elevations of the beams, the tracks, and the frames that wait.
 
@@ -149,7 +150,7 @@ class Confirmed(Filter):
 
     def _end_beginning(self) -> None:
         self._is_beginning = False
-        if self._first and self._zones.own_ship and self._zones.own_ship.outline_m is None:
+        if self._first and self._zones.own_ship and not self._zones.own_ship.is_known:
             self._zones.own_ship.reset()  # it sees these frames again
 
     def _receive_first(self) -> list[FilterResult]:
@@ -209,12 +210,14 @@ class Confirmed(Filter):
         """Find the objects of a frame and their tracks (steps 1 to 5)."""
         zone, reason = self._zones.divide(frame)
         echoes = Echoes.of(frame, zone, reason, self._params)
+        own_ship = self._zones.own_ship
+        own = own_ship.is_structure(frame)[echoes.index] if own_ship else None
         frame.release()
         # 1. Water, 2. Band
         attitude = frame.attitude and frame.attitude.of_axes(self._params.mounting.rotation)
-        heights = self._sea.measure(echoes, self._threshold(echoes), time_s, attitude)
-        if self._zones.own_ship:
-            self._zones.own_ship.see(frame, heights.water, echoes.index[heights.upright])
+        heights = self._sea.measure(echoes, self._threshold(echoes), time_s, attitude, own)
+        if own_ship:
+            own_ship.see(frame, heights.water, echoes.index[heights.upright])
         # 3. Candidates
         lonely = heights.grows & (heights.alone > ALONE)
         candidates = heights.upright | heights.high | heights.bright | lonely

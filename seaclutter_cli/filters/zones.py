@@ -46,7 +46,7 @@ class ZoneParams:
     start_m: NotNegative | Auto = key(
         10.0,
         "Range at which clutter removal begins, d_s, in metres; nearer points are own ship. auto: from where own ship "
-        "ends in each direction, at least 3 m; 10 m until 20 frames under way have shown that.",
+        "ends in each direction, at least 3 m; 10 m until 20 frames have shown that.",
     )
     end_m: Positive = key(70.0, "Range at which clutter removal ends, d_e, in metres; clutter is rare beyond it.")
     near: Rule = key("drop", "Drop or keep points nearer than start_m.")

@@ -28,7 +28,8 @@ class OwnShip:
     they are not known.
 
     1. A `StructureSearch` looks at windows of 20 frames: the first ones, then every ``every``-th.
-    2. Windows in which the vessel is at rest show nothing, because a quay is as constant as own ship.
+    2. Windows in which the vessel is at rest do not show it, because a quay is as constant as own ship. Until another
+       does, all that is constant belongs to it.
     3. Own ship reaches 0.5 m beyond what the last six other windows show within 5° of a direction. What is nearer
        belongs to it, constant or not: crew, flags and ropes do.
 
@@ -42,6 +43,8 @@ class OwnShip:
     def reset(self) -> None:
         """Forget own ship."""
         self._outlines: deque[Floats] = deque(maxlen=_WINDOWS)
+        self._constant: Floats | None = None
+        self._structure = StructureMask(())
         self._frames = self.seen = self.beside = 0
         self._is_due = False
         self.is_at_rest = False
@@ -58,6 +61,11 @@ class OwnShip:
     def outline_m(self) -> Floats | None:
         """Range to which own ship reaches in each degree from -180°, shape (360,); None while it is not known."""
         return np.max(self._outlines, axis=0) if self._outlines else None
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it is known where own ship ends, or at least what is constant."""
+        return self._constant is not None
 
     @property
     def end_m(self) -> float | None:
@@ -95,8 +103,10 @@ class OwnShip:
         found = self._search.found()
         self.level_m, self.beams_deg = self._search.level_m, self._search.beams_deg
         self.is_at_rest = found.is_at_rest
+        self._structure = found.constant
+        self._constant = np.maximum(_outline(found.constant), self._least_m)
         if not found.is_at_rest:
-            self._outlines.append(np.maximum(_outline(found.mask), self._least_m))
+            self._outlines.append(self._constant)
             outline = np.max(self._outlines, axis=0)
             beyond = [np.count_nonzero(range_m > outline[column]) for column, range_m in self._standing]
             self.seen += len(beyond)
@@ -104,12 +114,16 @@ class OwnShip:
         self._begin()
 
     def contains(self, frame: Frame) -> Mask:
-        """Return whether each point is own ship, shape (N,): all within the reach while own ship is not known."""
-        inside, outline = frame.range_m < self.reach_m, self.outline_m
+        """Return whether each point is own ship, shape (N,): all within the reach while nothing is known."""
+        inside, outline = frame.range_m < self.reach_m, self.outline_m if self._outlines else self._constant
         if outline is not None:
             near = np.flatnonzero(inside)
             inside[near] = frame.range_m[near] < outline[_columns(frame.coordinates[:, near])]
         return inside
+
+    def is_structure(self, frame: Frame) -> Mask:
+        """Return whether each point was constant in the last window, shape (N,), as decks, masts and rails are."""
+        return self._structure.covers(frame)
 
 
 def _thinned(frame: Frame) -> Frame:

@@ -113,15 +113,24 @@ class BeamGrid:
 class FoundStructure:
     """Result of a search over a number of frames.
 
-    The mask has no sectors if there is no structure, or the vessel is at rest. ``share`` is that of the directions in
-    which the lidar measures that the structure occupies, ``at_rest`` that of the returns farther away that are constant
-    as well; None if there are too few to tell.
+    ``constant`` is what is constant, ``directions`` the number of directions in which the lidar measures, ``at_rest``
+    the share of the returns farther away that are constant as well; None if there are too few to tell.
     """
 
-    mask: StructureMask
+    constant: StructureMask
     frames: int
-    share: float
+    directions: int
     at_rest: float | None
+
+    @property
+    def mask(self) -> StructureMask:
+        """What is constant, unless the vessel is at rest: a quay would be, too."""
+        return StructureMask(()) if self.is_at_rest else self.constant
+
+    @property
+    def share(self) -> float:
+        """Share of the directions in which the lidar measures that the mask occupies."""
+        return len(self.mask.sectors) / max(self.directions, 1)
 
     @property
     def is_at_rest(self) -> bool:
@@ -203,13 +212,11 @@ class StructureSearch:
 
     def found(self) -> FoundStructure:
         """Return what the frames so far show."""
-        nothing = StructureMask(())
         if self._grid is None or self.frames < MIN_FRAMES:
-            return FoundStructure(nothing, self.frames, 0.0, None)
-        at_rest = self._rest(self._grid)
+            return FoundStructure(StructureMask(()), self.frames, 0, None)
         seen = int(np.count_nonzero(self._counts.any(axis=1) | self._far.any(axis=1)))
-        sectors = [] if at_rest is not None and at_rest >= _AT_REST else self._sectors(self._grid)
-        return FoundStructure(StructureMask(tuple(sectors)), self.frames, len(sectors) / max(seen, 1), at_rest)
+        sectors = self._sectors(self._grid)
+        return FoundStructure(StructureMask(tuple(sectors)), self.frames, seen, self._rest(self._grid))
 
     def _sectors(self, grid: BeamGrid) -> list[Sector]:
         constant = self._counts.max(axis=1) >= _STRONG * self.frames

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seaclutter_cli.frame import Attitude
 from seaclutter_cli.water.faces import LEAST_M, Faces
@@ -69,10 +70,17 @@ class WaterTracker:
         self._seen_s = 0.0
         self._attitude: Attitude | None = None
 
-    def step(self, xyz: Floats, faces: Faces, time_s: float, attitude: Attitude | None = None) -> WaterSurface | None:
+    def step(
+        self,
+        xyz: Floats,
+        faces: Faces,
+        time_s: float,
+        attitude: Attitude | None = None,
+        own: NDArray[np.bool_] | None = None,
+    ) -> WaterSurface | None:
         """Return the water surface of a frame; None if no water was seen in the last seconds.
 
-        The points, shape (3, N), are finite and without own ship.
+        The points, shape (3, N), are finite; ``own`` tells which of them are own ship, shape (N,), and no water.
         """
         turn = attitude.turn_from(self._attitude) if attitude and self.trial.passed else None
         memory_s = _MEMORY_S if turn is None else _TURNED_MEMORY_S
@@ -82,6 +90,8 @@ class WaterTracker:
         x, y, z = xyz
         distance = np.hypot(x, y)
         near = (distance >= NEAREST_M) & (distance < FARTHEST_M)
+        if own is not None:
+            near &= ~own
         of_bodies = near & (faces.height_m > _BODY_M + 2 * self._known_sigma_m)
         bodies = np.stack([values[of_bodies] for values in (x, y, faces.low_m, faces.top_m)])
         near = np.flatnonzero(near & (faces.height_m <= LEAST_M + self._known_sigma_m))

@@ -86,7 +86,7 @@ class ConfirmedObjects:
         if self.own_ship and not self.params.causal:
             for frame in frames[:MIN_FRAMES]:
                 self.own_ship.add(frame)
-            if self.own_ship.outline_m is None:
+            if not self.own_ship.is_known:
                 self.own_ship.reset()
         for frame in frames:
             self.receive(frame, ahead)
@@ -136,7 +136,8 @@ class ConfirmedObjects:
         elevations = [elevation_of(z, (x, y)) for x, y, z in places]
         gaps = [self.beams.above(bin_of(z, (x, y))) for x, y, z in places]
         faces = faces_of(places, elevations, gaps)
-        water = self.water.step(places, faces.of_point, time_s)
+        structure = self.own_ship.is_structure(frame)[used] if self.own_ship else []
+        water = self.water.step(places, faces.of_point, time_s, set(np.flatnonzero(structure).tolist()))
         echoes = echoes_of([(number, points[number], rings[number]) for number in used], water, faces, self.params)
         if self.own_ship:
             level = water and Plane(water.plane.a, water.plane.b, water.plane.c)

@@ -70,13 +70,16 @@ class Water:
         self.covariance = [[0.0] * 3] * 3
         self.seen_s = 0.0
 
-    def step(self, points: Sequence[XYZ], faces: Sequence[Face], time_s: float) -> Surface | None:
+    def step(
+        self, points: Sequence[XYZ], faces: Sequence[Face], time_s: float, own: Sequence[int] = ()
+    ) -> Surface | None:
         """Return the water of a frame; None where none was seen in the last five seconds."""
         if not 0 <= time_s - self.seen_s <= tracker._MEMORY_S:
             self.plane = None
         sigma = tracker._START_SIGMA_M if self.plane is None else self.sigma
         span = LEAST_M + sigma
         near = [k for k, (x, y, _) in enumerate(points) if plane.NEAREST_M <= math.hypot(x, y) < plane.FARTHEST_M]
+        near = [k for k in near if k not in own]
         bodies = [k for k in near if faces[k].height > tracker._BODY_M + 2 * sigma]
         feet = feet_of([(cell_of(*points[k][:2]), faces[k].low) for k in bodies])
         used = [k for k in near if faces[k].height <= span]

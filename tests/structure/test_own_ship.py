@@ -54,11 +54,32 @@ def test_it_is_known_after_twenty_frames_and_not_at_rest():
     assert learned(log[:LEARNED]).outline_m is not None
     at_rest = [Frame.of_arrays(log[0].xyz, log[0].intensity, stamp_ns=k * 10**8) for k in range(60)]
     assert learned(at_rest).outline_m is None
-    assert learned(at_rest).contains(log[0]).tolist() == (log[0].range_m < 10).tolist()
     kept = learned([*log[:LEARNED], *at_rest])
     assert kept.outline_m.tolist() == learned(log[:LEARNED]).outline_m.tolist(), "rest shows nothing"
     kept.reset()
     assert kept.outline_m is None
+
+
+def test_at_rest_what_is_constant_belongs_to_it_until_the_vessel_moves():
+    quay = np.array([[0.1 * k, -8.0, 0.1 * row - MAST_M + 0.4] for k in range(-30, 31) for row in range(15)])
+    city = np.array([[40 + 0.2 * (k % 3), 0.5 * k, row - MAST_M + 1] for k in range(-40, 40) for row in range(8)])
+    drifting = Body(-2, 6, vx=2, length=1, width=1, height=2, points=60)
+    still = np.concatenate((MAST, quay, city))
+    log = sea([drifting], mast=still, frames=LEARNED)
+    own_ship = learned(log)
+    assert own_ship.is_at_rest
+    assert own_ship.outline_m is None
+    for frame in log:
+        inside, structure = own_ship.contains(frame), own_ship.is_structure(frame)
+        assert inside[-len(still) : -len(city)].all()
+        assert structure[-len(still) : -len(city)].all()
+        boat = np.hypot(frame.xyz[:, 0] - drifting.center(frame.stamp_ns / 1e9)[0], frame.xyz[:, 1] - 6) < 1
+        assert boat.any()
+        assert not inside[boat].any()
+        assert not structure[boat].any()
+    for frame in sea(frames=125)[LEARNED:]:
+        own_ship.add(frame)
+    assert not own_ship.contains(log[0])[-len(quay) - len(city) : -len(city)].any()
 
 
 def test_without_own_ship_in_view_only_the_least_range_is_own_ship():

@@ -126,7 +126,14 @@ class Sea:
         self._params = params
         self.water, self.beams, self._background = WaterTracker(), Beams(params.mounting), Background()
 
-    def measure(self, echoes: Echoes, threshold: Floats, time_s: float, attitude: Attitude | None = None) -> Heights:
+    def measure(
+        self,
+        echoes: Echoes,
+        threshold: Floats,
+        time_s: float,
+        attitude: Attitude | None = None,
+        own: Mask | None = None,
+    ) -> Heights:
         """Return the M echoes of the next frame against the water. Without water, every point stands out.
 
         ``threshold`` are their intensity thresholds, shape (M,); minus infinity beyond the range rings. What is below
@@ -136,7 +143,7 @@ class Sea:
         self.beams.add(echoes.xyz)
         elevation = self.beams.elevation_deg(echoes.xyz)
         faces = Faces.of(echoes.xyz, elevation, self.beams.gaps(elevation, elevation)[1])
-        water = self.water.step(echoes.xyz, faces, time_s, attitude)
+        water = self.water.step(echoes.xyz, faces, time_s, attitude, own)
         if water is None:
             height, deviation, shown = z + _UNSEEN_M, np.zeros(echoes.size), np.zeros(echoes.size)
         else:
