@@ -37,7 +37,8 @@ _MAX_WAITING = 3 << 19
 class _Undecided:
     """A frame whose objects wait for the evidence of later frames.
 
-    ``grows`` are the indices of the points of the frame that may return; objects refer to points of the frame as well.
+    ``grows`` are the indices of the points of the frame that may return, ``awaited`` probable targets that it does not
+    show, with the points where they may be; objects refer to points of the frame as well.
     """
 
     frame: Frame
@@ -47,6 +48,7 @@ class _Undecided:
     grows: NDArray[np.int32]
     objects: Sequence[DetectedObject]
     tracks: Sequence[Track]
+    awaited: Sequence[tuple[Track, NDArray[np.int32]]]
     water: WaterState | None
 
 
@@ -79,7 +81,8 @@ class Confirmed(Filter):
        -0.35. An object is missed only where a beam would have met it. What fills a volume in a frame is not kept in
        it.
     6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
-       and all where the water has no echoes, but none in a volume.
+       and all where the water has no echoes, but none in a volume. If a frame does not show the object, but a later
+       one does, so do rows of echoes where it is expected.
 
     The result of a frame is complete ``look_ahead_s`` later, at once with ``causal``, and earlier where more than 1.5
     million points would wait.
@@ -236,9 +239,14 @@ class Confirmed(Filter):
         )
         reason[echoes.index] = self._reasons(reason[echoes.index], echoes, heights, found.objects)
         index = echoes.index.astype(np.int32)  # less to hold
+        least = self._params.min_cluster_points
+        in_rows = (heights.run >= least) & (heights.height_m > -heights.rise_m)
+        rows = np.flatnonzero(in_rows & ~candidates & ~near)
+        expected = self._tracker.awaited(echoes.xyz[:2].take(rows, axis=1), time_s)
+        awaited = [(track, index[rows[points]]) for track, points in expected if len(points) >= least]
         state = heights.water.state if heights.water else None
         objects = [replace(one, points=index[one.points]) for one in found.objects]
-        return _Undecided(frame, time_s, zone, reason, index[heights.grows & ~near], objects, tracks, state)
+        return _Undecided(frame, time_s, zone, reason, index[heights.grows & ~near], objects, tracks, awaited, state)
 
     def _threshold(self, echoes: Echoes) -> Floats:
         """Return the intensity threshold of each echo, shape (M,); near points have that of the first range ring."""
@@ -272,6 +280,10 @@ class Confirmed(Filter):
             track.from_outside |= not found.near or (track.part_of is not None and track.part_of.from_outside)
             if track.from_outside:
                 confirmed.append(found.points)
+        for track, points in one.awaited:
+            is_back = track.seen_s > one.time_s and track.from_outside
+            if is_back and self._tracker.score(track, one.time_s) > self._params.score_threshold:
+                confirmed.append(points)
         kept = np.concatenate(confirmed)
         reason[kept] = Reason.KEPT
         # 6. Growth

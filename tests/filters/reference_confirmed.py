@@ -49,6 +49,7 @@ class Scan:
     echoes: list[Echo]
     things: list[Thing]
     tracks: list[Track]
+    awaited: list[tuple[Track, list[Echo]]]
     water: Surface | None
     decided: bool = False
     memories: list[float] = field(init=False)
@@ -155,7 +156,12 @@ class ConfirmedObjects:
         reasons = [self.by_zone(point, ring) for point, ring in zip(points, rings, strict=True)]
         mark(reasons, echoes, things, Reason.LOW_INTENSITY if self.params.use_intensity else Reason.UNCONFIRMED)
         tracks = self.tracks.step(things, time_s, lambda place, top: self.beams.meets(place, top, water))
-        return Scan(time_s, reasons, rings, echoes, things, tracks, water)
+        least = self.params.min_cluster_points
+        rows = [one for one in echoes if one.height > -one.rise and one.run >= least and not one.near]
+        used = {id(one) for one in candidates}
+        awaited = self.tracks.awaited([one for one in rows if id(one) not in used], time_s)
+        awaited = [(track, found) for track, found in awaited if len(found) >= least]
+        return Scan(time_s, reasons, rings, echoes, things, tracks, awaited, water)
 
     def ring_of(self, point: Point, is_own: bool) -> int | None:
         """Return the index of the range ring, -1 for own ship, their number beyond; None without a zone."""
@@ -198,6 +204,10 @@ class ConfirmedObjects:
                 track.from_outside |= not thing.near or (track.whole is not None and track.whole.from_outside)
                 if track.from_outside:
                     kept += thing.echoes
+        for track, expected in scan.awaited:
+            is_back = track.seen_s > scan.time_s and track.from_outside
+            if is_back and track.score(scan.time_s, self.params) > self.params.score_threshold:
+                kept += expected
         for echo in kept:
             scan.reasons[echo.number] = Reason.KEPT
         places = places_of(echo.xyz for echo in kept)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from seaclutter_cli.filters.confirmation import evidence, tracks
-from tests.filters.reference_objects import XY, Thing, distances, nearest, on_curve, places_of, tables
+from tests.filters.reference_objects import XY, Echo, Thing, distances, nearest, on_curve, places_of, tables
 
 SLACK_S = 1e-6
 
@@ -227,6 +227,17 @@ class Tracks:
         self.tracks = [track for track, _ in lost if track.may_return(time_s, interval_s)] + result
         self.times.append(time_s)
         return result
+
+    def awaited(self, rows: Sequence[Echo], time_s: float) -> list[tuple[Track, list[Echo]]]:
+        """Return the probable targets that are not seen, with those of some echoes that are where one is expected."""
+        lost = [track for track in self.tracks if track.seen_s < time_s and track.memory > 0]
+        found: list[tuple[Track, list[Echo]]] = [(track, []) for track in lost]
+        places = [(number, place) for number, track in enumerate(lost) for place in track.expected(time_s)]
+        for echo in rows if places else ():
+            gaps = [math.dist(echo.xy, place) for _, place in places]
+            if min(gaps) < tracks._GATE_M:
+                found[places[gaps.index(min(gaps))][0]][1].append(echo)
+        return found
 
     def appeared(self, track: Track, time_s: float) -> Track:
         """Return a track that was not there until now, which is evidence against it."""

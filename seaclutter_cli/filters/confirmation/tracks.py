@@ -234,6 +234,16 @@ class Tracker:
         self._tracks = unseen + result
         return result
 
+    def awaited(self, xy: Floats, time_s: float) -> list[tuple[Track, NDArray[np.intp]]]:
+        """Return the probable targets that the last frame does not show, and which positions, (2, N), are at each."""
+        lost = [track for track in self._tracks if track.seen_s < time_s and track.memory > 0]
+        if not lost or not xy.size:
+            return []
+        expected, track_of = _expected_cells(lost, time_s)
+        index, distance = nearest(expected, xy.T)
+        owner = np.where(distance < _GATE_M, track_of[index], -1)
+        return [(track, np.flatnonzero(owner == k)) for k, track in enumerate(lost)]
+
     def score(self, track: Track, time_s: float) -> float:
         """Return the score of a track at a time: its evidence before and after, and some of that at the time."""
         now = next(one for one in reversed(track.history) if one.time_s <= time_s)
@@ -290,7 +300,7 @@ class Tracker:
         step = min(time_s - track.history[-1].time_s, _MAX_STEP_S) if track.history else _FIRST_STEP_S
         track.history.append(Evidence(time_s, evidence, step, track.memory))
         track.memory = self._remembered(track.memory, evidence, step)
-        while len(track.history) > 1 and track.history[0].time_s < self._since_s:
+        while len(track.history) > 1 and track.history[1].time_s <= self._since_s:
             track.history.popleft()
 
     def _remembered(self, memory: float, evidence: float, step_s: float) -> float:
