@@ -20,6 +20,7 @@ from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.neighbors import nearest, within
 from seaclutter_cli.structure.search import MIN_FRAMES
 from seaclutter_cli.water.beams import Sight
+from seaclutter_cli.water.plane import NEAREST_M
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -213,8 +214,10 @@ class Confirmed(Filter):
         """Find the objects of a frame and their tracks (steps 1 to 5)."""
         zone, reason = self._zones.divide(frame)
         echoes = Echoes.of(frame, zone, reason, self._params)
-        own_ship = self._zones.own_ship
-        own = own_ship.is_structure(frame)[echoes.index] if own_ship else None
+        own, own_ship = np.zeros(echoes.size, np.bool_), self._zones.own_ship
+        if own_ship:
+            used = np.flatnonzero((echoes.range_m >= NEAREST_M) & (echoes.range_m < own_ship.reach_m))
+            own[used] = own_ship.is_structure(frame, echoes.index[used])
         frame.release()
         # 1. Water, 2. Band
         attitude = frame.attitude and frame.attitude.of_axes(self._params.mounting.rotation)

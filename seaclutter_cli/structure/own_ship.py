@@ -121,9 +121,9 @@ class OwnShip:
             inside[near] = frame.range_m[near] < outline[_columns(frame.coordinates[:, near])]
         return inside
 
-    def is_structure(self, frame: Frame) -> Mask:
-        """Return whether each point was constant in the last window, shape (N,), as decks, masts and rails are."""
-        return self._structure.covers(frame)
+    def is_structure(self, frame: Frame, points: Indices) -> Mask:
+        """Return whether some points were constant in the last window, as decks, masts and rails are, shape (n,)."""
+        return self._structure.contains(frame.coordinates_of(points), frame.range_m[points])
 
 
 def _thinned(frame: Frame) -> Frame:

@@ -137,7 +137,7 @@ class ConfirmedObjects:
         elevations = [elevation_of(z, (x, y)) for x, y, z in places]
         gaps = [self.beams.above(bin_of(z, (x, y))) for x, y, z in places]
         faces = faces_of(places, elevations, gaps)
-        structure = self.own_ship.is_structure(frame)[used] if self.own_ship else []
+        structure = self.own_ship.is_structure(frame, np.array(used, np.intp)) if self.own_ship else []
         water = self.water.step(places, faces.of_point, time_s, set(np.flatnonzero(structure).tolist()))
         echoes = echoes_of([(number, points[number], rings[number]) for number in used], water, faces, self.params)
         if self.own_ship:

@@ -70,7 +70,7 @@ def test_at_rest_what_is_constant_belongs_to_it_until_the_vessel_moves():
     assert own_ship.is_at_rest
     assert own_ship.outline_m is None
     for frame in log:
-        inside, structure = own_ship.contains(frame), own_ship.is_structure(frame)
+        inside, structure = own_ship.contains(frame), own_ship.is_structure(frame, np.arange(frame.size))
         assert inside[-len(still) : -len(city)].all()
         assert structure[-len(still) : -len(city)].all()
         boat = np.hypot(frame.xyz[:, 0] - drifting.center(frame.stamp_ns / 1e9)[0], frame.xyz[:, 1] - 6) < 1
