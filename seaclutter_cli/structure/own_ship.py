@@ -33,7 +33,7 @@ class OwnShip:
     3. Own ship reaches 0.5 m beyond what the last six other windows show within 5° of a direction. What is nearer
        belongs to it, constant or not: crew, flags and ropes do.
 
-    **State**: the counts of a window, and six outlines of 360 ranges.
+    **State**: the counts of a window, six outlines of 360 ranges, and what was constant in the last window.
     """
 
     def __init__(self, reach_m: float, least_m: float, mounting: Mounting | None = None, every: int = _EVERY) -> None:

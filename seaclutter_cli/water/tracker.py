@@ -80,7 +80,7 @@ class WaterTracker:
     ) -> WaterSurface | None:
         """Return the water surface of a frame; None if no water was seen in the last seconds.
 
-        The points, shape (3, N), are finite; ``own`` tells which of them are own ship, shape (N,), and no water.
+        The points, shape (3, N), are finite; those of own ship, ``own`` of shape (N,), do not count as water.
         """
         turn = attitude.turn_from(self._attitude) if attitude and self.trial.passed else None
         memory_s = _MEMORY_S if turn is None else _TURNED_MEMORY_S

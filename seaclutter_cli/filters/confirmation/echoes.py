@@ -136,8 +136,9 @@ class Sea:
     ) -> Heights:
         """Return the M echoes of the next frame against the water. Without water, every point stands out.
 
-        ``threshold`` are their intensity thresholds, shape (M,); minus infinity beyond the range rings. What is below
-        the water is mirrored or noise, and what fills a volume is spray, rain or fog: neither stands out.
+        ``threshold`` are their intensity thresholds, shape (M,); minus infinity beyond the range rings. Those of own
+        ship's structure, ``own`` of shape (M,), do not show the water. What is below the water is mirrored or noise,
+        and what fills a volume is spray, rain or fog: neither stands out.
         """
         x, y, z = echoes.xyz
         self.beams.add(echoes.xyz)

@@ -235,9 +235,12 @@ class Tracker:
         return result
 
     def awaited(self, xy: Floats, time_s: float) -> list[tuple[Track, NDArray[np.intp]]]:
-        """Return the probable targets that the last frame does not show, and which positions, (2, N), are at each."""
+        """Return the probable targets that the last frame does not show, and which positions, (2, N), are at each.
+
+        There are none without later frames, which alone could show them again.
+        """
         lost = [track for track in self._tracks if track.seen_s < time_s and track.memory > 0]
-        if not lost or not xy.size:
+        if not self._ahead_s or not lost or not xy.size:
             return []
         expected, track_of = _expected_cells(lost, time_s)
         index, distance = nearest(expected, xy.T)
