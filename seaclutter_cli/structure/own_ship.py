@@ -133,7 +133,7 @@ def _thinned(frame: Frame) -> Frame:
 
 
 def _columns(xyz: Floats) -> Ints:
-    return np.asarray((azimuth_deg(xyz) + 180).astype(np.int64))
+    return np.minimum((azimuth_deg(xyz) + 180).astype(np.int64), 359)  # 180° itself belongs to the last
 
 
 def _outline(mask: StructureMask) -> Floats:

@@ -98,6 +98,21 @@ def test_confirmed_keeps_a_boat_beside_own_ship_and_nothing_of_own_ship(causal):
         assert (result.reason[-len(MAST) :] == Reason.NEAR).all()
 
 
+def test_own_decks_do_not_raise_the_water():
+    deck = np.array([[-x, y, 0.4 - MAST_M] for x in np.arange(5.2, 9, 0.2) for y in np.arange(-3, 3.1, 0.2)])
+    levels = []
+    for structure in (MAST, np.concatenate((MAST, deck))):
+        method = FILTERS["confirmed"](FILTERS["confirmed"].Params(start_m="auto"))
+        results = [one for frame in sea(mast=structure, frames=30) for one in method.process(frame)]
+        levels.append([one.water.level_m for one in [*results, *method.flush()]])
+    np.testing.assert_allclose(levels[1], levels[0], atol=0.03)
+
+
+def test_echoes_at_exactly_180_degrees():
+    frame = Frame.of_arrays([[-5.0, 0.0, 0.0], [-5.0, -0.0, 0.0]], [1.0, 1.0], stamp_ns=0)
+    assert learned(sea()).contains(frame).all()
+
+
 def test_other_methods_filter_what_is_beside_own_ship():
     log = sea([Body(0, 6, points=40)])
     auto, fixed = (FILTERS["joint"](FILTERS["joint"].Params(start_m=start_m)) for start_m in ("auto", 10.0))
