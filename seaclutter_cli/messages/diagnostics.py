@@ -2,12 +2,11 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, astuple, dataclass, field
+from dataclasses import astuple, dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Ints
 from seaclutter_cli.documents import load_json
@@ -53,60 +52,41 @@ WATER = Layout("WaterDiagnostics", (*_SIZES, *_REASONS), WATER_COLUMNS)
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """Statistics of one frame.
+    """Statistics of one frame: its place in a recording, and what a `FilterResult` has beside its points."""
 
-    The arrays have one value per range ring and are empty for methods without range rings. The scene is empty for
-    methods that do not distinguish scenes. The measures of the water are NaN where there is none, and empty for methods
-    that do not estimate it.
-    """
-
-    stamp_ns: int
     topic: str
-    numbers: dict[str, int]
-    arrays: dict[str, NDArray[Any]]
-    scene: str
-    measures: dict[str, float] = field(default_factory=dict)
+    frame: int
+    stamp_ns: int
+    points_in: int
+    counts: Ints
+    rings: Rings | None
+    scene: str | None
+    water: WaterState | None
 
     @classmethod
-    def of(cls, result: FilterResult, layout: Layout = PLAIN) -> "Diagnostics":
+    def of(cls, result: FilterResult) -> "Diagnostics":
         """Return the statistics of a filtered frame."""
-        frame, counts = result.frame, [int(count) for count in result.counts]
-        known = dict(zip((*_SIZES, *_REASONS), (frame.index, frame.size, *counts), strict=True))
-        numbers = {name: known[name] for name in layout.numbers}
-        water = astuple(result.water) if result.water else [math.nan] * len(WATER_COLUMNS)
-        measures = dict(zip(WATER_COLUMNS, water, strict=True)) if layout.measures else {}
-        rings = asdict(result.rings) if result.rings else {}
-        names = ("thresholds", "corrections", "points", "low_intensity", "outliers")
-        arrays = {
-            name: np.asarray(rings.get(ring, ()), dtype)
-            for (name, dtype), ring in zip(_ARRAYS.items(), names, strict=True)
+        frame = result.frame
+        place = frame.topic, frame.index, frame.stamp_ns, frame.size
+        return cls(*place, result.counts, result.rings, result.scene, result.water)
+
+    def content(self, layout: Layout = PLAIN) -> Content:
+        """Return the values of the fields of a message.
+
+        The arrays have one value per range ring and are empty without range rings, the scene is empty for methods that
+        do not distinguish scenes, and the measures of the water are NaN where there is none.
+        """
+        known = dict(zip((*_SIZES, *_REASONS), (self.frame, self.points_in, *self.counts.tolist()), strict=True))
+        rings = vars(self.rings).values() if self.rings else [()] * len(_ARRAYS)
+        water = astuple(self.water) if self.water else [math.nan] * len(WATER_COLUMNS)
+        return {
+            "stamp": Time(self.stamp_ns),
+            "topic": self.topic,
+            "scene": self.scene or "",
+            **{name: known[name] for name in layout.numbers},
+            **{name: np.asarray(one, _ARRAYS[name]) for name, one in zip(_ARRAYS, rings, strict=False)},
+            **dict(zip(layout.measures, water, strict=False)),
         }
-        return cls(frame.stamp_ns, frame.topic, numbers, arrays, result.scene or "", measures)
-
-    @property
-    def content(self) -> Content:
-        """Values of the fields of the message."""
-        texts = {"topic": self.topic, "scene": self.scene}
-        return {"stamp": Time(self.stamp_ns), **texts, **self.numbers, **self.arrays, **self.measures}
-
-    @property
-    def counts(self) -> Ints:
-        """Points for each `Reason`, shape (9,), as in `FilterResult.counts`."""
-        return np.array([self.numbers.get(name, 0) for name in ("points_out", *_REASONS)], np.int64)
-
-    @property
-    def rings(self) -> Rings | None:
-        """Values of the range rings; None for methods without range rings."""
-        if not len(self.arrays["thresholds"]):
-            return None
-        integers = (self.arrays[name].astype(np.int64) for name in list(_ARRAYS)[2:])
-        return Rings(self.arrays["thresholds"], self.arrays["corrections"], *integers)
-
-    @property
-    def water(self) -> WaterState | None:
-        """The water; None where there is none, and for methods that do not estimate it."""
-        known = self.measures and not any(map(math.isnan, self.measures.values()))
-        return WaterState(*(self.measures[name] for name in WATER_COLUMNS)) if known else None
 
 
 def _definition(layout: Layout) -> str:
@@ -154,9 +134,12 @@ def read_diagnostics(data: Buffer, encoding: str, schema: str = PLAIN.name) -> D
             found = vars(read(data, layout.type))
             stamp_ns = found["stamp"].sec * NANO + found["stamp"].nanosec
         numbers = {name: int(found[name]) for name in layout.numbers}
-        measures = {name: math.nan if found[name] is None else float(found[name]) for name in layout.measures}
-        arrays = {name: np.asarray(found[name], dtype) for name, dtype in _ARRAYS.items()}
-        texts = [str(found[name]) for name in ("topic", "scene")]
+        measures = [math.nan if found[name] is None else float(found[name]) for name in layout.measures]
+        arrays = [np.asarray(found[name], dtype) for name, dtype in _ARRAYS.items()]
+        place, scene = (str(found["topic"]), numbers["frame"], stamp_ns, numbers["points_in"]), str(found["scene"])
     except Exception as error:  # the library does not document its errors for invalid bytes
         raise InputError(f"{TOPIC}: invalid message ({error!r})") from error
-    return Diagnostics(stamp_ns, texts[0], numbers, arrays, texts[1], measures)
+    counts = np.array([numbers.get(name, 0) for name in ("points_out", *_REASONS)], np.int64)
+    water = WaterState(*measures) if measures and not any(map(math.isnan, measures)) else None
+    rings = Rings(*arrays[:2], *(one.astype(np.int64) for one in arrays[2:])) if len(arrays[0]) else None
+    return Diagnostics(*place, counts, rings, scene or None, water)

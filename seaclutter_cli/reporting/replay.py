@@ -70,8 +70,8 @@ def replay(source: Source, topic: str, selection: Selection) -> Iterator[FilterR
             except InputError as error:
                 source.report(str(error), len(record.data), 1)
                 continue
-            if found.topic == topic and found.numbers["points_in"] == frame.size:
-                yield FilterResult(frame, _reasons(frame, removed), found.rings, found.scene or None, found.water)
+            if found.topic == topic and found.points_in == frame.size:
+                yield FilterResult(frame, _reasons(frame, removed), found.rings, found.scene, found.water)
                 frame = removed = None
 
 

@@ -355,8 +355,7 @@ def _read_rows(complete: FilterOutcome, table: FrameTable) -> bool:
                     continue
                 name = record.channel.schema.name if record.channel.schema else ""
                 one = read_diagnostics(record.data, record.channel.message_encoding, name)
-                place = one.topic, one.numbers["frame"], one.stamp_ns, one.numbers["points_in"]
-                table.write_row(complete.recording, place, one.counts, one.rings, one.scene, one.water)
+                table.write_row(complete.recording, one)
                 found[one.topic] += 1
     except InputError:
         return False

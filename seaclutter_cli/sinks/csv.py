@@ -5,9 +5,9 @@ import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import astuple
 
-from seaclutter_cli.arrays import Ints
-from seaclutter_cli.frame import WATER_COLUMNS, WATER_REASONS, FilterResult, Reason, Rings, WaterState
+from seaclutter_cli.frame import WATER_COLUMNS, WATER_REASONS, FilterResult, Reason
 from seaclutter_cli.interfaces import Sink, Source
+from seaclutter_cli.messages.diagnostics import Diagnostics
 from seaclutter_cli.records import Channel
 from seaclutter_cli.text import harmless
 
@@ -44,28 +44,18 @@ class FrameTable(Sink):
 
     def write(self, result: FilterResult) -> None:
         """Write the row of a frame."""
-        frame = result.frame
-        place = frame.topic, frame.index, frame.stamp_ns, frame.size
-        self.write_row(self._recording, place, result.counts, result.rings, result.scene, result.water)
+        self.write_row(self._recording, Diagnostics.of(result))
 
-    def write_row(
-        self,
-        recording: str,
-        place: tuple[str, int, int, int],
-        counts: Ints,
-        rings: Rings | None,
-        scene: str | None,
-        water: WaterState | None,
-    ) -> None:
-        """Write the row of a frame, given its topic, index, stamp in nanoseconds and number of points as ``place``."""
+    def write_row(self, recording: str, one: Diagnostics) -> None:
+        """Write the row of a frame."""
+        rings, counts = one.rings, one.counts
         states = [""] * 2 * self._rings if rings is None else [*rings.thresholds.tolist(), *rings.corrections.tolist()]
-        scenes = [scene or ""] if self._scenes else []
+        scenes = [one.scene or ""] if self._scenes else []
         # To a tenth of a millimetre or of a thousandth of a degree.
-        values = [round(value, 4) for value in astuple(water)] if water else [""] * len(WATER_COLUMNS)
+        values = [round(value, 4) for value in astuple(one.water)] if one.water else [""] * len(WATER_COLUMNS)
         waters = [*(counts[reason] for reason in WATER_REASONS), *values] if self._water else []
-        by_reason = (counts[reason] for reason in _REASONS)
-        row = (recording, *place, *by_reason, counts[Reason.KEPT], *states, *scenes, *waters)
-        self._write(csv_line(row))
+        numbers = one.frame, one.stamp_ns, one.points_in, *(counts[reason] for reason in (*_REASONS, Reason.KEPT))
+        self._write(csv_line((recording, one.topic, *numbers, *states, *scenes, *waters)))
 
 
 def csv_line(values: Iterable[object]) -> bytes:

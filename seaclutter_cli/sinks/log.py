@@ -205,7 +205,7 @@ class LogSink(ExitStack, Sink):
             encoding, schema, serialise = diagnostics_format(text, layout)
             number, name = self._shared_channel(Channel(_NEW, name, encoding, schema), taken)
             self._topics[name] = replace(known, content=DIAGNOSTICS)
-            outputs.append((number, lambda result: serialise(Diagnostics.of(result, layout).content)))
+            outputs.append((number, lambda result: serialise(Diagnostics.of(result).content(layout))))
         if options.scene or options.objects:
             from seaclutter_cli.messages import scene as boxes  # most runs write none
         if scene := options.scene:
