@@ -152,24 +152,17 @@ def island_cells(
     belong to an island, and that one cell of it must exceed; ``also``, shape (S, 256, 256), optional: cells that make
     an island of those that touch them.
     """
-    levels, heights, islands_m = (np.broadcast_to(value, opened.shape) for value in (level_m, height_m, island_m))
-    land, high = (np.zeros(opened.shape, np.bool_) for _ in range(2))
-    for slot, (lowest, surface) in enumerate(zip(grid.lowest, opened, strict=True)):
-        known, above = np.isfinite(lowest), levels[slot] + heights[slot]
-        land[slot] = (surface > above) | (known & (lowest > above))
-        highest = np.where(known, np.maximum(surface, lowest), surface)
-        high[slot] = (surface > above) & (highest > levels[slot] + islands_m[slot])
-        if also is not None:
-            land[slot] |= also[slot]
-            high[slot] |= also[slot]
+    highest = np.where(np.isfinite(grid.lowest), np.maximum(opened, grid.lowest), opened)
+    land = highest > level_m + height_m
+    high = (opened > level_m + height_m) & (highest > level_m + island_m)
+    if also is not None:
+        land, high = land | also, high | also
     if not high.any():
         return high
     number, group = joined_cells(land, grid.blocks)
     islands = np.zeros(len(group), np.bool_)
     islands[group[number[high]]] = True
-    for slot, inside in enumerate(number):
-        land[slot] = islands[group[inside]]
-    return land
+    return islands[group[number]]
 
 
 def commonest_level(grid: ElevationGrid, opened: Cells, step_m: float) -> float:

@@ -1,7 +1,7 @@
 """Waves in windows of a tile, and of its water: height, length and oscillation of the lowest echo of each cell."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -49,15 +49,9 @@ class WindowWaves:
 
     def features(self, level_m: Floats) -> dict[str, Floats]:
         """Return the features of squares with these levels."""
-        return {
-            "waves: deviation": self.deviation_m,
-            "waves: depth": self.depth,
-            "waves: length": self.length_m,
-            "waves: tilt": self.tilt,
-            "waves: skew": self.skew,
-            "waves: tail": self.tail,
-            "waves: above": np.abs(level_m - self.level_m) / (self.deviation_m + 0.02),
-        }
+        above = np.abs(level_m - self.level_m) / (self.deviation_m + 0.02)
+        named = {one.name.removesuffix("_m"): getattr(self, one.name) for one in fields(self)[1:]}
+        return {f"waves: {name}": values for name, values in {**named, "above": above}.items()}
 
 
 def window_waves(looks: Iterable[Cells], cell_m: float, index: Ints) -> WindowWaves:
