@@ -16,14 +16,8 @@ from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
 ALARM_COLUMNS = (
-    "targets",
-    "visible",
-    "detected",
-    "omitted_alarms",
-    "clusters",
-    "false_alarms",
-    "points_in",
-    "points_out",
+    *("targets", "visible", "detected", "omitted_alarms"),
+    *("clusters", "false_alarms", "points_in", "points_out"),
 )
 POINT_COLUMNS = ("target_points_in", "target_points_out", "clutter_points_in", "clutter_points_out")
 

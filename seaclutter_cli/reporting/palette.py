@@ -4,30 +4,20 @@ from collections.abc import Mapping, Sequence
 
 from seaclutter_cli.frame import Reason
 
-REASONS: Mapping[Reason, str] = {
-    Reason.KEPT: "#14213d",
-    Reason.LOW_INTENSITY: "#3f95e8",
-    Reason.OUTLIER: "#d1661a",
-    Reason.NEAR: "#8b8f94",
-    Reason.FAR: "#0b6b50",
-    Reason.EXCLUDED: "#8a2bb0",
-    Reason.INVALID: "#e6d07a",
-    Reason.UNCONFIRMED: "#870f1e",
-    Reason.MIRRORED: "#876996",
+_REASONS = {
+    Reason.KEPT: ("#14213d", "kept"),
+    Reason.LOW_INTENSITY: ("#3f95e8", "low intensity"),
+    Reason.OUTLIER: ("#d1661a", "outlier"),
+    Reason.NEAR: ("#8b8f94", "nearer than start_m"),
+    Reason.FAR: ("#0b6b50", "far (beyond end_m)"),
+    Reason.EXCLUDED: ("#8a2bb0", "excluded (own structure)"),
+    Reason.INVALID: ("#e6d07a", "invalid"),
+    Reason.UNCONFIRMED: ("#870f1e", "unconfirmed"),
+    Reason.MIRRORED: ("#876996", "mirrored below the water"),
 }
+REASONS: Mapping[Reason, str] = {reason: color for reason, (color, _) in _REASONS.items()}
 """Colour of each reason, in the order of tables and legends."""
-
-REASON_NAMES: Mapping[Reason, str] = {
-    Reason.KEPT: "kept",
-    Reason.LOW_INTENSITY: "low intensity",
-    Reason.OUTLIER: "outlier",
-    Reason.NEAR: "nearer than start_m",
-    Reason.FAR: "far (beyond end_m)",
-    Reason.EXCLUDED: "excluded (own structure)",
-    Reason.INVALID: "invalid",
-    Reason.UNCONFIRMED: "unconfirmed",
-    Reason.MIRRORED: "mirrored below the water",
-}
+REASON_NAMES: Mapping[Reason, str] = {reason: name for reason, (_, name) in _REASONS.items()}
 """Name of each reason in figures."""
 
 
