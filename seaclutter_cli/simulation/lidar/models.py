@@ -36,7 +36,7 @@ class NoiseParams:
 
 @dataclass(frozen=True)
 class Lidar:
-    """A rotating or flash lidar with K beams and C columns per frame.
+    """A lidar that rotates clockwise, or a flash lidar, with K beams and C columns per frame.
 
     Each beam, in firing order, has an elevation, an azimuth relative to its column, clockwise in top view, and a firing
     time from the start of its column. ``detection_m`` is the range at which a surface of reflectivity 0.1 at normal
@@ -55,7 +55,6 @@ class Lidar:
     min_range_m: float = 0.4
     range_noise_m: float = 0.02
     lens_m: float = 0.0
-    clockwise: bool = True
     rate_hz: float = 10.0
     field_deg: float = 360.0
     noise: NoiseParams = NoiseParams()
@@ -68,8 +67,8 @@ class Lidar:
 
     @property
     def step_rad(self) -> float:
-        """Angle from column to column in radians; negative if clockwise."""
-        return float(np.radians(self.field_deg)) / self.columns * (-1 if self.clockwise else 1)
+        """Angle from column to column in radians, counter-clockwise."""
+        return -float(np.radians(self.field_deg)) / self.columns
 
     @property
     def rotates(self) -> bool:
@@ -99,7 +98,7 @@ class Lidar:
         if not self.rotates:
             column = self.step_rad * (np.arange(self.columns) - (self.columns - 1) / 2)
             return np.repeat(column[:, None], len(self.elevations_deg), axis=1)
-        return (-1 if self.clockwise else 1) * self.times_s * self.rate_hz * 2 * np.pi
+        return -self.times_s * self.rate_hz * 2 * np.pi
 
     @cached_property
     def lenses(self) -> Floats:

@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from seaclutter_cli.arrays import Floats, Ints, Rng
+from seaclutter_cli.arrays import Floats, Ints, Mask, Rng
 from seaclutter_cli.params import NotNegative, Positive, Share, key
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
 from seaclutter_cli.simulation.marine.motion import Pose
@@ -18,6 +18,16 @@ _RADII_M = np.geomspace(1.5, 130.0, 220)
 _ROWS = 1800
 _ROW_GAP = 16.0
 _MAX_TANGENT = 7.0
+
+
+class Hits(NamedTuple):
+    """Shots that meet the water, W of them: their indices, distances, directions, and positions on the water."""
+
+    shots: Ints
+    distance_m: Floats
+    rays: Floats
+    x: Floats
+    y: Floats
 
 
 class MarineWater:
@@ -41,11 +51,7 @@ class MarineWater:
 
     def __init__(self, sea: "SeaTerrain", time_s: float) -> None:
         self._params, self._wakes, self._seed, self.time_s = sea.params, sea.wakes, sea.seed, time_s
-        self._surface = sea.waves.at(time_s)
-        spread = self._surface.heights[::4, ::4].astype(np.float64)
-        # Waves break at their crests, so whitecaps cover the highest part of the surface.
-        share = whitecap_share(sea.params.wind_ms)
-        self._crest = float(np.quantile(spread, 1 - share)) if share else np.inf
+        self._surface, self._foam = sea.waves.at(time_s), sea.foam
 
     def height_and_slopes(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
         """Return height in metres and slopes along x and y at given positions, shape (N,) each."""
@@ -54,27 +60,37 @@ class MarineWater:
 
     def add_echoes(self, shots: Shots, echoes: Echoes, rng: Rng) -> None:
         """Add the echoes of the water and of spray."""
-        hit, distance = self._intersect(shots)
-        rays = shots.directions[hit]
-        positions = shots.origins[hit] + distance[:, None] * rays
-        x, y = positions[:, 0], positions[:, 1]
-        slope_x, slope_y = self._surface.slope(x, y)
-        facing = (rays[:, 0] * slope_x + rays[:, 1] * slope_y - rays[:, 2]) / np.sqrt(slope_x**2 + slope_y**2 + 1)
-        shape = self._params.spikiness
-        speckle = rng.gamma(shape, 1 / shape, len(hit)) * rng.standard_exponential(len(hit))
-        reflectance = self._params.reflectivity * np.clip(facing, 0.0, 1.0) * speckle
-        cover = (self._surface.height(x, y) >= self._crest).astype(np.float64)
+        self._hits = hits = self._intersect(shots)
+        cover = self.whitecaps(hits.x, hits.y)
         for wake in self._wakes:
-            cover = np.maximum(cover, wake.foam(x, y, self.time_s))
-        foamy = cover > patches(x, y, self._seed)
-        foam = self._params.foam_reflectivity * rng.random(len(hit)) * rng.standard_exponential(len(hit))
-        depth = DIVERGENCE_RAD * distance / np.maximum(-rays[:, 2], 1e-6)  # of the water that a beam lights
-        echoes.add(hit, distance, np.where(foamy, foam, reflectance) * np.minimum(1.0, PULSE_M / depth), CLUTTER)
-        for wake in self._wakes:
-            wake.add_spray_echoes(shots, echoes, self.time_s, self._params.foam_reflectivity, rng)
+            cover = np.maximum(cover, wake.foam(hits.x, hits.y, self.time_s))
+        foamy = cover > patches(hits.x, hits.y, self._seed)
+        depth = DIVERGENCE_RAD * hits.distance_m / np.maximum(-hits.rays[:, 2], 1e-6)  # of the water that a beam lights
+        reflectance = self._reflectance(hits, foamy, np.minimum(1.0, PULSE_M / depth), rng)
+        echoes.add(hits.shots, hits.distance_m, reflectance, CLUTTER)
+        self._add_wakes(shots, echoes, rng)
 
-    def _intersect(self, shots: Shots) -> tuple[Ints, Floats]:
-        """Return the shots that hit the water, and their distances in metres."""
+    def whitecaps(self, x: Floats, y: Floats) -> Floats:
+        """Return the share of the water under whitecaps, shape (N,): they cover the crests, where waves break."""
+        share, spread = whitecap_share(self._params.wind_ms), self._surface.heights[::4, ::4].astype(np.float64)
+        crest = float(np.quantile(spread, 1 - share)) if share else np.inf
+        return (self._surface.height(x, y) >= crest).astype(np.float64)
+
+    def _reflectance(self, hits: Hits, foamy: Mask, peak: Floats, rng: Rng) -> Floats:
+        """Return the reflectance of water and foam, given the peaks of echoes that are spread in time."""
+        slope_x, slope_y = self._surface.slope(hits.x, hits.y)
+        rays, shape, count = hits.rays, self._params.spikiness, len(hits.shots)
+        facing = (rays[:, 0] * slope_x + rays[:, 1] * slope_y - rays[:, 2]) / np.sqrt(slope_x**2 + slope_y**2 + 1)
+        speckle = rng.gamma(shape, 1 / shape, count) * rng.standard_exponential(count)
+        water = self._params.reflectivity * np.clip(facing, 0.0, 1.0) * speckle
+        foam = self._foam * rng.random(count) * rng.standard_exponential(count)
+        return np.where(foamy, foam, water) * peak
+
+    def _add_wakes(self, shots: Shots, echoes: Echoes, rng: Rng) -> None:
+        for wake in self._wakes:
+            wake.add_spray_echoes(shots, echoes, self.time_s, self._foam, rng)
+
+    def _intersect(self, shots: Shots) -> Hits:
         origin = shots.origins.mean(axis=0)
         angles = 2 * np.pi / _ROWS * np.arange(_ROWS)
         x = origin[0] + np.outer(np.cos(angles), _RADII_M)
@@ -99,7 +115,8 @@ class MarineWater:
         below = tangent * _RADII_M[first] + mast[row] - heights[row, first]
         share = np.clip(above / np.where(above > below, above - below, 1.0), 0.0, 1.0)
         radius = _RADII_M[first - 1] + share * (_RADII_M[first] - _RADII_M[first - 1])
-        return hit, radius / flat[hit]
+        distance, rays = radius / flat[hit], shots.directions[hit]
+        return Hits(hit, distance, rays, *(shots.origins[hit] + distance[:, None] * rays)[:, :2].T)
 
 
 class SeaTerrain:
@@ -110,7 +127,7 @@ class SeaTerrain:
     """
 
     def __init__(self, params: SeaParams, hulls: Sequence[Any], own_length_m: float, seed: int) -> None:
-        self.params, self.seed = params, seed
+        self.params, self.seed, self.foam = params, seed, params.foam_reflectivity
         self.waves = Sea(params, np.random.default_rng([seed, 0]))
         self.motion = self.waves.swell(2 * own_length_m)
         self.wakes = [Wake(track, length, width, params.foam_lifetime_s) for track, length, width in hulls]

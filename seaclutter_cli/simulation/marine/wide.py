@@ -1,21 +1,20 @@
 """A sea that reflects as published physics has it, and what it, the air and own ship add to a frame."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.special import gammaincinv
 
-from seaclutter_cli.arrays import Floats, Ints, Rng
+from seaclutter_cli.arrays import Floats, Mask, Rng
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots, extinction
 from seaclutter_cli.simulation.marine import physics as optics
 from seaclutter_cli.simulation.marine.bodies import PlacedBody, add_body_echoes
 from seaclutter_cli.simulation.marine.motion import Pose
-from seaclutter_cli.simulation.marine.physics import DIVERGENCE_RAD, PULSE_M, PhysicsParams, Weather
+from seaclutter_cli.simulation.marine.physics import PhysicsParams, Weather
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.simulation.marine.sea import GRAVITY, SeaParams, add_droplet_echoes, patches
-from seaclutter_cli.simulation.marine.terrain import MarineWater, SeaTerrain
+from seaclutter_cli.simulation.marine.terrain import Hits, MarineWater, SeaTerrain
 from seaclutter_cli.truth import CLUTTER
 
 _DRIFT = 0.03
@@ -30,16 +29,6 @@ _RETRO_M = 0.3
 _BLOOM = 0.02
 _BLOOM_M = 0.05
 _WIDTHS = 3.0
-
-
-@dataclass(frozen=True)
-class Hits:
-    """Shots that meet the water, W of them: their indices, distances, normals, and cosines of incidence on the wave."""
-
-    shots: Ints
-    distance_m: Floats
-    normals: Floats
-    cosines: Floats
 
 
 class WideSea(SeaTerrain):
@@ -88,68 +77,43 @@ class WideWater(MarineWater):
         super().__init__(sea, time_s)
         self._wide, self._physics, self._wavelength_nm = sea, sea.physics, sea.lidar.wavelength_nm
 
-    def hits(self, shots: Shots) -> Hits:
-        """Return where shots meet the water."""
-        hit, distance = self._intersect(shots)
-        rays = shots.directions[hit]
-        positions = shots.origins[hit] + distance[:, None] * rays
-        slope_x, slope_y = self._surface.slope(positions[:, 0], positions[:, 1])
+    def _reflectance(self, hits: Hits, foamy: Mask, peak: Floats, rng: Rng) -> Floats:
+        slope_x, slope_y = self._surface.slope(hits.x, hits.y)
         normals = np.stack((-slope_x, -slope_y, np.ones_like(slope_x)), axis=1).astype(np.float64)
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        return Hits(hit, distance, normals, np.clip(-np.einsum("ij,ij->i", rays, normals), 0.0, 1.0))
-
-    def add_echoes(self, shots: Shots, echoes: Echoes, rng: Rng) -> None:
-        """Add the echoes of water, foam, wakes and spray."""
-        hits, physics = self.hits(shots), self._physics
-        self._hits = hits
-        rays = shots.directions[hits.shots]
-        x, y = (shots.origins[hits.shots] + hits.distance_m[:, None] * rays)[:, :2].T
-        reflectance = optics.water_reflectance(hits.cosines, self._wavelength_nm, physics.backscatter)
-        reflectance *= self._texture(x, y)
-        reflectance += optics.facet_reflectance(hits.cosines, self._wavelength_nm, physics.ripple_variance)
-        cover = self.whitecaps(x, y)
-        for wake in self._wakes:
-            cover = np.maximum(cover, wake.foam(x, y, self.time_s))
-        foamy = cover > patches(x, y, self._seed)
-        reflectance[foamy] = self._wide.foam * patches(x, y, self._seed + 1)[foamy]
-        depth = DIVERGENCE_RAD * hits.distance_m / np.maximum(-rays[:, 2], 1e-6)
-        reflectance *= rng.standard_exponential(len(x)) * np.minimum(1.0, PULSE_M / depth)
-        echoes.add(hits.shots, hits.distance_m, reflectance, CLUTTER)
-        self._add_froth(shots, echoes, rng)
-        for wake in self._wakes:
-            wake.add_spray_echoes(shots, echoes, self.time_s, self._wide.foam, rng)
+        self._normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        self._cosines = np.clip(-np.einsum("ij,ij->i", hits.rays, self._normals), 0.0, 1.0)
+        reflectance = optics.water_reflectance(self._cosines, self._wavelength_nm, self._physics.backscatter)
+        reflectance *= self._texture(hits.x, hits.y)
+        reflectance += optics.facet_reflectance(self._cosines, self._wavelength_nm, self._physics.ripple_variance)
+        reflectance[foamy] = self._foam * patches(hits.x, hits.y, self._seed + 1)[foamy]
+        return reflectance * (rng.standard_exponential(len(foamy)) * peak)
 
     def _texture(self, x: Floats, y: Floats) -> Floats:
         """Return the texture at given positions, whose mean is 1, shape (N,)."""
-        physics, shape = self._physics, self._params.spikiness
-        along, across = self._drifted(x, y)
-        scale = 0.4 / physics.patch_m  # `patches` are 0.4 m wide
-        renewal = np.floor(self.time_s / physics.patch_s + patches(along * scale, across * scale, self._seed + 2))
-        drawn = patches(along * scale + 1000.0 * renewal, across * scale, self._seed + 3)
+        shape = self._params.spikiness
+        _, drawn = self._renewed(x, y, self._physics.patch_m, self._physics.patch_s, self._seed + 2)
         return np.asarray(np.interp(-np.log1p(-drawn), _DEPTHS, gammaincinv(shape, -np.expm1(-_DEPTHS)) / shape))
 
     def whitecaps(self, x: Floats, y: Floats) -> Floats:
         """Return the share of the water under whitecaps at given positions, shape (N,)."""
-        physics = self._physics
-        along, across = self._drifted(x, y)
-        scale = 0.4 / _WHITECAP_M
-        phase = self.time_s / (_CYCLE * physics.whitecap_s) + patches(along * scale, across * scale, self._seed + 4)
-        drawn = patches(along * scale + 1000.0 * np.floor(phase), across * scale, self._seed + 5)
-        mean = (1 - np.exp(-_CYCLE)) / _CYCLE
+        physics, mean = self._physics, (1 - np.exp(-_CYCLE)) / _CYCLE
+        age, drawn = self._renewed(x, y, _WHITECAP_M, _CYCLE * physics.whitecap_s, self._seed + 4)
         breaking = drawn < optics.whitecap_share(physics.wind_ms) * physics.shelter / mean
-        return np.asarray(breaking * np.exp(-_CYCLE * (phase % 1)))
+        return np.asarray(breaking * np.exp(-_CYCLE * age))
 
-    def _drifted(self, x: Floats, y: Floats) -> tuple[Floats, Floats]:
-        way = _DRIFT * self._physics.wind_ms * self.time_s
-        angle = np.radians(self._physics.wind_deg)
-        return x - way * np.cos(angle), y - way * np.sin(angle)
+    def _renewed(self, x: Floats, y: Floats, size_m: float, life_s: float, seed: int) -> tuple[Floats, Floats]:
+        """Return the age of patches that drift with the wind, in lifetimes, and a number that each has throughout."""
+        way, angle = _DRIFT * self._physics.wind_ms * self.time_s, np.radians(self._physics.wind_deg)
+        scale = 0.4 / size_m  # `patches` are 0.4 m wide
+        along, across = (x - way * np.cos(angle)) * scale, (y - way * np.sin(angle)) * scale
+        phase = self.time_s / life_s + patches(along, across, seed)
+        return phase % 1, patches(along + 1000.0 * np.floor(phase), across, seed + 1)
 
-    def _add_froth(self, shots: Shots, echoes: Echoes, rng: Rng) -> None:
+    def _add_wakes(self, shots: Shots, echoes: Echoes, rng: Rng) -> None:
         physics, hits = self._physics, self._hits
-        rays, origins = shots.directions[hits.shots], shots.origins[hits.shots]
         height = physics.wake_height_m * rng.standard_exponential(len(hits.shots))
-        distance = np.maximum(hits.distance_m - height / np.maximum(-rays[:, 2], 1e-6), 0.0)
-        x, y = (origins + distance[:, None] * rays)[:, :2].T
+        distance = np.maximum(hits.distance_m - height / np.maximum(-hits.rays[:, 2], 1e-6), 0.0)
+        x, y = (shots.origins[hits.shots] + distance[:, None] * hits.rays)[:, :2].T
         strength = np.zeros(len(x))
         if physics.wash_m:
             own_x, own_y, heading = self._own(self.time_s)
@@ -163,6 +127,7 @@ class WideWater(MarineWater):
             physics.wake_reflectivity * optics.foam_share(self._wavelength_nm) * rng.standard_exponential(len(met))
         )
         echoes.add(hits.shots[met], distance[met], reflectance, CLUTTER)
+        super()._add_wakes(shots, echoes, rng)
 
     def _own(self, time_s: float) -> tuple[float, float, float]:
         x, y, heading = (float(one[0]) for one in self._wide.own.track.at(np.array([time_s])))
@@ -184,11 +149,10 @@ class WideWater(MarineWater):
         """
         variance, hits = self._physics.ripple_variance, self._hits
         wet = echoes.range_m[hits.shots] >= hits.distance_m
-        shot, way, cosines = hits.shots[wet], hits.distance_m[wet], hits.cosines[wet]
-        normals = hits.normals[wet]
+        shot, way, rays = hits.shots[wet], hits.distance_m[wet], hits.rays[wet]
+        cosines, normals = self._cosines[wet], self._normals[wet]
         normals[:, :2] += np.sqrt(variance / 2) * rng.standard_normal((len(shot), 2))
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        rays = shots.directions[shot]
         mirrored = Shots(shots.origins.copy(), shots.directions.copy(), shots.azimuths)
         mirrored.origins[shot] += way[:, None] * rays
         mirrored.directions[shot] = rays - 2 * np.einsum("ij,ij->i", rays, normals)[:, None] * normals
@@ -239,7 +203,7 @@ class WideWater(MarineWater):
             if 0 <= age_s < _SHEET_S:
                 pose, corners = self._sheet(time_s - age_s, age_s, draw)
                 density = _SHEET_DENSITY * np.exp(-age_s / 0.5)
-                add_droplet_echoes(shots, echoes, pose, corners, (density, self._wide.foam), rng)
+                add_droplet_echoes(shots, echoes, pose, corners, (density, self._foam), rng)
 
     def _sheet(self, start_s: float, age_s: float, draw: Rng) -> tuple[Pose, Floats]:
         """Return the pose and the corners of a sheet that was thrown up at a time."""
