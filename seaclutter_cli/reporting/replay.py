@@ -20,7 +20,6 @@ from seaclutter_cli.records import Message, Metadata
 from seaclutter_cli.selection import Selection
 
 _FILTERED, _REMOVED = "/filtered", "/removed"
-_MULTIPLIER = np.uint64(0x9E3779B97F4A7C15)
 
 
 def filtered_topics(source: Source) -> list[str]:
@@ -82,7 +81,11 @@ def _reasons(frame: Frame, message: Message) -> NDArray[np.uint8]:
     """
     raw = frame.cloud
     removed, reasons = removed_points(message)
-    indices = _find(_keys(removed.points, raw.dtype.itemsize), _keys(raw.points, raw.dtype.itemsize))
+    size = raw.dtype.itemsize
+    points = (np.ascontiguousarray(one.points).view(np.uint8).reshape(one.size, -1) for one in (removed, raw))
+    alike = np.concatenate([one[:, :size] for one in points]).view(f"V{size}").reshape(-1)
+    keys = np.unique(alike, return_inverse=True)[1].reshape(-1)
+    indices = _find(keys[: removed.size], keys[removed.size :])
     if indices is None:
         raise CloudError(f"frame {frame.index}: a removed point is not in the raw cloud")
     reason = np.full(raw.size, Reason.KEPT, np.uint8)
@@ -90,19 +93,7 @@ def _reasons(frame: Frame, message: Message) -> NDArray[np.uint8]:
     return reason
 
 
-def _keys(points: NDArray[np.void], size: int) -> NDArray[np.uint64]:
-    """Return a hash of the first ``size`` bytes of each point, shape (N,)."""
-    raw = np.ascontiguousarray(points).view(np.uint8).reshape(len(points), points.dtype.itemsize)[:, :size]
-    words = np.zeros((len(raw), -(-size // 8) * 8), np.uint8)
-    words[:, :size] = raw
-    keys = np.zeros(len(raw), np.uint64)
-    for column in words.view("<u8").T:
-        keys = (keys ^ column) * _MULTIPLIER
-        keys ^= keys >> np.uint64(29)
-    return keys
-
-
-def _find(sought: NDArray[np.uint64], among: NDArray[np.uint64]) -> NDArray[np.int64] | None:
+def _find(sought: NDArray[np.int64], among: NDArray[np.int64]) -> NDArray[np.int64] | None:
     """Return the index of each key in ``among``, distinct indices for equal keys; None if a key is missing."""
     order, others = np.argsort(sought, kind="stable"), np.argsort(among, kind="stable")
     ranked = sought[order]
