@@ -22,8 +22,7 @@ from seaclutter_cli.paths import Identities, Identity, files_in
 from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.recordings import Outcome, data_of
-from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
-from seaclutter_cli.sinks.folders import why_kept
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup, why_kept
 from seaclutter_cli.sinks.formats import is_single_frame
 from seaclutter_cli.sources.recordings import Recording, metadata_beside
 from seaclutter_cli.text import count, harmless, named_folder
