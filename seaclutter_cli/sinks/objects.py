@@ -154,24 +154,12 @@ def rows_of(frame: FrameObjects, fix: Fix | None) -> Iterable[Sequence[object]]:
     numbers = np.column_stack((frame.centers, frame.sizes, frame.yaws, speed, course)).round(3) + 0.0
     tops = [round(top, 3) if np.isfinite(top) else "" for top in frame.tops_m.tolist()]
     places = on_earth(fix, frame.centers[:, :2]).round(8).tolist() if fix else [("", "")] * len(tops)
-    velocity = OVER_GROUND if frame.over_ground else RELATIVE
-    each = zip(
-        frame.tracks,
-        frame.states,
-        numbers.tolist(),
-        frame.points.tolist(),
-        frame.scores.round(3).tolist(),
-        tops,
-        (1 + frame.measured).tolist(),
-        frame.kinds,
-        frame.spans_ns.tolist(),
-        places,
-        strict=True,
-    )
-    for track, state, values, points, score, top, sides, kind, span, place in each:
+    velocity, scores = OVER_GROUND if frame.over_ground else RELATIVE, frame.scores.round(3).tolist()
+    points, sides, spans = frame.points.tolist(), (1 + frame.measured).tolist(), frame.spans_ns.tolist()
+    for k, values in enumerate(numbers.tolist()):
         yield (
-            *(frame.index, frame.stamp_ns, track, state, *values, velocity),
-            *(points, score, top, sides, kind, *span, *place),
+            *(frame.index, frame.stamp_ns, frame.tracks[k], frame.states[k], *values, velocity),
+            *(points[k], scores[k], tops[k], sides[k], frame.kinds[k], *spans[k], *places[k]),
         )
 
 
@@ -212,21 +200,13 @@ class LiveObjects:
 
 
 def _tracks(frame: FrameObjects) -> list[SceneTrack]:
-    each = zip(
-        frame.tracks,
-        frame.states,
-        frame.scores.tolist(),
-        frame.centers.tolist(),
-        frame.sizes.tolist(),
-        frame.yaws.tolist(),
-        frame.velocities.tolist(),
-        strict=True,
-    )
-    tracks = []
-    for number, state, score, center, size, yaw, (vx, vy) in each:
+    scores, velocities, tracks = frame.scores.tolist(), frame.velocities.tolist(), []
+    boxes = zip(frame.centers.tolist(), frame.sizes.tolist(), frame.yaws.tolist(), strict=True)
+    for k, (center, size, yaw) in enumerate(boxes):
+        number, state, (vx, vy) = frame.tracks[k], frame.states[k], velocities[k]
         text = f"{number}: {(vx * vx + vy * vy) ** 0.5:.1f} m/s" if state == CONFIRMED else f"{number}: {state}"
         box = SceneBox(center, size, yaw, _COLORS[state], text)
-        tracks.append(SceneTrack(str(number), state, score, box, (vx, vy)))
+        tracks.append(SceneTrack(str(number), state, scores[k], box, (vx, vy)))
     return tracks
 
 
