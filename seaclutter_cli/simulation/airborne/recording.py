@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
-from typing import Any
 from uuid import UUID
 
 import numpy as np
@@ -325,18 +324,10 @@ def record_tile(
     header.creation_date = _CREATION_DATE
     header.uuid = UUID(int=0)
     header.global_encoding.wkt = True  # LAS 1.4 requires it from point format 6; some readers check
-    empty = laspy.ScaleAwarePointRecord.zeros(0, header=header)
     with las_writer(path, header, TRUTH, whole=False, group=group) as write:
         for points in simulate_strips(scene):
-            write(_record(laspy, empty, points), {name: points[name] for name in TRUTH})
+            record = laspy.ScaleAwarePointRecord.zeros(len(points), header=header)
+            for name in (name for name in POINT.names or () if name not in TRUTH):
+                record[name] = points[name] / _ANGLE_UNIT_DEG if name == "scan_angle" else points[name]
+            write(record, {name: points[name] for name in TRUTH})
             on_strip(points)
-
-
-def _record(laspy: Any, empty: Any, points: Rows) -> Any:
-    record = laspy.ScaleAwarePointRecord.zeros(
-        len(points), point_format=empty.point_format, scales=empty.scales, offsets=empty.offsets
-    )
-    for name in POINT.names or ():
-        if name not in TRUTH:
-            record[name] = points[name] / _ANGLE_UNIT_DEG if name == "scan_angle" else points[name]
-    return record

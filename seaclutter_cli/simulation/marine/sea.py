@@ -1,5 +1,6 @@
 """The sea surface: random waves with a published spectrum, and the foam, waves and spray that vessels leave on it."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -175,7 +176,7 @@ _FOAM_SPEED_MS = 8.0
 _FOAM_COVER = 0.15
 _PATCH_M = 0.4
 _SPRAY_SPEED_MS = 4.0
-_MIN_WAVE_M = 0.05
+_LEAST_WAVE_SPEED_MS = np.sqrt(GRAVITY)  # their height at the bow is then 5 cm
 _DROPLETS_S_M2 = 0.0005
 
 
@@ -204,8 +205,7 @@ class Wake:
     def foam(self, x: Floats, y: Floats, time_s: float) -> Floats:
         """Return the share of the water under foam at given positions, shape (N,), from 0 to 1."""
         cover = np.zeros(len(x))
-        for leg in self.track.legs:
-            inside, behind, aside, age = self._behind(leg, x, y, time_s)
+        for leg, inside, behind, aside, age in self._behind(x, y, time_s):
             fresh = min(1.0, (leg.speed_ms / _FOAM_SPEED_MS) ** 2) * _FOAM_COVER
             half = self.width_m / 2 * np.maximum(1.0, behind / self.length_m) ** 0.2
             churned = np.exp(-((aside / half) ** 4)) * np.exp(-age / self.foam_lifetime_s)
@@ -217,11 +217,8 @@ class Wake:
     def height(self, x: Floats, y: Floats, time_s: float) -> Floats:
         """Return the height of the wake above the undisturbed sea at given positions, shape (N,), in metres."""
         rise = np.zeros(len(x))
-        for leg in self.track.legs:
+        for leg, inside, behind, aside, _ in self._behind(x, y, time_s, _LEAST_WAVE_SPEED_MS):
             steep = 0.1 * min(leg.speed_ms**2 / (2 * GRAVITY), 1.5)
-            if steep < _MIN_WAVE_M:
-                continue
-            inside, behind, aside, _ = self._behind(leg, x, y, time_s)
             wavelength = 2 / 3 * 2 * np.pi * leg.speed_ms**2 / GRAVITY
             arm = np.exp(-(((aside - self._arm(behind)) / (0.5 + 0.1 * behind)) ** 2))
             decay = np.maximum(1.0, behind / self.length_m) ** (-1 / 3)
@@ -231,27 +228,29 @@ class Wake:
     def _arm(self, behind: Floats) -> Floats:
         return np.asarray(self.width_m / 2 + behind * np.tan(KELVIN))
 
-    def _behind(self, leg: Leg, x: Floats, y: Floats, time_s: float) -> tuple[Ints, Floats, Floats, Floats]:
-        """Return positions in the wake of a leg, their distances astern and to the side of the bow, and their age."""
-        nothing = np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0)
-        if leg.speed_ms <= 0 or time_s <= leg.start_s - _LONGEST_S:
-            return nothing
-        cos, sin = np.cos(leg.heading_rad), np.sin(leg.heading_rad)
-        bow = leg.speed_ms * (time_s - leg.start_s) + self.length_m / 2
-        # Water that the leg has passed recently, between its start and its end; the first leg extends backwards.
-        first = bow - leg.speed_ms * _LONGEST_S
-        if leg is not self.track.legs[0]:
-            first = max(first, 0.0)
-        last = min(bow, leg.speed_ms * (leg.end_s - leg.start_s) + self.length_m / 2)
-        if last <= first:  # not there yet
-            return nothing
-        along = cos * x + (sin * y - (leg.x_m * cos + leg.y_m * sin))
-        passed = np.flatnonzero((along > first) & (along < last))
-        behind = bow - along[passed]
-        aside = np.abs(cos * (y[passed] - leg.y_m) - sin * (x[passed] - leg.x_m))
-        near = np.flatnonzero(aside < self._arm(behind) + 1 + 0.3 * behind)
-        behind = behind[near]
-        return passed[near], behind, aside[near], np.maximum(0.0, behind - self.length_m) / leg.speed_ms
+    def _behind(
+        self, x: Floats, y: Floats, time_s: float, slowest_ms: float = 0.0
+    ) -> Iterator[tuple[Leg, Ints, Floats, Floats, Floats]]:
+        """Yield legs, positions in their wakes, their distances astern and to the side of the bow, and their age."""
+        for leg in self.track.legs:
+            if not leg.speed_ms or leg.speed_ms < slowest_ms or time_s <= leg.start_s - _LONGEST_S:
+                continue
+            cos, sin = np.cos(leg.heading_rad), np.sin(leg.heading_rad)
+            bow = leg.speed_ms * (time_s - leg.start_s) + self.length_m / 2
+            # Water that the leg has passed recently, between its start and its end; the first leg extends backwards.
+            first = bow - leg.speed_ms * _LONGEST_S
+            if leg is not self.track.legs[0]:
+                first = max(first, 0.0)
+            last = min(bow, leg.speed_ms * (leg.end_s - leg.start_s) + self.length_m / 2)
+            if last <= first:  # not there yet
+                continue
+            along = cos * x + (sin * y - (leg.x_m * cos + leg.y_m * sin))
+            passed = np.flatnonzero((along > first) & (along < last))
+            behind = bow - along[passed]
+            aside = np.abs(cos * (y[passed] - leg.y_m) - sin * (x[passed] - leg.x_m))
+            near = np.flatnonzero(aside < self._arm(behind) + 1 + 0.3 * behind)
+            behind = behind[near]
+            yield leg, passed[near], behind, aside[near], np.maximum(0.0, behind - self.length_m) / leg.speed_ms
 
     def add_spray_echoes(self, shots: Shots, echoes: Echoes, time_s: float, reflectivity: float, rng: Rng) -> None:
         """Add the echoes of droplets, unless the vessel is too slow to throw up spray.
@@ -273,8 +272,7 @@ class Wake:
         ``reach_m`` behind the stern.
         """
         strength = np.zeros(len(x))
-        for leg in self.track.legs:
-            inside, behind, aside, _ = self._behind(leg, x, y, time_s)
+        for _, inside, behind, aside, _ in self._behind(x, y, time_s):
             half = self.width_m * np.maximum(1.0, behind / self.length_m) ** 0.2
             astern = np.clip(1 - (behind - self.length_m) / reach_m, 0.0, 1.0) * (behind > 0.6 * self.length_m)
             strength[inside] = np.maximum(strength[inside], astern * np.exp(-((aside / half) ** 4)))
