@@ -191,9 +191,8 @@ class Trees:
     def log_odds(self, table: NDArray[np.float32]) -> Floats:
         """Return the log odds of water, shape (N,), from features, shape (N, F)."""
         total, row = np.zeros(len(table), np.int64), np.arange(len(table))
-        for feature, child, threshold, missing, value in zip(
-            self.feature, self.child, self.threshold, self.missing, self.value, strict=True
-        ):
+        trees = zip(self.feature, self.child, self.threshold, self.missing, self.value, strict=True)
+        for feature, child, threshold, missing, value in trees:
             node = np.zeros(len(table), np.intp)
             while True:
                 own = table[row, feature[node]]

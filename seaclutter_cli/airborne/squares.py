@@ -158,7 +158,7 @@ class SquareEchoes:
         intensity, returns = column("intensity"), column("number_of_returns")
         classes = column("classification") if trusted else None
         size = squares_in(points.grid)
-        every, tall, surface, single, one, two, water, ground = np.zeros((8, size))
+        every, tall, surface, single, one, two, water, ground = sums = np.zeros((8, size))
         high = np.full(size, np.inf)
         high[squares.index] = squares.level_m + _TALL_M
         for own, z, cell in points:
@@ -180,8 +180,7 @@ class SquareEchoes:
                 value = np.nan_to_num(intensity[used]).astype(np.float64)
                 one += np.bincount(square, value, size)
                 two += np.bincount(square, value**2, size)
-        sums = np.stack((every, tall, surface, single, one, two, water, ground))[:, squares.index]
-        every, tall, surface, single, one, two, water, ground = sums
+        every, tall, surface, single, one, two, water, ground = sums[:, squares.index]
         unknown = np.full(len(every), np.nan)
         known = (single >= _LEAST_ECHOES) & (one > 0)
         mean = np.divide(one, single, out=unknown.copy(), where=known)

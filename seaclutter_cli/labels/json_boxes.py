@@ -215,7 +215,6 @@ SUSTECHPOINTS = JsonForm(
 )
 """Scenes of https://github.com/naurril/SUSTechPOINTS."""
 
-
 _TRUTH, _DETECTIONS = "_groundTruth.json", "_detections.json"
 _SENSORS = {"/lidar/detections": 1, "/radar/detections": 2}
 

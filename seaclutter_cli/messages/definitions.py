@@ -50,7 +50,6 @@ _LIVOX_MESSAGES = {
 }
 """Clouds of Livox's drivers for ROS 2."""
 
-
 _RENAMED = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
 
 

@@ -178,7 +178,6 @@ class _Items:
 
 _Node = _Block | _Text | _Absent | Struct | _Items
 
-
 Change = Callable[[Any], Any]
 """Function from values of one layout to those of another."""
 

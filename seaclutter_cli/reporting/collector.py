@@ -145,7 +145,6 @@ Density = tuple[float, float, float, NDArray[np.float32]]
 Columns go from 0 to the range that comes first, rows from the least to the greatest intensity.
 """
 
-
 T = TypeVar("T")
 
 _MIN_SPACING = 5

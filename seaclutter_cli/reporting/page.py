@@ -80,7 +80,7 @@ def _palette(methods: Sequence[Method]) -> dict[str, Any]:
 
 def _method(method: Method, history: History, summary: dict[str, Any], starts: NDArray[np.int64]) -> dict[str, Any]:
     counts, _, _ = binned(history["counts"], starts)
-    thresholds = binned(history["thresholds"], starts)
+    thresholds = zip(("", "_low", "_high"), binned(history["thresholds"], starts), strict=True)
     corrections, _, _ = binned(history["corrections"], starts)
     alarms, missed = history["false_alarms"], history["missed"] > 0
     water: dict[str, list[str]] | None = None
@@ -95,9 +95,7 @@ def _method(method: Method, history: History, summary: dict[str, Any], starts: N
         "totals": np.nansum(history["counts"], axis=0, dtype=np.float64).astype(int).tolist(),
         "mean_thresholds": mean_thresholds(history),
         "counts": _packed(counts.T, "<f4"),
-        "thresholds": _packed(thresholds[0].T, "<f4"),
-        "thresholds_low": _packed(thresholds[1].T, "<f4"),
-        "thresholds_high": _packed(thresholds[2].T, "<f4"),
+        **{f"thresholds{end}": _packed(one.T, "<f4") for end, one in thresholds},
         "corrections": _packed(corrections.T, "<f4"),
         "water": water,
         "scenes": {name: _packed(frames, "u1") for name, frames in history.scenes.items()},
@@ -179,8 +177,7 @@ def render_page(data: Mapping[str, Any]) -> bytes:
     parts = {"POLICY": policy, "STYLE": style, "SCRIPT": script, "DATA": text}
     page = _read("page.html")
     for name, part in parts.items():
-        before, mark, after = page.partition(f"%{name}%")
-        page = before + part + after if mark else page
+        page = page.replace(f"%{name}%", part, 1)
     return page.encode()
 
 

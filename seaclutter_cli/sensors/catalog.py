@@ -157,7 +157,6 @@ def _can_be(model: str, fields: Collection[str], rings: int | None) -> bool:
 ADVICE = "record the sensor_msgs/PointCloud2 of the maker's driver"
 """What to do with a sensor whose packets are not decoded."""
 
-
 _MEMS_ID = bytes.fromhex("55aa5aa5")
 _HESAI_MARK = b"\xee\xff"
 

@@ -93,15 +93,12 @@ class PacketDecoder(Protocol):
 
     def places(self, packets: Packets) -> Ints:
         """Return the place of each packet among those of the sensor, shape (P,): a number or a time; -1 without one."""
-        ...
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
         """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
-        ...
 
     def finish(self) -> Iterator[PacketFrame]:
         """Yield the remaining points as a partial frame."""
-        ...
 
 
 class PacketFamily(ABC):

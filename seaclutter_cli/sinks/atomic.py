@@ -69,11 +69,10 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         try:
             self._target.parent.mkdir(parents=mirror_of(path) is not None, exist_ok=True)
             self._create()
-        except OSError as error:
+        except BaseException as error:
             self.discard()
-            raise OutputError(f"{self.path}: cannot be written ({error.strerror})") from error
-        except BaseException:
-            self.discard()
+            if isinstance(error, OSError):
+                raise OutputError(f"{self.path}: cannot be written ({error.strerror})") from error
             raise
 
     def prepare(self, *, replace: bool = True) -> None:

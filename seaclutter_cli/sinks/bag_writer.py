@@ -25,7 +25,6 @@ _U32, _PAIR = struct.Struct("<I"), struct.Struct("<II")
 _NANO = 10**9
 _STRING_MD5 = "992ce8a1687cec8c8bd883ec73ca41d1"
 
-
 _LZ4 = {"block_linked": False, "content_checksum": True, "store_size": False}
 """Options that ROS 1 requires."""
 _COMPRESSIONS: Mapping[str, tuple[str, Callable[[bytearray], bytes | bytearray]]] = {

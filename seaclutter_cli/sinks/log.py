@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 _NEW = -1
 _MAX_CHANNELS = 2**16
 
-
 _Output = tuple[int, Callable[[FilterResult], Buffer]]
 """Channel id of the messages that are written for the frames of a cloud topic, and their encoder."""
 

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 FORMATS = ("mcap", "bag", "rosbag2-db3", "rosbag2-mcap", "pcd", "las", "laz", "npz")
 """The keys of `OUTPUT_FORMATS`, whose import would slow down the help."""
 
-
 TIMES = "times.txt"
 """File in a folder of frames with the time of each frame in seconds."""
 

@@ -116,17 +116,15 @@ class _Db3Writer(LogWriter):
     def add_channel(self, channel: Channel) -> None:
         self.channels[channel.id] = channel = _with_numbers(channel)
         assert channel.schema is not None  # noqa: S101 - translated channels have one
-        metadata, schema = dict(channel.metadata), channel.schema
-        checksum, qos = metadata.get("topic_type_hash", ""), metadata.get("offered_qos_profiles", "")
-        row = (channel.id, channel.topic, schema.name, channel.message_encoding, qos, checksum)
-        self._run("INSERT INTO topics VALUES (?, ?, ?, ?, ?, ?)", row)
+        topic, schema = _topic(channel), channel.schema
+        self._run("INSERT INTO topics VALUES (?, ?, ?, ?, ?, ?)", (channel.id, *topic.values()))
         if schema.name not in self._types:
             self._types.add(schema.name)
             columns = "(topic_type, encoding, encoded_message_definition, type_description_hash)"
             text = schema.data.decode("utf-8", "replace")
             self._run(
                 f"INSERT INTO message_definitions {columns} VALUES (?, ?, ?, ?)",  # noqa: S608 - no values
-                (schema.name, schema.encoding, text, checksum),
+                (schema.name, schema.encoding, text, topic["type_description_hash"]),
             )
 
     def put(self, channel: int, times_ns: tuple[int, int], sequence: int, data: Buffer) -> None:  # noqa: ARG002

@@ -241,11 +241,10 @@ def _assumed_device(model: RobosenseModel, azimuth: Ints) -> Device:
     if model.lasers == model.channels:
         dual = len(steps) > 0 and float((steps[:, ::2] == 0).mean()) > 0.5
         steps = steps[:, 1::2] if dual else steps
-        rotation_hz = _rotation_hz(steps, model.block_ns)
     else:
         # With dual returns, a block has one firing instead of two. At 5, 10 or 20 Hz, the azimuth step is ambiguous.
         dual = 0 < _rotation_hz(steps, 2 * model.block_ns) <= 5
-        rotation_hz = _rotation_hz(steps, model.block_ns * (1 if dual else 2))
+    rotation_hz = _rotation_hz(steps, model.block_ns * model.firings(dual=dual))
     details = {
         "return mode": "dual (inferred)" if dual else "single (inferred)",
         "distance unit": f"{model.unit_m * 1000:g} mm (assumed)",
