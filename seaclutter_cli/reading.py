@@ -100,11 +100,10 @@ class _Stamps:
             source.warn(f"{topic} has frames of several sensors (frame ids {next(iter(known))!r} and others)")
             if len(known) >= _MAX_SENSORS:
                 known.popitem()
-        stamp_ns, is_same = known.setdefault(cloud.frame_id, StampClock()).next(cloud.stamp_ns, message.log_time_ns)
-        if not is_same:
-            return frame
-        source.warn(StampClock.WARNING.format(topic))
-        return replace(frame, stamp_ns=stamp_ns)
+        stamp_ns, text = known.setdefault(cloud.frame_id, StampClock()).next(cloud.stamp_ns, message.log_time_ns)
+        if text:
+            source.warn(f"{topic} {text}")
+        return frame if stamp_ns == cloud.stamp_ns else replace(frame, stamp_ns=stamp_ns)
 
 
 def with_attitudes(

@@ -125,15 +125,15 @@ class Damage:
 class StampClock:
     """Stamps of the clouds of one sensor; those that stand still go on with the log."""
 
-    WARNING = "{} has frames with the stamp of the one before; times between them are those of the log"
-
     def __init__(self) -> None:
         self._last = 0, 0
 
-    def next(self, stamp_ns: int, log_ns: int) -> tuple[int, bool]:
-        """Return the time of the next cloud, and whether its stamp is that of the one before."""
+    def next(self, stamp_ns: int, log_ns: int) -> tuple[int, str]:
+        """Return the time of the next cloud, and what is wrong with its stamp, if anything."""
         before_ns, since_ns = self._last
         if stamp_ns == before_ns:
-            return max(before_ns + log_ns - since_ns, before_ns), True
+            text = "has frames with the stamp of the one before; times between them are those of the log"
+            return max(before_ns + log_ns - since_ns, before_ns), text
         self._last = stamp_ns, log_ns
-        return stamp_ns, False
+        text = "has frames with an earlier stamp than the one before; times and velocities around them may be wrong"
+        return stamp_ns, text if stamp_ns < before_ns else ""

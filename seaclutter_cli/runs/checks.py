@@ -338,7 +338,7 @@ class FitChecks(Checks):
         if self._restarts:
             frames = f"{self._restarts:,} of {count(self._frames, 'frame')}"
             return f"; the stamps of {frames} step back or by more than 5 s, and objects are followed anew from there"
-        seconds = (self._last_ns - self._first_ns) / 1e9
+        seconds = abs(self._last_ns - self._first_ns) / 1e9
         return f"; the frames span only {seconds:.1f} s" if seconds < _ENOUGH_S else ""
 
     def checked(self, every: Iterable[Filtered]) -> Iterator[Filtered]:

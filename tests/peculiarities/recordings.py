@@ -94,6 +94,13 @@ def two_recorders(folder):
     return folder
 
 
+def stepping(folder):
+    """Write a log of three clouds whose stamps go backwards."""
+    late = enumerate(entries((2, 1, 0)))
+    rows = [entry._replace(log_time_ns=START_NS + number * PERIOD_NS) for number, entry in late]
+    return write_log(folder / "log.mcap", [cloud_topic("/points")], rows)
+
+
 SEA = [sea(number) for number in range(3)]
 CASES = [
     Case(
@@ -161,6 +168,20 @@ CASES = [
         frames=[np.concatenate([SEA[0]] * 2)] * 3,
         words=("--integrate", "200"),
         says=dict.fromkeys(("info", "filter", "convert"), "frames with the stamp of the one before"),
+    ),
+    *(
+        Case(
+            name=f"stamps that step back{joined}",
+            source="https://github.com/ros-drivers/velodyne/issues: a clock that is set back, drivers with threads",
+            build=stepping,
+            frames=SEA[::-1],
+            words=words,
+            says=dict.fromkeys(commands, "frames with an earlier stamp than the one before"),
+        )
+        for joined, words, commands in (
+            ("", (), ("info", "filter", "evaluate")),
+            (", joined", ("--integrate", "50"), ("info", "filter", "evaluate", "convert")),
+        )
     ),
     Case(
         name="wrong row_step",

@@ -92,9 +92,9 @@ class Integrated(SourceWrapper):
         """Add a cloud, and yield the joined cloud of the window before if it begins another one."""
         stamp_ns = message.log_time_ns
         if cloud.stamp_ns:
-            stamp_ns, is_same = window.clock.next(cloud.stamp_ns, stamp_ns)
-            if is_same:
-                self.warn(StampClock.WARNING.format(message.channel.topic))
+            stamp_ns, text = window.clock.next(cloud.stamp_ns, stamp_ns)
+            if text:
+                self.warn(f"{message.channel.topic} {text}")
         if window.first_ns is None or stamp_ns < window.first_ns + (window.number - 1) * self._window_ns:
             yield from self._join(message.channel, window, (message.log_time_ns, message.publish_time_ns))
             window.first_ns, window.number = stamp_ns, 0  # the first cloud, or a clock that was set back
