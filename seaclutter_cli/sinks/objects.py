@@ -151,15 +151,15 @@ def rows_of(frame: FrameObjects, fix: Fix | None) -> Iterable[Sequence[object]]:
     The place of the lidar on earth is given if it is known.
     """
     speed, course = np.hypot(*frame.velocities.T), np.arctan2(frame.velocities[:, 1], frame.velocities[:, 0])
-    numbers = np.column_stack((frame.centers, frame.sizes, frame.yaws, speed, course)).round(3) + 0.0
-    tops = [round(top, 3) if np.isfinite(top) else "" for top in frame.tops_m.tolist()]
-    places = on_earth(fix, frame.centers[:, :2]).round(8).tolist() if fix else [("", "")] * len(tops)
+    numbers = np.column_stack((frame.centers, frame.sizes, frame.yaws, speed, course, frame.tops_m)).round(3) + 0.0
+    cells = [["" if math.isnan(value) else value for value in row] for row in numbers.tolist()]
+    places = on_earth(fix, frame.centers[:, :2]).round(8).tolist() if fix else [("", "")] * len(cells)
     velocity, scores = OVER_GROUND if frame.over_ground else RELATIVE, frame.scores.round(3).tolist()
     points, sides, spans = frame.points.tolist(), (1 + frame.measured).tolist(), frame.spans_ns.tolist()
-    for k, values in enumerate(numbers.tolist()):
+    for k, (*values, top) in enumerate(cells):
         yield (
             *(frame.index, frame.stamp_ns, frame.tracks[k], frame.states[k], *values, velocity),
-            *(points[k], scores[k], tops[k], sides[k], frame.kinds[k], *spans[k], *places[k]),
+            *(points[k], scores[k], top, sides[k], frame.kinds[k], *spans[k], *places[k]),
         )
 
 
@@ -200,7 +200,7 @@ class LiveObjects:
 
 
 def _tracks(frame: FrameObjects) -> list[SceneTrack]:
-    scores, velocities, tracks = frame.scores.tolist(), frame.velocities.tolist(), []
+    scores, velocities, tracks = frame.scores.tolist(), np.nan_to_num(frame.velocities).tolist(), []
     boxes = zip(frame.centers.tolist(), frame.sizes.tolist(), frame.yaws.tolist(), strict=True)
     for k, (center, size, yaw) in enumerate(boxes):
         number, state, (vx, vy) = frame.tracks[k], frame.states[k], velocities[k]

@@ -35,9 +35,10 @@ class FrameObjects:
     only in points that were removed, or not down to the water although a beam passes below it that nothing nearer
     meets, because targets float; or ``lost`` if it was not seen in this frame, but before and after. ``centers``
     and ``sizes``, shape (N, 3), ``yaws`` and ``velocities``, shape (N, 2), describe boxes; velocities are over ground
-    if ``over_ground``. ``tops_m`` are heights above the water, NaN where it is unknown. ``spans_ns``, shape (N, 2), are
-    the first and the last time of the track, as far as it is known ten seconds later. A box is ``measured`` if two of
-    its sides were seen; otherwise its width is at least that of a usual vessel. ``kinds`` are guesses of their classes.
+    if ``over_ground``, and NaN if they are not known, from one place only. ``tops_m`` are heights above the water, NaN
+    where it is unknown. ``spans_ns``, shape (N, 2), are the first and the last time of the track, as far as it is known
+    ten seconds later. A box is ``measured`` if two of its sides were seen; otherwise its width is at least that of a
+    usual vessel. ``kinds`` are guesses of their classes.
     """
 
     index: int
@@ -269,6 +270,7 @@ def _smoothed(
     own = [shapes[track] for track in lives.tracks]
     kinds = [guessed_class(size, shape.depth_m) for size, shape in zip(lives.sizes, own, strict=True)]
     at, velocity = smoothed(lives.places, lives.deviations, lives.times_s)
+    velocity[:, np.isfinite(lives.places[..., 0]).sum(axis=0) < 2] = np.nan  # one place shows no motion
     bodies = np.array([kind != STRUCTURE for kind in kinds], np.bool_)
     at[:, _are_parts(at[start:end], lives.yaws[start:end], lives.sizes, bodies)] = np.nan
     scores = np.array([track.score for track in lives.tracks])

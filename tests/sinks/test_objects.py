@@ -61,6 +61,22 @@ def test_the_greatest_speed_is_that_over_ground_if_it_was_measured_so():
         assert text in found.as_text()
 
 
+def test_one_place_shows_no_velocity():
+    lines = PackedRows()
+    table = ObjectTable(lines.write, lambda: Follower(1.5, 5))
+    table.begin(SimpleNamespace(name="trial"), [SimpleNamespace(topic="/points")])
+    for k in range(30):
+        stamp_ns = 10**9 + k * 10**8
+        if k:  # the first frame is the only one without a pose
+            table.copy(odometry(stamp_ns, 0.3 * k))
+        frame = Frame.of_arrays(BOAT, np.full(len(BOAT), 50.0), stamp_ns=stamp_ns, index=k)
+        table.write(FilterResult(frame, np.zeros(len(BOAT), np.uint8)))
+    table.end()
+    first, *others = [(row["velocity"], row["speed_ms"], row["course_rad"]) for row in rows_as_mappings(lines)]
+    assert first == ("own_ship", None, None)
+    assert {(velocity, round(speed)) for velocity, speed, _ in others} == {("ground", 3)}
+
+
 def test_places_on_earth_are_those_of_their_frames():
     lines = PackedRows()
     table = ObjectTable(lines.write, lambda: Follower(1.5, 5))
