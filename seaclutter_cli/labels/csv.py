@@ -159,8 +159,6 @@ class CsvLabels:
                 names = _names(first)
                 key = _check_header(path, names)
                 rows = list(_rows(path, names, key, lines, _delimiter(first)))
-        except OSError as error:
-            raise LabelError(f"{path}: {error.strerror}") from error
         except csv.Error as error:
             raise LabelError(f"{path}: line 1: {error}") from error
         except UnicodeDecodeError as error:

@@ -4,6 +4,7 @@ import math
 from bisect import bisect
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ from seaclutter_cli.errors import CloudError
 from seaclutter_cli.frame import Attitude
 from seaclutter_cli.messages.definitions import full_name
 from seaclutter_cli.messages.serialisation import Reader
-from seaclutter_cli.records import Channel, Message
+from seaclutter_cli.records import Channel, Message, Record
 
 _MAX_TRANSFORMS = 1000
 _KEPT, _MAX_EDGES, _MAX_DEPTH = 256, 256, 32
@@ -159,18 +160,14 @@ class Navigation:
         name = full_name(channel.schema.name) if channel.schema else ""
         return name in _READERS and _READERS[name] is not Navigation._satellites
 
-    def see(self, message: Message) -> None:
-        """Receive a message of any topic; those that cannot be read are left out."""
-        channel = message.channel
-        if channel.schema is None or channel.message_encoding not in ("cdr", "ros1"):
+    def see(self, record: Record) -> None:
+        """Receive a record of any topic; messages that cannot be read are left out."""
+        if not isinstance(record, Message) or record.channel.message_encoding not in ("cdr", "ros1"):
             return
-        read = _READERS.get(full_name(channel.schema.name))
-        if read is None:
-            return
-        try:
-            read(self, Reader(message.data, 1 if channel.message_encoding == "ros1" else 2), message)
-        except CloudError:
-            return
+        read = _READERS.get(full_name(record.channel.schema.name)) if record.channel.schema else None
+        if read is not None:
+            with suppress(CloudError):
+                read(self, Reader(record.data, 1 if record.channel.message_encoding == "ros1" else 2), record)
 
     def pose(self, frame_id: str, stamp_ns: int) -> tuple[float, float, float] | None:
         """Return position and yaw of a frame in one that is fixed, in metres and radians; None if it is not known."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Bytes
 from seaclutter_cli.cloud import Cloud, PointField
-from seaclutter_cli.errors import CloudError, MissingExtraError, UnsupportedCloudError
+from seaclutter_cli.errors import CloudError, UnsupportedCloudError, requiring
 from seaclutter_cli.limits import above, limits
 from seaclutter_cli.messages.serialisation import Header, Reader, RosCodec, Writer
 from seaclutter_cli.records import Buffer
@@ -164,10 +164,8 @@ def _unpack_draco(
     such as times, are left out. The attribute of each field has its index. `CloudError` if the data are damaged, or are
     not those of the cloud; `MissingExtraError` if the extra ``draco`` is not installed.
     """
-    try:
+    with requiring("a cloud compressed with Draco", "draco"):
         import DracoPy
-    except ImportError:
-        raise MissingExtraError("a cloud compressed with Draco", "draco") from None
     data = bytes(packed)
     if (found := _declared_points(data)) != points:  # the library allocates memory for them before it reads any
         raise CloudError(f"the Draco data have {found:,} points, the message has {points:,}")

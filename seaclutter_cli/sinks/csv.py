@@ -30,7 +30,6 @@ class FrameTable(Sink):
         self, write: Callable[[bytes], object], rings: int, *, scenes: bool = False, water: bool = False
     ) -> None:
         self._write, self._rings, self._scenes, self._water = write, rings, scenes, water
-        self._recording = ""
 
     def write_header(self) -> None:
         """Write the names of the columns."""

@@ -19,7 +19,7 @@ from seaclutter_cli.interfaces import Sink, Source
 from seaclutter_cli.messages.definitions import Content
 from seaclutter_cli.messages.navigation import Fix, Navigation, on_earth
 from seaclutter_cli.messages.scene import SceneBox, SceneTrack, detections
-from seaclutter_cli.records import Channel, Message, Record
+from seaclutter_cli.records import Channel, Record
 from seaclutter_cli.sinks.csv import csv_line, csv_lines
 from seaclutter_cli.tracking.detections import Pose
 from seaclutter_cli.tracking.follow import CANDIDATE, CONFIRMED, LOST, Follower, FrameObjects
@@ -77,26 +77,19 @@ class ObjectTable(Sink):
 
     def __init__(self, write: Callable[[bytes], object], new: Callable[[], Follower]) -> None:
         self._write, self._new = write, new
-        self._followers: dict[str, Follower] = {}
-        self._recording, self._navigation = "", Navigation()
-        self._source: Source | None = None
-        self._unplaced = 0
-        self._fixes: dict[str, deque[Fix | None]] = {}
         self.indices: list[int] = []
         self.tracks: dict[tuple[str, int], TrackSummary] = {}
         self.states: Counter[tuple[str, str]] = Counter()
 
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:
         """Start a recording."""
-        self._recording, self._navigation = source.name, Navigation()
-        self._source, self._unplaced = source, 0
+        self._source, self._navigation, self._unplaced = source, Navigation(), 0
         self._followers = {channel.topic: self._new() for channel in clouds}
-        self._fixes = {channel.topic: deque() for channel in clouds}
+        self._fixes: dict[str, deque[Fix | None]] = {channel.topic: deque() for channel in clouds}
 
     def copy(self, record: Record) -> None:
         """Receive messages about own ship's motion."""
-        if isinstance(record, Message):
-            self._navigation.see(record)
+        self._navigation.see(record)
 
     def write(self, result: FilterResult) -> None:
         """Follow the objects of a frame; write the rows of frames that are complete."""
@@ -112,14 +105,14 @@ class ObjectTable(Sink):
         """Write the rows of all frames that are left."""
         for topic, follower in self._followers.items():
             self._write_all(topic, follower.finish())
-        if self._source and self._unplaced and self._navigation.unplaced:
+        if self._unplaced and self._navigation.unplaced:
             frames = f"{self._unplaced:,} of {len(self.indices):,} frames"
             self._source.warn(f"no place on earth is known for {frames}: {self._navigation.unplaced}")
 
     def _write_all(self, topic: str, frames: Iterable[FrameObjects]) -> None:
         for frame in frames:
             rows = rows_of(frame, self._fixes[topic].popleft())
-            self._write(csv_lines((self._recording, topic, *row) for row in rows))
+            self._write(csv_lines((self._source.name, topic, *row) for row in rows))
             self._sum_up(topic, frame)
 
     def _sum_up(self, topic: str, frame: FrameObjects) -> None:
@@ -175,8 +168,7 @@ class LiveObjects:
 
     def copy(self, record: Record) -> None:
         """Receive messages about own ship's motion."""
-        if isinstance(record, Message):
-            self._navigation.see(record)
+        self._navigation.see(record)
 
     def of(self, result: FilterResult) -> FrameObjects:
         """Return the objects of a frame; call it for each frame, in order."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Bytes, Ints, Mask
 from seaclutter_cli.documents import read_document
-from seaclutter_cli.errors import InputError, MissingExtraError
+from seaclutter_cli.errors import InputError, requiring
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily, PacketFrame, Packets, make_points, view_packets
 
@@ -218,10 +218,8 @@ class VelodyneDecoder:
 
     def __init__(self, factory: int, options: DecoderOptions) -> None:
         self._factory, self._model = factory, _choose_model(factory, options.model)
-        try:
+        with requiring("decoding Velodyne packets", "velodyne"):
             library: Any = import_module("velodyne_decoder")
-        except ImportError as error:
-            raise MissingExtraError("decoding Velodyne packets", "velodyne") from error
         self._packet, self._scan = library.VelodynePacket, library.PacketVector
         self._times = library.velodyne_decoder_pylib.TimePair
         model = getattr(library.Model, self._model.library)
