@@ -1,5 +1,6 @@
 """A recording as a log: filtered, a drop-in replacement for the input, or as it is."""
 
+import itertools
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -26,6 +27,7 @@ from seaclutter_cli.messages.metadata import (
     to_metadata,
 )
 from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata, Record
+from seaclutter_cli.registry import imported
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.log_output import LogOutput, LogWriter
 from seaclutter_cli.sinks.mcap_writer import McapOutput
@@ -61,7 +63,7 @@ class LogSink(ExitStack, Sink):
         self._layout = WATER if options.water else PLAIN
         self._parts = Parts(options.split)
         self._writers: list[LogWriter] = []  # of the first part, which is completed last, and of the current one
-        self._number = -1
+        self._numbers = itertools.count()
         self._channels: dict[Channel, int] = {}
         self._declared: dict[int, Channel] = {}
         self._joined: dict[tuple[str, str], int] = {}
@@ -72,7 +74,9 @@ class LogSink(ExitStack, Sink):
         self._lost: dict[str, None] = {}
         self.messages = 0
         """Number of messages written; complete after `end`."""
-        self._translations = _translations(self._output.encoding) if self._output.encoding else None
+        self._translations: Translations | None = None
+        if self._output.encoding:  # slow to import
+            self._translations = imported("messages.translation.Translations")(self._output.encoding)
 
     def _abort(self, kind: type[BaseException] | None, *_: object) -> None:
         for writer in self._writers if kind is not None else ():
@@ -119,16 +123,11 @@ class LogSink(ExitStack, Sink):
 
     def keep(self, frame: Frame) -> None:
         """Write a frame unchanged."""
-        message = message_of(frame)
-        self._make_room(message, len(message.data))
-        self._count(frame)
-        self._copy(message)
+        self._copy(self._counted(frame))
 
     def write(self, result: FilterResult) -> None:
         """Write the messages of a filtered frame."""
-        message = message_of(result.frame)
-        self._make_room(message, len(message.data))
-        self._count(result.frame)
+        message = self._counted(result.frame)
         if self._options.keep_raw:
             self._copy(message)
         for number, encode in self._outputs[message.channel]:
@@ -155,8 +154,7 @@ class LogSink(ExitStack, Sink):
                 self._add_channel(replace(channel, id=number))
 
     def _begin_part(self) -> None:
-        self._number += 1
-        writer = self._output.part(self._number, self._source, self._options.compression)
+        writer = self._output.part(next(self._numbers), self._source, self._options.compression)
         self._writers = [*self._writers[:1], writer]
         self._first_frames = dict(self._next_frames)
         if not self._as_is:
@@ -177,9 +175,13 @@ class LogSink(ExitStack, Sink):
     def _writer(self) -> LogWriter:
         return self._writers[-1]
 
-    def _count(self, frame: Frame) -> None:
+    def _counted(self, frame: Frame) -> Message:
+        """Return the message of a frame, for which there is room in the current part."""
+        message = message_of(frame)
+        self._make_room(message, len(message.data))
         self._first_frames.setdefault(frame.topic, frame.index)
         self._next_frames[frame.topic] = frame.index + 1
+        return message
 
     def _add_outputs(self, channel: Channel, taken: set[str], known: RecordedTopic, *, several: bool) -> list[_Output]:
         codec, options, layout = find_codec(channel), self._options, self._layout
@@ -189,16 +191,12 @@ class LogSink(ExitStack, Sink):
         filtered = self._channels[channel]
         self._topics[channel.topic] = known if options.keep_raw else replace(known, content=FILTERED)
         if options.keep_raw:
-            name = f"{channel.topic}/filtered"
-            filtered = self._add(replace(channel, topic=name), taken)
-            self._topics[name] = replace(known, content=FILTERED)
+            filtered = self._add(channel, "/filtered", taken, replace(known, content=FILTERED))
         outputs: list[_Output] = [(filtered, partial(_filtered_message, codec, options))]
         if options.with_removed:
-            name = f"{channel.topic}/removed"
             points = points_channel(channel) if has_fixed_fields(channel) else channel
-            removed = self._add(replace(points, topic=name), taken)
+            removed = self._add(points, "/removed", taken, replace(known, content=REMOVED))
             outputs.append((removed, partial(_removed_message, find_codec(points) or codec)))
-            self._topics[name] = replace(known, content=REMOVED)
         if options.diagnostics:
             name = DIAGNOSTICS_TOPIC + channel.topic * several
             encoding, schema, serialise = diagnostics_format(text, layout)
@@ -227,11 +225,13 @@ class LogSink(ExitStack, Sink):
             self._declare(channel)
         return self._channels[channel], channel.topic
 
-    def _add(self, channel: Channel, taken: set[str]) -> int:
-        if channel.topic in taken:
-            raise UsageError(f"topic {channel.topic} already exists in the log; the filter cannot write to it")
+    def _add(self, channel: Channel, suffix: str, taken: set[str], known: RecordedTopic) -> int:
+        name = channel.topic + suffix
+        if name in taken:
+            raise UsageError(f"topic {name} already exists in the log; the filter cannot write to it")
+        self._topics[name] = known
         kept = tuple(pair for pair in channel.metadata if pair[0] != "topic")  # quality of service, latching
-        return self._declare(replace(channel, id=_NEW, metadata=kept))
+        return self._declare(replace(channel, id=_NEW, topic=name, metadata=kept))
 
     def _declare(self, channel: Channel) -> int:
         """Declare a channel under its own id if it is free, otherwise under the lowest free id."""
@@ -268,12 +268,6 @@ class LogSink(ExitStack, Sink):
         found = self._translations.message(number, data, is_frame=is_frame) if self._translations else data
         if found is not None:
             self._writer.write(number, message.log_time_ns, message.publish_time_ns, message.sequence, found)
-
-
-def _translations(encoding: str) -> "Translations":
-    from seaclutter_cli.messages.translation import Translations  # slow to import
-
-    return Translations(encoding)
 
 
 def message_of(frame: Frame) -> Message:
