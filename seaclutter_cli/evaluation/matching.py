@@ -178,8 +178,6 @@ def overlaps(first: Boxes, second: Boxes) -> Floats:
 def _clipped(shape: Floats, by: Floats) -> Floats:
     """Return the part of a convex polygon inside another, both anticlockwise (Sutherland and Hodgman)."""
     for start, end in zip(by, np.roll(by, -1, axis=0), strict=True):
-        if not len(shape):
-            break
         (dx, dy), following = end - start, np.roll(shape, -1, axis=0)
         here, there = ((points - start) @ (-dy, dx) for points in (shape, following))
         crossing = (here >= 0) != (there >= 0)

@@ -10,6 +10,7 @@ from typing import Any
 from seaclutter_cli.documents import MAX_JSON_BYTES, DocumentError, load_json
 from seaclutter_cli.errors import LabelError, about
 from seaclutter_cli.frame import Frame
+from seaclutter_cli.interfaces import Labels
 from seaclutter_cli.labels.boxes import (
     FileLabels,
     Labelled,
@@ -219,12 +220,12 @@ _TRUTH, _DETECTIONS = "_groundTruth.json", "_detections.json"
 _SENSORS = {"/lidar/detections": 1, "/radar/detections": 2}
 
 
-class AutoferryLabels:
+class AutoferryLabels(Labels):
     """Labels of a scenario of https://github.com/Autoferry/sensor_fusion_dataset, in its files of truth and detections.
 
     Targets at the time of each detection have positions only, so their boxes have no size; ``evaluation.box_margin_m``
     is the distance within which a detection belongs to them. `LabelError` if the files are not valid or do not belong
-    together.
+    together. No label needs a frame, since the times of other sensors have none.
     """
 
     def __init__(self, files: tuple[Path, Path], _: LabelOptions) -> None:
@@ -249,9 +250,6 @@ class AutoferryLabels:
             return truth_from(targets, lambda target: _labelled(target, north, east))
         except (TypeError, ValueError, OverflowError, LookupError, LabelError) as error:
             raise LabelError(f"{self._path}: frame {frame.index}: {error}") from error
-
-    def finish(self) -> None:
-        """Do nothing: the times of other sensors have no frames."""
 
 
 def _read(path: Path) -> Any:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
+from seaclutter_cli.interfaces import Labels
 from seaclutter_cli.labels.boxes import FileLabels, LabelOptions, label_folder
 from seaclutter_cli.paths import open_regular, read_whole
 from seaclutter_cli.text import count, printable
@@ -45,7 +46,7 @@ def point_labels(frame: Frame) -> NDArray[np.int64] | None:
     return labels if whole else None
 
 
-class CloudLabels:
+class CloudLabels(Labels):
     """Labels inside the clouds of a log: 0 is clutter, 65535 is ignored or own ship, others are track numbers."""
 
     def __init__(self, path: Path, _: LabelOptions) -> None:
@@ -62,9 +63,6 @@ class CloudLabels:
                 f"the cloud has {names}"
             )
         return Truth(None, points=points)
-
-    def finish(self) -> None:
-        """Do nothing: labels inside the clouds always have a frame."""
 
 
 def find_semantickitti(path: Path) -> Path | None:

@@ -98,9 +98,6 @@ def binned(values: Series, starts: NDArray[np.int64]) -> tuple[Series, Series, S
 
     The series, shape (frames, K), are NaN where unknown; a bin begins at each of the frames ``starts``.
     """
-    if not len(starts):
-        empty = np.empty((0, values.shape[1]), np.float32)
-        return empty, empty, empty
     known = np.isfinite(values)
     count = np.add.reduceat(known, starts, axis=0, dtype=np.int64)
     total = np.add.reduceat(np.where(known, values, 0).astype(np.float64), starts, axis=0)

@@ -75,8 +75,6 @@ def find_boxes(
 def _clusters(frame: Frame, labels: NDArray[np.int64], matches: Matches | None, kind: str) -> list[Shown]:
     """Return the bounding boxes of the clusters, at most the `_MAX_CLUSTERS` largest, of a kind without matches."""
     members = np.flatnonzero(labels >= 0)
-    if not len(members):
-        return []
     members = members[np.argsort(labels[members], kind="stable")]
     size = np.bincount(labels[members])
     starts = np.cumsum(size) - size

@@ -287,11 +287,9 @@ class Ouster(PacketFamily):
 
     def recognises(self, payload: Bytes) -> bool:
         """Return whether a UDP payload, shape (L,), is a data packet of any Ouster sensor and profile."""
-        for shape in product(PROFILES, (128, 64, 32, 16), (16, 8, 4)):
-            packet = view_packets(payload[None], packet_layout(*shape))
-            if len(packet) and valid_packets(packet, _MAX_COLUMNS)[0] and valid_columns(packet).any():
-                return True
-        return False
+        layouts = (packet_layout(*shape) for shape in product(PROFILES, (128, 64, 32, 16), (16, 8, 4)))
+        packets = (view_packets(payload[None], layout) for layout in layouts)
+        return any(len(one) and valid_packets(one, _MAX_COLUMNS)[0] and valid_columns(one).any() for one in packets)
 
     def decoder(self, packets: Packets, options: DecoderOptions) -> OusterDecoder:
         """Return a decoder for the sensor that sent these packets; `InputError` without matching metadata."""

@@ -104,20 +104,18 @@ class Plan:
         """Add a boat of a random kind if there is room for it, and return whether there was."""
         shape = self.choice(shapes)
         size = self.boat_size(shape, more.pop("longest_m", np.inf))
-        if not self.reserve(position, size[0] / 2 + 2 * more.get("speed_ms", 0.0)):
-            return False
-        self.add(shape, position, size, heading_deg, reflectivity=self.log_uniform(0.06, 0.8), **more)
-        return True
+        has_room = self.reserve(position, size[0] / 2 + 2 * more.get("speed_ms", 0.0))
+        if has_room:
+            self.add(shape, position, size, heading_deg, reflectivity=self.log_uniform(0.06, 0.8), **more)
+        return has_room
 
     def reserve(self, position: Position, radius_m: float) -> bool:
         """Reserve a circle of water; return False if it overlaps a reserved one or is too close to own ship."""
-        clear = max(7.0, 1.1 * radius_m + 4.0)
-        if np.hypot(*position) < radius_m + clear:
-            return False
-        if any(np.hypot(position[0] - x, position[1] - y) < radius_m + radius for x, y, radius in self._reserved):
-            return False
-        self._reserved.append((position[0], position[1], radius_m))
-        return True
+        circles = (*self._reserved, (0.0, 0.0, max(7.0, 1.1 * radius_m + 4.0)))  # the last one is own ship's
+        is_free = all(np.hypot(position[0] - x, position[1] - y) >= radius_m + other for x, y, other in circles)
+        if is_free:
+            self._reserved.append((*position, radius_m))
+        return is_free
 
     def extend(self, objects: Sequence[SceneObjectParams]) -> None:
         """Add the objects of another scene, and reserve the water around them."""
