@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints
+
 
 @dataclass(frozen=True)
 class Confusion:
     """Confusion matrix: points or frames by true class (row) and predicted class (column), shape (C, C), int64."""
 
-    counts: NDArray[np.int64]
+    counts: Ints
 
     @staticmethod
     def of(truth: NDArray[Any], found: NDArray[Any], codes: Sequence[int]) -> "Confusion":
@@ -24,17 +26,17 @@ class Confusion:
         return Confusion(np.bincount(rows * len(codes) + columns, minlength=len(codes) ** 2).reshape(len(codes), -1))
 
     @property
-    def precision(self) -> NDArray[np.float64]:
+    def precision(self) -> Floats:
         """Share of the predictions of each class that are correct, shape (C,); NaN without predictions."""
         return _share(np.diag(self.counts), self.counts.sum(axis=0))
 
     @property
-    def recall(self) -> NDArray[np.float64]:
+    def recall(self) -> Floats:
         """Share of the members of each class that are predicted correctly, shape (C,); NaN without members."""
         return _share(np.diag(self.counts), self.counts.sum(axis=1))
 
     @property
-    def f1(self) -> NDArray[np.float64]:
+    def f1(self) -> Floats:
         """Harmonic mean of precision and recall, shape (C,); NaN where a class is neither present nor predicted."""
         return _share(2 * np.diag(self.counts), self.counts.sum(axis=0) + self.counts.sum(axis=1))
 
@@ -57,6 +59,6 @@ class Confusion:
         return (self.accuracy - expected) / (1 - expected) if expected < 1 else float("nan")
 
 
-def _share(part: Any, whole: Any) -> NDArray[np.float64]:
+def _share(part: Any, whole: Any) -> Floats:
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.true_divide(part, whole))

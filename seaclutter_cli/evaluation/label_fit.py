@@ -9,10 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Mask
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.truth import Boxes, Truth
-
-Vector = NDArray[np.float64]
 
 _SMALLEST_M, LARGEST_M = 0.2, 500.0
 """The longest side of a target is not smaller or larger."""
@@ -162,7 +161,7 @@ class LabelFit:
         fits = [self._fits(one, _changed(one.targets, changes)) for one in self.frames]
         return float(np.concatenate(fits).mean()) if fits else 0.0
 
-    def _fits(self, frame: LabelledFrame, boxes: Boxes) -> NDArray[np.float64]:
+    def _fits(self, frame: LabelledFrame, boxes: Boxes) -> Floats:
         found = list(_neighbourhoods(frame.xyz, boxes, self.margin_m))
         unexplained = np.ones(frame.xyz.shape[1], np.bool_)
         for near in found:
@@ -243,7 +242,7 @@ class LabelFit:
                 votes.update(bins[counts >= self.min_points].tolist())
         return [_BIN_M * number for number, _ in votes.most_common(_SHIFT_STARTS)]
 
-    def _step(self, frames: Iterable[LabelledFrame], shift_m: Vector) -> Vector:
+    def _step(self, frames: Iterable[LabelledFrame], shift_m: Floats) -> Floats:
         """Return the median offset of the median of the points near each box, once boxes are shifted."""
         offsets = []
         for one in frames:
@@ -259,8 +258,8 @@ class _Neighbourhood(NamedTuple):
     """Points in a strip along y: whether each is inside a box, and inside or around it."""
 
     strip: slice
-    inside: NDArray[np.bool_]
-    around: NDArray[np.bool_]
+    inside: Mask
+    around: Mask
 
 
 def _neighbourhoods(xyz: NDArray[np.float32], boxes: Boxes, margin_m: float) -> Iterator[_Neighbourhood]:
@@ -276,7 +275,7 @@ def _neighbourhoods(xyz: NDArray[np.float32], boxes: Boxes, margin_m: float) -> 
         yield _Neighbourhood(strip, inside, around)
 
 
-def _shift(distance_m: NDArray[np.float64]) -> Change:
+def _shift(distance_m: Floats) -> Change:
     """Return the change for boxes that are off by a distance along the axes, to half a metre."""
     shift_m = np.round(distance_m / _BIN_M) * _BIN_M
     amounts = [(axis, float(amount)) for axis, amount in zip("xyz", shift_m, strict=True) if amount]

@@ -4,17 +4,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.clustering import ClusterFinder, DbscanFinder
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.text import count, printable
 from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
-
-Mask = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 
 MAX_MEMBERS = 1 << 24
 """Maximum number of points in the boxes of a frame, 128 MB; a point counts once for each box."""
@@ -31,7 +28,7 @@ class FrameTargets:
     or area to ignore, where clusters are not false alarms; ``visible``, shape (M,), whether a target has enough points.
     """
 
-    members: Sequence[NDArray[np.int64]]
+    members: Sequence[Ints]
     expected: Mask
     visible: Mask
 
@@ -60,8 +57,8 @@ def targets_of(frame: Frame, truth: Truth, params: EvaluationParams) -> FrameTar
     """
     margin, valid = params.box_margin_m, frame.valid
     expected = truth.ignored.covers(frame.coordinates, margin)
+    members, total = list[Ints](), 0
     if truth.targets is not None:
-        members, total = [], 0
         for inside in truth.targets.members(frame.coordinates, margin):
             expected[inside] = True
             members.append(inside[valid[inside]])
@@ -78,13 +75,11 @@ def targets_of(frame: Frame, truth: Truth, params: EvaluationParams) -> FrameTar
         # A track without valid points is a target, too.
         members = [points[valid[points]] for points in tracks if len(points)]
         expected |= truth.points != CLUTTER
-    else:
-        members = []
     visible = np.array([len(points) >= params.min_visible_points for points in members], np.bool_)
     return FrameTargets(members, expected, visible)
 
 
-def point_truth(frame: Frame, truth: Truth, params: EvaluationParams) -> NDArray[np.int64]:
+def point_truth(frame: Frame, truth: Truth, params: EvaluationParams) -> Ints:
     """Return the label of each point, as in `Truth.points`; if only boxes are labelled, derived from the boxes.
 
     In that case, targets are numbered from 1 in their order.
@@ -127,7 +122,7 @@ class Matches:
     detected: Mask
 
 
-def match_clusters(clusters: NDArray[np.int64], targets: FrameTargets, params: EvaluationParams) -> Matches:
+def match_clusters(clusters: Ints, targets: FrameTargets, params: EvaluationParams) -> Matches:
     """Return which clusters belong to targets, given the cluster of each point, shape (N,), or -1, and the truth."""
     clustered = clusters >= 0
     size = np.bincount(clusters[clustered])
@@ -137,7 +132,7 @@ def match_clusters(clusters: NDArray[np.int64], targets: FrameTargets, params: E
     return Matches(belongs[:-1], np.array(found, np.bool_))
 
 
-def match(clusters: NDArray[np.int64], targets: FrameTargets, params: EvaluationParams) -> Alarms:
+def match(clusters: Ints, targets: FrameTargets, params: EvaluationParams) -> Alarms:
     """Return the detections and false alarms among the clusters of a frame, given as to `match_clusters`."""
     found = match_clusters(clusters, targets, params)
     return Alarms(

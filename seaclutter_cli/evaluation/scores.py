@@ -8,8 +8,8 @@ from operator import add
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import Alarms, finder_of, match, point_truth, targets_of
 from seaclutter_cli.frame import FilterResult, Frame, Reason
@@ -102,24 +102,20 @@ def score_frame(
     """
     targets = None if truth is None else targets_of(frame, truth, params)
     finder = finder_of(frame, (result.keep for result in results if result is not None), params)
-    scores: list[FrameScore | None] = []
-    for result in results:
-        if result is None:
-            scores.append(None)
-            continue
+
+    def score(result: FilterResult) -> FrameScore:
         keep = result.keep & frame.valid
         clusters = finder.clusters(keep, params.min_cluster_points)
-        scores.append(
-            FrameScore(
-                points_in=frame.size,
-                points_out=int(result.counts[Reason.KEPT]),
-                clusters=int(clusters.max(initial=-1)) + 1,
-                unclustered=int(np.count_nonzero(keep & (clusters < 0))),
-                alarms=None if targets is None else match(clusters, targets, params),
-                points=None if truth is None else _points(result, truth),
-            )
+        return FrameScore(
+            points_in=frame.size,
+            points_out=int(result.counts[Reason.KEPT]),
+            clusters=int(clusters.max(initial=-1)) + 1,
+            unclustered=int(np.count_nonzero(keep & (clusters < 0))),
+            alarms=None if targets is None else match(clusters, targets, params),
+            points=None if truth is None else _points(result, truth),
         )
-    return scores
+
+    return [None if result is None else score(result) for result in results]
 
 
 def ideal(frame: Frame, truth: Truth, params: EvaluationParams) -> FilterResult:
@@ -297,16 +293,16 @@ def best(summaries: Mapping[K, Summary]) -> K | None:
     The best summary has the lowest rate of frames with a false alarm plus frames with a missed target
     (:math:`N_{FP} + N_{FN}`). Ties are resolved by the rate of false alarms plus missed targets, then by order.
     """
-    labelled = {name: summary for name, summary in summaries.items() if summary.frames}
     # Rates, since a method may be unable to process some frames.
     errors = {
         name: ((one.n_fp + one.n_fn) / one.frames, (one.false_alarms + one.missed) / one.frames)
-        for name, one in labelled.items()
+        for name, one in summaries.items()
+        if one.frames
     }
     return min(errors, key=lambda name: errors[name], default=None)
 
 
-def ideal_threshold(intensity: NDArray[np.float64], points: NDArray[np.int64]) -> float | None:
+def ideal_threshold(intensity: Floats, points: Ints) -> float | None:
     """Return the intensity threshold that best separates clutter from targets in one range ring.
 
     It is the lowest target intensity T that maximises the sum of the share of clutter below T and the share of target

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Ints
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels
@@ -34,14 +35,14 @@ def _is_log(path: Path) -> bool:
     return path.name.lower().endswith(_SUFFIXES)
 
 
-def point_labels(frame: Frame) -> NDArray[np.int64] | None:
+def point_labels(frame: Frame) -> Ints | None:
     """Return the ``label`` of each point, shape (N,), also of a float field; None unless whole numbers from 0."""
     points = frame.cloud.points
     if _FIELD not in (points.dtype.names or ()) or points.dtype[_FIELD].shape:
         return None
     values = points[_FIELD]
     with np.errstate(invalid="ignore"):
-        labels: NDArray[np.int64] = values.astype(np.int64)
+        labels: Ints = values.astype(np.int64)
         whole = bool((labels == values).all() and (labels >= 0).all())
     return labels if whole else None
 
@@ -88,7 +89,7 @@ def _read(path: Path, frame: Frame, options: LabelOptions) -> Truth:
     return Truth(None, points=point_truth(np.frombuffer(read_whole(path), "<u4"), options))
 
 
-def point_truth(labels: NDArray[np.uint32], options: LabelOptions) -> NDArray[np.int64]:
+def point_truth(labels: NDArray[np.uint32], options: LabelOptions) -> Ints:
     """Return the truth of each point: `CLUTTER`, `IGNORED`, or a number above 65535 that is unique to the target.
 
     Labels, shape (N,), uint32, have the class in the lower 16 bits and the instance in the upper.

@@ -12,6 +12,7 @@ from typing import Any, Generic, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Ints, Mask, Rows
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.scores import FrameScore
 from seaclutter_cli.frame import WATER_COLUMNS, WATER_REASONS, FilterResult, Frame, Reason
@@ -34,7 +35,7 @@ class History:
         sizes = {"counts": len(Reason), "water": len(WATER_COLUMNS), "thresholds": rings, "corrections": rings}
         arrays = [(name, np.float32, (size,)) for name, size in sizes.items()]
         self._type = np.dtype([*arrays, ("missed", np.float32), ("false_alarms", np.float32)])
-        self._rows: list[NDArray[np.void]] = []
+        self._rows: list[Rows] = []
         self._scenes: list[str] = []
 
     def add(self, result: FilterResult | None, score: FrameScore | None) -> None:
@@ -56,7 +57,7 @@ class History:
         return np.array(self._rows, self._type)[name]
 
     @property
-    def scenes(self) -> dict[str, NDArray[np.bool_]]:
+    def scenes(self) -> dict[str, Mask]:
         """Masks of the frames of each class of scene, shape (frames,), by its name; empty if no class is known."""
         names = np.array(self._scenes, object)
         return {name: names == name for name in sorted(set(self._scenes) - {""})}
@@ -87,13 +88,13 @@ MAX_BINS = 600
 _COLUMNS, _ROWS = 120, 64
 
 
-def bin_starts(frames: int) -> NDArray[np.int64]:
+def bin_starts(frames: int) -> Ints:
     """Return the first frame of each bin, shape (B,), int64; all bins but the last have the same length."""
     size = max(1, -(-frames // MAX_BINS))
     return np.arange(0, frames, size)
 
 
-def binned(values: Series, starts: NDArray[np.int64]) -> tuple[Series, Series, Series]:
+def binned(values: Series, starts: Ints) -> tuple[Series, Series, Series]:
     """Return mean, minimum and maximum of each of B bins, shape (B, K) each; NaN for bins without known values.
 
     The series, shape (frames, K), are NaN where unknown; a bin begins at each of the frames ``starts``.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli import __version__
+from seaclutter_cli.arrays import Ints
 from seaclutter_cli.frame import WATER_COLUMNS, Reason
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import Chosen, Collector, History, Method, bin_starts, binned, density_of
@@ -78,7 +79,7 @@ def _palette(methods: Sequence[Method]) -> dict[str, Any]:
     }
 
 
-def _method(method: Method, history: History, summary: dict[str, Any], starts: NDArray[np.int64]) -> dict[str, Any]:
+def _method(method: Method, history: History, summary: dict[str, Any], starts: Ints) -> dict[str, Any]:
     counts, _, _ = binned(history["counts"], starts)
     thresholds = zip(("", "_low", "_high"), binned(history["thresholds"], starts), strict=True)
     corrections, _, _ = binned(history["corrections"], starts)

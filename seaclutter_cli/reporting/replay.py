@@ -7,8 +7,8 @@ points are on two additional topics, and each frame has a diagnostics message.
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Bytes, Ints
 from seaclutter_cli.errors import CloudError, InputError
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Source
@@ -74,7 +74,7 @@ def replay(source: Source, topic: str, selection: Selection) -> Iterator[FilterR
                 frame = removed = None
 
 
-def _reasons(frame: Frame, message: Message) -> NDArray[np.uint8]:
+def _reasons(frame: Frame, message: Message) -> Bytes:
     """Return the reasons of the points of a frame, given the message with those removed.
 
     Points are matched by their bytes; points with equal bytes are interchangeable.
@@ -93,7 +93,7 @@ def _reasons(frame: Frame, message: Message) -> NDArray[np.uint8]:
     return reason
 
 
-def _find(sought: NDArray[np.int64], among: NDArray[np.int64]) -> NDArray[np.int64] | None:
+def _find(sought: Ints, among: Ints) -> Ints | None:
     """Return the index of each key in ``among``, distinct indices for equal keys; None if a key is missing."""
     order, others = np.argsort(sought, kind="stable"), np.argsort(among, kind="stable")
     ranked = sought[order]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Bytes, Floats, Ints, Mask
 from seaclutter_cli.evaluation import EvaluationParams
 from seaclutter_cli.evaluation.matching import FrameTargets, Matches, finder_of, match_clusters, point_truth, targets_of
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
@@ -34,7 +35,7 @@ _BOXES = {
 """Colours of clusters by their kind, and of boxes by their state, with texts for players."""
 
 
-def unconfirmed(result: FilterResult) -> NDArray[np.bool_]:
+def unconfirmed(result: FilterResult) -> Mask:
     """Return the points of objects that were not confirmed, shape (N,).
 
     There are none without thresholds: the reason of the water is then the same.
@@ -72,7 +73,7 @@ def find_boxes(
     return _boxes(truth, targets, matched), clusters
 
 
-def _clusters(frame: Frame, labels: NDArray[np.int64], matches: Matches | None, kind: str) -> list[Shown]:
+def _clusters(frame: Frame, labels: Ints, matches: Matches | None, kind: str) -> list[Shown]:
     """Return the bounding boxes of the clusters, at most the `_MAX_CLUSTERS` largest, of a kind without matches."""
     members = np.flatnonzero(labels >= 0)
     members = members[np.argsort(labels[members], kind="stable")]
@@ -105,7 +106,7 @@ def _described(boxes: Boxes) -> list[Shown]:
     ]
 
 
-def _rounded(values: NDArray[np.float64]) -> list[float]:
+def _rounded(values: Floats) -> list[float]:
     return [round(float(value), 3) for value in values]
 
 
@@ -162,15 +163,15 @@ class Sample:
     valid: int
     xyz: NDArray[np.float32]
     intensity: NDArray[np.float32]
-    reasons: NDArray[np.uint8]
-    truth: NDArray[np.uint8]
+    reasons: Bytes
+    truth: Bytes
     weight: NDArray[np.float32]
     boxes: list[Shown]
     clusters: list[list[Shown]]
     water: WaterState | None = None
 
     @property
-    def range_m(self) -> NDArray[np.float64]:
+    def range_m(self) -> Floats:
         """Distance from the lidar in metres, shape (n,)."""
         return np.asarray(np.linalg.norm(self.xyz.astype(np.float64), axis=1))
 
@@ -203,9 +204,7 @@ def take_sample(
     return Sample(*numbers, xyz, bright, reasons, shown_truth, weight, boxes, clusters, water)
 
 
-def _thin(
-    priority: NDArray[np.int64], others: NDArray[np.int64], limit: int
-) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+def _thin(priority: Ints, others: Ints, limit: int) -> tuple[Ints, NDArray[np.float32]]:
     """Return the indices of at most ``limit`` points, and the number of points that each of them represents."""
     wanted = max(int(_PRIORITY_SHARE * limit), limit - len(others))
     parts = [_subsample(priority, wanted)]
@@ -217,7 +216,7 @@ def _thin(
     return np.concatenate(parts), np.concatenate(weights).astype(np.float32)
 
 
-def _subsample(members: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def _subsample(members: Ints, count: int) -> Ints:
     """Return at most ``count`` points, chosen pseudo-randomly: every n-th point might come from the same beam."""
     if len(members) <= count:
         return members
