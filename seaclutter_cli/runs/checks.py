@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.filters.confirmation import ConfirmedParams
     from seaclutter_cli.runs.surroundings import Surroundings
 
-FARTHEST_M = 10_000.0  # no lidar on a vessel measures farther
-OF_A_MAP = "coordinates of a map are not relative to a lidar: for airborne tiles, see seaclutter classify"
+_NEAR_M, _FARTHEST_M = 1.0, 10_000.0  # a lidar on a vessel measures farther than the one, not than the other
 _FRAMES = 20
 _MIN_POINTS, _MIN_RING_POINTS = 200, 500
 _REMEDY = "find suitable thresholds with: seaclutter calibrate"
@@ -186,25 +185,33 @@ class _ThresholdCheck:
         return f"no point from {start:g} to {end:g} m{more} {problem}: {ranges}; {_REMEDY}"
 
 
+def impossible(least_m: float, most_m: float) -> str | None:
+    """Return why ranges are not those of a lidar on a vessel; None if they may be."""
+    if _FARTHEST_M <= least_m < math.inf:
+        return "coordinates of a map are not relative to a lidar: for airborne tiles, see seaclutter classify"
+    if least_m > most_m or _NEAR_M < most_m < _FARTHEST_M:
+        return None
+    return f"ranges reach {most_m:g} m: coordinates must be in metres, and those of shots without an echo NaN or 0"
+
+
 class _RangeCheck:
-    """Check whether any point is near enough for the method; it warns at the end."""
+    """Check whether ranges are possible, and any near enough for the method; it warns at the end."""
 
     def __init__(self, edges: Sequence[float]) -> None:
-        self._end_m = edges[-1] if edges else FARTHEST_M
-        self._nearest_m = math.inf
+        self._end_m = edges[-1] if edges else _FARTHEST_M
+        self._least_m, self._most_m = math.inf, 0.0
 
     def add(self, result: FilterResult) -> None:
-        if self._nearest_m >= self._end_m:
-            frame = result.frame
-            self._nearest_m = min(self._nearest_m, float(frame.range_m[frame.valid].min(initial=math.inf)))
+        range_m, valid = result.frame.range_m, result.frame.valid
+        self._least_m = float(range_m.min(where=valid, initial=self._least_m))
+        self._most_m = float(range_m.max(where=valid, initial=self._most_m))
 
     def warning(self) -> str | None:
-        if self._nearest_m < self._end_m or self._nearest_m == math.inf:
-            return None
-        text = f"no point is in range: the nearest is {self._nearest_m:,.0f} m away, the limit {self._end_m:,.0f} m"
-        if self._nearest_m < FARTHEST_M:
-            return f"{text} (filter.end_m)"
-        return f"{text}; {OF_A_MAP}"
+        why = impossible(self._least_m, self._most_m)
+        if self._least_m < self._end_m or self._least_m == math.inf:
+            return why
+        text = f"no point is in range: the nearest is {self._least_m:,.0f} m away, the limit {self._end_m:,.0f} m"
+        return f"{text}; {why}" if why else f"{text} (filter.end_m)"
 
 
 class _PlaneCheck:

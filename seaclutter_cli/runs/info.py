@@ -15,7 +15,7 @@ from seaclutter_cli.options import function_of
 from seaclutter_cli.reading import read
 from seaclutter_cli.records import Channel, Message, SensorFacts
 from seaclutter_cli.runs.batch import Work, run_all
-from seaclutter_cli.runs.checks import FARTHEST_M, OF_A_MAP
+from seaclutter_cli.runs.checks import impossible
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import InfoOptions
@@ -185,8 +185,8 @@ class Content(Described):
                 needs.append(self.unreadable[topic])
             elif cloud.problem:
                 needs.append(f"{topic}: {cloud.problem}")
-            elif cloud.frames and FARTHEST_M <= cloud.range_m[0] < math.inf:
-                needs.append(f"{topic}: {OF_A_MAP}")
+            elif why := impossible(*cloud.range_m):
+                needs.append(f"{topic}: {why}")
             elif cloud.frames and cloud.intensity_name is None:
                 needs.append(f"{topic}: no intensity field with a usual name; name one with --intensity-field")
             elif cloud.frames and cloud.invalid == cloud.points:

@@ -74,6 +74,7 @@ def test_confirmed_judges_points_beyond_the_last_range_ring(tmp_path):
         ((90, 200), (), ("no point is in range: the nearest is 90 m away, the limit 70 m (filter.end_m)",)),
         ((90_000, 99_000), (), ("the limit 70 m;", "for airborne tiles, see seaclutter classify")),
         ((90_000, 99_000), ("-m", "sor"), ("the limit 10,000 m;", "for airborne tiles, see seaclutter classify")),
+        ((2_000, 99_000), (), ("the limit 70 m;", "ranges reach 99000 m: coordinates must be in metres")),
         ((5, 200), (), ()),
         ((60, 200), (), ()),
     ],
@@ -82,3 +83,11 @@ def test_clouds_out_of_range(tmp_path, ranges, options, texts):
     result, _ = run(tmp_path, at(*ranges), *options)
     assert ("no point is in range" in result.stderr) == bool(texts)
     assert all(text in result.stderr for text in texts)
+
+
+@pytest.mark.parametrize("ranges", [(0.02, 0.1), (20, 99_000)])
+def test_coordinates_in_other_units_and_placeholders_are_said(tmp_path, ranges):
+    result, _ = run(tmp_path, at(*ranges))
+    text = f"ranges reach {ranges[1]} m: coordinates must be in metres"
+    assert text in result.stderr
+    assert text in " ".join(execute("info", tmp_path / "log.mcap").stdout.split())
