@@ -20,7 +20,7 @@ from seaclutter_cli.grids.elevation import NOWHERE, Cells, GriddedPoints, LandCe
 from seaclutter_cli.grids.opening import open_grid, without_pits
 
 _SAMPLE = 20_000
-_PIT, _ROUGH_M = 2.0, 0.4
+_PIT, _ROUGH_M, _HIGHEST = 2.0, 0.4, 1.25
 _CREST_DEVIATIONS, _CALM_DEVIATIONS, _CALMEST_M = 3.0, 6.0, 0.35
 _LAND_DEVIATIONS, _ISLAND_DEVIATIONS = 4.0, 6.0
 _LEAST_SQUARES, _SURE_ODDS, _MOST_ODDS = 64, 1.5, 6.0
@@ -140,7 +140,8 @@ class LeveledTile:
             return self._separated(surface, state, is_doubtful=doubtful)
         middle, deviation = _water_heights(self.points, surface)
         has_crests = middle + _CREST_DEVIATIONS * deviation > _ROUGH_M
-        if waves.highest_m > _ROUGH_M or has_crests:
+        # The opened surface, above which crests are this high, lies in the troughs.
+        if max(waves.crest_m, _HIGHEST * waves.height_m) > _ROUGH_M or has_crests:
             return replace(self._rough(shores, waves), is_doubtful=doubtful)
         height = float(np.clip(middle + _CALM_DEVIATIONS * deviation, _CALMEST_M, CALM_M))
         return self._separated(replace(surface, limit=height), _state("opened", waves, height), is_doubtful=doubtful)

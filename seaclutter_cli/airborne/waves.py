@@ -18,7 +18,7 @@ _FEW_CELLS, _MANY_CELLS = 600, 4096
 _DEVIATIONS = 4.0
 _MOST_M = 1.5
 _ROUGHEST, _LEAST_DEPTH = 0.75, 0.15
-_CRESTS, _HIGHEST = 4.0, 1.25
+_CRESTS = 4.0
 _LENGTH_M = 30.0
 _MAX_TILT = 0.5
 """Deviation of a plane through waves, at most, relative to that of the waves."""
@@ -110,11 +110,6 @@ class Waves:
     def height_m(self) -> float:
         """Significant wave height."""
         return 4 * self.deviation_m
-
-    @property
-    def highest_m(self) -> float:
-        """Height that the highest crests may reach above the opened surface, which lies in the troughs."""
-        return max(self.crest_m, _HIGHEST * self.height_m)
 
 
 def estimate_waves(looks: Iterable[Cells], above: Cells, level_m: Cells, water: Mask, cell_m: float) -> Waves | None:

@@ -57,20 +57,17 @@ def find_boxes(
     targets = None if truth is None else targets_of(frame, truth, params)
     subsets = [mask for result in results if result is not None for mask in (result.keep, unconfirmed(result))]
     finder = finder_of(frame, subsets, params)
-    clusters: list[list[Shown]] = []
-    matched: list[Matches | None] = []
-    for result in results:
-        found, matches = list[Shown](), None
-        if result is not None:
-            kept, others = (
-                finder.clusters(points & frame.valid, params.min_cluster_points)
-                for points in (result.keep, unconfirmed(result))
-            )
-            matches = None if targets is None else match_clusters(kept, targets, params)
-            found = _clusters(frame, kept, matches, "unknown") + _clusters(frame, others, None, "unconfirmed")
-        clusters.append(found)
-        matched.append(matches)
-    return _boxes(truth, targets, matched), clusters
+
+    def found_by(result: FilterResult | None) -> tuple[list[Shown], Matches | None]:
+        if result is None:
+            return [], None
+        masks = (points & frame.valid for points in (result.keep, unconfirmed(result)))
+        kept, others = (finder.clusters(mask, params.min_cluster_points) for mask in masks)
+        matches = None if targets is None else match_clusters(kept, targets, params)
+        return _clusters(frame, kept, matches, "unknown") + _clusters(frame, others, None, "unconfirmed"), matches
+
+    clusters, matched = zip(*map(found_by, results), strict=True)
+    return _boxes(truth, targets, matched), list(clusters)
 
 
 def _clusters(frame: Frame, labels: Ints, matches: Matches | None, kind: str) -> list[Shown]:

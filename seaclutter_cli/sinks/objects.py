@@ -262,32 +262,27 @@ def _write_geojson(stream: BinaryIO, lines: Iterable[bytes]) -> None:
         if row["latitude_deg"] is None or row["state"] != CONFIRMED:
             continue
         key = row["recording"], row["topic"], row["track_id"]
-        track = tracks.setdefault(key, {"stamps": [], "places": [], "speeds": []})
+        new: dict[str, Any] = {**dict.fromkeys(_PROPERTIES), "stamps_ns": [], "speeds_ms": [], "places": []}
+        track = tracks.setdefault(key, new)
         track |= {name: row[name] for name in _PROPERTIES}
-        if not track["stamps"] or row["stamp_ns"] - track["stamps"][-1] >= _STEP_NS:
-            track["stamps"].append(row["stamp_ns"])
+        if not track["stamps_ns"] or row["stamp_ns"] - track["stamps_ns"][-1] >= _STEP_NS:
+            track["stamps_ns"].append(row["stamp_ns"])
+            track["speeds_ms"].append(row["speed_ms"])
             track["places"].append([row["longitude_deg"], row["latitude_deg"]])
-            track["speeds"].append(row["speed_ms"])
     if not tracks:
         raise InputError(
             "GeoJSON: no position on earth is known; the log needs sensor_msgs/NavSatFix and sensor_msgs/Imu with the "
             "heading, or /tf from the lidar to the frame earth"
         )
-    features = [_feature(track) for track in tracks.values()]
+    features = [_feature(track.pop("places"), track) for track in tracks.values()]
     stream.write(json.dumps({"type": "FeatureCollection", "features": features}).encode() + b"\n")
 
 
-def _feature(track: Mapping[str, Any]) -> dict[str, Any]:
-    places = track["places"]
+def _feature(places: Sequence[Any], properties: Mapping[str, Any]) -> dict[str, Any]:
     geometry = {"type": "LineString", "coordinates": places}
     if len(places) == 1:
         geometry = {"type": "Point", "coordinates": places[0]}
-    named = {name: track[name] for name in _PROPERTIES}
-    return {
-        "type": "Feature",
-        "geometry": geometry,
-        "properties": {**named, "stamps_ns": track["stamps"], "speeds_ms": track["speeds"]},
-    }
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
 OBJECT_FILES: Mapping[str, Callable[[BinaryIO, Iterable[bytes]], None]] = {

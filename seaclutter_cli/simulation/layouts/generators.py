@@ -277,26 +277,12 @@ class Trees:
 
 
 APPLE = Trees(
-    "apple tree",
-    "apple_tree",
-    (2.6, 3.8),
-    (0.8, 1.2),
-    (0.8, 1.2),
-    (2.2, 3.2),
-    9.0,
-    0.0,
+    *("apple tree", "apple_tree", (2.6, 3.8), (0.8, 1.2), (0.8, 1.2), (2.2, 3.2), 9.0, 0.0),
     "Dense rows of dwarf apple trees.",
 )
 POPLAR = Trees("poplar", "trunk", (2.6, 3.6), (2.6, 3.6), (0.16, 0.32), (2.4, 3.2), 16.0, 1.8, "Well-spaced poplars.")
 WILLOW = Trees(
-    "willow",
-    "trunk",
-    (3.0, 4.5),
-    (3.0, 4.5),
-    (0.08, 0.18),
-    (1.9, 2.6),
-    16.0,
-    2.6,
+    *("willow", "trunk", (3.0, 4.5), (3.0, 4.5), (0.08, 0.18), (1.9, 2.6), 16.0, 2.6),
     "Well-spaced willows with thin stems.",
 )
 
