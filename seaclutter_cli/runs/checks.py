@@ -54,6 +54,7 @@ class Checks:
     """
 
     def __init__(self, config: Config, facts: Mapping[str, SensorFacts], *, filtered: bool = False) -> None:
+        self._config, self._tally = config, TopicTally()
         sensor = config.threshold_sensor
         # Another sensor explains thresholds that do not fit, so the first of these that warns is enough.
         thresholds: list[_Check] = [_SensorCheck(sensor, facts)] if sensor else []
@@ -67,11 +68,12 @@ class Checks:
 
     def add(self, result: FilterResult) -> list[str]:
         """Add a frame; return the warnings that enough frames justify."""
+        self._tally.add(result, 0.0)
         return self._warnings(lambda check: check.add(result))
 
     def finish(self) -> list[str]:
-        """Return the warnings about the frames so far, without those that were already returned."""
-        return self._warnings(lambda check: check.warning())
+        """Return the warnings about the frames so far that were not returned; if there are none, about their sums."""
+        return self._warnings(lambda check: check.warning()) or list(self._of_sums())
 
     def _warnings(self, ask: "Callable[[_Check], str | None]") -> list[str]:
         """Return the first warning of each group of checks, and end the groups that warn."""
@@ -81,6 +83,28 @@ class Checks:
                 found.append(text)
                 checks.clear()
         return found
+
+    @property
+    def cause(self) -> str:
+        """Why objects were not followed for long enough, if it is known, for the end of a warning."""
+        return ""
+
+    def _of_sums(self) -> Iterator[str]:
+        tally = self._tally
+        most, without = Reason(int(tally.counts.argmax())), tally.frames - tally.water_frames
+        if not tally.frames:
+            return
+        if not tally.points_in:
+            yield "all clouds are empty"
+        elif not tally.counts[Reason.KEPT]:
+            removed = f"{share(int(tally.counts[most]), tally.points_in)} were removed"
+            yield f"no points are left; {removed}: {reason_names(self._config.ring_edges)[most]}"
+        elif self._config.kind.has_water and tally.water_frames <= _FEW_WATER * tally.frames:
+            frames = f"{without:,} of {count(tally.frames, 'frame')}"
+            yield f"no water seen in {frames}; heights are then unknown, and every object that stays is kept"
+        elif 3 * (undecided := int(tally.undecided[1, 1])) > (kept := int(tally.counts[Reason.KEPT])):
+            part = share(undecided, kept)
+            yield f"{part} of the points kept are of objects that evidence does not decide{self.cause}"
 
 
 class _SensorCheck:
@@ -292,7 +316,7 @@ class FitChecks(Checks):
 
     def __init__(self, config: Config, source: Source, topic: str, observer: Observer) -> None:
         super().__init__(config, source.facts, filtered=filtered_by(source, [topic]) is not None)
-        self._config, self._topic, self._observer, self._facts = config, topic, observer, source.facts
+        self._topic, self._observer, self._facts = topic, observer, source.facts
         self._written_anew: str | None = None
         self._sensor, self._frames = TopicStatistics(), 0
         self._beams_deg: Floats | None = None
@@ -324,20 +348,21 @@ class FitChecks(Checks):
             self._around = self._around or Surroundings(min(params.own_ship_m, MOST_M))
             self._around.add(result.frame)
 
-    def end(self, tally: TopicTally) -> str | None:
-        """Check what was removed, and whether nearly all frames are without the water that a method needs.
+    def end(self) -> str | None:
+        """Check all frames.
 
         Return a line for the summary about the least that the lidar sees, if the method finds objects on water.
         """
-        self._warn(self.finish() or (self._of_sums(tally) if tally.frames else ()))
+        self._warn(self.finish())
         if self._around is not None:
             self._warn(filter(None, [self._around.warning()]))
-        if self._frames < _SHOWS_BEAMS or tally.mean_water is None:
+        water = self._tally.mean_water
+        if self._frames < _SHOWS_BEAMS or water is None:
             return None
         from seaclutter_cli.runs.surroundings import smallest
 
         models = self._sensor.sensor(self._facts.get(self._topic)).models
-        return smallest(models, self._beams_deg, tally.mean_water.level_m)
+        return smallest(models, self._beams_deg, water.level_m)
 
     @property
     def cause(self) -> str:
@@ -350,27 +375,11 @@ class FitChecks(Checks):
 
     def checked(self, every: Iterable[Filtered]) -> Iterator[Filtered]:
         """Yield frames with the result of one method, and check them."""
-        tally = TopicTally()
         for frame, results, seconds in every:
             for result in filter(None, results):
                 self.see(result)
-                tally.add(result, 0.0)
             yield frame, results, seconds
-        self.end(tally)
-
-    def _of_sums(self, tally: TopicTally) -> Iterator[str]:
-        most, without = Reason(int(tally.counts.argmax())), tally.frames - tally.water_frames
-        if not tally.points_in:
-            yield "all clouds are empty"
-        elif not tally.counts[Reason.KEPT]:
-            removed = f"{share(int(tally.counts[most]), tally.points_in)} were removed"
-            yield f"no points are left; {removed}: {reason_names(self._config.ring_edges)[most]}"
-        elif self._config.kind.has_water and tally.water_frames <= _FEW_WATER * tally.frames:
-            frames = f"{without:,} of {count(tally.frames, 'frame')}"
-            yield f"no water seen in {frames}; heights are then unknown, and every object that stays is kept"
-        elif 3 * (undecided := int(tally.undecided[1, 1])) > (kept := int(tally.counts[Reason.KEPT])):
-            part = share(undecided, kept)
-            yield f"{part} of the points kept are of objects that evidence does not decide{self.cause}"
+        self.end()
 
     def _warn(self, texts: Iterable[str]) -> None:
         for text in texts:

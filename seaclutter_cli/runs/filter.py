@@ -319,8 +319,8 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
                     finders[result.frame.topic].add(result.frame, [result])
 
             run(source, self.config.make_filter, [sink, *tables], selection, on_result, outcome.topics)
-        for topic, tally in outcome.topics.items():
-            if note := checks[topic].end(tally):
+        for topic in outcome.topics:
+            if note := checks[topic].end():
                 outcome.notes[topic] = note
         outcome.suspects = {topic: finder.finish()["removed"] for topic, finder in finders.items()}
         return outcome.frames

@@ -145,8 +145,8 @@ class ObjectsWork(RecordingWork[RecordedObjects]):
                 checks[result.frame.topic].see(result)
 
             tallies = run(source, self.config.make_filter, [table], selection, on_result)
-        for topic, tally in tallies.items():
-            checks[topic].end(tally)
+        for topic in tallies:
+            checks[topic].end()
             sure, unsure = (table.states[topic, state] for state in (CONFIRMED, CANDIDATE))
             if unsure > sure:
                 boxes = f"{share(unsure, sure + unsure)} of the boxes are of candidates"

@@ -336,6 +336,19 @@ def test_a_single_warning_about_thresholds_that_cannot_fit(tmp_path, labels):
     assert "Warning" not in invoke(log, "--labels", labels, "--compare", "paper", "-q").stderr
 
 
+@pytest.mark.parametrize(
+    ("points", "method", "text"), [(0, "joint", "all clouds are empty"), (None, "confirmed", "no water seen in")]
+)
+def test_logs_in_which_a_method_sees_nothing_are_said(tmp_path, labels, points, method, text):
+    def above(number):
+        found = sea(number)[:points]
+        found["z"] = np.linspace(1, 3, len(found))
+        return found
+
+    log = make_log(tmp_path / "log.mcap", make=above)
+    assert text in invoke(log, "--labels", labels, "-m", method).stderr
+
+
 def test_a_recording_that_fails_at_its_end_leaves_no_rows(log, labels, tmp_path):
     failing, out = make_log(tmp_path / "failing.mcap"), tmp_path / "frames.csv"
     too_long = make_labels(tmp_path / "too_long.csv", frames=range(FRAMES + 1))
