@@ -1,23 +1,28 @@
-"""Command line. Each command is made when it is called, and what it calls is imported then, to keep help fast."""
+"""Command line: groups of commands, errors and versions. A command and what it calls are imported when it is called."""
 
 import io
 import logging
 import os
+import platform
+import re
 import sys
+import textwrap
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from importlib import metadata
 from typing import Any
 
 import click
 
+from seaclutter_cli import __version__
 from seaclutter_cli.commands.console import ARGUMENTS, DEBUG, LOG, show_each_warning_once
-from seaclutter_cli.commands.groups import VERSION, CommandGroup
 from seaclutter_cli.commands.options import commands_of
 from seaclutter_cli.commands.printer import LogHandler, close_output, show, show_error, show_traceback
 from seaclutter_cli.errors import OWN_WARNINGS, SeaclutterError
 from seaclutter_cli.interrupts import exit_status, handle_interrupts, ignore_interrupts
-from seaclutter_cli.text import printable
+from seaclutter_cli.registry import packages
+from seaclutter_cli.text import printable, suggestion
 
 try:
     import resource
@@ -54,10 +59,39 @@ moored rows, the banks of a channel). It needs the extra `scene`; training needs
 _GROUPS: Mapping[str, Mapping[str, Any]] = {"scene": {"help": _SCENE}, "config": {"former": {"sensors": "list"}}}
 """What groups have besides their commands."""
 _LITTLE_MEMORY = "not enough memory; close other programs, or raise the limit of this process (ulimit -v)"
+_NAME = re.compile(r"[\w.-]+")
+_EXTRA = re.compile(r"extra\s*==\s*[\"']([\w-]+)[\"']")
+_TOOLS = ("dev", "docs")
 _SIGNS_OF_LITTLE_MEMORY = ("can't start new thread", "failed to map segment", "cannot allocate memory")
 
 
-class _Program(CommandGroup):
+class _Group(click.Group):
+    """Group of commands in their order; ``former`` names of commands still work, but are not listed."""
+
+    def __init__(self, *arguments: Any, former: Mapping[str, str] = {}, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._former = former
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """Return the names of the commands in their order."""
+        return list(self.commands)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Return a command; None if there is no such command."""
+        return super().get_command(ctx, self._former.get(cmd_name, cmd_name))
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the command that arguments name; suggest a similar one if there is no such command."""
+        known = self.list_commands(ctx)
+        if args and not args[0].startswith("-") and args[0] not in (*known, *self._former):
+            meant = f"{suggestion(args[0], known)}choose from: {', '.join(known)}"
+            raise click.UsageError(f"No such command {args[0]!r}; {meant}", ctx)
+        return super().resolve_command(ctx, args)
+
+
+class _Program(_Group):
     """Root group, which imports a command when it is needed, and reports errors as one line and an exit status."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
@@ -68,7 +102,7 @@ class _Program(CommandGroup):
             command, *others = commands_of(_MODULES.get(cmd_name, "runs.options.logs"), cmd_name)
             if command.name != cmd_name:
                 kept = {"help": COMMANDS[cmd_name], **_GROUPS.get(cmd_name, {})}
-                command = CommandGroup(cmd_name, [command, *others], **kept)
+                command = _Group(cmd_name, [command, *others], **kept)
             command.short_help = COMMANDS[cmd_name]
             self.add_command(command)
         return super().get_command(ctx, cmd_name)
@@ -151,9 +185,43 @@ class _RoomFinder:
                 raise MemoryError(f"no room for {name}") from error
 
 
+def _show_versions(context: click.Context, _: click.Parameter, value: bool) -> None:
+    if value and not context.resilient_parsing:
+        show(f"seaclutter, version {__version__}")
+        show(f"Python {platform.python_version()} on {platform.platform(terse=True)}")
+        installed, missing = {}, {}
+        for requirement in sorted(metadata.requires("seaclutter") or (), key=str.casefold):
+            name, extra = _NAME.match(requirement), _EXTRA.search(requirement)
+            if name is None or name[0] == "seaclutter" or (extra and extra[1] in _TOOLS):
+                continue
+            try:
+                installed[name[0]] = metadata.version(name[0])
+            except metadata.PackageNotFoundError:
+                missing[name[0]] = extra[1] if extra else "none"
+        show(_named("with", [f"{name} {version}" for name, version in installed.items()]))
+        if added := packages():
+            show(_named("plug-ins", added))
+        if missing:
+            show(_named("without", [f"{name} (extra {extra})" for name, extra in missing.items()]))
+        context.exit()
+
+
+def _named(head: str, items: list[str]) -> str:
+    return textwrap.fill(f"{head} {', '.join(items)}", 79, subsequent_indent="  ", break_on_hyphens=False)
+
+
 cli = _Program(
     "cli",
-    params=[VERSION],
+    params=[
+        click.Option(
+            ["--version"],
+            is_flag=True,
+            is_eager=True,
+            expose_value=False,
+            callback=_show_versions,
+            help="Show the versions of the program and its parts.",
+        )
+    ],
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     help="""Filter sea clutter out of recorded marine lidar logs.
 
