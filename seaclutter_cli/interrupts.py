@@ -19,8 +19,8 @@ _WAIT_FOR = ("importlib", "pydantic", "seaclutter_cli.sinks.atomic")
 """Packages and modules that drop or replace an interrupt that comes within them, or that complete and remove files; all
 of them take a short time."""
 
-_MAY_TAKE_LONG = "seaclutter_cli.storage.uploads"
-"""Module that runs within one of these, but can be interrupted."""
+_MAY_TAKE_LONG = "_send_pieces"
+"""Function that runs within one of these, but can be interrupted."""
 
 
 class _Interrupt(KeyboardInterrupt):
@@ -81,7 +81,8 @@ def _is_alive() -> bool:
 
 def _must_wait(frame: FrameType | None) -> bool:
     """Return whether an interrupt would be dropped at this place, or leave some files complete and others not."""
-    while frame is not None and (module := frame.f_globals.get("__name__", "")) != _MAY_TAKE_LONG:
+    while frame is not None and frame.f_code.co_name != _MAY_TAKE_LONG:
+        module = frame.f_globals.get("__name__", "")
         if any(module == name or module.startswith(f"{name}.") for name in _WAIT_FOR):
             return True
         frame = frame.f_back

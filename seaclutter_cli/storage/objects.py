@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar
 from urllib.parse import urlsplit
 
 from seaclutter_cli.errors import InputError, OutputError, SeaclutterError, UsageError, requiring
-from seaclutter_cli.storage.uploads import send
 from seaclutter_cli.threads import waited
 from seaclutter_cli.urls import WEB, Url
 
@@ -177,6 +176,7 @@ _MAX_BYTES = 2**48
 _ANSWER_S = 240.0
 
 _PART = 8 * 2**20
+_PIECE = 4 * 2**20
 _MAX_PARTS = 9_000
 _BLOCK = 64 * 2**10
 _AT_ONCE = 4
@@ -306,6 +306,14 @@ def range_options(found: StoredObject, start: int, stop: int) -> "GetOptions":
     return options
 
 
+def _send_pieces(file: Path, url: Url, writer: "WritableFile") -> None:
+    """Send a file in pieces. Unlike the last request, which lets an object appear, this may be interrupted."""
+    with file.open("rb") as stream:
+        while piece := stream.read(_PIECE):
+            with explained(url, OutputError):
+                writer.write(piece)
+
+
 class Upload:
     """A complete file, or folder of files, on its way to object storage; nobody sees it before `complete`.
 
@@ -334,12 +342,7 @@ class Upload:
 
             writer = open_writer(store_of(url), url.key, buffer_size=part, max_concurrency=_AT_ONCE)
         self._writers[url] = writer
-
-        def write(piece: bytes) -> None:
-            with explained(url, OutputError):
-                writer.write(piece)
-
-        send(file, write)
+        _send_pieces(file, url, writer)
 
     def complete(self) -> None:
         """Let the files appear, and delete all others in their folder.
