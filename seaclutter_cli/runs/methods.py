@@ -3,7 +3,7 @@
 import itertools
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import reduce
 from importlib.util import find_spec
@@ -116,8 +116,9 @@ def bases(options: MethodOptions, *additional: str, configured_first: bool = Fal
     for name in names:
         if any(name == other and FILTERS.get(name) is not FILTERS.get(other) for other in names):
             raise ConfigError(f"several methods are called {name}; choose other names")
-    keys = {name: _keys(name) for name in names}
-    return [Base(name, _method(name), options.config, _fitting(settings, name, keys)) for name in keys]
+    found = [Base(name, _method(name), options.config, settings) for name in dict.fromkeys(names)]
+    every = {key for base in found for key in base.keys}
+    return [base.fitting(every) for base in found]
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,12 @@ class Base:
     def keys(self) -> tuple[str, ...]:
         """Configuration keys of the method."""
         method = self.method or self.name
-        return tuple(one.name for one in fields(FILTERS[method].Params))
+        return tuple(one.name for one in fields(FILTERS[method].Params)) if method in FILTERS else ()
+
+    def fitting(self, every: Collection[str]) -> "Base":
+        """Return the method without the overrides that only apply to others, given the keys of all methods."""
+        others = {f"filter.{key}" for key in every} - {f"filter.{key}" for key in self.keys}
+        return replace(self, overrides=tuple(one for one in self.overrides if _key(one) not in others))
 
     def variant(self, *settings: str, name: str | None = None) -> Variant:
         """Return the method with its configuration and additional overrides, under another name if one is given."""
@@ -146,17 +152,6 @@ class Base:
 
 def _method(name: str) -> str:
     return name.partition("@")[0] if name in _GLOBAL_INTENSITY_AT else name
-
-
-def _keys(name: str) -> set[str]:
-    method = _method(name)
-    return {f"filter.{one.name}" for one in fields(FILTERS[method].Params)} if method in FILTERS else set()
-
-
-def _fitting(overrides: Sequence[str], name: str, keys: Mapping[str, set[str]]) -> tuple[str, ...]:
-    """Return the overrides without those that only apply to other methods."""
-    others = set().union(*keys.values()) - keys[name]
-    return tuple(override for override in overrides if _key(override) not in others)
 
 
 def _key(override: str) -> str:
@@ -217,7 +212,8 @@ def parse_sweep(text: str) -> Sweep:
     if not equals or not all(key.split(".")) or key.startswith(("evaluation.", "sensor.")):
         raise UsageError(f"--sweep {text}: write it as KEY=V1,V2,... or KEY=START:STOP:STEP, with a key of the filter")
     try:
-        values = _steps(given) if _RANGE.fullmatch(given) else load_yaml(f"[{given}]")
+        span = _RANGE.fullmatch(given)
+        values = _steps(span) if span else load_yaml(f"[{given}]")
     except ValueError as error:
         reason = error if isinstance(error, DocumentError) else "not a valid range"
         raise UsageError(f"--sweep {text}: {reason}") from error
@@ -229,15 +225,13 @@ def parse_sweep(text: str) -> Sweep:
     return Sweep(key, tuple(unique))
 
 
-def _steps(given: str) -> list[float]:
-    found = _RANGE.fullmatch(given)
-    start, stop, step = (float(number) for number in found.groups()) if found else (0.0, 0.0, 0.0)
+def _steps(span: re.Match[str]) -> list[float]:
+    start, stop, step = map(float, span.groups())
     if step <= 0 or stop < start or (stop - start) / step > _MAX_VARIANTS:
-        raise ValueError(given)
+        raise ValueError
     count = math.floor((stop - start) / step + 1e-9) + 1
     values = [round(start + number * step, 10) for number in range(count)]
-    whole = "." not in given
-    return [int(value) for value in values] if whole else values
+    return values if "." in span[0] else [int(value) for value in values]
 
 
 def grid(sweeps: Sequence[Sweep], options: MethodOptions) -> list[Variant]:
@@ -247,7 +241,8 @@ def grid(sweeps: Sequence[Sweep], options: MethodOptions) -> list[Variant]:
     combinations, or only one; `ConfigError` if a value is not allowed.
     """
     chosen = bases(options)
-    plain = {base.name: base.variant() for base in chosen}  # names and configurations are valid
+    for base in chosen:
+        base.variant()  # names and configurations are valid
     _check_keys(sweeps, chosen)
     several = len(chosen) > 1
     own = {base.name: [sweep for sweep in sweeps if sweep.applies_to(base)] for base in chosen}
@@ -257,12 +252,9 @@ def grid(sweeps: Sequence[Sweep], options: MethodOptions) -> list[Variant]:
         raise UsageError("nothing to compare: give --sweep KEY=VALUES, or several methods by --method or --compare")
     combinations = []
     for base in chosen:
-        if not own[base.name]:
-            combinations.append(plain[base.name])
-            continue
         for values in itertools.product(*(sweep.values for sweep in own[base.name])):
             settings = [f"{one.own_key}={yaml_value(value)}" for one, value in zip(own[base.name], values, strict=True)]
-            name = " ".join((base.name, *settings) if several else settings)
+            name = " ".join((base.name, *settings) if several or not settings else settings)
             variant = base.variant(*(f"filter.{setting}" for setting in settings), name=name)
             section = variant.config.as_dict()["filter"]
             used = {one.key: reduce(getitem, one.own_key.split("."), section) for one in own[base.name]}
