@@ -9,8 +9,6 @@ from seaclutter_cli.errors import UsageError, requiring
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from matplotlib.figure import Figure
-
 _SETTINGS: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
@@ -46,15 +44,15 @@ def check_target(path: Path) -> None:
         import matplotlib.figure  # noqa: F401 - availability check
 
 
-def render(draw: "Callable[[Figure], None]", suffix: str, *, aspect: float = 0.68) -> bytes:
-    """Return a figure, drawn by a function into an empty one, as the bytes of a ``.png`` or ``.svg`` file."""
+def render(draw: "Callable[..., None]", suffix: str, *, aspect: float = 0.68, **content: Any) -> bytes:
+    """Return a figure, in which a function draws its content, as the bytes of a ``.png`` or ``.svg`` file."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
     stream = io.BytesIO()
     with mpl.rc_context(_SETTINGS):
         figure = Figure(figsize=(_COLUMN_INCHES, _COLUMN_INCHES * aspect), layout="constrained")
-        draw(figure)
+        draw(figure, **content)
         kind = suffix.lower()
         figure.savefig(stream, format=kind[1:], dpi=_DPI, metadata=_METADATA[kind])
     return stream.getvalue()

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -86,10 +85,10 @@ def calibrate(options: CalibrateOptions) -> CalibrationResult:
     result = _result(outcomes, clutter, config, options, trade_off)
     for text in result.warnings:
         observer.warn(text)
-    files = {options.output: result.config_text().encode()} if options.output else {}
-    if options.plot_file and (density := clutter.density):
-        draw = partial(draw_clutter, density=density, found=result.found)
-        files[options.plot_file] = render(draw, options.plot_file.suffix)
+    files = {options.output: result.config_text().encode()}
+    if options.plot_file:
+        suffix = options.plot_file.suffix
+        files[options.plot_file] = render(draw_clutter, suffix, density=clutter.density, found=result.found)
     write_files(files, replace=options.force)
     return result
 

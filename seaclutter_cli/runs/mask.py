@@ -1,7 +1,6 @@
 """Proposal of a mask of own ship's structure from recordings."""
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -44,10 +43,11 @@ def find_mask(options: MaskOptions) -> "MaskResult":
     mask = result.found.mask
     if options.output and not mask.sectors:
         observer.warn(f"{options.output}: not written, because there is nothing to mask")
-    draw = partial(draw_mask, mask=mask, reach_m=options.reach_m)
     files: Contents = {
         options.output if mask.sectors else None: mask.as_csv().encode(),
-        options.plot_file: lambda it: it.stream.write(render(draw, it.path.suffix, aspect=1.45)),
+        options.plot_file: lambda it: it.stream.write(
+            render(draw_mask, it.path.suffix, aspect=1.45, mask=mask, reach_m=options.reach_m)
+        ),
     }
     write_files(files, replace=options.force, outcomes=outcomes, observer=observer)
     return result

@@ -58,7 +58,7 @@ class Root:
 
 def inputs_of(
     recordings: Iterable[Recording],
-    reading: ReadOptions | None = None,
+    reading: ReadOptions,
     file: "ConfigSource | None" = None,
     configs: "Iterable[Config]" = (),
 ) -> dict[str, list[Path]]:
@@ -71,7 +71,7 @@ def inputs_of(
     models, masks = ({getattr(config.filter, key, None) for config in configs} for key in ("scene_model", "mask"))
     return {
         "LOGS": [*logs, *(beside for log in logs for beside in metadata_beside(log))],
-        "--calibration": [reading.calibration] if reading and reading.calibration else [],
+        "--calibration": list(reading.beside()),
         "-c": [file] if isinstance(file, Path) else [],
         "filter.scene_model": [Path(model) for model in models if model],
         "filter.mask": [Path(mask) for mask in masks if mask],

@@ -273,8 +273,8 @@ def train_scenes(options: TrainScenesOptions) -> "SceneTraining":
     files = {options.output: to_onnx(trained.network, examples.classes, examples.extent_m)}
     if options.plot_file:
         curves = np.array([astuple(epoch) for epoch in trained.epochs]).T
-        draw = partial(draw_training, loss=curves[:2], precision=curves[2:], best=trained.best)
-        files[options.plot_file] = render(draw, options.plot_file.suffix, aspect=1.1)
+        content = {"loss": curves[:2], "precision": curves[2:], "best": trained.best}
+        files[options.plot_file] = render(draw_training, options.plot_file.suffix, aspect=1.1, **content)
     write_files(files, replace=options.force)
     return SceneTraining(trained, examples, options.output, damage)
 

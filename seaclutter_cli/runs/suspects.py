@@ -169,9 +169,7 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
                 for name, one in wanted.get(frame.index, {}).items() if result else ():
                     sample = take_sample(frame, [result], None, self.config.evaluation, _EVERY_POINT)
                     place = one.x_m, one.y_m
-                    outcome.pictures[name] = render(
-                        partial(draw_suspect, sample=sample, place=place), ".png", aspect=1.9
-                    )
+                    outcome.pictures[name] = render(draw_suspect, ".png", aspect=1.9, sample=sample, place=place)
         self.finish(source, labels, outcome.frames)
 
 

@@ -1,7 +1,6 @@
 """Training of a random forest on labelled tiles."""
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -48,8 +47,8 @@ def train_forest(options: TrainForestOptions) -> "TrainingReport":
     model, report = fit(join(parts), settings)
     files = {options.output: model.to_bytes()}
     if options.plot_file and report.tested:
-        draw = partial(draw_confusion, names=report.names, matrix=report.points.counts)
-        files[options.plot_file] = render(draw, options.plot_file.suffix, aspect=0.85)
+        content = {"names": report.names, "matrix": report.points.counts}
+        files[options.plot_file] = render(draw_confusion, options.plot_file.suffix, aspect=0.85, **content)
     write_files(files, replace=options.force)
     tested = zip(report.names, report.points.counts.sum(axis=1), strict=True)
     if missing := [name for name, points in tested if not points]:
