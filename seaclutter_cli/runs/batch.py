@@ -57,13 +57,11 @@ def _engine(options: BatchOptions, works: "Sequence[Work[Any]]", observer: Obser
         return
     from seaclutter_cli.jobs.processes import default_jobs, run_in_processes  # not needed for a single recording
 
-    recordings, jobs = len(works), options.jobs
-    if jobs is None:
-        every = (path for work in works for path in work.reads)
-        # Small objects are fetched many at a time for one process, not for several.
-        jobs = 1 if all((mirror := mirror_of(path)) and mirror.is_small(path) for path in every) else None
-    jobs = default_jobs(recordings) if jobs is None else jobs
-    yield run_in_turn if min(jobs, recordings) <= 1 else partial(run_in_processes, jobs)
+    every = (path for work in works for path in work.reads)
+    # Small objects are fetched many at a time for one process, not for several.
+    are_small = options.jobs is None and all((mirror := mirror_of(path)) and mirror.is_small(path) for path in every)
+    jobs = options.jobs or (1 if are_small else default_jobs(len(works)))
+    yield run_in_turn if min(jobs, len(works)) <= 1 else partial(run_in_processes, jobs)
 
 
 class Work(ABC, Generic[O]):
