@@ -63,7 +63,7 @@ def filter_log(options: FilterOptions) -> "FilterSummary":
     started, observer = perf_counter(), options.watching
     run = filter_run(options, observer)
     works, csv_file, objects_file = run.begin(observer), options.csv_file, options.objects_file
-    with OutputGroup(replace=run.works[0].replaces) as files:
+    with OutputGroup(replace=options.replaces) as files:
         with ExitStack() as stack:
             # A single log appears together with the table, after it. Of several, each appears when it is complete.
             logs = stack.enter_context(OutputGroup(files))

@@ -104,11 +104,6 @@ class LogWork(RecordingWork[L], RecordedWork[L], Generic[L, O]):
         return (self.output,)
 
     @property
-    def replaces(self) -> bool:
-        """Whether an output may be replaced."""
-        return self.options.force or self.options.batch.resume
-
-    @property
     def is_done(self) -> bool:
         """Whether nothing is left to do."""
         return self.complete is not None
@@ -125,7 +120,7 @@ class LogWork(RecordingWork[L], RecordedWork[L], Generic[L, O]):
         made = OUTPUT_FORMATS[self.form]
         with (
             same_output_accepted(self),
-            OutputGroup(self.group, replace=self.replaces) as files,
+            OutputGroup(self.group, replace=self.options.replaces) as files,
             made.make_sink(self.target, self.sink_options(common, labels), files, as_is=self.as_is) as sink,
         ):
             frames = self.stream(source, selection, outcome, sink, observer)
@@ -188,7 +183,7 @@ class LogRun(Generic[W]):
 
     def prepare(self, observer: Observer, *, dry: bool = False) -> None:
         """Check the names of the outputs, and prepare their folders, unless ``dry``; see `prepare_outputs`."""
-        targets, force = [work.target for work in self.works], dry or self.works[0].replaces
+        targets, force = [work.target for work in self.works], dry or self.options.replaces
         earlier = [part for work in self.works if work.has_parts for part in parts_after(work.target, 0)]
         outputs: Paths = {"-o": [*(work.output for work in self.works), *earlier], **self.options.outputs}
         labels = getattr(self.options, "labels", ())
@@ -219,7 +214,7 @@ class LogRun(Generic[W]):
         for outcome, size in zip(outcomes, in_threads(_output_size, outcomes), strict=True):
             outcome.bytes_out = size
         recordings = [work.recording for work in self.works]
-        write_manifest(self.options.batch.manifest, recordings, outcomes, replace=self.works[0].replaces)
+        write_manifest(self.options.batch.manifest, recordings, outcomes, replace=self.options.replaces)
 
 
 def check_names(outputs: Iterable[Path], to: str | None) -> None:

@@ -70,7 +70,7 @@ def plan_convert(options: ConvertOptions) -> "RunPlan":
 
 def _plan(run: LogRun[W], observer: Observer) -> "RunPlan":
     run.prepare(observer, dry=True)
-    prepare_outputs(run.options.outputs, {}, force=run.works[0].replaces, dry=True)
+    prepare_outputs(run.options.outputs, {}, force=run.options.replaces, dry=True)
     planned = in_threads(_planned, run.works)
     for one in planned:
         observer.done("", one.damage, None) if len(planned) > 1 else observer.damage(one.damage)

@@ -13,7 +13,7 @@ from seaclutter_cli.arrays import Rows
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.options import function_of
 from seaclutter_cli.runs.batch import Work, run_all
-from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import SimulateOptions
 from seaclutter_cli.runs.outputs import prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, Result, statuses
@@ -202,8 +202,8 @@ def _simulate_seeds(options: SimulateOptions, seeds: Sequence[int]) -> "SeedsRes
     labels = [] if suffix in _TILE_SUFFIXES else [log.with_suffix(".labels.csv") for log in logs]
     targets = {"-o": logs, "the labels of -o": labels}
     prepare_outputs(targets, {"SCENE": Path(scene)}, force=options.force, observer=options.observer)
-    one = replace(options, seeds=None, observer=SILENT)  # which other processes do not need
-    works = [_SimulateWork(Recording((log,)), replace(one, seed=seed)) for seed, log in zip(seeds, logs, strict=True)]
+    each = [replace(options, seeds=None, seed=seed) for seed in seeds]
+    works = [_SimulateWork(Recording((log,)), one) for log, one in zip(logs, each, strict=True)]
     return SeedsResult(run_all(works, options.batch, options.observer))
 
 

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
@@ -27,7 +27,7 @@ from seaclutter_cli.runs.classify.tiles import (
     warn_of_missing,
     write_tile,
 )
-from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions
 from seaclutter_cli.runs.outputs import Contents, write_files
 from seaclutter_cli.runs.recordings import RecordingsResult
@@ -67,8 +67,8 @@ def classify_tiles(options: ClassifyTilesOptions) -> "PredictResult":
     targets = plan_tiles(heads, options, {"--model": options.model}, force=options.force)
     if plot_file and len(paths) > 1:
         raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
-    model, sent = _load(options, observer), replace(options, tiles=(), observer=SILENT)
-    works = [_PredictWork(*each, sent, model) for each in zip(heads, targets, strict=True)]
+    model = _load(options, observer)
+    works = [_PredictWork(*each, options, model) for each in zip(heads, targets, strict=True)]
     # The tiles are the main output: a single one appears after the tables.
     with OutputGroup(replace=options.force) as files, OutputGroup(files) as tiles:
         found = run_tiles(works, options.batch, observer, tiles)

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -30,7 +30,7 @@ from seaclutter_cli.runs.classify.tiles import (
     warn_of_missing,
     write_tile,
 )
-from seaclutter_cli.runs.observer import SILENT, Observer
+from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.classifiers import SeparateTilesOptions
 from seaclutter_cli.runs.outputs import write_files, write_manifest
 from seaclutter_cli.runs.recordings import RecordingsResult, statuses
@@ -78,20 +78,19 @@ def separate_tiles(options: SeparateTilesOptions) -> "SeparateResult":
         with requiring("the shoreline", "geo"):
             import contourpy  # noqa: F401 - availability check
     heads = tiles_of(find_tiles(options.tiles), options.window_m, observer)
-    targets = plan_tiles(heads, options, force=options.force or batch.resume)
+    targets = plan_tiles(heads, options, force=options.replaces)
     margins = margins_of(heads, options.margin_m, observer)
     several, pixel_m = len(heads) > 1, pixel_of(heads) if is_mapped else None
-    sent = [replace(options, tiles=(), observer=SILENT)] * len(heads)
-    tiled = zip(heads, targets, sent, margins, strict=True)
+    tiled = zip(heads, targets, [options] * len(heads), margins, strict=True)
     works = [_SeparateWork(*each, settings, several=several, pixel_m=pixel_m) for each in tiled]
     if unfit := [work.target for work in works if batch.resume and work.target.suffix.lower() not in LAS]:
         raise UsageError(f"{unfit[0]}: --resume needs LAS or LAZ outputs, which say which run wrote them")
     # The tiles are the main output: a single one appears after its maps.
-    with OutputGroup(replace=works[0].replaces) as files, OutputGroup(files) as tiles:
+    with OutputGroup(replace=options.replaces) as files, OutputGroup(files) as tiles:
         earlier = earlier_outcomes(works, observer) if batch.resume else None
         outcomes = run_tiles(works, batch, observer, tiles, earlier)
         write_files(map_files(options, [one.map for one in outcomes if one.map], observer), files)
-    write_manifest(batch.manifest, [work.recording for work in works], outcomes, replace=works[0].replaces)
+    write_manifest(batch.manifest, [work.recording for work in works], outcomes, replace=options.replaces)
     return SeparateResult(outcomes)
 
 

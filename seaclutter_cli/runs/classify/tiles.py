@@ -210,14 +210,9 @@ class TileWork(Work[O]):
         """Size of the tile in bytes: that of its file, or of the part that is its window."""
         return self.tile.size or super().input_bytes
 
-    @property
-    def replaces(self) -> bool:
-        """Whether the output may be replaced."""
-        return self.options.force or self.options.batch.resume
-
     def fill(self, outcome: O, observer: Observer) -> None:
         """Write the output, which appears by itself."""
-        with same_output_accepted(self), OutputGroup(replace=self.replaces) as files:
+        with same_output_accepted(self), OutputGroup(replace=self.options.replaces) as files:
             self.write(outcome, observer, files)
 
     @abstractmethod

@@ -147,6 +147,10 @@ class Observed(Options):
 
     observer: Observer = option("", "Receives progress and warnings.", default=SILENT, kind=Anything(is_place=True))
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the options without inputs and observer, which other processes do not need."""
+        return {**vars(self), **{name: () for name in ("logs", "tiles") if name in vars(self)}, "observer": SILENT}
+
 
 class OfLogs(ReadOptions, Observed):
     """What every function for logs takes."""
@@ -166,10 +170,6 @@ class OfLogs(ReadOptions, Observed):
     def watching(self) -> Observer:
         """The observer; it raises errors of recordings, unless the run is to continue."""
         return self.observer if self.keep_going else raising(self.observer)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return the options without logs and observer, which other processes do not need."""
-        return {**vars(self), "logs": (), "observer": SILENT}
 
 
 def _jobs(text: str) -> int | None:
@@ -227,6 +227,11 @@ class Replacing(Options):
     """Whether outputs may replace files."""
 
     force: bool = option("--force", "Replace existing output files.", default=False)
+
+    @property
+    def replaces(self) -> bool:
+        """Whether outputs may replace files: of an earlier run if this one resumes it, too."""
+        return self.force or vars(self).get("resume", False)
 
 
 class _Ids(Kind):
