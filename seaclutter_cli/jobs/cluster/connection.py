@@ -75,11 +75,12 @@ def connection_to(address: str, *, insecure: bool = False, workers: int | None =
 
 @contextmanager
 def _scheduler(address: str) -> Iterator["Client"]:
-    make = _client_class()
+    with requiring("--cluster", "cluster"):
+        from distributed import Client
     security = _certificates(required=True) if address.startswith("tls:") else None
     try:
         asyncio.run(asyncio.wait_for(_greet(address, security), 1.5 * _CONNECT_S))
-        client = make(address, security=security, timeout=_CONNECT_S, set_as_default=False)
+        client = Client(address, security=security, timeout=_CONNECT_S, set_as_default=False)
     except (OSError, ValueError, RuntimeError) as error:
         raise ClusterError(f"{address}: no connection to a scheduler ({_cause(error)})") from error
     with ExitStack() as stack:
@@ -99,8 +100,9 @@ async def _greet(address: str, security: "Security | None") -> None:
 @contextmanager
 def _slurm(workers: int) -> Iterator["Client"]:
     """Submit workers as jobs of SLURM, which are cancelled at the end, and start a scheduler in this process."""
-    make = _client_class()
-    import dask
+    with requiring("--cluster", "cluster"):
+        import dask
+        from distributed import Client
 
     if shutil.which("sbatch") is None:
         raise ClusterError("slurm: there is no command sbatch here; run seaclutter on a login node of the cluster")
@@ -112,7 +114,7 @@ def _slurm(workers: int) -> Iterator["Client"]:
             if done.returncode:
                 raise ClusterError(f"slurm: {(done.stderr.strip().splitlines() or ['sbatch failed'])[-1]}")
             with ExitStack() as stack:
-                client = make(cluster, set_as_default=False)
+                client = Client(cluster, set_as_default=False)
                 stack.callback(client.close, timeout=_CONNECT_S)
                 cluster.scale(workers)
                 yield client
@@ -160,13 +162,6 @@ def _cluster_class() -> Any:
     finally:
         signal.signal(signal.SIGINT, handler)
     return SLURMCluster
-
-
-def _client_class() -> Any:
-    """Return the class of Dask's client; raise `MissingExtraError` if the extra ``cluster`` is not installed."""
-    with requiring("--cluster", "cluster"):
-        from distributed import Client
-    return Client
 
 
 def _certificates(*, required: bool) -> "Security | None":
