@@ -13,10 +13,11 @@ class DeclaredOptions(griffe.Extension):
     def on_function(self, *, func: griffe.Function, **_: Any) -> None:
         """Give a function of options its signature and docstring."""
         decorators = " ".join(str(one.value) for one in func.decorators)
-        if "function_of" in decorators or "of_options" in decorators:
+        is_function = "function_of" in decorators or "use_case_of" in decorators
+        if is_function or "of_options" in decorators:
             made = getattr(import_module(func.module.path), func.name)
             func.docstring = griffe.Docstring(inspect.getdoc(made) or "", parent=func)
-            if "function_of" in decorators:
+            if is_function:
                 func.parameters = _parameters(made)
 
     def on_class(self, *, cls: griffe.Class, **_: Any) -> None:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 from weakref import WeakValueDictionary
 
 from seaclutter_cli.errors import SeaclutterError
-from seaclutter_cli.options import Options, declared
+from seaclutter_cli.options import Options, declared, function_of
 from seaclutter_cli.urls import Url, is_url, parse_url
 
 if TYPE_CHECKING:
@@ -28,12 +28,18 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 R = TypeVar("R")
+T = TypeVar("T")
 
 _mirrors: "WeakValueDictionary[Path, Mirror]" = WeakValueDictionary()
 """Of the runs that work on objects now, by their folders."""
 
 _current: "ContextVar[Mirror | None]" = ContextVar("current", default=None)
 """Of the run to which the caller belongs."""
+
+
+def use_case_of(kind: Callable[P, T]) -> Callable[[Callable[[T], R]], Callable[P, R]]:
+    """Return a decorator that makes a `function_of` options, which get paths as from `on_paths`."""
+    return lambda run: function_of(kind)(on_paths(run))
 
 
 def on_paths(use_case: Callable[P, R]) -> Callable[P, R]:

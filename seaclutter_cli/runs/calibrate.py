@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.buckets import on_paths
+from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.calibration import Calibration, ClutterSelector
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import FieldError, LabelError, TopicError, UsageError
@@ -18,7 +18,6 @@ from seaclutter_cli.filters.confirmed import Confirmed
 from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.curves import draw_clutter
 from seaclutter_cli.plots.figure import render
@@ -46,8 +45,7 @@ _OF_TARGETS = (
 """Parameters of any method that the search for targets uses."""
 
 
-@function_of(CalibrateOptions)
-@on_paths
+@use_case_of(CalibrateOptions)
 def calibrate(options: CalibrateOptions) -> CalibrationResult:
     """Derive the threshold of each range ring and the far limit from logs that contain sea clutter.
 

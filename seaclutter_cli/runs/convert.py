@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from seaclutter_cli.buckets import on_paths
+from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.frame import Reason
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import find_codec
-from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reading import read
 from seaclutter_cli.records import Channel
@@ -24,8 +23,7 @@ if TYPE_CHECKING:
     from seaclutter_cli.runs.log_work import OutputSink
 
 
-@function_of(ConvertOptions)
-@on_paths
+@use_case_of(ConvertOptions)
 def convert_log(options: ConvertOptions) -> "ConvertSummary":
     """Convert one or several logs to another format, without filtering.
 
@@ -71,8 +69,7 @@ class ConvertWork(LogWork["ConvertOutcome", ConvertOptions]):
 
     def identity(self) -> RunIdentity:
         """Return what the output depends on."""
-        options, paths = self.options, self.recording.paths
-        return identity_of(paths, None, options.reading, options.written, None, convert_to=self.form)
+        return identity_of(self, self.options.written, None, convert_to=self.form)
 
     def stream(
         self, source: Source, selection: Selection, outcome: "ConvertOutcome", sink: "OutputSink", observer: Observer

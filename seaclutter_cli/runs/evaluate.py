@@ -6,7 +6,7 @@ from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
-from seaclutter_cli.buckets import on_paths, shown
+from seaclutter_cli.buckets import shown, use_case_of
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import InputError, LabelError, UsageError
 from seaclutter_cli.evaluation import IDEAL
@@ -14,7 +14,6 @@ from seaclutter_cli.evaluation.label_check import LabelCheck
 from seaclutter_cli.evaluation.scores import FrameScore, Parts, Summary, ideal, score_frame
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import Filtered, run_each
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
 from seaclutter_cli.runs import score_tables as tables
@@ -39,8 +38,7 @@ from seaclutter_cli.text import count, json_text, printable, table
 from seaclutter_cli.truth import Truth
 
 
-@function_of(EvaluateOptions)
-@on_paths
+@use_case_of(EvaluateOptions)
 def evaluate(options: EvaluateOptions) -> "Comparison":
     """Count false alarms and missed targets of one or several methods against labels, in one pass over the logs.
 

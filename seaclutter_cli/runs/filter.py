@@ -9,13 +9,12 @@ from itertools import chain
 from time import perf_counter
 from typing import IO, TYPE_CHECKING, Any
 
-from seaclutter_cli.buckets import on_paths
+from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import InputError, TopicError, UsageError
 from seaclutter_cli.frame import WATER_REASONS, FilterResult, Reason
 from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
-from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import TopicTally, run
 from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.reporting.palette import reason_names
@@ -42,8 +41,7 @@ if TYPE_CHECKING:
 _MOST = 0.5
 
 
-@function_of(FilterOptions)
-@on_paths
+@use_case_of(FilterOptions)
 def filter_log(options: FilterOptions) -> "FilterSummary":
     """Filter one or several logs into drop-in logs.
 
@@ -327,9 +325,8 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
 
     def identity(self) -> RunIdentity:
         """Return what the filtered file depends on."""
-        options, paths = self.options, self.recording.paths
-        kind = {"with_scene": options.with_scene, **({} if self.form == "mcap" else {"to": self.form})}
-        return identity_of(paths, self.config, options.reading, options.written, self.labels, **kind)
+        kind = {} if self.form == "mcap" else {"to": self.form}
+        return identity_of(self, self.options.written, self.config, with_scene=self.options.with_scene, **kind)
 
     def sink_options(self, options: McapOptions, labels: Labels | None) -> McapOptions:
         """Return the options of the output with those that depend on the configuration."""

@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
-from seaclutter_cli.buckets import mirror_of, on_paths
+from seaclutter_cli.buckets import mirror_of, use_case_of
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.messages import find_codec, main_clouds
-from seaclutter_cli.options import function_of
 from seaclutter_cli.reading import read
 from seaclutter_cli.records import Channel, Message, SensorFacts
 from seaclutter_cli.runs.batch import Work, run_all
@@ -31,8 +30,7 @@ _NANO = 1_000_000_000
 _DEFAULT_THRESHOLD = 4
 
 
-@function_of(InfoOptions)
-@on_paths
+@use_case_of(InfoOptions)
 def info(options: InfoOptions) -> "InfoResult":
     """Return the content of logs: topics, frames, fields, extents, sensors, and settings that a filter run needs.
 

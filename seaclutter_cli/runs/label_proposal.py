@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from seaclutter_cli.buckets import on_paths
+from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import Frame
@@ -20,7 +20,6 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.labels.boxes import IGNORE, Labelled, Proposal
 from seaclutter_cli.labels.csv import COLUMNS, PROPOSED
 from seaclutter_cli.labels.json_boxes import SEEPERSEA, SUSTECHPOINTS, JsonForm
-from seaclutter_cli.options import function_of
 from seaclutter_cli.reading import frames
 from seaclutter_cli.runs.batch import prepared, run_all
 from seaclutter_cli.runs.objects import ObjectsWork, RecordedObjects, objects_config
@@ -46,8 +45,7 @@ _NANO = 10**9
 _MOST_SHOWN = 20
 
 
-@function_of(ProposeOptions)
-@on_paths
+@use_case_of(ProposeOptions)
 def propose_labels(options: ProposeOptions) -> "ProposalResult":
     """Label the objects of one or several logs with boxes, for a person to correct.
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.buckets import on_paths
+from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.config import load_config
 from seaclutter_cli.errors import LabelError
 from seaclutter_cli.evaluation import EvaluationParams
@@ -19,7 +19,6 @@ from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.labels import open_labels
 from seaclutter_cli.labels.point_labels import find_semantickitti
-from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all, without_labels
 from seaclutter_cli.runs.observer import Observer
@@ -34,8 +33,7 @@ _GOOD = 0.5
 _MEANS = ("length_m", "width_m", "height_m", "points")
 
 
-@function_of(LabelCheckOptions)
-@on_paths
+@use_case_of(LabelCheckOptions)
 def check_labels(options: LabelCheckOptions) -> "LabelCheckResult":
     """Compare labels with the points of logs, and return probable mistakes with their remedies.
 
@@ -163,8 +161,7 @@ class LabelCheckResult(RecordingsResult[CheckedLabels]):
         return any(outcome.error or outcome.findings for outcome in self.outcomes)
 
 
-@function_of(CompareOptions)
-@on_paths
+@use_case_of(CompareOptions)
 def compare_labels(options: CompareOptions) -> "LabelComparison":
     """Return what differs between two labels of the same frames, and how good the first were.
 

@@ -4,10 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seaclutter_cli.buckets import on_paths
+from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.errors import TopicError
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import map_frames
 from seaclutter_cli.plots.clouds import draw_mask
 from seaclutter_cli.plots.figure import render
@@ -21,8 +20,7 @@ from seaclutter_cli.structure.search import MIN_FRAMES, FoundStructure, Structur
 from seaclutter_cli.text import count
 
 
-@function_of(MaskOptions)
-@on_paths
+@use_case_of(MaskOptions)
 def find_mask(options: MaskOptions) -> "MaskResult":
     """Find own ship's structure, which is constant while the vessel moves, and write a mask of it.
 

@@ -7,11 +7,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.buckets import on_paths
+from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.config import Config
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import run
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.checks import FitChecks, warn_if_filtered
@@ -31,8 +30,7 @@ _MOST_SHOWN = 20
 _TYPES = {str: object, int: np.int64, float: np.float64}
 
 
-@function_of(ObjectsOptions)
-@on_paths
+@use_case_of(ObjectsOptions)
 def find_objects(options: ObjectsOptions) -> "ObjectsResult":
     """Follow the objects of one or several logs over time, and measure their boxes and velocities.
 

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from seaclutter_cli.buckets import mirror_of, on_paths
+from seaclutter_cli.buckets import mirror_of, use_case_of
 from seaclutter_cli.errors import SeaclutterError
-from seaclutter_cli.options import function_of
 from seaclutter_cli.runs.convert import ConvertWork
 from seaclutter_cli.runs.filter import filter_run
 from seaclutter_cli.runs.info import excerpt_of
@@ -27,8 +26,7 @@ from seaclutter_cli.threads import in_threads
 _STATUSES = ("do", "skip", "refuse")
 
 
-@function_of(FilterOptions)
-@on_paths
+@use_case_of(FilterOptions)
 def plan_filter(options: FilterOptions) -> "RunPlan":
     """Return what `filter_log` would do with each log, and how large it is; nothing is written.
 
@@ -48,8 +46,7 @@ def plan_filter(options: FilterOptions) -> "RunPlan":
     return _plan(filter_run(options, options.observer, ahead=False), options.observer)
 
 
-@function_of(ConvertOptions)
-@on_paths
+@use_case_of(ConvertOptions)
 def plan_convert(options: ConvertOptions) -> "RunPlan":
     """Return what `convert_log` would do with each log, and how large it is; nothing is written.
 

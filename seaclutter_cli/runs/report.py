@@ -9,12 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from seaclutter_cli import __version__
-from seaclutter_cli.buckets import on_paths, shown
+from seaclutter_cli.buckets import shown, use_case_of
 from seaclutter_cli.config import parse_config
 from seaclutter_cli.errors import ConfigError, InputError, UsageError
 from seaclutter_cli.evaluation.scores import Summary
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import Filtered
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.reporting.collector import Collector, FrameListener, Method, ScoredFrame
@@ -47,8 +46,7 @@ _MAX_LISTED = 200
 _MAX_SUSPECTS = 5
 
 
-@function_of(ReportOptions)
-@on_paths
+@use_case_of(ReportOptions)
 def report(options: ReportOptions) -> "ReportResult":
     """Write a page that shows the effect of a filter on logs and, with labels, its quality.
 
@@ -176,8 +174,7 @@ class ReportResult(Comparison):
         return "\n".join(lines)
 
 
-@function_of(ViewOptions)
-@on_paths
+@use_case_of(ViewOptions)
 def view_logs(options: ViewOptions) -> "ViewResult":
     """Show recordings in the Rerun viewer, or write a file for it; by default, filtered logs are read back.
 

@@ -25,10 +25,10 @@ from seaclutter_cli.paths import open_regular
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Damage, Metadata
 from seaclutter_cli.registry import packages
-from seaclutter_cli.runs.batch import Work
+from seaclutter_cli.runs.batch import RecordingWork, Work
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import ReadOptions
-from seaclutter_cli.runs.recordings import LabelFile, O, open_recording
+from seaclutter_cli.runs.recordings import O, open_recording
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.threads import in_threads
@@ -84,22 +84,15 @@ class RunIdentity:
         return {name: text for name, text in vars(self).items() if text or name not in ("method", "plugins")}
 
 
-def identity_of(
-    paths: Sequence[Path],
-    config: "Config | None",
-    reading: ReadOptions,
-    written: McapOptions,
-    labels: LabelFile | None,
-    **others: Any,
-) -> RunIdentity:
-    """Return what the output of a recording depends on, given its files; ``others`` are options."""
+def identity_of(work: RecordingWork[Any], written: McapOptions, config: "Config | None", **others: Any) -> RunIdentity:
+    """Return what the output of work on a recording depends on; ``others`` are options."""
     named = [getattr(config.filter, key, None) for key in ("scene_model", "mask")] if config else []
     files = [Path(name) for name in named if name and Path(name).is_file()]
-    calibration = reading.calibration
+    reading, labels = work.reading, work.labels
     # What came later counts only if it is given, for equal bytes of earlier versions.
     read = {name: value for name, value in asdict(reading).items() if name not in ("columns", "merge") or value}
     options = {
-        "reading": {**read, "calibration": digest_of_paths([calibration]) if calibration else None},
+        "reading": {**read, "calibration": digest_of_paths(reading.beside()) if reading.beside() else None},
         "written": {
             k: v
             for k, v in vars(written).items()
@@ -109,7 +102,7 @@ def identity_of(
     }
     label_parts = [digest_of_paths([labels.path]), asdict(labels.options)] if labels else []
     return RunIdentity(
-        input=digest_of_paths(paths),
+        input=digest_of_paths(work.recording.paths),
         config=digest_of([config.as_dict(), digest_of_paths(files)] if config else []),
         options=digest_of(options),
         labels=digest_of(label_parts),

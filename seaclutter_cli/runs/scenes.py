@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.buckets import on_paths
+from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.frame import Frame
-from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.curves import draw_training
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.reading import frames
@@ -34,8 +33,7 @@ from seaclutter_cli.text import count, printable, share, table
 _MISCLASSIFIED = ("recording", "scene", "wrong", "frames")
 
 
-@function_of(PredictScenesOptions)
-@on_paths
+@use_case_of(PredictScenesOptions)
 def predict_scenes(options: PredictScenesOptions) -> "ScenePrediction":
     """Return the scene of each topic of recordings, with the number of frames of each class.
 
@@ -50,7 +48,7 @@ def predict_scenes(options: PredictScenesOptions) -> "ScenePrediction":
     return ScenePrediction(*_classify([(one, "") for one in recordings], options, options.watching))
 
 
-@function_of(EvaluateScenesOptions)
+@use_case_of(EvaluateScenesOptions)
 def evaluate_scenes(options: EvaluateScenesOptions) -> "SceneEvaluation":
     """Evaluate a scene classifier on recordings with known scenes.
 
@@ -238,7 +236,7 @@ def read_frames(
         raise InputError(f"{source.name}: no frame can be read{damage}")
 
 
-@function_of(TrainScenesOptions)
+@use_case_of(TrainScenesOptions)
 def train_scenes(options: TrainScenesOptions) -> "SceneTraining":
     """Train a scene classifier on recordings with known scenes, and write it as an ONNX file.
 

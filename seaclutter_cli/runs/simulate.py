@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from seaclutter_cli.arrays import Rows
+from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.options import function_of
 from seaclutter_cli.runs.batch import Work, run_all
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import SimulateOptions
@@ -29,7 +29,7 @@ _TILE_SUFFIXES = (".las", ".laz")
 _MAX_TARGETS = 12
 
 
-@function_of(SimulateOptions)
+@use_case_of(SimulateOptions)
 def simulate(options: SimulateOptions) -> "SimulationResult | TileSimulationResult | SeedsResult":
     """Simulate a labelled recording of a scene, or with seeds one for each of them.
 

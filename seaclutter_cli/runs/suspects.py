@@ -5,12 +5,11 @@ from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any
 
-from seaclutter_cli.buckets import on_paths
+from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.config import Config, load_config
 from seaclutter_cli.errors import InputError, UsageError
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.messages.metadata import FILTERED
-from seaclutter_cli.options import function_of
 from seaclutter_cli.pipeline import Filtered, run_each
 from seaclutter_cli.plots.clouds import draw_suspect
 from seaclutter_cli.plots.figure import check_target, render
@@ -44,8 +43,7 @@ _DATA = " ".join((*(one.name for one in fields(Suspect)), "range_m"))
 COLUMNS = ("recording", "kind", "rank", *(name for name in _DATA.split() if name != "kind"))
 
 
-@function_of(SuspectsOptions)
-@on_paths
+@use_case_of(SuspectsOptions)
 def find_suspects(options: SuspectsOptions) -> "SuspectsResult":
     """Find what a filter removed that may have been a target, and what it kept that may be clutter, without labels.
 

@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.buckets import on_paths
+from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.evaluation.matching import point_truth
 from seaclutter_cli.evaluation.scores import Parts, Summary, best, ideal_threshold
-from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.curves import draw_rates, draw_thresholds
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
@@ -35,8 +34,7 @@ _MIN_RECORDINGS = 4
 """Minimum number of recordings of which whole ones are held out."""
 
 
-@function_of(TuneOptions)
-@on_paths
+@use_case_of(TuneOptions)
 def tune(options: TuneOptions) -> "TuningResult":
     """Evaluate every combination of methods and parameter values, and find the one with the fewest bad frames.
 

@@ -12,8 +12,8 @@ from seaclutter_cli.airborne.forest import class_name
 from seaclutter_cli.airborne.model import ClassifiedPoints, ObjectModel, classify_points, load_model
 from seaclutter_cli.airborne.objects import FoundObject, doubts_about_objects
 from seaclutter_cli.airborne.surface import WATER
+from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.errors import InputError, UsageError, about
-from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
 from seaclutter_cli.runs.classify.maps import MappedTile, geojson_of
@@ -47,7 +47,7 @@ _DIMENSIONS = {
 }
 
 
-@function_of(ClassifyTilesOptions)
+@use_case_of(ClassifyTilesOptions)
 def classify_tiles(options: ClassifyTilesOptions) -> "PredictResult":
     """Classify the points of tiles, find their objects, and write both.
 
@@ -64,7 +64,7 @@ def classify_tiles(options: ClassifyTilesOptions) -> "PredictResult":
     if options.model.is_dir():
         raise UsageError(f"{options.model}: is a directory; --model takes a file")
     heads = tiles_of(paths, None, observer)
-    targets = plan_tiles(heads, options, {"--model": options.model}, force=options.force)
+    targets = plan_tiles(heads, options, {"--model": options.model})
     if plot_file and len(paths) > 1:
         raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
     model = _load(options, observer)
@@ -135,9 +135,9 @@ class _PredictWork(TileWork["ClassifiedTile"]):
     kind = ClassifiedTile
 
     def write(self, outcome: "ClassifiedTile", observer: Observer, files: OutputGroup) -> None:
-        started, tile = perf_counter(), open_tile(self.path)
+        started, tile = perf_counter(), open_tile(self.tile.path)
         warn_of_missing(tile, self.model.settings, observer)
-        with about(self.path, InputError):
+        with about(self.tile.path, InputError):
             found = classify_points(tile, self.model)
         warn_of_doubts(tile, found.tile.separation, observer)
         for text in doubts_about_objects(found.objects):
@@ -152,7 +152,7 @@ class _PredictWork(TileWork["ClassifiedTile"]):
         outcome.clusters_left_out = int(found.left_out.max(initial=0))
         outcome.points_left_out = int(np.count_nonzero(found.left_out))
         objects = [one.placed(tile.crs.unit_m) for one in found.objects]
-        outcome.map = MappedTile(self.path.stem, tile.crs, objects=objects)
+        outcome.map = MappedTile(self.tile.path.stem, tile.crs, objects=objects)
         if self.options.plot_file:
             outcome.picture = _picture(tile, found, self.options.plot_file.suffix)
         outcome.seconds = perf_counter() - started

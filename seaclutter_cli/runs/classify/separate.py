@@ -12,10 +12,10 @@ import numpy as np
 from seaclutter_cli.airborne.separation import SeaState, Separation, separate
 from seaclutter_cli.airborne.settings import TileSettings, parse_settings
 from seaclutter_cli.airborne.surface import NEVER, WATER
+from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError, InputError, SelectionError, UsageError, about, requiring
 from seaclutter_cli.grids.elevation import LandCells
-from seaclutter_cli.options import function_of
 from seaclutter_cli.runs.classify.maps import MappedTile, map_files, mapped, pixel_of
 from seaclutter_cli.runs.classify.tiles import (
     LAS,
@@ -54,7 +54,7 @@ _LAND = TextRecord(3, "land of the separation")
 _MAX_RECORD_BYTES = 2**16 - 1
 
 
-@function_of(SeparateTilesOptions)
+@use_case_of(SeparateTilesOptions)
 def separate_tiles(options: SeparateTilesOptions) -> "SeparateResult":
     """Separate tiles into sea and non-sea points, and write them with ASPRS classes.
 
@@ -78,7 +78,7 @@ def separate_tiles(options: SeparateTilesOptions) -> "SeparateResult":
         with requiring("the shoreline", "geo"):
             import contourpy  # noqa: F401 - availability check
     heads = tiles_of(find_tiles(options.tiles), options.window_m, observer)
-    targets = plan_tiles(heads, options, force=options.replaces)
+    targets = plan_tiles(heads, options)
     margins = margins_of(heads, options.margin_m, observer)
     several, pixel_m = len(heads) > 1, pixel_of(heads) if is_mapped else None
     tiled = zip(heads, targets, [options] * len(heads), margins, strict=True)
@@ -112,7 +112,7 @@ class _SeparateWork(TileWork["SeparatedTile"], RecordedWork["SeparatedTile"]):
 
     @property
     def reads(self) -> Sequence[Path]:
-        return self.path, *(self.margin.neighbors if self.margin else ())
+        return self.tile.path, *(self.margin.neighbors if self.margin else ())
 
     def without_result(self, reason: str | None) -> "SeparatedTile":
         return SeparatedTile(recording=self.recording.name, output=self.target, error=reason)
@@ -120,11 +120,11 @@ class _SeparateWork(TileWork["SeparatedTile"], RecordedWork["SeparatedTile"]):
     def write(self, outcome: "SeparatedTile", observer: Observer, files: OutputGroup) -> None:
         """Write the separated tile; store its figures in the outcome, and its map if there is to be one."""
         started = perf_counter()
-        tile = open_tile_or_window(self.path, self.tile.window)
+        tile = open_tile_or_window(self.tile.path, self.tile.window)
         if self.tile.window and not tile.size:
-            raise SelectionError(f"{self.path}: no points in this window")
+            raise SelectionError(f"{self.tile.path}: no points in this window")
         warn_of_missing(tile, self.settings, observer, intensity=False)
-        with about(self.path, InputError):
+        with about(self.tile.path, InputError):
             points = points_of(tile, self.margin, observer)
             found = separate(points, self.settings.separation, points.column).first(tile.size)
         warn_of_doubts(tile, found, observer)

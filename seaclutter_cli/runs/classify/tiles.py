@@ -122,8 +122,6 @@ def plan_tiles(
     tiles: Sequence[TileHead],
     options: WritingTiles,
     inputs: Paths = MappingProxyType({}),
-    *,
-    force: bool,
 ) -> list[Path]:
     """Return the output file of each tile: ``output`` itself for one, files named after the tiles in it for several.
 
@@ -139,7 +137,7 @@ def plan_tiles(
     prepare_outputs(
         {"-o": targets, **options.outputs},
         {"TILE": paths, "-c": options.config, **inputs},
-        force=force,
+        force=options.replaces,
         observer=options.observer,
     )
     for tile, target in zip(tiles, targets, strict=True):
@@ -220,14 +218,9 @@ class TileWork(Work[O]):
         """Write the output, which appears with ``files``; store its figures in the outcome."""
 
     @property
-    def path(self) -> Path:
-        """File of the tile."""
-        return self.tile.path
-
-    @property
     def recording(self) -> Recording:  # type: ignore[override]
         """The tile."""
-        return _Window((self.path,), tile=self.tile) if self.tile.window else Recording((self.path,))
+        return _Window((self.tile.path,), tile=self.tile) if self.tile.window else Recording((self.tile.path,))
 
 
 def run_tiles(

@@ -10,10 +10,10 @@ import numpy as np
 from seaclutter_cli.airborne.forest import Samples, class_name, join, predict, split_samples, train
 from seaclutter_cli.airborne.model import ObjectModel, tile_features
 from seaclutter_cli.airborne.settings import TileSettings
+from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.errors import InputError, about
 from seaclutter_cli.evaluation.confusion import Confusion
-from seaclutter_cli.options import function_of
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import draw_confusion
 from seaclutter_cli.runs.classify.tiles import warn_of_missing
@@ -28,7 +28,7 @@ from seaclutter_cli.truth import OBJECT_CLASSES
 _SCORES = ("class", "precision", "recall", "f1", "points", "object_f1")
 
 
-@function_of(TrainForestOptions)
+@use_case_of(TrainForestOptions)
 def train_forest(options: TrainForestOptions) -> "TrainingReport":
     """Train a random forest on labelled tiles, test it on held-out data, and write it.
 
