@@ -147,17 +147,11 @@ class ProposedLabels(RecordedObjects):
         rows: dict[str, list[Proposal]] = {}
         for one in self.found:
             rows.setdefault(one.labelled.track, []).append(one)
-        lines = [
-            (
-                track,
-                own[0].labelled.kind,
-                f"{min(one.frame for one in own)} to {max(one.frame for one in own)}",
-                len(own),
-                sum(one.mark == DOUBTFUL for one in own),
-                f"{own[0].score:.2f}",
-            )
-            for track, own in islice(rows.items(), _MOST_SHOWN)
-        ]
+        lines = []
+        for track, own in islice(rows.items(), _MOST_SHOWN):
+            numbers, doubtful = [one.frame for one in own], sum(one.mark == DOUBTFUL for one in own)
+            frames, score = f"{min(numbers)} to {max(numbers)}", f"{own[0].score:.2f}"
+            lines.append((track, own[0].labelled.kind, frames, len(own), doubtful, score))
         left_out = len(rows) - len(lines)
         head = f"{printable(self.recording)}: {count(self.frames, 'frame')}, {count(self.boxes, 'box')}"
         blocks = [f"{head}, {self.doubtful:,} doubtful"]

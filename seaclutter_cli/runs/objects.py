@@ -90,10 +90,7 @@ class RecordedObjects(Outcome):
         by_topic: dict[str, list[TrackSummary]] = {}
         for one in self.confirmed:
             by_topic.setdefault(one.topic, []).append(one)
-        blocks = [
-            f"{printable(topic)}:\n{_track_table(found)}" if len(by_topic) > 1 else _track_table(found)
-            for topic, found in by_topic.items()
-        ]
+        blocks = [f"{printable(topic)}:\n" * (len(by_topic) > 1) + _track_table(one) for topic, one in by_topic.items()]
         if blocks:
             over_ground = [one.over_ground for one in self.confirmed]
             which = "some speeds" if any(over_ground) and not all(over_ground) else "speeds"
@@ -105,18 +102,11 @@ class RecordedObjects(Outcome):
 def _track_table(tracks: Sequence[TrackSummary]) -> str:
     """Return the tracks that were seen in most frames as a table."""
     found = sorted(tracks, key=lambda one: -one.frames)
-    rows = [
-        (
-            one.track_id,
-            one.kind,
-            one.frames,
-            f"{one.length_m:.1f} x {one.width_m:.1f} x {one.height_m:.1f}",
-            f"{one.nearest_m:.0f}",
-            f"{one.speed_ms:.1f}",
-            f"{one.score:.2f}",
-        )
-        for one in found[:_MOST_SHOWN]
-    ]
+    rows = []
+    for one in found[:_MOST_SHOWN]:
+        size = f"{one.length_m:.1f} x {one.width_m:.1f} x {one.height_m:.1f}"
+        numbers = f"{one.nearest_m:.0f}", f"{one.speed_ms:.1f}", f"{one.score:.2f}"
+        rows.append((one.track_id, one.kind, one.frames, size, *numbers))
     lines = table(("id", "class", "frames", "size m", "nearest m", "fastest m/s", "score"), rows)
     left_out = len(found) - _MOST_SHOWN
     return f"{lines}\nand {count(left_out, 'other object')}" if left_out > 0 else lines
