@@ -80,7 +80,12 @@ def calibrate(options: CalibrateOptions) -> CalibrationResult:
     outcomes = run_all(works, options.batch, raising(observer), add)  # thresholds are from all or none
     used = [pair for pair in zip(works, outcomes, strict=True) if not pair[1].has_nothing]
     trade_off = _trade_off(used, clutter.calibration, observer) if options.choose or options.trade_off else None
-    result = _result(outcomes, clutter, config, options, trade_off)
+    _check(outcomes, clutter)
+    mounting = clutter.search.found() if clutter.search is not None else None
+    found, labelled = clutter.calibration.thresholds(), bool(options.labels)
+    result = CalibrationResult(
+        outcomes, config, clutter.calibration, found, labelled, options.output, mounting, trade_off
+    )
     for text in result.warnings:
         observer.warn(text)
     files = {options.output: result.config_text().encode()}
@@ -104,13 +109,8 @@ def _starting_config(options: ConfigOptions) -> Config:
     return config
 
 
-def _result(
-    outcomes: Sequence[Calibrated],
-    clutter: Clutter,
-    config: Config,
-    options: CalibrateOptions,
-    trade_off: TradeOff | None,
-) -> CalibrationResult:
+def _check(outcomes: Sequence[Calibrated], clutter: Clutter) -> None:
+    """Raise an error if there is nothing that could give thresholds."""
     unlabelled = sum(one.unlabelled for one in outcomes)
     if unlabelled and not any(one.frames for one in outcomes):
         frames = count(unlabelled, "frame")
@@ -119,11 +119,6 @@ def _result(
         others = (cloud.other_intensity for one in outcomes for cloud in one.clouds.values() if cloud.other_intensity)
         hint = next((f"; use --intensity-field {name}" for name in others), "")
         raise FieldError(f"the intensities are always 0, so they give no thresholds{hint}")
-    mounting = clutter.search.found() if clutter.search is not None else None
-    found, labelled = clutter.calibration.thresholds(), bool(options.labels)
-    return CalibrationResult(
-        outcomes, config, clutter.calibration, found, labelled, options.output, mounting, trade_off
-    )
 
 
 def _trade_off(
