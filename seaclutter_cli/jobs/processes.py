@@ -8,7 +8,6 @@ import warnings
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
-from functools import partial
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from pickle import PicklingError
@@ -17,7 +16,7 @@ from typing import Any
 
 from seaclutter_cli.errors import PluginWarning, UsageError
 from seaclutter_cli.interrupts import handle_interrupts, ignore_interrupts
-from seaclutter_cli.jobs.engine import DIED, SHARE, OnShare, R, Results, Task, answer, run_with_retries
+from seaclutter_cli.jobs.engine import DIED, ERROR, SHARE, OnShare, R, Results, Task, answer, run_with_retries
 from seaclutter_cli.threads import VARIABLE, cores, threads
 
 _NOT_SENT = "the method cannot be sent to other processes; define it in a module or a file, or use one process"
@@ -162,21 +161,13 @@ def _work(pipe: Connection, environment: Mapping[str, str]) -> None:
     warnings.simplefilter("ignore", PluginWarning)  # the first process has said it
     with suppress(EOFError, OSError, KeyboardInterrupt):  # the first process closed the pipe, or is gone
         while True:
-            pipe.send_bytes(answer(_received(pipe), _Reporter(pipe)))
+            try:
+                task = pipe.recv()
+            except (AttributeError, ImportError) as error:
+                pipe.send((ERROR, UsageError(f"{_NOT_SENT} ({error})")))
+            else:
+                pipe.send_bytes(answer(task, _Reporter(pipe)))
     ignore_interrupts()
-
-
-def _received(pipe: Connection) -> Task[Any]:
-    """Return the task that comes from a pipe; if it cannot be read, one that raises this error."""
-    try:
-        task: Task[Any] = pipe.recv()
-    except (AttributeError, ImportError) as error:
-        return partial(_fail, f"{_NOT_SENT} ({error})")
-    return task
-
-
-def _fail(text: str, _: Any) -> None:
-    raise UsageError(text)
 
 
 class _Reporter:

@@ -306,14 +306,13 @@ def _quiet() -> Iterator[None]:
     for name in _LIBRARIES:
         logging.getLogger(name)
     known = [logger for name, logger in logging.root.manager.loggerDict.items() if name.partition(".")[0] in _LIBRARIES]
-    loggers = [logger for logger in known if isinstance(logger, logging.Logger)]
-    before = [logger.level for logger in loggers]
-    for logger in loggers:  # those that are made later have the level of the first of their name
+    before = {logger: logger.level for logger in known if isinstance(logger, logging.Logger)}
+    for logger in before:  # those that are made later have the level of the first of their name
         logger.setLevel(_NEVER)
     try:
         yield
     finally:
-        for logger, level in zip(loggers, before, strict=True):
+        for logger, level in before.items():
             logger.setLevel(level)
 
 
