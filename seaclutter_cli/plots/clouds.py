@@ -183,26 +183,14 @@ def draw_mask(figure: "Figure", *, mask: StructureMask, reach_m: float) -> None:
     upper, lower = figure.subplots(2, 1, height_ratios=(1, 1.9))
     sectors = sorted(mask.sectors, key=lambda one: -one.range_min_m)  # near ones lie above
     ranges = np.array([one.range_min_m for one in sectors])
-    boxes = [
-        Rectangle(
-            (-one.azimuth_max_deg, one.elevation_min_deg),
-            one.azimuth_max_deg - one.azimuth_min_deg,
-            one.elevation_max_deg - one.elevation_min_deg,
-        )
-        for one in sectors
-    ]
-    # Turned by 90°, x points up and y to the left, as on a chart with the bow up.
-    flat = np.cos(np.radians([(one.elevation_min_deg + one.elevation_max_deg) / 2 for one in sectors]))
-    wedges = [
-        Wedge(
-            (0, 0),
-            one.range_max_m * share,
-            one.azimuth_min_deg + 90,
-            one.azimuth_max_deg + 90,
-            width=(one.range_max_m - one.range_min_m) * share,
-        )
-        for one, share in zip(sectors, flat, strict=True)
-    ]
+    boxes, wedges = [], []
+    for one in sectors:
+        low, high, first, last = one.elevation_min_deg, one.elevation_max_deg, one.azimuth_min_deg, one.azimuth_max_deg
+        boxes.append(Rectangle((-last, low), last - first, high - low))
+        # Turned by 90°, x points up and y to the left, as on a chart with the bow up.
+        flat = np.cos(np.radians((low + high) / 2))
+        width = (one.range_max_m - one.range_min_m) * flat
+        wedges.append(Wedge((0, 0), one.range_max_m * flat, first + 90, last + 90, width=width))
     for axes, patches in ((upper, boxes), (lower, wedges)):
         drawn = PatchCollection(patches, cmap="viridis_r", linewidth=0)
         drawn.set_array(ranges)
