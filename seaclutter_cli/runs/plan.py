@@ -18,7 +18,6 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ConvertOptions, FilterOptions
 from seaclutter_cli.runs.outputs import Root, prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expected_frames, open_recording
-from seaclutter_cli.runs.resume import earlier_of
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.text import count, data_size, table
 from seaclutter_cli.threads import in_threads
@@ -93,7 +92,7 @@ def _planned(work: LogWork[Any, Any]) -> "Planned":
 def _look(work: LogWork[Any, Any], planned: "Planned") -> None:
     options, exists = work.options, os.path.lexists(work.output)
     if exists and options.batch.resume:
-        outcome, planned.reason = earlier_of(work)
+        outcome, planned.reason = work.earlier()
         if outcome is not None:
             planned.skipped, planned.frames, planned.reason = True, outcome.frames, "the output is complete"
             return

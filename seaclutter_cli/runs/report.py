@@ -34,8 +34,7 @@ from seaclutter_cli.selection import filtered_by
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import UNKNOWN, count, printable
-from seaclutter_cli.viewing import FrameStream, require_rerun, viewer
-from seaclutter_cli.viewing import check_target as check_rerun_file
+from seaclutter_cli.viewing import FrameStream, check_target, require_rerun, viewer
 
 if TYPE_CHECKING:
     from seaclutter_cli.suspects.finder import SuspectFinder
@@ -187,7 +186,7 @@ def view_logs(options: ViewOptions) -> "ViewResult":
     observer = options.watching
     require_rerun()
     if options.target:
-        check_rerun_file(options.target)
+        check_target(options.target)
     pairs = prepared(options, observer)
     methods = MethodOptions(config=options.config, methods=options.method or (), settings=options.settings)
     with OutputGroup(replace=options.force) as files, ExitStack() as stack:

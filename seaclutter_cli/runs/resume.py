@@ -133,7 +133,8 @@ class RecordedWork(Work[O]):
     def earlier(self) -> tuple[O | None, str]:
         """Return the outcome of an earlier run whose output is complete; otherwise None, and what differs if any.
 
-        Raise `UsageError` if the output is not that of a run, and may not be replaced.
+        No file that it read may have been changed since. Raise `UsageError` if the output is not that of a run, and may
+        not be replaced.
         """
         if not self.writes[0].exists():
             return None, ""
@@ -149,6 +150,8 @@ class RecordedWork(Work[O]):
             difference = self.identity().difference(record) or self.restore(outcome, record)
         except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
             difference = f"incomplete record: {error!r}"
+        if not difference and _changed_after(self.reads, self.writes[0]):
+            difference = "an input that was changed since"
         return (None, f"the earlier output is of {difference}") if difference else (outcome, "")
 
     def _record(self) -> Mapping[str, Any]:
@@ -168,7 +171,7 @@ def earlier_outcomes(works: Sequence[RecordedWork[O]], observer: Observer) -> li
 
     def look(work: RecordedWork[O]) -> tuple[O | None, str]:
         with copies_removed():
-            return earlier_of(work) if os.path.lexists(work.writes[0]) else (None, "")
+            return work.earlier() if os.path.lexists(work.writes[0]) else (None, "")
 
     found = in_threads(look, works)
     for work, (outcome, difference) in zip(works, found, strict=True):
@@ -179,14 +182,6 @@ def earlier_outcomes(works: Sequence[RecordedWork[O]], observer: Observer) -> li
     return [outcome for outcome, _ in found]
 
 
-def earlier_of(work: RecordedWork[O]) -> tuple[O | None, str]:
-    """Return the outcome of an earlier run as `RecordedWork.earlier`, unless a file that it read was changed since."""
-    outcome, difference = work.earlier()
-    if outcome is not None and _changed_after(work.reads, work.writes[0]):
-        return None, "the earlier output is of an input that was changed since"
-    return outcome, difference
-
-
 @contextmanager
 def same_output_accepted(work: Work[O]) -> Iterator[None]:
     """Accept an output that another process has completed, which died or was given up before its answer came."""
@@ -194,7 +189,7 @@ def same_output_accepted(work: Work[O]) -> Iterator[None]:
         yield
     except OutputError:
         with suppress(UsageError, OSError):  # not an output of a run, or none at all
-            if isinstance(work, RecordedWork) and not mirror_of(work.writes[0]) and earlier_of(work)[0] is not None:
+            if isinstance(work, RecordedWork) and not mirror_of(work.writes[0]) and work.earlier()[0] is not None:
                 return
         raise
 
