@@ -36,21 +36,19 @@ class ReportFigure:
     aspect: float = 0.62
     row_aspect: float = 0.0
 
-    def render(self, collected: Collector, suffix: str) -> bytes:
-        """Return the figure as the bytes of a file."""
-        aspect = self.aspect + self.row_aspect * len(collected.methods)
-        return render(lambda figure: self.draw(figure, collected), suffix, aspect=aspect)
-
 
 def draw_figures(collected: Collector, form: str) -> dict[str, bytes]:
     """Return the figures as the bytes of ``svg`` or ``png`` files, by file name; figures without data are omitted.
 
     Figures of one method show the first; figures of one frame show `Collector.figure_sample`.
     """
+    methods = len(collected.methods)
     return {
-        f"{name}.{form}": figure.render(collected, f".{form}")
-        for name, figure in FIGURES.items()
-        if figure.applies(collected)
+        f"{name}.{form}": render(
+            one.draw, f".{form}", aspect=one.aspect + one.row_aspect * methods, collected=collected
+        )
+        for name, one in FIGURES.items()
+        if one.applies(collected)
     }
 
 
@@ -191,17 +189,13 @@ def _has_rings(collected: Collector) -> bool:
 
 
 FIGURES: Mapping[str, ReportFigure] = {
-    "intensity": ReportFigure(
-        _draw_intensity, lambda it: any(np.isfinite(sample.intensity).any() for sample in it.spread)
-    ),
+    "intensity": ReportFigure(_draw_intensity, lambda it: any(np.isfinite(one.intensity).any() for one in it.spread)),
     "thresholds": ReportFigure(partial(_draw_rings, name="thresholds"), _has_rings),
     "corrections": ReportFigure(partial(_draw_rings, name="corrections"), _has_rings),
     "water": ReportFigure(_draw_water, lambda it: bool(np.isfinite(it.histories[0]["water"]).any()), 0.75),
     "reasons": ReportFigure(_draw_reasons, lambda collected: bool(collected.chosen)),
     "alarms": ReportFigure(_draw_alarms, lambda collected: collected.labelled and bool(collected.chosen), 0.27, 0.08),
     "stages": ReportFigure(draw_stages, lambda collected: bool(collected.chosen), aspect=1.75),
-    "methods": ReportFigure(
-        draw_methods, lambda collected: len(collected.methods) > 1 and bool(collected.chosen), aspect=1.2
-    ),
+    "methods": ReportFigure(draw_methods, lambda it: len(it.methods) > 1 and bool(it.chosen), aspect=1.2),
 }
 """Figures by file name. To add a figure, add a line here and a function that draws it."""
