@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -71,7 +70,7 @@ def classify_tiles(options: ClassifyTilesOptions) -> "PredictResult":
     works = [_PredictWork(*each, options, model) for each in zip(heads, targets, strict=True)]
     # The tiles are the main output: a single one appears after the tables.
     with OutputGroup(replace=options.force) as files, OutputGroup(files) as tiles:
-        found = run_tiles(works, options.batch, observer, tiles)
+        found = run_tiles(works, tiles)
         write_files(_files(found, options, observer), files, outcomes=found, observer=observer)
     return PredictResult(found, model.settings.objects.min_probability)
 
@@ -135,7 +134,7 @@ class _PredictWork(TileWork["ClassifiedTile"]):
     kind = ClassifiedTile
 
     def write(self, outcome: "ClassifiedTile", observer: Observer, files: OutputGroup) -> None:
-        started, tile = perf_counter(), open_tile(self.tile.path)
+        tile = open_tile(self.tile.path)
         warn_of_missing(tile, self.model.settings, observer)
         with about(self.tile.path, InputError):
             found = classify_points(tile, self.model)
@@ -155,7 +154,6 @@ class _PredictWork(TileWork["ClassifiedTile"]):
         outcome.map = MappedTile(self.tile.path.stem, tile.crs, objects=objects)
         if self.options.plot_file:
             outcome.picture = _picture(tile, found, self.options.plot_file.suffix)
-        outcome.seconds = perf_counter() - started
 
 
 def _files(tiles: Sequence["ClassifiedTile"], options: ClassifyTilesOptions, observer: Observer) -> Contents:

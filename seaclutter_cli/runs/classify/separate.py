@@ -4,7 +4,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -88,7 +87,7 @@ def separate_tiles(options: SeparateTilesOptions) -> "SeparateResult":
     # The tiles are the main output: a single one appears after its maps.
     with OutputGroup(replace=options.replaces) as files, OutputGroup(files) as tiles:
         earlier = earlier_outcomes(works, observer) if batch.resume else None
-        outcomes = run_tiles(works, batch, observer, tiles, earlier)
+        outcomes = run_tiles(works, tiles, earlier)
         write_files(map_files(options, [one.map for one in outcomes if one.map], observer), files)
     write_manifest(batch.manifest, [work.recording for work in works], outcomes, replace=options.replaces)
     return SeparateResult(outcomes)
@@ -119,7 +118,6 @@ class _SeparateWork(TileWork["SeparatedTile"], RecordedWork["SeparatedTile"]):
 
     def write(self, outcome: "SeparatedTile", observer: Observer, files: OutputGroup) -> None:
         """Write the separated tile; store its figures in the outcome, and its map if there is to be one."""
-        started = perf_counter()
         tile = open_tile_or_window(self.tile.path, self.tile.window)
         if self.tile.window and not tile.size:
             raise SelectionError(f"{self.tile.path}: no points in this window")
@@ -141,7 +139,7 @@ class _SeparateWork(TileWork["SeparatedTile"], RecordedWork["SeparatedTile"]):
             texts[_LAND] = land if len(land) <= _MAX_RECORD_BYTES else ""
         write_tile(tile, self.target, columns, _HEIGHT if self.options.with_height else {}, files, texts)
         outcome.map = self._mapped(tile, found)
-        vars(outcome).update(figures, seconds=perf_counter() - started)
+        vars(outcome).update(figures)
 
     def _mapped(self, tile: LasTile | CloudTile, found: Separation) -> MappedTile | None:
         objects = self.settings.objects if self.options.geojson_file else None

@@ -4,6 +4,7 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from time import perf_counter
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -17,7 +18,6 @@ from seaclutter_cli.interfaces import TilePoints
 from seaclutter_cli.jobs.processes import default_jobs
 from seaclutter_cli.runs.batch import Work, run_all
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options import BatchOptions
 from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions, SeparateTilesOptions, WritingTiles
 from seaclutter_cli.runs.outputs import Paths, is_folder, outputs_in, prepare_outputs
 from seaclutter_cli.runs.recordings import O, Outcome
@@ -118,11 +118,7 @@ def warn_of_doubts(tile: LasTile | CloudTile, found: Separation, observer: Obser
         observer.warn(f"{tile.path.stem}: {text}")
 
 
-def plan_tiles(
-    tiles: Sequence[TileHead],
-    options: WritingTiles,
-    inputs: Paths = MappingProxyType({}),
-) -> list[Path]:
+def plan_tiles(tiles: Sequence[TileHead], options: WritingTiles, inputs: Paths = MappingProxyType({})) -> list[Path]:
     """Return the output file of each tile: ``output`` itself for one, files named after the tiles in it for several.
 
     ``output`` is a folder if there are several tiles, or if it is a `str` that ends in a slash. Additional input files
@@ -223,20 +219,16 @@ class TileWork(Work[O]):
         return _Window((self.tile.path,), tile=self.tile) if self.tile.window else Recording((self.tile.path,))
 
 
-def run_tiles(
-    works: Sequence[TileWork[O]],
-    batch: BatchOptions,
-    observer: Observer,
-    files: OutputGroup,
-    earlier: list[O | None] | None = None,
-) -> list[O]:
+def run_tiles(works: Sequence[TileWork[O]], files: OutputGroup, earlier: list[O | None] | None = None) -> list[O]:
     """Do the work on tiles, but not where an outcome is ``earlier``; several appear at once, one with ``files``.
 
     There are as many processes as the memory is enough for, unless a number is given.
     """
+    batch, observer = works[0].options.batch, works[0].options.observer
     if not earlier and batch.runs_here(len(works)):
-        outcome = works[0].without_result(None)
+        outcome, started = works[0].without_result(None), perf_counter()
         works[0].write(outcome, observer, files)
+        outcome.seconds = perf_counter() - started
         return [outcome]
     if batch.jobs is None and batch.cluster is None:
         batch = replace(batch, jobs=default_jobs(len(works), _MEMORY_PER_TILE))

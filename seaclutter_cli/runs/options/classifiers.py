@@ -5,16 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.options import (
-    Converted,
-    Kind,
-    Number,
-    OptionalPath,
-    Place,
-    UseCase,
-    Whole,
-    option,
-)
+from seaclutter_cli.options import Converted, Kind, Number, OptionalPath, Place, UseCase, Whole, option
 from seaclutter_cli.runs.options import BatchOptions, Observed, OfLogs, Places, ReadOptions, Replacing, Settings
 from seaclutter_cli.scenes import TrainingParams
 
