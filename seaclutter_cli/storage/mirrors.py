@@ -1,4 +1,4 @@
-"""Scratch folders in which objects have paths, so that code for local files can work on them."""
+"""Scratch folders in which objects have paths, so that code for local files can work on them; copies of objects."""
 
 import os
 import re
@@ -12,30 +12,101 @@ from functools import partial
 from glob import escape
 from itertools import pairwise, takewhile
 from pathlib import Path
-from typing import BinaryIO
+from threading import Thread
+from typing import IO, BinaryIO
 
 from seaclutter_cli.errors import InputError, OutputError, SeaclutterError, UsageError, opening
 from seaclutter_cli.parts import SCRATCH, part_path, release, remove_stale
-from seaclutter_cli.storage.downloads import Download
 from seaclutter_cli.storage.objects import (
     StoredObject,
     Upload,
     delete_object,
+    explained,
     find_object,
     list_folder,
     list_objects,
     open_object,
+    range_options,
     read_range,
+    store_of,
 )
 from seaclutter_cli.urls import SCHEMES, WEB, Url
 
 _MAGIC = re.compile(r"[*?\[]")
 _HEAD_BYTES = 4096
 _END_BYTES = 2**20
+_RANGE, _PIECE = 32 * 2**20, 4 * 2**20
+_AT_ONCE, _WAKE_SECONDS = 8, 0.5
 _TOLD_BY_CONTENT = (".csv", ".yaml")
 _WORTH_AN_EXCERPT = 16 * 2**20
 _MANY, _SMALL = 64, 16 * 2**20
 """Files, and bytes, up to which several recordings are fetched ahead."""
+
+
+class Download:
+    """Copies of objects, complete after `wait`.
+
+    Every range is requested with the version of the object, so a copy never mixes two of them. ``files`` are pairs of
+    an object and the file that becomes its copy.
+    """
+
+    def __init__(self, files: list[tuple[StoredObject, Path]]) -> None:
+        self.files = files
+        self._error: BaseException | None = None
+        self._stopped = False
+        for found, path in files:
+            with _opened(found, path, "wb"):
+                pass
+        ranges = [(*file, start) for file in files for start in range(0, file[0].size, _RANGE)]
+        self._ranges = iter(ranges)
+        self._threads = [Thread(target=self._run, daemon=True) for _ in ranges[:_AT_ONCE]]
+        for thread in self._threads:
+            thread.start()
+
+    def wait(self) -> None:
+        """Return when all copies are complete; raise the error that prevented it."""
+        for thread in self._threads:
+            while thread.is_alive():
+                thread.join(_WAKE_SECONDS)  # lets Windows handle Ctrl-C
+        if self._error:
+            raise self._error
+
+    def stop(self) -> None:
+        """Stop the transfer; a thread that waits for the service writes nothing any more."""
+        self._stopped = True
+
+    def _run(self) -> None:
+        for found, path, start in self._ranges:
+            try:
+                self._fetch(found, path, start)
+            except BaseException as error:  # noqa: BLE001 - it must not get lost with the thread
+                failed = InputError(f"{found.url}: the copy failed ({type(error).__name__})")
+                self._error = self._error or (error if isinstance(error, SeaclutterError) else failed)
+                self._stopped = True
+            if self._stopped:
+                return
+
+    def _fetch(self, found: StoredObject, path: Path, start: int) -> None:
+        at, stop = start, min(start + _RANGE, found.size)
+        with explained(found.url):
+            result = store_of(found.url).get(found.url.key, options=range_options(found, start, stop))
+            pieces = iter(result.stream(_PIECE))
+            piece = next(pieces, b"")
+        while piece and not self._stopped:
+            with _opened(found, path, "r+b") as file:  # not while waiting: some systems do not remove open files
+                file.seek(at)
+                file.write(piece)
+            at += len(piece)
+            with explained(found.url):
+                piece = next(pieces, b"")
+        if not self._stopped and (at != stop or result.meta["size"] != found.size):
+            raise InputError(f"{found.url}: the object changed while it was read")
+
+
+@contextmanager
+def _opened(found: StoredObject, path: Path, mode: str) -> Iterator[IO[bytes]]:
+    with opening(found.url, problem="the copy in the scratch folder failed"), path.open(mode) as file:
+        yield file
 
 
 class Mirror:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from seaclutter_cli.errors import InputError, OutputError
-from seaclutter_cli.storage import downloads, mirrors
+from seaclutter_cli.storage import mirrors
 from seaclutter_cli.storage.mirrors import Mirror
 from seaclutter_cli.storage.objects import StoredObject
 from tests.storage.buckets import put
@@ -21,8 +21,8 @@ DATA = random.Random(1).randbytes(5_000_000)
 @pytest.fixture
 def small_ranges(monkeypatch):
     """Let objects of some megabytes take several requests."""
-    monkeypatch.setattr(downloads, "_RANGE", 2**20)
-    monkeypatch.setattr(downloads, "_PIECE", 2**18)
+    monkeypatch.setattr(mirrors, "_RANGE", 2**20)
+    monkeypatch.setattr(mirrors, "_PIECE", 2**18)
 
 
 @pytest.fixture
