@@ -17,7 +17,7 @@ from seaclutter_cli.records import Channel, Metadata
 from seaclutter_cli.runs.batch import RecordingWork, run_all, size_of
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import WritingLogs
-from seaclutter_cli.runs.outputs import Paths, Root, inputs_of, is_folder, outputs_in, prepare_outputs, write_manifest
+from seaclutter_cli.runs.outputs import Paths, inputs_of, is_folder, outputs_in, prepare_outputs, write_manifest
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, assign_labels, expand, require_frames, statuses
 from seaclutter_cli.runs.resume import (
     RecordedWork,
@@ -178,7 +178,7 @@ class LogRun(Generic[W]):
         ]
         configs = [work.config for work in self.works[:1] if hasattr(work, "config")]
         self.inputs = inputs_of(recordings, options.reading, getattr(options, "config", None), configs)
-        self.root = Root(Path(options.output), OUTPUT_FORMATS[form].marker)
+        self.marker = OUTPUT_FORMATS[form].marker
         self.is_alone = options.batch.runs_here(len(recordings))
 
     def prepare(self, observer: Observer, *, dry: bool = False) -> None:
@@ -187,7 +187,8 @@ class LogRun(Generic[W]):
         earlier = [part for work in self.works if work.has_parts for part in parts_after(work.target, 0)]
         outputs: Paths = {"-o": [*(work.output for work in self.works), *earlier], **self.options.outputs}
         labels = getattr(self.options, "labels", ())
-        prepare_outputs(outputs, self.inputs, labels, force=force, observer=observer, root=self.root, dry=dry)
+        kept: dict[str, Any] = {"force": force, "observer": observer, "marker": self.marker, "dry": dry}
+        prepare_outputs(outputs, self.inputs, labels, root=Path(self.options.output), **kept)
         check_names(targets, self.options.to)
 
     def begin(self, observer: Observer) -> list[W]:

@@ -9,7 +9,6 @@ import json
 import os
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from tempfile import SpooledTemporaryFile
@@ -43,17 +42,6 @@ _PACKED_BYTES = 2**24
 
 Paths = Mapping[str, Path | Iterable[Path] | None]
 """Places of files by the option that gives them."""
-
-
-@dataclass(frozen=True)
-class Root:
-    """What the option ``-o`` gives: a folder of outputs, below which folders are created, or an output.
-
-    Outputs that are folders are recognised by the file ``marker``; it is empty if they are files.
-    """
-
-    place: Path
-    marker: str = ""
 
 
 def inputs_of(
@@ -117,21 +105,22 @@ def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
     *,
     force: bool,
     observer: Observer = SILENT,
-    root: Root | None = None,
+    root: Path | None = None,
+    marker: str = "",
     dry: bool = False,
 ) -> None:
     """Check the paths of output files, by option, against each other and against the inputs; prepare their folders.
 
     New files in folders of inputs are refused, too, but allowed in those of ``labels``. Inputs that do not exist are
     names of built-in files. Existing files may be replaced if ``force``; a file to which the observer appends messages,
-    its ``log_file``, may exist. ``root`` is what ``-o`` gives. Raise `UsageError` if two outputs are the same file, or
-    an output is an input, is inside an input folder, is a folder, is in a folder whose parent does not exist, exists
-    and may not be replaced, or is a figure in an unknown format.
+    its ``log_file``, may exist. Outputs of ``-o`` that are folders are recognised by the file ``marker``; it is empty
+    if they are files. Raise `UsageError` if two outputs are the same file, or an output is an input, is inside an input
+    folder, is a folder, is in a folder whose parent does not exist, exists and may not be replaced, or is a figure in
+    an unknown format.
 
-    Unless ``dry``, folders below ``root`` are created. Incomplete files that killed runs left are removed, with a note
-    to the observer.
+    Unless ``dry``, folders below ``root``, which ``-o`` gives, are created. Incomplete files that killed runs left are
+    removed, with a note to the observer.
     """
-    markers = {"-o": root.marker} if root else {}
     for folder in {path.parent if mirror_of(path.parent) else path for _, path in _flat(outputs)}:
         if mirror := mirror_of(folder):
             if mirror.url(folder).scheme in WEB:
@@ -141,7 +130,7 @@ def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
     for folder in () if dry else {known(path).parent for _, path in _flat(outputs)}:
         for back in take_back(folder):
             observer.warn(f"{back}: is back; a run was killed while it replaced this folder")
-    targets = [_Target(path, option, known, markers.get(option, "")) for option, path in _flat(outputs)]
+    targets = [_Target(path, option, known, marker if option == "-o" else "") for option, path in _flat(outputs)]
     log_file = getattr(observer, "log_file", None)
     log = [_Target(log_file, "--log-file", known)] if log_file else []
     _check_distinct([*targets, *log], known)
@@ -232,9 +221,9 @@ def _check_place(target: _Target, *, force: bool) -> None:
         raise UsageError(f"{path}: already exists; use --force to replace it")
 
 
-def _prepare_folders(targets: Sequence[_Target], root: Root | None, observer: Observer, *, dry: bool) -> None:
+def _prepare_folders(targets: Sequence[_Target], root: Path | None, observer: Observer, *, dry: bool) -> None:
     """Check that folders of outputs exist or can be created; create and tidy them. Each is looked at only once."""
-    top = Path(os.path.realpath(root.place)) if root else None
+    top = Path(os.path.realpath(root)) if root else None
     folders = {target.file.parent: target.path for target in reversed(targets)}
     names: defaultdict[Path, set[str]] = defaultdict(set)
     for target in targets:

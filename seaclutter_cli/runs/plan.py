@@ -16,7 +16,7 @@ from seaclutter_cli.runs.info import excerpt_of
 from seaclutter_cli.runs.log_work import LogRun, LogWork, W
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ConvertOptions, FilterOptions
-from seaclutter_cli.runs.outputs import Root, prepare_outputs
+from seaclutter_cli.runs.outputs import prepare_outputs
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expected_frames, open_recording
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.text import count, data_size, table
@@ -74,7 +74,7 @@ def _plan(run: LogRun[W], observer: Observer) -> "RunPlan":
     folder = next(above for above in target.absolute().parents if above.exists())
     result = RunPlan(planned, None if mirror_of(target) else shutil.disk_usage(folder).free)
     if result.free_bytes is not None and result.bytes_in > result.free_bytes:  # outputs of the size of their recordings
-        observer.warn(f"{run.root.place}: the outputs may not fit")
+        observer.warn(f"{Path(run.options.output)}: the outputs may not fit")
     return result
 
 
@@ -97,8 +97,8 @@ def _look(work: LogWork[Any, Any], planned: "Planned") -> None:
             planned.skipped, planned.frames, planned.reason = True, outcome.frames, "the output is complete"
             return
     elif exists:
-        root = Root(work.output, OUTPUT_FORMATS[work.form].marker)
-        prepare_outputs({"-o": work.output}, {}, force=options.force, root=root, dry=True)
+        marker = OUTPUT_FORMATS[work.form].marker
+        prepare_outputs({"-o": work.output}, {}, force=options.force, root=work.output, marker=marker, dry=True)
         planned.reason = "replaces the output"
     part = excerpt_of(work.recording)
     if part is None and mirror_of(work.recording.paths[0]):
