@@ -143,22 +143,18 @@ def _reported_errors() -> Iterator[None]:
         raise click.exceptions.Exit(error.exit_code) from error
     except BrokenPipeError:
         raise
-    except (SeaclutterError, OSError) as error:
-        context = click.get_current_context(silent=True)
+    except (SeaclutterError, OSError, MemoryError, RuntimeError, ImportError) as error:
+        context, shown = click.get_current_context(silent=True), error
+        if not isinstance(error, SeaclutterError | OSError):  # perhaps memory, of data, a thread, or a library
+            if not isinstance(error, MemoryError) and not any(one in str(error) for one in _SIGNS_OF_LITTLE_MEMORY):
+                raise
+            shown = SeaclutterError(_LITTLE_MEMORY)
         if context and LOG in context.meta:
-            context.meta[LOG].record(str(error), "ERROR")
+            context.meta[LOG].record(str(shown), "ERROR")
         if context and DEBUG in context.meta:
             raise
-        show_error(error)
-        raise click.exceptions.Exit(getattr(error, "exit_code", 1)) from error
-    except (MemoryError, RuntimeError, ImportError) as error:
-        context = click.get_current_context(silent=True)
-        # of data, a thread, or a library
-        is_memory = isinstance(error, MemoryError) or any(sign in str(error) for sign in _SIGNS_OF_LITTLE_MEMORY)
-        if not is_memory or (context and DEBUG in context.meta):
-            raise
-        show_error(SeaclutterError(_LITTLE_MEMORY))
-        raise click.exceptions.Exit(SeaclutterError.exit_code) from error
+        show_error(shown)
+        raise click.exceptions.Exit(getattr(shown, "exit_code", 1)) from error
     except KeyboardInterrupt as interrupt:
         ignore_interrupts()
         removed = "; incomplete output was removed" if hasattr(interrupt, "__notes__") else ""

@@ -71,7 +71,7 @@ def filter_log(options: FilterOptions) -> "FilterSummary":
                 _frame_table(works[0].config, table.stream).write_header()
             if run.is_alone:
                 works = [replace(works[0], group=logs)]
-            outcomes = run.do(works, observer, partial(_append, table))
+            outcomes = run.do(works, observer, partial(_append, table), again=bool(csv_file or objects_file))
             if objects and objects_file:
                 from seaclutter_cli.sinks.objects import write_objects
 
@@ -246,11 +246,6 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
     """Filtering of one recording with a configuration; of a ``complete`` output, only rows of the table are read."""
 
     config: Config
-
-    @property
-    def is_done(self) -> bool:
-        """Whether nothing is left to do: rows of a table still have to be read."""
-        return super().is_done and not self.options.csv_file and not self.options.objects_file
 
     def run(self, observer: Observer) -> FilterOutcome:
         """Filter the recording, unless its output is complete and has the diagnostics that the table needs."""

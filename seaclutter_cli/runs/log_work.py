@@ -103,11 +103,6 @@ class LogWork(RecordingWork[L], RecordedWork[L], Generic[L, O]):
         """The output."""
         return (self.output,)
 
-    @property
-    def is_done(self) -> bool:
-        """Whether nothing is left to do."""
-        return self.complete is not None
-
     def study(self, source: Source, labels: Labels | None, outcome: L, observer: Observer) -> None:
         """Write the output; warn of what it cannot keep of the recording, and of patterns that match no topic."""
         options = self.options.written
@@ -200,10 +195,13 @@ class LogRun(Generic[W]):
         return [replace(work, complete=outcome) for work, outcome in pairs]
 
     def do(
-        self, works: Sequence[W], observer: Observer, in_order: Callable[[Any], object] = lambda _: None
+        self, works: Sequence[W], observer: Observer, in_order: Callable[[Any], object] = lambda _: None, *, again: bool
     ) -> list[Any]:
-        """Do the work that is left, as `run_all` does, and return all outcomes; an interrupted run has a manifest."""
-        outcomes: list[Any] = [work.complete if work.is_done else None for work in works]
+        """Do the work that is left, as `run_all` does, and return all outcomes; an interrupted run has a manifest.
+
+        What is complete is looked at ``again``, if it has rows for a table.
+        """
+        outcomes: list[Any] = [None if again else work.complete for work in works]
         try:
             return run_all(works, self.options.batch, observer, in_order, earlier=outcomes)
         except KeyboardInterrupt:
