@@ -21,21 +21,18 @@ from seaclutter_cli.storage.objects import (
     StoredObject,
     Upload,
     delete_object,
-    explained,
     find_object,
     list_folder,
     list_objects,
     open_object,
-    range_options,
     read_range,
-    store_of,
 )
 from seaclutter_cli.urls import SCHEMES, WEB, Url
 
 _MAGIC = re.compile(r"[*?\[]")
 _HEAD_BYTES = 4096
 _END_BYTES = 2**20
-_RANGE, _PIECE = 32 * 2**20, 4 * 2**20
+_RANGE = 4 * 2**20
 _AT_ONCE, _WAKE_SECONDS = 8, 0.5
 _TOLD_BY_CONTENT = (".csv", ".yaml")
 _WORTH_AN_EXCERPT = 16 * 2**20
@@ -87,20 +84,11 @@ class Download:
                 return
 
     def _fetch(self, found: StoredObject, path: Path, start: int) -> None:
-        at, stop = start, min(start + _RANGE, found.size)
-        with explained(found.url):
-            result = store_of(found.url).get(found.url.key, options=range_options(found, start, stop))
-            pieces = iter(result.stream(_PIECE))
-            piece = next(pieces, b"")
-        while piece and not self._stopped:
+        data = read_range(found, start, start + _RANGE)
+        if not self._stopped:
             with _opened(found, path, "r+b") as file:  # not while waiting: some systems do not remove open files
-                file.seek(at)
-                file.write(piece)
-            at += len(piece)
-            with explained(found.url):
-                piece = next(pieces, b"")
-        if not self._stopped and (at != stop or result.meta["size"] != found.size):
-            raise InputError(f"{found.url}: the object changed while it was read")
+                file.seek(start)
+                file.write(data)
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar
 from urllib.parse import urlsplit
 
-from seaclutter_cli.errors import InputError, OutputError, SeaclutterError, UsageError, requiring
+from seaclutter_cli.errors import InputError, OutputError, SeaclutterError, UsageError, opening, requiring
 from seaclutter_cli.threads import waited
 from seaclutter_cli.urls import WEB, Url
 
@@ -263,7 +263,8 @@ def read_range(found: StoredObject, start: int, stop: int) -> bytes:
     if stop <= start:
         return b""
     with explained(found.url):
-        result = store_of(found.url).get(found.url.key, options=range_options(found, start, stop))
+        options: GetOptions = {"range": (start, stop), **({"if_match": found.etag} if found.etag else {})}
+        result = store_of(found.url).get(found.url.key, options=options)
         data = bytes(result.bytes())
     if len(data) != stop - start or result.meta["size"] != found.size:
         raise InputError(f"{found.url}: the object changed while it was read")
@@ -298,14 +299,6 @@ class _Ranges(io.RawIOBase):
         return len(data)
 
 
-def range_options(found: StoredObject, start: int, stop: int) -> "GetOptions":
-    """Return the options of a request for a range of the object as it was found."""
-    options: GetOptions = {"range": (start, stop)}
-    if found.etag:
-        options["if_match"] = found.etag
-    return options
-
-
 def _send_pieces(file: Path, url: Url, writer: "WritableFile") -> None:
     """Send a file in pieces. Unlike the last request, which lets an object appear, this may be interrupted."""
     with file.open("rb") as stream:
@@ -326,11 +319,9 @@ class Upload:
         self._writers: dict[Url, WritableFile] = {}
         files = sorted(part.iterdir(), key=lambda file: (file.name == last, file.name)) if self._is_folder else [part]
         try:
-            for file in files:
-                self._send(file, url / file.name if self._is_folder else url)
-        except OSError as error:
-            self.abort()
-            raise OutputError(f"{url}: the copy in the scratch folder cannot be read ({error.strerror})") from error
+            with opening(url, OutputError, "the copy in the scratch folder cannot be read"):
+                for file in files:
+                    self._send(file, url / file.name if self._is_folder else url)
         except BaseException:
             self.abort()
             raise

@@ -22,7 +22,6 @@ DATA = random.Random(1).randbytes(5_000_000)
 def small_ranges(monkeypatch):
     """Let objects of some megabytes take several requests."""
     monkeypatch.setattr(mirrors, "_RANGE", 2**20)
-    monkeypatch.setattr(mirrors, "_PIECE", 2**18)
 
 
 @pytest.fixture

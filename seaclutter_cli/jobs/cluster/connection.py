@@ -14,7 +14,7 @@ from ssl import SSLError
 from threading import current_thread, main_thread
 from typing import TYPE_CHECKING, Any
 
-from seaclutter_cli.errors import ClusterError, MissingExtraError, UsageError, requiring
+from seaclutter_cli.errors import ClusterError, UsageError, requiring
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -156,9 +156,8 @@ def _cluster_class() -> Any:
         raise ClusterError("slurm: start the run in the main thread")
     handler = signal.getsignal(signal.SIGINT)
     try:
-        from dask_jobqueue import SLURMCluster
-    except ImportError as error:
-        raise MissingExtraError("--cluster", "cluster") from error
+        with requiring("--cluster", "cluster"):
+            from dask_jobqueue import SLURMCluster
     finally:
         signal.signal(signal.SIGINT, handler)
     return SLURMCluster
