@@ -1,6 +1,5 @@
 """Output files of a run: checking them against each other and the input, and writing them; the manifest."""
 
-import csv
 import errno
 import gzip
 import io
@@ -22,9 +21,10 @@ from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.recordings import Outcome, data_of
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup, why_kept
+from seaclutter_cli.sinks.csv import csv_lines
 from seaclutter_cli.sinks.formats import is_single_frame
 from seaclutter_cli.sources.recordings import Recording, metadata_beside
-from seaclutter_cli.text import count, harmless, named_folder
+from seaclutter_cli.text import count, named_folder
 from seaclutter_cli.urls import WEB, PathLike
 
 if TYPE_CHECKING:  # imports all filters, which tiles do not need
@@ -37,7 +37,8 @@ _COLUMNS = (
 """Of every manifest; those that a command does not know are empty."""
 
 _LABELS = "--labels"
-_FIGURES = ("--plot", "--plot-thresholds", "--figures")
+_OF_FOLDERS = ("--figures", "--pictures")
+_FIGURES = ("--plot", "--plot-thresholds", *_OF_FOLDERS)
 _PACKED_BYTES = 2**24
 
 Paths = Mapping[str, Path | Iterable[Path] | None]
@@ -204,6 +205,8 @@ def _check_place(target: _Target, *, force: bool) -> None:
         from seaclutter_cli.plots.figure import check_target  # not needed otherwise
 
         check_target(path)
+    if target.option in _OF_FOLDERS and is_file(path.parent):
+        raise UsageError(f"{path.parent}: is a file; {target.option} takes a folder")
     if target.exists and target.file.is_dir():
         if not target.marker:
             raise UsageError(f"{path}: is a folder; {target.option} takes a file")
@@ -321,11 +324,6 @@ def write_manifest(
         rows += [shown(known | row) for row in outcome.manifest_rows()]
     columns = list(dict.fromkeys((*_COLUMNS, *itertools.chain(*rows))))
     rows = [{name: row.get(name) for name in columns} for row in rows]
-    text = io.StringIO()
-    if path.suffix.lower() == ".json":
-        text.write(json.dumps(rows, indent=2) + "\n")
-    else:
-        writer = csv.DictWriter(text, columns, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({name: harmless(value) for name, value in row.items()} for row in rows)
-    write_files({path: text.getvalue().encode(errors="surrogateescape")}, replace=replace)
+    is_json = path.suffix.lower() == ".json"
+    text = f"{json.dumps(rows, indent=2)}\n".encode() if is_json else csv_lines([columns, *map(dict.values, rows)])
+    write_files({path: text}, replace=replace)

@@ -27,7 +27,7 @@ from seaclutter_cli.runs.objects import follower_of
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import MethodOptions, ReadOptions
 from seaclutter_cli.runs.options.logs import ReportOptions, ViewOptions
-from seaclutter_cli.runs.outputs import is_file, may_appear, write_files
+from seaclutter_cli.runs.outputs import may_appear, write_files
 from seaclutter_cli.runs.recordings import LabelFile, open_recording, require_frames
 from seaclutter_cli.runs.suspects import finder_for, listed
 from seaclutter_cli.selection import filtered_by
@@ -59,8 +59,6 @@ def report(options: ReportOptions) -> "ReportResult":
     observer, folder = options.watching, options.figure_folder
     note_left_out(options, observer)
     figures = [folder / f"{name}.{options.figure_format}" for name in FIGURES] if folder else []
-    if folder and is_file(folder):
-        raise UsageError(f"{folder}: is a file; --figures takes a folder")
     pairs = prepared(options, observer, others={"--figures": figures})
     make = partial(_Studied, options=options)
     comparison, studied = filter_or_replay(pairs, options, options.reading, observer, make)

@@ -7,19 +7,19 @@ from typing import Any
 
 from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.config import Config, load_config
-from seaclutter_cli.errors import InputError, UsageError
+from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.messages.metadata import FILTERED
 from seaclutter_cli.pipeline import Filtered, run_each
 from seaclutter_cli.plots.clouds import draw_suspect
-from seaclutter_cli.plots.figure import check_target, render
+from seaclutter_cli.plots.figure import render
 from seaclutter_cli.reporting.sample import take_sample
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.checks import FitChecks, warn_if_filtered
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import SuspectsOptions
-from seaclutter_cli.runs.outputs import is_file, write_files
+from seaclutter_cli.runs.outputs import write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, data_of
 from seaclutter_cli.selection import (
     Selection,
@@ -62,10 +62,6 @@ def find_suspects(options: SuspectsOptions) -> "SuspectsResult":
     """
     observer, folder = options.watching, options.picture_folder
     config = configured(options)
-    if folder:
-        check_target(folder / "suspect.png")
-        if is_file(folder):
-            raise UsageError(f"{folder}: is a file; --pictures takes a folder")
     # The names of pictures are not known before; their folder is.
     pictures = {"--pictures": folder / "suspect.png" if folder else None}
     pairs = prepared(options, observer, [config], pictures)
