@@ -19,7 +19,7 @@ from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
 from seaclutter_cli.runs import score_tables as tables
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all, without_labels
 from seaclutter_cli.runs.checks import Checks
-from seaclutter_cli.runs.methods import Variant, note_left_out, variants, with_ideal
+from seaclutter_cli.runs.methods import Variant, bases, note_left_out, with_ideal
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import EvaluateOptions
 from seaclutter_cli.runs.outputs import Contents, write_files, write_manifest
@@ -61,7 +61,7 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
         raise UsageError("--without-labels: leave out --labels")
     note_left_out(options, observer)
     settings = [f"evaluation.clustering={options.clustering}"] if options.clustering else []
-    chosen = variants(options, *settings)
+    chosen = [one.variant() for one in bases(options, *settings)]
     chosen = chosen if options.without_labels else with_ideal(chosen)
     pairs = prepared(options, observer, [one.config for one in chosen])
     make = partial(EvaluateWork, tabulated=bool(options.frames_file), indicated=options.without_labels)

@@ -205,7 +205,8 @@ class LogRun(Generic[W]):
         try:
             return run_all(works, self.options.batch, observer, in_order, earlier=outcomes)
         except KeyboardInterrupt:
-            self.list_outputs(outcomes)
+            if None not in outcomes:  # it did not come before the first recording
+                self.list_outputs(outcomes)
             raise
 
     def list_outputs(self, outcomes: "Sequence[LogOutcome]") -> None:

@@ -85,15 +85,6 @@ def _compared(options: MethodOptions) -> list[str]:
     return [*every, *FILTERS.added] if peers else every
 
 
-def variants(options: MethodOptions, *additional: str, configured_first: bool = False) -> list[Variant]:
-    """Return each chosen method with its configuration, without duplicates; by default the configured method.
-
-    ``additional`` settings apply to all. If the configured method is compared, it can be ``configured_first``. Raise
-    `ConfigError` if a name is unknown or a configuration is not valid.
-    """
-    return [one.variant() for one in bases(options, *additional, configured_first=configured_first)]
-
-
 def with_ideal(chosen: list[Variant]) -> list[Variant]:
     """Return variants with `IDEAL` after them if one leaves logs as they are, whose errors it explains."""
     unfiltered = [one for one in chosen if one.config.method == "none"]
@@ -101,9 +92,11 @@ def with_ideal(chosen: list[Variant]) -> list[Variant]:
 
 
 def bases(options: MethodOptions, *additional: str, configured_first: bool = False) -> list["Base"]:
-    """Return each chosen method, for variants of it; arguments and errors as for `variants`.
+    """Return each chosen method, for variants of it, without duplicates; by default the configured method.
 
-    A key that a method lacks is ignored for this method if another method has it.
+    ``additional`` settings apply to all. If the configured method is compared, it can be ``configured_first``. A key
+    that a method lacks is ignored for this method if another method has it. Raise `ConfigError` if a name is unknown or
+    a configuration is not valid.
     """
     compared = [name for name in _compared(options) if is_installed(name)]
     names = [*compared, *options.methods]

@@ -21,8 +21,7 @@ from seaclutter_cli.reporting.page import render_page, report_data
 from seaclutter_cli.reporting.replay import filtered_topics, recorded_config, replay
 from seaclutter_cli.runs.batch import prepared
 from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork, warn_once
-from seaclutter_cli.runs.methods import Variant, is_default, note_left_out, with_ideal
-from seaclutter_cli.runs.methods import variants as variants_of
+from seaclutter_cli.runs.methods import Variant, bases, is_default, note_left_out, with_ideal
 from seaclutter_cli.runs.objects import follower_of
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options import MethodOptions, ReadOptions
@@ -267,7 +266,7 @@ def filter_or_replay(
     """
     recordings = [recording for recording, _ in pairs]
     variant, topics = _recorded_run(recordings, reading) if is_default(methods) else (None, ())
-    variants = [variant] if variant else variants_of(methods, configured_first=True)
+    variants = [variant] if variant else [one.variant() for one in bases(methods, configured_first=True)]
     variants = with_ideal(variants) if any(labels for _, labels in pairs) and not variant else variants
     listener = make_listener(variants)
     works = [EvaluateWork(reading, *pair, variants, [listener]) for pair in pairs]
