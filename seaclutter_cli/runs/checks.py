@@ -151,11 +151,10 @@ class _ThresholdCheck:
         self._points, self._low = np.zeros(rings, np.int64), np.zeros(rings, np.int64)
         self._ring_least, self._ring_most = np.full(rings, np.inf), np.full(rings, -np.inf)
         self._least, self._most = np.inf, -np.inf
-        self._warned = False
         self._other: str | None = None
 
     def add(self, result: FilterResult) -> str | None:
-        if self._warned or result.rings is None or not result.rings.points.any():
+        if self._frames >= _FRAMES or result.rings is None or not result.rings.points.any():
             return None
         if self._needs_water and result.water is None:
             return None
@@ -177,9 +176,8 @@ class _ThresholdCheck:
         return self.warning() if self._frames >= _FRAMES else None
 
     def warning(self) -> str | None:
-        if self._warned or not self._frames:
+        if not self._frames:
             return None
-        self._warned = self._frames >= _FRAMES
         least, most = float(self._thresholds.min()), float(self._thresholds.max())
         ranges = f"intensities are {self._least:g} to {self._most:g}, thresholds {least:g} to {most:g}"
         if self._most > self._top:
