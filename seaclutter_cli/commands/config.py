@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from seaclutter_cli.commands.console import DEBUG, Console
-from seaclutter_cli.commands.printer import show, show_error, show_exactly
+from seaclutter_cli.commands.printer import show, show_exactly
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.options import Anything, Choice, Options, UseCase, option
 from seaclutter_cli.runs.options import ConfigOptions
@@ -17,6 +16,8 @@ from seaclutter_cli.text import printable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from seaclutter_cli.commands.console import Console
 
 _KINDS = ("sensors", "methods", "formats", "configs", "scenes", "layouts", "tiles", "lidars", "plugins")
 
@@ -31,22 +32,20 @@ def _show(console: Console, **sources: Any) -> None:
         show_exactly(effective.to_yaml(comments=True).rstrip("\n"))
 
 
-def _check(_: Console, files: Sequence[str]) -> None:
+def _check(console: Console, files: Sequence[str]) -> None:
     from seaclutter_cli.config import load_config
 
-    context, valid = click.get_current_context(), True
+    valid = True
     for file in files:
         try:
             config = load_config(Path(file))
         except ConfigError as error:
-            if DEBUG in context.meta:
-                raise
-            show_error(error)
+            console.fail(error)
             valid = False
         else:
             show(f"{printable(file)}: valid, method {config.method}")
     if not valid:
-        context.exit(ConfigError.exit_code)
+        raise click.exceptions.Exit(ConfigError.exit_code)
 
 
 class _ShowOptions(ConfigOptions):
