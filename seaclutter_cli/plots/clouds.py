@@ -70,7 +70,7 @@ def draw_stages(figure: "Figure", collected: Collector) -> None:
         size = round(float(sample.weight[shown].sum()))
         draw_cloud(axes, sample, 0, shown)
         axes.set_title(f"({'abc'[number]}) {name}: {count(size, 'point')}", fontsize=8)
-    _add_legend(figure, panels[0], [reason for reason in _SIZES if (sample.reasons[0] == reason).any()])
+    _add_legend(figure, [reason for reason in _SIZES if (sample.reasons[0] == reason).any()])
 
 
 def draw_methods(figure: "Figure", collected: Collector) -> None:
@@ -83,7 +83,7 @@ def draw_methods(figure: "Figure", collected: Collector) -> None:
         draw_cloud(axes, sample, number, sample.reasons[number] == Reason.KEPT)
         marks |= draw_boxes(axes, sample, number)
         axes.set_title(f"({letter}) {collected.methods[number].name}", fontsize=8)
-    _add_legend(figure, panels[0], [Reason.KEPT], marks)
+    _add_legend(figure, [Reason.KEPT], marks)
 
 
 def draw_suspect(figure: "Figure", sample: Sample, place: tuple[float, float]) -> None:
@@ -99,7 +99,7 @@ def draw_suspect(figure: "Figure", sample: Sample, place: tuple[float, float]) -
         axes.set(aspect="equal", ylabel="Ahead (m)", **limits)
         axes.set_title(f"{name}: {count(int(np.count_nonzero(inside)), 'point')}", fontsize=8)
     panels[-1].set_xlabel("To starboard (m)")
-    _add_legend(figure, panels[0], [reason for reason in _SIZES if (sample.reasons[0] == reason).any()])
+    _add_legend(figure, [reason for reason in _SIZES if (sample.reasons[0] == reason).any()])
 
 
 def draw_cloud(axes: "Axes", sample: Sample, method: int, shown: Mask) -> None:
@@ -155,13 +155,11 @@ def _set_limits(panels: Any, sample: Sample) -> None:
     panels[-1].set_xlabel("To starboard (m)")
 
 
-def _add_legend(
-    figure: "Figure", axes: "Axes", reasons: list[Reason], marks: "Mapping[str, Line2D] | None" = None
-) -> None:
+def _add_legend(figure: "Figure", reasons: list[Reason], marks: "Mapping[str, Line2D] | None" = None) -> None:
     """Add a legend above a figure, in the order of the palette and of `_BOX_STYLES`."""
     marks = marks or {}
     handles = {
-        palette.REASON_NAMES[reason]: axes.plot([], [], "o", markersize=3, color=color)[0]
+        palette.REASON_NAMES[reason]: figure.axes[0].plot([], [], "o", markersize=3, color=color)[0]
         for reason, color in palette.REASONS.items()
         if reason in reasons
     }

@@ -41,7 +41,7 @@ def convert_log(options: ConvertOptions) -> "ConvertSummary":
     """
     started, observer = perf_counter(), options.watching
     run = LogRun(options, observer, ConvertWork)
-    outcomes = run.do(run.begin(observer), observer, again=False)
+    outcomes = run.do(run.begin())
     run.list_outputs(outcomes)
     return ConvertSummary(outcomes, perf_counter() - started)
 

@@ -75,7 +75,7 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
         options.summary_file: json_text(shown(comparison.as_dict())).encode() + b"\n",
     }
     write_files(files, replace=options.force, outcomes=outcomes, observer=observer)
-    write_manifest(options.batch.manifest, [recording for recording, _ in pairs], outcomes, replace=options.force)
+    write_manifest(options.manifest, [recording for recording, _ in pairs], outcomes, replace=options.force)
     return comparison
 
 

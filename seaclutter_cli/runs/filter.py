@@ -60,7 +60,7 @@ def filter_log(options: FilterOptions) -> "FilterSummary":
     """
     started, observer = perf_counter(), options.watching
     run = filter_run(options, observer)
-    works, csv_file, objects_file = run.begin(observer), options.csv_file, options.objects_file
+    works, csv_file, objects_file = run.begin(), options.csv_file, options.objects_file
     with OutputGroup(replace=options.replaces) as files:
         with ExitStack() as stack:
             # A single log appears together with the table, after it. Of several, each appears when it is complete.
@@ -71,7 +71,7 @@ def filter_log(options: FilterOptions) -> "FilterSummary":
                 _frame_table(works[0].config, table.stream).write_header()
             if run.is_alone:
                 works = [replace(works[0], group=logs)]
-            outcomes = run.do(works, observer, partial(_append, table), again=bool(csv_file or objects_file))
+            outcomes = run.do(works, partial(_append, table), again=bool(csv_file or objects_file))
             if objects and objects_file:
                 from seaclutter_cli.sinks.objects import write_objects
 

@@ -166,7 +166,7 @@ class LogRun(Generic[W]):
         form, targets = plan_outputs(recordings, options.output, options.to)
         check_options(form, options.written, with_scene=getattr(options, "with_scene", False))
         each = zip(recordings, assign_labels(options, recordings), targets, strict=True)
-        self.options = options
+        self.options, self.observer = options, observer
         several = len(recordings) > 1
         self.works = [
             make(options.reading, *pair, options, target, form, is_one_of_several=several) for *pair, target in each
@@ -176,26 +176,26 @@ class LogRun(Generic[W]):
         self.marker = OUTPUT_FORMATS[form].marker
         self.is_alone = options.batch.runs_here(len(recordings))
 
-    def prepare(self, observer: Observer, *, dry: bool = False) -> None:
+    def prepare(self, *, dry: bool = False) -> None:
         """Check the names of the outputs, and prepare their folders, unless ``dry``; see `prepare_outputs`."""
         targets, force = [work.target for work in self.works], dry or self.options.replaces
         earlier = [part for work in self.works if work.has_parts for part in parts_after(work.target, 0)]
         outputs: Paths = {"-o": [*(work.output for work in self.works), *earlier], **self.options.outputs}
         labels = getattr(self.options, "labels", ())
-        kept: dict[str, Any] = {"force": force, "observer": observer, "marker": self.marker, "dry": dry}
+        kept: dict[str, Any] = {"force": force, "observer": self.observer, "marker": self.marker, "dry": dry}
         prepare_outputs(outputs, self.inputs, labels, root=Path(self.options.output), **kept)
         check_names(targets, self.options.to)
 
-    def begin(self, observer: Observer) -> list[W]:
+    def begin(self) -> list[W]:
         """Prepare the outputs; return the work on each recording, with its outcome of a run that is resumed."""
-        self.prepare(observer)
+        self.prepare()
         if not self.options.batch.resume:
             return self.works
-        pairs = zip(self.works, earlier_outcomes(self.works, observer), strict=True)
+        pairs = zip(self.works, earlier_outcomes(self.works, self.observer), strict=True)
         return [replace(work, complete=outcome) for work, outcome in pairs]
 
     def do(
-        self, works: Sequence[W], observer: Observer, in_order: Callable[[Any], object] = lambda _: None, *, again: bool
+        self, works: Sequence[W], in_order: Callable[[Any], object] = lambda _: None, *, again: bool = False
     ) -> list[Any]:
         """Do the work that is left, as `run_all` does, and return all outcomes; an interrupted run has a manifest.
 
@@ -203,7 +203,7 @@ class LogRun(Generic[W]):
         """
         outcomes: list[Any] = [None if again else work.complete for work in works]
         try:
-            return run_all(works, self.options.batch, observer, in_order, earlier=outcomes)
+            return run_all(works, self.options.batch, self.observer, in_order, earlier=outcomes)
         except KeyboardInterrupt:
             if None not in outcomes:  # it did not come before the first recording
                 self.list_outputs(outcomes)
@@ -214,7 +214,7 @@ class LogRun(Generic[W]):
         for outcome, size in zip(outcomes, in_threads(_output_size, outcomes), strict=True):
             outcome.bytes_out = size
         recordings = [work.recording for work in self.works]
-        write_manifest(self.options.batch.manifest, recordings, outcomes, replace=self.options.replaces)
+        write_manifest(self.options.manifest, recordings, outcomes, replace=self.options.replaces)
 
 
 def check_names(outputs: Iterable[Path], to: str | None) -> None:

@@ -65,7 +65,7 @@ def plan_convert(options: ConvertOptions) -> "RunPlan":
 
 
 def _plan(run: LogRun[W], observer: Observer) -> "RunPlan":
-    run.prepare(observer, dry=True)
+    run.prepare(dry=True)
     prepare_outputs(run.options.outputs, {}, force=run.options.replaces, dry=True)
     planned = in_threads(_planned, run.works)
     for one in planned:

@@ -43,7 +43,7 @@ def looks(folder, monkeypatch):
         for name in ("stat", "lstat"):
             patch.setattr(os, name, counted(getattr(os, name)))
         plan = filter_run(FilterOptions(str(folder), f"{folder.parent / 'out'}/"), SILENT)
-        plan.prepare(SILENT, dry=True)
+        plan.prepare(dry=True)
     return count
 
 

@@ -89,7 +89,7 @@ def separate_tiles(options: SeparateTilesOptions) -> "SeparateResult":
         earlier = earlier_outcomes(works, observer) if batch.resume else None
         outcomes = run_tiles(works, tiles, earlier)
         write_files(map_files(options, [one.map for one in outcomes if one.map], observer), files)
-    write_manifest(batch.manifest, [work.recording for work in works], outcomes, replace=options.replaces)
+    write_manifest(options.manifest, [work.recording for work in works], outcomes, replace=options.replaces)
     return SeparateResult(outcomes)
 
 

@@ -17,7 +17,6 @@ from seaclutter_cli.evaluation.confusion import Confusion
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import draw_confusion
 from seaclutter_cli.runs.classify.tiles import warn_of_missing
-from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.classifiers import TrainForestOptions
 from seaclutter_cli.runs.outputs import prepare_outputs, write_files
 from seaclutter_cli.runs.recordings import Result
@@ -43,7 +42,7 @@ def train_forest(options: TrainForestOptions) -> "TrainingReport":
     observer, settings, paths = options.observer, options.loaded(), find_tiles(options.tiles)
     inputs = {"TILE": paths, "-c": options.config}
     prepare_outputs(options.outputs, inputs, force=options.force, observer=observer)
-    parts = [_samples(number, path, settings, options, observer) for number, path in enumerate(paths)]
+    parts = [_samples(number, path, settings, options) for number, path in enumerate(paths)]
     model, report = fit(join(parts), settings)
     files = {options.output: model.to_bytes()}
     if options.plot_file and report.tested:
@@ -61,15 +60,13 @@ def train_forest(options: TrainForestOptions) -> "TrainingReport":
     return report
 
 
-def _samples(
-    number: int, path: Path, settings: TileSettings, options: TrainForestOptions, observer: Observer
-) -> Samples:
+def _samples(number: int, path: Path, settings: TileSettings, options: TrainForestOptions) -> Samples:
     tile = open_tile(path)
     class_field, object_field = options.class_field, options.object_field
     if class_field not in tile.names:
         found = ", ".join(tile.names)
         raise InputError(f"{path}: no field {class_field!r} with ground truth; the tile has {found}")
-    warn_of_missing(tile, settings, observer)
+    warn_of_missing(tile, settings, options.observer)
     with about(path, InputError):
         found_points = tile_features(tile, settings)
     truth = tile.columns((class_field, object_field))
