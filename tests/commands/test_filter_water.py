@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.frame import WATER_COLUMNS
+from seaclutter_cli.messages import diagnostics
 from seaclutter_cli.messages.diagnostics import WATER, read_diagnostics
 from seaclutter_cli.water import Mounting
 from tests.commands.test_filter import POINT, invoke, messages, write_log
@@ -104,6 +105,8 @@ def test_a_log_without_water(tmp_path):
     for row in rows:
         assert {row[name] for name in WATER_COLUMNS} == {""}
     for message in messages(tmp_path / "out.mcap", "/seaclutter/diagnostics"):
+        found = diagnostics._typestore().deserialize_cdr(message.data, WATER.type)
+        assert np.isnan([getattr(found, name) for name in WATER_COLUMNS]).all()
         assert read_diagnostics(message.data, "cdr", WATER.name).water is None
     shown = invoke(tmp_path / "log.mcap", "-m", "confirmed", "-o", tmp_path / "out.mcap", "--force")
     assert "  no water seen" in shown.stdout
