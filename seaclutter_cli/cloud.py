@@ -157,6 +157,12 @@ class Cloud:
         return self.height > 1 and self.row_step not in (0, tight) and len(self.data) == self.height * tight
 
     @property
+    def repeated_name(self) -> str | None:
+        """Name of several fields, of coordinates or intensities; the first one has it."""
+        names = [field.name for field in self.fields]
+        return next((name for name in ("x", "y", "z", *INTENSITY_NAMES) if names.count(name) > 1), None)
+
+    @property
     def points(self) -> NDArray[Any]:
         """Points as a structured array, shape (N,): a view, or a copy if the rows are padded."""
         return self._as(self.dtype)

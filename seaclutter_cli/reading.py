@@ -93,6 +93,8 @@ class _Stamps:
         cloud, message, topic = frame.cloud, frame.message, frame.topic
         if cloud.has_wrong_rows:
             source.warn(f"{topic} has a wrong row_step: rows are read as {cloud.width} x {cloud.point_step} bytes")
+        if cloud.repeated_name:
+            source.warn(f"{topic} has several fields {cloud.repeated_name!r}: the first one is read")
         known = self._clocks.setdefault(topic, {})
         if not cloud.stamp_ns or message is None:
             return frame

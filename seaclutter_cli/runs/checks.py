@@ -189,14 +189,15 @@ class _ThresholdCheck:
             other = f"; use --intensity-field {self._other}" if self._other else ""
             fitting = f"{ranges}; find thresholds for this sensor with: seaclutter calibrate"
             return f"no point {self._passes}: {fitting if self._most else f'the intensities are always 0{other}'}"
+        if self._least < 0 <= least:
+            return f"some intensities are negative, as unsigned numbers are that were recorded as signed: {ranges}"
         if not self._low.any() and self._points.sum() >= _MIN_POINTS:
             return f"no point is below its threshold: {ranges}; {_REMEDY}"
         many = self._points >= _MIN_RING_POINTS
         useless = many & (self._low == 0)
         blind = many & (2 * self._ring_most < self._thresholds)
-        if useless.any():
-            return self._in_ring(useless, "is below the threshold")
-        return self._in_ring(blind, self._passes) if blind.any() else None
+        rings, problem = (useless, "is below the threshold") if useless.any() else (blind, self._passes)
+        return self._in_ring(rings, problem) if rings.any() else None
 
     def _in_ring(self, rings: Mask, problem: str) -> str:
         k = int(np.flatnonzero(rings)[0])

@@ -226,6 +226,15 @@ def test_warnings_about_thresholds_that_cannot_fit(tmp_path, out, top, threshold
     assert "Warning" not in invoke(log, "-o", out, "--force", "-q").stderr
 
 
+def test_a_warning_about_negative_intensities(tmp_path, out):
+    def signed(number):
+        cloud = points(number)
+        cloud["intensity"][::2] -= 128
+        return cloud
+
+    assert "some intensities are negative" in invoke(write_log(tmp_path / "log.mcap", make=signed), "-o", out).stderr
+
+
 @pytest.mark.parametrize(
     ("first", "second", "warned"),
     [

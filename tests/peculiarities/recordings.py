@@ -101,6 +101,15 @@ def stepping(folder):
     return write_log(folder / "log.mcap", [cloud_topic("/points")], rows)
 
 
+def twice(folder):
+    """Write a log of a cloud with two fields x, the second of which is 0."""
+    points = np.zeros(len(sea()), [*structured(sea()).dtype.descr, ("q", "<f4")])
+    for name in structured(sea()).dtype.names:
+        points[name] = structured(sea())[name]
+    data = cloud_message("ros2", points, START_NS).replace(b"\2\0\0\0q\0", b"\2\0\0\0x\0")
+    return write_log(folder / "log.mcap", [cloud_topic("/points")], [Entry("/points", START_NS, data)])
+
+
 SEA = [sea(number) for number in range(3)]
 CASES = [
     Case(
@@ -189,6 +198,14 @@ CASES = [
         build=partial(log, height=4, width=10, row_step=16),
         frames=SEA,
         says={"filter": "wrong row_step", "info": "wrong row_step"},
+    ),
+    Case(
+        name="two fields of one name",
+        source="https://github.com/ros-perception/perception_pcl/issues: concatenated fields repeat x, y and z",
+        build=twice,
+        frames=[sea()],
+        to=("mcap", "bag"),
+        says=dict.fromkeys(("info", "filter", "evaluate"), "/points has several fields 'x': the first one is read"),
     ),
     Case(
         name="cloud without points and fields",
