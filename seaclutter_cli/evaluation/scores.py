@@ -230,6 +230,11 @@ class Summary:
         """Mean number of false alarms per frame."""
         return _ratio(self.false_alarms, self.frames)
 
+    @property
+    def unclustered_per_frame(self) -> float | None:
+        """Mean number of kept points in no cluster per frame."""
+        return _ratio(self.unclustered, self.frames)
+
     def milliseconds(self, share: float) -> float | None:
         """Return a quantile of the filter's processing time per frame in milliseconds, accurate to 1 %."""
         rank, below = max(1, math.ceil(share * self.durations.total() - 1e-9)), 0
@@ -269,7 +274,7 @@ class Summary:
             "f1": self.f1,
             "false_alarms_per_frame": self.false_alarms_per_frame,
             "clusters_per_frame": _ratio(self.clusters, self.frames),
-            "unclustered_points_per_frame": _ratio(self.unclustered, self.frames),
+            "unclustered_points_per_frame": self.unclustered_per_frame,
             **points,
             "filter_ms": {
                 name: None if (ms := self.milliseconds(share)) is None else round(ms, 4)
