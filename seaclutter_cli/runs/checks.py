@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 _NEAR_M, _FARTHEST_M = 1.0, 10_000.0  # a lidar on a vessel measures farther than the one, not than the other
 _FRAMES = 20
 _MIN_POINTS, _MIN_RING_POINTS = 200, 500
+_UPRIGHT = 8.0  # a lock chamber has 3, and other water less than 1
 _REMEDY = "find suitable thresholds with: seaclutter calibrate"
 _FEW_WATER = 0.05
 _MAX_GAP_NS, _MAX_STEP_BACK_NS = 5_000_000_000, 100_000_000
@@ -62,7 +63,7 @@ class Checks:
             thresholds.append(_ThresholdCheck(config, sensor.model if sensor else None))
         self._waiting: list[list[_Check]] = [thresholds, [_RangeCheck(config.ring_edges)]]
         if config.kind.needs_height:
-            self._waiting.append([_PlaneCheck(config.method)])
+            self._waiting.append([_PlaneCheck(config)])
         if config.kind.has_water:
             self._waiting += [[_MountingCheck(config.filter)], [_LandCheck(config.filter)]]
 
@@ -238,22 +239,34 @@ class _RangeCheck:
 
 
 class _PlaneCheck:
-    """Check whether points have different heights, which the method needs; it warns at the end."""
+    """Check whether points have different heights, which the method needs, and z is upwards; it warns at the end."""
 
-    def __init__(self, method: str) -> None:
-        self._method = method
+    def __init__(self, config: Config) -> None:
+        self._method, self._mounting = config.method, getattr(config.filter, "mounting", None)
         self._limits_m = math.inf, -math.inf
+        self._spreads_m: list[Floats] = []
 
     def add(self, result: FilterResult) -> None:
         least, most = self._limits_m
-        if least >= most:
-            z = result.frame.coordinates[2][result.frame.valid]
-            self._limits_m = float(z.min(initial=least)), float(z.max(initial=most))
+        if least < most and len(self._spreads_m) >= _FRAMES:
+            return
+        xyz = result.frame.coordinates[:, result.frame.valid]
+        self._limits_m = float(xyz[2].min(initial=least)), float(xyz[2].max(initial=most))
+        if xyz.shape[1] >= _MIN_POINTS:
+            xyz = self._mounting.levelled(xyz) if self._mounting else xyz
+            self._spreads_m.append(np.median(np.abs(xyz - np.median(xyz, axis=1, keepdims=True)), axis=1))
 
     def warning(self) -> str | None:
-        if self._limits_m[0] != self._limits_m[1]:
+        if self._limits_m[0] == self._limits_m[1]:
+            return (
+                f"all points are at one height, as in laser scans; {self._method} needs heights, so use another method"
+            )
+        x, y, z = np.median(self._spreads_m, axis=0).tolist() if self._spreads_m else (0, 0, 0)
+        if z <= _UPRIGHT * min(x, y):
             return None
-        return f"all points are at one height, as in laser scans; {self._method} needs heights, so use another method"
+        found = f"points spread by {z:.1f} m in z, but {min(x, y):.1f} m in {'x' if x < y else 'y'}"
+        key = f"filter.mounting_{'pitch' if x < y else 'roll'}_deg"
+        return f"z does not seem to be upwards: {found}; turn them, or set {key} to 90 or -90"
 
 
 class _MountingCheck:

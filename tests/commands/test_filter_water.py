@@ -88,6 +88,14 @@ def test_the_correct_mounting_gives_no_warning_and_the_same_result(tmp_path):
     assert all(0 < float(row["water_level_deviation_m"]) < 0.2 for row in rows)
 
 
+@pytest.mark.parametrize(("angles", "warned"), [((), True), (("-s", "filter.mounting_roll_deg=90"), False)])
+def test_axes_that_are_not_upright_are_said(tmp_path, angles, warned):
+    log = write_log(tmp_path / "log.mcap", make=sea(Mounting(90)))
+    result = invoke(log, "-m", "confirmed", "-o", tmp_path / "out.mcap", *angles)
+    assert ("z does not seem to be upwards" in result.stderr) == warned
+    assert ("set filter.mounting_roll_deg to 90 or -90" in " ".join(result.stderr.split())) == warned
+
+
 def test_other_methods_do_not_look_for_water(tmp_path):
     log = write_log(tmp_path / "log.mcap", make=sea(Mounting(180)))
     result = invoke(log, "-m", "joint", "-o", tmp_path / "out.mcap", "--json")
