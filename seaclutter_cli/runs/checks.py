@@ -266,7 +266,7 @@ class _PlaneCheck:
             return None
         found = f"points spread by {z:.1f} m in z, but {min(x, y):.1f} m in {'x' if x < y else 'y'}"
         key = f"filter.mounting_{'pitch' if x < y else 'roll'}_deg"
-        return f"z does not seem to be upwards: {found}; turn them, or set {key} to 90 or -90"
+        return f"z does not seem to point upwards: {found}; turn them, or set {key} to 90 or -90"
 
 
 class _MountingCheck:

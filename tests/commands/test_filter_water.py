@@ -92,7 +92,7 @@ def test_the_correct_mounting_gives_no_warning_and_the_same_result(tmp_path):
 def test_axes_that_are_not_upright_are_said(tmp_path, angles, warned):
     log = write_log(tmp_path / "log.mcap", make=sea(Mounting(90)))
     result = invoke(log, "-m", "confirmed", "-o", tmp_path / "out.mcap", *angles)
-    assert ("z does not seem to be upwards" in result.stderr) == warned
+    assert ("z does not seem to point upwards" in result.stderr) == warned
     assert ("set filter.mounting_roll_deg to 90 or -90" in " ".join(result.stderr.split())) == warned
 
 
