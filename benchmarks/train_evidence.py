@@ -89,7 +89,8 @@ class Recorder(confirmed.Confirmed):
             confirmed.find_objects = find
         for found, track in zip(one.objects, one.tracks, strict=True):
             if seen := known.get(found.points.min()):
-                self.seen.append(((*seen[0], *track_features(track.error_m, track.rate_hz)), seen[1]))
+                of_track = track_features(np.array([track.error_m]), np.array([track.rate_hz]))[:, 0]
+                self.seen.append(((*seen[0], *of_track), seen[1]))
         return one
 
 

@@ -14,9 +14,7 @@ from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.tracking.detections import Detections, Pose
 
 Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 Indices = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 _GATE_M, _GATE_SIGMAS, _MAX_GATE_M = 0.8, 2.0, 8.0
 _LEAST_OVERLAP = 0.25
@@ -53,14 +51,14 @@ class Look(NamedTuple):
     center: complex
     cells: Floats
     jitter_m: float
-    ends: Complexes
-    hidden: Mask
+    ends: tuple[complex, complex]
+    hidden: tuple[bool, bool]
     lidar: complex
 
     @property
     def width_m(self) -> float:
         """Distance between the ends."""
-        return float(abs(self.ends[0] - self.ends[1]))
+        return abs(self.ends[0] - self.ends[1])
 
 
 @dataclass(eq=False)
@@ -111,7 +109,7 @@ class Track:
         elapsed_s = time_s - self.seen_s
         position, both, velocity = ahead(*self.variance, elapsed_s, _ACCELERATION)
         expected = self.center + self.velocity * elapsed_s
-        if not look.hidden.any():
+        if not any(look.hidden):
             self.whole, self.whole_s = look, time_s
         elif time_s - self.whole_s > _WHOLE_S:
             self.whole = look
@@ -124,8 +122,8 @@ class Track:
         self.jitter_m = math.sqrt((1 - _LEARNED) * self.jitter_m**2 + _LEARNED * unexplained)
         self.variance = (1 - gain[0]) * position, (1 - gain[0]) * both, velocity - gain[1] * both
         is_sliver = look.width_m < _SLIVER * self.whole.width_m
-        moved = np.array((self.center - self.whole.center,)).view(np.float64)
-        self.cells = self.whole.cells + moved if is_sliver else look.cells
+        moved = self.center - self.whole.center
+        self.cells = self.whole.cells + (moved.real, moved.imag) if is_sliver else look.cells  # noqa: RUF005 - an array
         self.seen_s = time_s
         self.hits, self.misses, self.gap = self.hits + 1, self.misses + self.gap, 0
 
@@ -136,7 +134,7 @@ class Track:
         """
         if look is self.whole:
             return look.center, look.jitter_m
-        if look.hidden.all():
+        if all(look.hidden):
             return look.center, look.jitter_m + (self.whole.width_m - look.width_m) / 2
         k = int(look.hidden[0])
         view = expected - look.lidar
@@ -239,7 +237,8 @@ def _looks(found: Detections) -> Iterator[Look]:
     cells = (found.cells[start:end] for start, end in zip(starts.tolist(), ends.tolist(), strict=True))
     centers = (found.centers @ _TO_COMPLEX).tolist()
     jitters_m = (_JITTER_M + _JITTER_SHARE * np.hypot(*np.ptp(found.hulls, axis=1).T)).tolist()
-    each = zip(centers, cells, jitters_m, found.ends @ _TO_COMPLEX, found.hidden, strict=True)
+    outermost = map(tuple, (found.ends @ _TO_COMPLEX).tolist())
+    each = zip(centers, cells, jitters_m, outermost, map(tuple, found.hidden.tolist()), strict=True)
     return (Look(*one, complex(*found.lidar)) for one in each)
 
 

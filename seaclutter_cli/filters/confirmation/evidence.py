@@ -1,6 +1,5 @@
 """The evidence that an object is a target: one curve for each feature of its shape and its track."""
 
-import math
 from functools import cache
 from importlib.resources import files
 
@@ -53,19 +52,19 @@ def log_odds(features: Floats) -> Floats:
     return odds
 
 
-def with_track(evidence: float, features: tuple[float, float], *, intensities: bool) -> float:
-    """Return the log-odds of an object from those of its shape and the features of its track (`track_features`).
+def with_tracks(evidence: Floats, features: Floats, *, intensities: bool) -> Floats:
+    """Return the log-odds of K objects from those of their shapes and the features of their tracks (`track_features`).
 
     They are at least 1 to 20 and at most 20 to 1: what was not among these frames must not outweigh what others say.
     """
     _, curves = _curves(intensities)
-    said = [np.interp(x, *curves[name]) for name, x in zip(OF_TRACKS, features, strict=True)]
-    return min(max(evidence + float(np.nansum(said)), LEAST), MOST)
+    said = [np.interp(values, *curves[name]) for name, values in zip(OF_TRACKS, features, strict=True)]
+    return np.asarray(np.clip(evidence + np.nansum(said, axis=0), LEAST, MOST))
 
 
-def track_features(error_m: float, rate_hz: float) -> tuple[float, float]:
-    """Return the features of a track, in the order of `OF_TRACKS`; the first is NaN if the track is new."""
-    return math.log2(error_m + _LEAST_ERROR_M), math.log2(rate_hz + _LEAST_RATE_HZ)
+def track_features(errors_m: Floats, rates_hz: Floats) -> Floats:
+    """Return the features of tracks, shape (2, K), in the order of `OF_TRACKS`; the first is NaN for new tracks."""
+    return np.log2((errors_m + _LEAST_ERROR_M, rates_hz + _LEAST_RATE_HZ))
 
 
 @cache

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.arrivals import Arrivals
-from seaclutter_cli.filters.confirmation.evidence import LEAST, track_features, with_track
+from seaclutter_cli.filters.confirmation.evidence import LEAST, track_features, with_tracks
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
 from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.water.beams import Sight
@@ -275,11 +275,13 @@ class Tracker:
         """Collect the evidence of the objects of a frame, and note which appear in it."""
         kinds = np.array([(*one.features, math.log2(max(math.hypot(*one.center), 1))) for one in objects])
         own = np.array([track.arrival for track in tracks], np.int64)
-        rates_hz = self._arrivals.rates_hz(kinds, own, time_s, self._start_s).tolist()
-        for one, track, rate_hz, kind in zip(objects, tracks, rates_hz, kinds, strict=True):
+        rates_hz = self._arrivals.rates_hz(kinds, own, time_s, self._start_s)
+        of_tracks = track_features(np.array([track.error_m for track in tracks]), rates_hz)
+        shapes = np.array([one.evidence for one in objects])
+        evidence = with_tracks(shapes, of_tracks, intensities=self._params.use_intensity)
+        for track, kind, rate_hz, odds in zip(tracks, kinds, rates_hz.tolist(), evidence.tolist(), strict=True):
             track.rate_hz = rate_hz
-            of_track = track_features(track.error_m, rate_hz)
-            self._collect(track, time_s, with_track(one.evidence, of_track, intensities=self._params.use_intensity))
+            self._collect(track, time_s, odds)
             if track.born_s == time_s > self._start_s and track.arrival < 0 and track.part_of is None:
                 track.arrival = self._arrivals.add(kind, time_s)
 
