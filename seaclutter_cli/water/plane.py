@@ -272,23 +272,6 @@ class WaterEchoes:
         used = np.flatnonzero(of_water[cells.cell] & flat)
         return cls(height_m[used], cells.cell[used], trust[cells.cell[used]])
 
-    def tilt_variance(self) -> float:
-        """Return the variance of the slope of the plane, which follows the waves near the lidar, against the sea.
-
-        Far from it, heights spread more than near by that times the square of the distance: a median over the far half
-        of the cells, since few of them hold boats.
-        """
-        count = np.bincount(self.cell)
-        cell = np.flatnonzero(count)
-        if len(cell) < _MIN_CELLS:
-            return 0.0
-        square = np.bincount(self.cell, weights=self.height_m**2)[cell] / count[cell]
-        distance = np.square(NEAREST_M + (cell % _RINGS + 0.5) * _STEP_M)
-        far = distance > distance.mean()
-        if not far.any():
-            return 0.0
-        return max(0.0, float(np.median((square[far] - np.median(square[~far])) / distance[far])))
-
     def mean_level(self, band_m: float) -> tuple[float, float]:
         """Return the offset of the mean water from the plane and its standard deviation, from echoes within a band.
 

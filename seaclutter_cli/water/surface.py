@@ -113,14 +113,12 @@ def _smoothing() -> Floats:
 class WaterSurface:
     """The water around a lidar in one frame: its mean plane, the standard deviation around it, and the swell above it.
 
-    ``tilt_variance`` is the variance of the slope of the plane against the sea farther away, ``cells`` are the cells of
-    the N points that the estimate received, ``level_deviation_m`` is the standard deviation of the error of the plane
-    at the lidar, ``covariance``, shape (3, 3), that of the errors of its level and slopes.
+    ``cells`` are the cells of the N points that the estimate received, ``level_deviation_m`` is the standard deviation
+    of the error of the plane at the lidar, ``covariance``, shape (3, 3), that of the errors of its level and slopes.
     """
 
     plane: Plane
     sigma_m: float
-    tilt_variance: float
     swell: Swell
     cells: GridCells
     level_deviation_m: float
@@ -134,12 +132,11 @@ class WaterSurface:
         Notes
         -----
         Where many echoes support the swell, half of the deviation remains as waves too short for the grid. Where there
-        are none, only the plane is known, and the deviation includes the error of its slope.
+        are none, only the plane is known.
         """
         swell, echoes = self.swell.at(GridCells.of(x, y) if cells is None else cells)
         unknown = _SHRINKAGE / (echoes + _SHRINKAGE)
-        of_plane = self.tilt_variance * (x * x + y * y)
-        deviation = np.sqrt(self.sigma_m**2 * (_ROUGHNESS**2 + unknown) + of_plane * unknown) + RANGE_NOISE_M
+        deviation = self.sigma_m * np.sqrt(_ROUGHNESS**2 + unknown) + RANGE_NOISE_M
         return z - self.plane.height(x, y) - swell, deviation, echoes
 
     def deep(self, x: Floats, y: Floats, height: Floats, deviation: Floats) -> NDArray[np.bool_]:

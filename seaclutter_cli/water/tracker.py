@@ -45,15 +45,14 @@ class WaterTracker:
        decks; none of them counts. Feet stand in the water or are mirrored, so they count little. Cells count more that
        are near and have several echoes at one height, and none above, as fog has. If more cells have echoes below the
        plane, without a body above as high, than are at it, it is no water, and another is searched.
-    2. *Level and deviation*: medians over the echoes near that plane, with the weights of the cells. Far away, heights
-       spread more, as the plane follows the waves near the lidar: by the variance of its slope against the sea.
+    2. *Level and deviation*: medians over the echoes near that plane, with the weights of the cells.
     3. *Swell*: a mean over 2.5 m of the echoes near the plane, and then of those near this surface, so that it follows
        crests. Echoes in faces do not count.
     4. *Deviation of the level*: the standard error of the plane; three quarters of the water's deviation, as grazing
        beams see crests rather than troughs; the noise of ranges; and, while no trusted cell is seen, own ship's heave,
        a random walk by one deviation in a second.
 
-    **State**: the plane of the last frame with water, its variance, both deviations averaged over a second, and their
+    **State**: the plane of the last frame with water, its covariance, the deviation averaged over a second, and their
     time. Without water in a frame, they hold for five seconds; fifteen if own ship's attitude agreed with the water
     before (`Trial`). The plane turns with it meanwhile, and echoes with hardly any weight are no water.
     """
@@ -65,7 +64,7 @@ class WaterTracker:
     def reset(self) -> None:
         """Forget the water."""
         self._plane: Plane | None = None
-        self._sigma_m = self._tilt_variance = 0.0
+        self._sigma_m = 0.0
         self._covariance = np.zeros((3, 3))
         self._seen_s = 0.0
         self._attitude: Attitude | None = None
@@ -124,7 +123,7 @@ class WaterTracker:
         swell = Swell.of(cells_of_flat, height, np.abs(height - swell.at(cells_of_flat)[0]) <= band)
         spread = self._covariance_at(time_s)
         deviation = math.hypot(math.sqrt(spread[0, 0]), _CRESTS * self._sigma_m, RANGE_NOISE_M)
-        return WaterSurface(lowest, self._sigma_m, self._tilt_variance, swell, grid, deviation, spread)
+        return WaterSurface(lowest, self._sigma_m, swell, grid, deviation, spread)
 
     def _update(
         self, lowest: Plane, spread: Floats, echoes: WaterEchoes, time_s: float, attitude: Attitude | None
@@ -138,7 +137,6 @@ class WaterTracker:
             return
         share = np.exp((self._seen_s - time_s) / _SIGMA_TIME_S) if known else 0.0
         self._sigma_m = float(share * self._sigma_m + (1 - share) * sigma)
-        self._tilt_variance = float(share * self._tilt_variance + (1 - share) * echoes.tilt_variance())
         self._plane, self._covariance, self._seen_s, self._attitude = plane, spread, time_s, attitude
         if attitude:
             self.trial.add(plane, attitude, time_s)

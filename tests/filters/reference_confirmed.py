@@ -144,7 +144,7 @@ class ConfirmedObjects:
             level = water and Plane(water.plane.a, water.plane.b, water.plane.c)
             upright = np.array([one.number for one in echoes if one.upright], np.intp)
             self.own_ship.see(
-                frame, level and WaterSurface(level, water.sigma, 0.0, None, None, 0.0, np.zeros((3, 3))), upright
+                frame, level and WaterSurface(level, water.sigma, None, None, 0.0, np.zeros((3, 3))), upright
             )
         self.background.mark(echoes, time_s)
         candidates = candidates_of(echoes)

@@ -6,7 +6,7 @@ It shares with the program only the constants, so that tuning them changes both.
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from statistics import NormalDist, median
+from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +36,6 @@ class Surface:
 
     plane: Plane
     sigma: float
-    tilt: float
     swell: "Swell"
     level_sigma: float
     covariance: list[list[float]]
@@ -45,7 +44,7 @@ class Surface:
         """Return the height of a point above the water, its standard deviation, and how many echoes show the water."""
         swell, echoes = self.swell.at(x, y)
         unknown = surface._SHRINKAGE / (echoes + surface._SHRINKAGE)
-        variance = self.sigma**2 * (surface._ROUGHNESS**2 + unknown) + self.tilt * (x * x + y * y) * unknown
+        variance = self.sigma**2 * (surface._ROUGHNESS**2 + unknown)
         deviation = math.sqrt(variance) + surface.RANGE_NOISE_M
         return self.plane.height_of(x, y, z) - swell, deviation, echoes
 
@@ -66,7 +65,7 @@ class Water:
 
     def __init__(self) -> None:
         self.plane: Plane | None = None
-        self.sigma = self.tilt = 0.0
+        self.sigma = 0.0
         self.covariance = [[0.0] * 3] * 3
         self.seen_s = 0.0
 
@@ -127,7 +126,6 @@ class Water:
         if fitted.a + offset < 0:
             old = 0.0 if first else math.exp((self.seen_s - time_s) / tracker._SIGMA_TIME_S)
             self.sigma = old * self.sigma + (1 - old) * sigma
-            self.tilt = old * self.tilt + (1 - old) * tilt_variance(flat, trust, fitted)
             self.plane = Plane(fitted.a + offset, fitted.b, fitted.c)
             self.covariance, self.seen_s = covariance, time_s
 
@@ -149,7 +147,7 @@ class Water:
         swell = Swell((x, y, h) for x, y, h in flat if abs(h - swell.at(x, y)[0]) <= band(self.sigma))
         held = self.held_covariance(time_s)
         variance = held[0][0] + (tracker._CRESTS * self.sigma) ** 2 + surface.RANGE_NOISE_M**2
-        return Surface(level, self.sigma, self.tilt, swell, math.sqrt(variance), held)
+        return Surface(level, self.sigma, swell, math.sqrt(variance), held)
 
     def new_covariance(
         self, cells: "Cells", fitted: Plane, weights: Mapping["Key", float], time_s: float
@@ -335,25 +333,6 @@ def solved(matrix: list[list[float]], right: list[float]) -> list[float]:
                 factor = rows[k][i] / rows[i][i]
                 rows[k] = [a - factor * b for a, b in zip(rows[k], rows[i], strict=True)]
     return [rows[i][3] / rows[i][i] for i in range(3)]
-
-
-def tilt_variance(points: Sequence[XYZ], trust: Mapping[tuple[int, int], float], level: Plane) -> float:
-    """Return how much the mean square of heights grows with the square of the distance, as a median over far cells."""
-    squares: dict[tuple[int, int], list[float]] = {}
-    for point in points:
-        cell = cell_of(*point[:2])
-        if cell in trust:
-            squares.setdefault(cell, []).append(level.height_of(*point) ** 2)
-    if len(squares) < plane._MIN_CELLS:
-        return 0.0
-    distance = {cell: (plane.NEAREST_M + (cell[1] + 0.5) * plane._STEP_M) ** 2 for cell in squares}
-    mean = {cell: sum(values) / len(values) for cell, values in squares.items()}
-    middle = sum(distance.values()) / len(distance)
-    far = [cell for cell in squares if distance[cell] > middle]
-    if not far:
-        return 0.0
-    near = median(mean[cell] for cell in squares if distance[cell] <= middle)
-    return max(0.0, median((mean[cell] - near) / distance[cell] for cell in far))
 
 
 def mean_level(

@@ -69,19 +69,6 @@ def test_a_plane_that_only_some_far_cells_support_is_tilted_as_they_are():
     assert (plane.level_m, plane.slope_x, plane.slope_y) == pytest.approx((-6, 0.04, -0.02), abs=0.01)
 
 
-@pytest.mark.parametrize("tilt", [0.0, 0.01, 0.02])
-@pytest.mark.parametrize("boats", [0.0, 0.15])
-def test_heights_that_spread_with_the_distance_show_the_tilt_of_the_plane(tilt, boats):
-    rng = np.random.default_rng(8)
-    points = spread(rng, 6000, 0.0)
-    distance = np.hypot(*points[:2])
-    cells = PolarCells.of(points[:, distance > 5])
-    height = points[2] + tilt * distance * rng.standard_normal(len(distance))
-    boat = cells.cell < boats * cells.cell.max()
-    echoes = WaterEchoes(np.where(boat, 2.0, height[distance > 5]), cells.cell, np.ones(len(boat)))
-    assert np.sqrt(echoes.tilt_variance()) == pytest.approx(tilt, rel=0.15, abs=0.001)
-
-
 def test_cells_are_trusted_by_flat_echoes_and_nearness():
     def trust(distance_m, *heights):
         xyz = np.array([(distance_m, 0.01 * k, z) for k, z in enumerate(heights)]).T
