@@ -82,8 +82,9 @@ def _reasons(frame: Frame, message: Message) -> Bytes:
     raw = frame.cloud
     removed, reasons = removed_points(message)
     size = raw.dtype.itemsize
-    points = (np.ascontiguousarray(one.points).view(np.uint8).reshape(one.size, -1) for one in (removed, raw))
-    alike = np.concatenate([one[:, :size] for one in points]).view(f"V{size}").reshape(-1)
+    both = (np.ascontiguousarray(one.points) for one in (removed, raw))
+    rows = [points.view(np.uint8).reshape(len(points), points.itemsize)[:, :size] for points in both]
+    alike = np.concatenate(rows).view(f"V{size}").reshape(-1)
     keys = np.unique(alike, return_inverse=True)[1].reshape(-1)
     indices = _find(keys[: removed.size], keys[removed.size :])
     if indices is None:
