@@ -65,8 +65,7 @@ class Confirmed(Filter):
     3. *Candidates*: points in faces, which are echoes above each other in one direction at nearly one range (`Faces`);
        points that stand out; bright ones in the band, which reach their thresholds or four times the mean intensity of
        the water at their range; and all where the water has no echoes. Where much water is bright, only the brightest
-       at each range are candidates, as many as do not join. Echoes in a volume, such as spray, rain and fog, do not
-       stand out: few of their neighbours lie on one surface. An object of such echoes has the least evidence.
+       at each range are candidates, as many as do not join.
     4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. What is beside no face is
        an object of its own, so that wash does not belong to the hull before it, and bright water joins only what it is
        near. The evidence of a frame is the logarithm of the odds that an object is a target: the sum of one curve for
@@ -79,11 +78,11 @@ class Confirmed(Filter):
        add up, one in the time in which the water becomes independent of what it was, about a second. Evidence is
        forgotten over ``memory_s`` and lies between -1 and 3. That an object was not there before counts as evidence
        against it, so what is soon gone is not kept. Without later frames, as with ``causal``, evidence is at least
-       -0.35. An object is missed only where a beam would have met it. What fills a volume in a frame is not kept in
-       it.
+       -0.35. An object is missed only where a beam would have met it. One that fills a volume in a frame, such as
+       spray, rain and fog, of which few neighbours lie on one surface, is not kept in it.
     6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
-       and all where the water has no echoes, but none in a volume. If a frame does not show the object, but a later
-       one does, so do rows of echoes where it is expected.
+       and all where the water has no echoes. If a frame does not show the object, but a later one does, so do rows of
+       echoes where it is expected.
 
     The result of a frame is complete ``look_ahead_s`` later, at once with ``causal``, and earlier where more than 1.5
     million points would wait.

@@ -67,7 +67,6 @@ class Echo:
     upright: bool = False
     mirrored: bool = False
     deep: bool = False
-    solid: bool = True
     awash: bool = False
 
     @property
@@ -125,7 +124,6 @@ class Background:
             echo.elsewhere = shares[cell_of(echo)]
             echo.alone = max(echo.unseen, 1 - echo.elsewhere / heights._COMMON)
             echo.grows |= echo.alone > heights.ALONE and not echo.deep
-            echo.grows &= echo.solid
             echo.awash = echo.bright and not (echo.high or echo.upright) and echo.alone <= heights.ALONE
 
     def share(self, ring: int, sector: int) -> float:
@@ -152,13 +150,11 @@ def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, fac
     linked, loose = faces.neighbors([one.height > one.rise for one in echoes])
     for one, joined, apart in zip(echoes, linked, loose, strict=True):
         one.linked, one.loose = joined, apart
-    volume = set() if water is None else cells_in_volume(echoes)
     sigma = 0.0 if water is None else water.sigma
     for one in echoes:
-        solid = one.solid = grid_cell(*one.xy) not in volume
         one.deep = water is not None and water.is_deep(*one.point.xyz)
-        one.high = one.height > one.rise and solid
-        one.upright = one.face > LEAST_M + sigma and solid and not one.deep
+        one.high = one.height > one.rise
+        one.upright = one.face > LEAST_M + sigma and not one.deep
         one.grows = one.grows or one.upright
     bodies = {grid_cell(*one.xy) for one in echoes if one.high or one.upright} - {None}
     around = {(x + i, y + j) for x, y in bodies for i in (-1, 0, 1) for j in (-1, 0, 1)}
@@ -227,18 +223,6 @@ def echo_of(number: int, point: Point, ring: int, water: Surface | None, params:
         grows=height > max(params.growth_height_m, heights._GROWTH_SIGMAS * deviation),
         unseen=min(max((heights._SHOWN - shown) / (heights._SHOWN - heights._OWN), 0.0), 1.0),
     )
-
-
-def cells_in_volume(echoes: Sequence[Echo]) -> set[tuple[int, int]]:
-    """Return the cells of the water's grid in which few neighbours that stand out lie on one surface."""
-    linked: dict[tuple[int, int], int] = {}
-    loose: dict[tuple[int, int], int] = {}
-    for echo in echoes:
-        cell = grid_cell(*echo.xy)
-        if cell is not None:
-            linked[cell] = linked.get(cell, 0) + echo.linked
-            loose[cell] = loose.get(cell, 0) + echo.loose
-    return {cell for cell, count in loose.items() if count > heights._VOLUME * linked[cell] + 1}
 
 
 def candidates_of(echoes: Sequence[Echo]) -> list[Echo]:

@@ -11,14 +11,12 @@ from seaclutter_cli.filters.zones import LEAST_M
 from seaclutter_cli.frame import Attitude, Frame, Reason
 from seaclutter_cli.water import Faces, WaterSurface, WaterTracker
 from seaclutter_cli.water.beams import Beams
-from seaclutter_cli.water.surface import BEYOND
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _GROWTH_SIGMAS = 1.5
 _UNSEEN_M = 100.0
-_VOLUME = 2.5
 _OWN, _SHOWN = 4.0, 12.0
 _COMMON = 0.25
 _NEIGHBORS = 2 / 3
@@ -137,8 +135,7 @@ class Sea:
         """Return the M echoes of the next frame against the water. Without water, every point stands out.
 
         ``threshold`` are their intensity thresholds, shape (M,); minus infinity beyond the range rings. Those of own
-        ship's structure, ``own`` of shape (M,), do not show the water. What is below the water is mirrored or noise,
-        and what fills a volume is spray, rain or fog: neither stands out.
+        ship's structure, ``own`` of shape (M,), do not show the water. What is below the water is mirrored or noise.
         """
         x, y, z = echoes.xyz
         self.beams.add(echoes.xyz)
@@ -152,10 +149,9 @@ class Sea:
         level, sigma = z - height, 0.0 if water is None else water.sigma_m
         rise = np.maximum(self._params.min_rise_m, self._params.rise_sigmas * deviation)
         linked, loose = faces.neighbors(height > rise)
-        solid = ~_in_volume(linked, loose, water)
         deep = np.zeros(echoes.size, np.bool_) if water is None else water.deep(x, y, height, deviation)
-        upright = faces.stands(level, sigma) & ~deep & solid
-        high = (height > rise) & solid
+        upright = faces.stands(level, sigma) & ~deep
+        high = height > rise
         bodies = high | upright
         beside_water = np.abs(height) <= rise
         of_water = beside_water & ~upright
@@ -170,7 +166,7 @@ class Sea:
         alone = np.maximum(unseen, 1 - seen / _COMMON)
         mirrored = deep if water is None else water.mirrored(x, y, deep, bodies)
         grows = height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)
-        grows = (grows | upright | (alone > ALONE) & ~deep) & solid
+        grows |= upright | (alone > ALONE) & ~deep
         awash = bright & (alone <= ALONE) & ~bodies
         return Heights(
             height,
@@ -193,16 +189,6 @@ class Sea:
             awash,
             water,
         )
-
-
-def _in_volume(linked: NDArray[np.int32], loose: NDArray[np.int32], water: WaterSurface | None) -> Mask:
-    """Return which echoes are in cells of the water's grid in which few neighbours lie on one surface, as in spray."""
-    if water is None:
-        return np.zeros(len(linked), np.bool_)
-    cell = water.cells.number
-    volume = np.bincount(cell, weights=loose) > _VOLUME * np.bincount(cell, weights=linked) + 1
-    volume[BEYOND:] = False
-    return np.asarray(volume[cell])
 
 
 def _brightness(echoes: Echoes, threshold: Floats, ring: Floats, weight: Floats) -> tuple[Mask, Floats]:
