@@ -262,9 +262,10 @@ class _PlaneCheck:
                 f"all points are at one height, as in laser scans; {self._method} needs heights, so use another method"
             )
         x, y, z = np.median(self._spreads_m, axis=0).tolist() if self._spreads_m else (0, 0, 0)
-        if z <= _UPRIGHT * min(x, y):
+        least, most = sorted((x, y))
+        if z <= _UPRIGHT * least or most >= _UPRIGHT * z:  # points in a line do not tell
             return None
-        found = f"points spread by {z:.1f} m in z, but {min(x, y):.1f} m in {'x' if x < y else 'y'}"
+        found = f"points spread by {z:.1f} m in z, but {least:.1f} m in {'x' if x < y else 'y'}"
         key = f"filter.mounting_{'pitch' if x < y else 'roll'}_deg"
         return f"z does not seem to point upwards: {found}; turn them, or set {key} to 90 or -90"
 

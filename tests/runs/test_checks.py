@@ -1,8 +1,11 @@
 """Warnings about thresholds that are for another sensor, or have no effect in a range ring."""
 
+from itertools import islice
+
 import numpy as np
 import pytest
 
+import seaclutter
 from seaclutter_cli.cloud import from_array
 from seaclutter_cli.config import load_config
 from seaclutter_cli.frame import Frame
@@ -79,7 +82,8 @@ def test_another_intensity_mode():
     [("filter.initial_thresholds=[31, 16, 7, 4]",), ("filter.method=confirmed", "filter.use_intensity=false")],
 )
 def test_thresholds_of_unknown_origin_and_methods_without_any_are_not_compared(overrides):
-    assert warnings([frame()], {"/points": SensorFacts("VLP-32C")}, overrides) == []
+    with seaclutter.open_log(ROOT / "samples" / "sea.mcap") as log:  # of a sea with water and a target
+        assert warnings(islice(log.frames(), 30), {"/points": SensorFacts("VLP-32C")}, overrides) == []
 
 
 def test_intensities_beyond_those_of_the_sensor():
