@@ -74,7 +74,7 @@ class Diagnostics:
         """Return the values of the fields of a message.
 
         The arrays have one value per range ring and are empty without range rings, the scene is empty for methods that
-        do not distinguish scenes, and the measures of the water are NaN where there is none.
+        do not distinguish scenes, and the measures of the water are NaN where no water is seen.
         """
         known = dict(zip((*_SIZES, *_REASONS), (self.frame, self.points_in, *self.counts.tolist()), strict=True))
         rings = vars(self.rings).values() if self.rings else [()] * len(_ARRAYS)

@@ -199,7 +199,7 @@ class LogRun(Generic[W]):
     ) -> list[Any]:
         """Do the work that is left, as `run_all` does, and return all outcomes; an interrupted run has a manifest.
 
-        What is complete is looked at ``again``, if it has rows for a table.
+        With ``again``, the work on complete recordings is done, too, to read their rows for a table.
         """
         outcomes: list[Any] = [None if again else work.complete for work in works]
         try:

@@ -148,10 +148,10 @@ class Sea:
             height, deviation, shown = water.above(x, y, z, water.cells)
         level, sigma = z - height, 0.0 if water is None else water.sigma_m
         rise = np.maximum(self._params.min_rise_m, self._params.rise_sigmas * deviation)
-        linked, loose = faces.neighbors(height > rise)
+        high = height > rise
+        linked, loose = faces.neighbors(high)
         deep = np.zeros(echoes.size, np.bool_) if water is None else water.deep(x, y, height, deviation)
         upright = faces.stands(level, sigma) & ~deep
-        high = height > rise
         bodies = high | upright
         beside_water = np.abs(height) <= rise
         of_water = beside_water & ~upright
