@@ -29,7 +29,7 @@ _MIN_BAND_M = 0.15
 _SIGMA_TIME_S = 1.0
 _MEMORY_S, _TURNED_MEMORY_S = 5.0, 15.0
 _BODY_M = 0.5
-_CRESTS = 0.75
+_CRESTS = 1.25
 
 
 class WaterTracker:
@@ -48,7 +48,7 @@ class WaterTracker:
     2. *Level and deviation*: medians over the echoes near that plane, with the weights of the cells.
     3. *Swell*: a mean over 2.5 m of the echoes near the plane, and then of those near this surface, so that it follows
        crests. Echoes in faces do not count.
-    4. *Deviation of the level*: the standard error of the plane; three quarters of the water's deviation, as grazing
+    4. *Deviation of the level*: the standard error of the plane; 1.25 times the water's deviation, as grazing
        beams see crests rather than troughs; the noise of ranges; and, while no trusted cell is seen, own ship's heave,
        a random walk by one deviation in a second.
 
