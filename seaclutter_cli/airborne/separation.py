@@ -17,7 +17,7 @@ from seaclutter_cli.airborne.waves import Waves, WindowWaves, estimate_waves, wi
 from seaclutter_cli.arrays import Bytes, Floats, Indices, Mask
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.grids.elevation import NOWHERE, Cells, GriddedPoints, LandCells
-from seaclutter_cli.grids.opening import open_grid, without_pits
+from seaclutter_cli.grids.opening import SurfaceParams, open_grid, without_pits
 
 _SAMPLE = 20_000
 _PIT, _ROUGH_M, _HIGHEST = 2.0, 0.4, 1.25
@@ -75,23 +75,29 @@ class Separation:
         return float(np.count_nonzero(self.classification != NEVER) / max(self.cells, 1))
 
 
-def separate(parts: Iterable[Floats], params: SeparationParams, column: Column = lambda _: None) -> Separation:
+def separate(parts: Iterable[Floats], params: SurfaceParams, column: Column = lambda _: None) -> Separation:
     """Return the separation of a tile into sea and non-sea points.
 
-    ``parts``, shape (3, n): coordinates in metres; iterated over repeatedly; ``params``: window and heights;
-    ``column``, optional: returns an attribute of all points by its LAS name, or None.
+    ``parts``, shape (3, n): coordinates in metres; iterated over repeatedly; ``params``: window and heights. With
+    `SeparationParams`, land and echoes from below the surface are handled, too; ``column``, optional: returns an
+    attribute of all points by its LAS name, or None.
 
     Raise `InputError` if no point has finite coordinates, or the points are too scattered for a grid in memory.
     """
     points = GriddedPoints.of(parts, params.cell_m)
     if not points.grid.blocks:
         raise InputError("no points with finite coordinates: the sea surface cannot be computed")
-    found = LeveledTile.of(points, params, column).separation()
-    given = column("classification") if params.trust_classes else None
-    if given is not None:
-        kept = np.isin(given, params.trust_classes) & (found.classification != NEVER)
-        found.classification[kept] = given[kept]
-    return found
+    if isinstance(params, SeparationParams):
+        found = LeveledTile.of(points, params, column).separation()
+        given = column("classification") if params.trust_classes else None
+        if given is not None:
+            kept = np.isin(given, params.trust_classes) & (found.classification != NEVER)
+            found.classification[kept] = given[kept]
+        return found
+    opened = open_grid(points.grid, params.window_m)
+    surface = Surface(opened, params.height_m, np.zeros(opened.shape, np.bool_))
+    state = SeaState("opened", None, None, None, round(params.height_m, 2))
+    return Separation(*surface.classes(points), _cells(points), state, LandCells(params.cell_m))
 
 
 def _cells(points: GriddedPoints) -> int:

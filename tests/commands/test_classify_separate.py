@@ -268,6 +268,7 @@ def test_kappa_rises_to_20_m_and_falls(name):
     from seaclutter_cli.airborne.separation import separate
     from seaclutter_cli.airborne.surface import SeparationParams
     from seaclutter_cli.evaluation.confusion import Confusion
+    from seaclutter_cli.grids.opening import SurfaceParams
     from seaclutter_cli.simulation.airborne.recording import simulate_strips
     from seaclutter_cli.simulation.airborne.scene import load_tile_scene
 
@@ -278,8 +279,7 @@ def test_kappa_rises_to_20_m_and_falls(name):
         found = separate([xyz], replace(params, window_m=window_m)).classification
         return Confusion.of(points["classification"], found, (1, 9)).kappa
 
-    paper = SeparationParams(height_m=0.5, island_m=None, land="ignore")
-    narrow, best, wide = (kappa(window_m, paper) for window_m in (4.0, 20.0, 80.0))
+    narrow, best, wide = (kappa(window_m, SurfaceParams()) for window_m in (4.0, 20.0, 80.0))
     assert narrow < 0.8 * best
     assert wide < 0.95 * best
     assert kappa(20.0, SeparationParams()) > 0.95
