@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.waves import Waves
 from seaclutter_cli.arrays import Ints, Mask
-from seaclutter_cli.grids.cells import joined_cells, smoothed, touching
+from seaclutter_cli.grids.cells import joined_cells, number_around, smoothed, touching
 from seaclutter_cli.grids.elevation import Cells, ElevationGrid
 
 FINEST_M = 1.0
@@ -152,12 +152,7 @@ def _patches(grid: ElevationGrid, mask: Mask, known: Mask) -> Mask:
 
     Cells without points do not count, unless they are more than half of the nine.
     """
-    from scipy import ndimage
-
-    inner = ~touching(grid, known & ~mask)
-    for slot, cells, _ in grid.padded(mask.astype(np.float64), 1):
-        share = ndimage.uniform_filter(np.where(np.isfinite(cells), cells, 0), 3)
-        inner[slot] &= share[1:-1, 1:-1] > _HALF
+    inner = (number_around(grid, known & ~mask) == 0) & (number_around(grid, mask) > _HALF * 9)
     return touching(grid, touching(grid, inner))
 
 

@@ -76,33 +76,53 @@ def smoothed(grid: ElevationGrid, values: Cells, used: Mask, width: float) -> tu
 
     box = 2 * round((np.sqrt(6 * width**2 + 1) - 1) / 2) + 1
     halo = int(np.ceil(_WIDTHS * width)) if width < _BOXES else box - 1
-    inner = (slice(halo, halo + BLOCK),) * 2
 
     def around(part: Cells) -> Cells:
         if width < _BOXES:
             found = ndimage.gaussian_filter(part, width, mode="constant", radius=halo)
         else:
             found = ndimage.uniform_filter(ndimage.uniform_filter(part, box, mode="constant"), box, mode="constant")
-        return np.asarray(found[inner])
+        return np.asarray(found)
 
     mean, share = np.zeros(values.shape), np.zeros(values.shape)
-    for slot, cells, _ in grid.padded(np.where(used, values, np.inf), halo):
-        known = np.isfinite(cells)
+    for slot, padded, _ in grid.padded(np.where(used, values, np.inf), halo):
+        known = np.isfinite(padded)
         if known.any():
-            weight = around(known.astype(np.float64))
+            near, part, inner = _in_reach(known, halo)
+            weight = around(known[near].astype(np.float64))[inner]
             some = weight > _LEAST_WEIGHT
-            np.divide(around(np.where(known, cells, 0)), weight, out=mean[slot], where=some)
-            share[slot][some] = weight[some]
+            np.divide(around(np.where(known, padded, 0)[near])[inner], weight, out=mean[slot][part], where=some)
+            share[slot][part][some] = weight[some]
     return mean, share
+
+
+def _in_reach(known: Mask, halo: int) -> tuple[tuple[slice, ...], ...]:
+    """Return slices: of a padded block, within reach of the known cells; of the block, and of the first, these cells.
+
+    Most blocks of a tile are nearly empty.
+    """
+    near, part, inner = [], [], []
+    for axis in range(2):
+        cells = np.flatnonzero(known.any(axis=1 - axis))
+        start, stop = max(int(cells[0]) - halo, 0), min(int(cells[-1]) + 2 * halo + 1, len(known))
+        low, high = max(start - halo, 0), min(stop - halo, BLOCK)
+        near.append(slice(start, stop))
+        part.append(slice(low, high))
+        inner.append(slice(low + halo - start, high + halo - start))
+    return tuple(near), tuple(part), tuple(inner)
 
 
 def touching(grid: ElevationGrid, mask: Mask) -> Mask:
     """Return a mask with the cells that touch it, by side or corner, shape (S, 256, 256)."""
-    from scipy import ndimage
+    return number_around(grid, mask) > 0
 
-    out = np.empty(mask.shape, np.bool_)
-    for slot, cells, _ in grid.padded(np.where(mask, 0.0, np.inf), 1):
-        out[slot] = ndimage.minimum_filter(cells, 3)[1:-1, 1:-1] == 0
+
+def number_around(grid: ElevationGrid, mask: Mask) -> NDArray[np.uint8]:
+    """Return how many of each cell and the eight around it are in a mask, shape (S, 256, 256)."""
+    out = np.empty(mask.shape, np.uint8)
+    for slot, cells, _ in grid.padded(mask.astype(np.uint8), 1, 0):
+        rows = cells[:-2] + cells[1:-1] + cells[2:]
+        out[slot] = rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]
     return out
 
 

@@ -5,7 +5,7 @@ import json
 from base64 import b64decode, b64encode
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.text import count
 
 Cells = Floats
+T = TypeVar("T", bound=np.generic)
 
 _BITS = 8
 BLOCK = 1 << _BITS
@@ -74,15 +75,17 @@ class ElevationGrid:
         np.minimum.at(self._lowest.reshape(-1), cell, xyz[2])
         return cell
 
-    def padded(self, values: NDArray[np.floating[Any]], halo: int) -> Iterator[tuple[int, Cells, tuple[slice, slice]]]:
+    def padded(
+        self, values: NDArray[T], halo: int, beyond: Any = np.inf
+    ) -> Iterator[tuple[int, NDArray[T], tuple[slice, slice]]]:
         """Yield the index of each block, its values padded by ``halo`` cells on each side, and slices to cells in use.
 
-        Values have the shape (S, 256, 256). Padding without a block is plus infinity. The slices select the cells in
-        the bounding rectangle of all points.
+        Values have the shape (S, 256, 256). Padding without a block is ``beyond``. The slices select the cells in the
+        bounding rectangle of all points.
         """
         reach = -(-halo // BLOCK)
         for (column, row), slot in self.blocks.items():
-            out = np.full((BLOCK + 2 * halo,) * 2, np.inf)
+            out = np.full((BLOCK + 2 * halo,) * 2, beyond, values.dtype)
             for i in range(-reach, reach + 1):
                 for j in range(-reach, reach + 1):
                     other = self.blocks.get((column + i, row + j))
