@@ -133,9 +133,11 @@ class ConfirmedObjects:
         rings = [self.ring_of(point, is_own) for point, is_own in zip(points, own, strict=True)]
         used = [number for number, point in enumerate(points) if self.is_used(point, rings[number])]
         places = [points[number].xyz for number in used]
-        self.beams.learn([bin_of(z, (x, y)) for x, y, z in places])
+        bins = [bin_of(z, (x, y)) for x, y, z in places]
+        self.beams.learn(bins)
         elevations = [elevation_of(z, (x, y)) for x, y, z in places]
-        gaps = [self.beams.above(bin_of(z, (x, y))) for x, y, z in places]
+        above = {one: self.beams.above(one) for one in set(bins)}
+        gaps = [above[one] for one in bins]
         faces = faces_of(places, elevations, gaps)
         structure = self.own_ship.is_structure(frame, np.array(used, np.intp)) if self.own_ship else []
         water = self.water.step(places, faces.of_point, time_s, set(np.flatnonzero(structure).tolist()))

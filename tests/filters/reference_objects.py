@@ -30,10 +30,10 @@ def places_of(positions: Iterable[Sequence[float]]) -> np.ndarray:
 
 def distances(here: Sequence[float], there: np.ndarray) -> np.ndarray:
     """Return the distances of a position to others."""
-    total = np.zeros(len(there))
-    for own, others in zip(here, there.T, strict=bool(len(there))):
-        total = total + (own - others) * (own - others)
-    return np.sqrt(total)
+    if not len(there):
+        return np.zeros(0)
+    apart = there.T - np.array(here)[:, None]
+    return np.sqrt(sum(apart * apart))
 
 
 def nearest(here: Sequence[float], there: np.ndarray) -> float:
@@ -128,9 +128,15 @@ class Background:
 
     def share(self, ring: int, sector: int) -> float:
         """Return how often the other sectors of a ring had echoes of water."""
-        own = {(sector + step) % background._SECTORS for step in range(-background._BESIDE, background._BESIDE + 1)}
-        others = set(range(background._SECTORS)) - own
+        others = other_sectors(sector)
         return sum(self.seen.get((ring, other), 0.0) for other in others) / len(others)
+
+
+@cache
+def other_sectors(sector: int) -> set[int]:
+    """Return the sectors but one and those beside it."""
+    own = {(sector + step) % background._SECTORS for step in range(-background._BESIDE, background._BESIDE + 1)}
+    return set(range(background._SECTORS)) - own
 
 
 def cell_of(echo: Echo) -> tuple[int, int]:

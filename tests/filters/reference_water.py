@@ -388,7 +388,8 @@ class Swell:
 
 def grid_cell(x: float, y: float) -> tuple[int, int] | None:
     """Return the grid cell of a position; None beyond the grid."""
-    column, row = (math.floor((value + surface._REACH_M) / surface._CELL_M) for value in (x, y))
+    column = math.floor((x + surface._REACH_M) / surface._CELL_M)
+    row = math.floor((y + surface._REACH_M) / surface._CELL_M)
     return (column, row) if 0 <= column < surface._CELLS and 0 <= row < surface._CELLS else None
 
 
