@@ -104,7 +104,7 @@ def test_objects_of_a_survey(ships, tmp_path):
 def test_the_search_for_objects_has_settings(ships, tmp_path):
     geojson = tmp_path / "ships.geojson"
     settings = ("--set", "objects.min_points=121")
-    run("separate", ships, "-o", f"{tmp_path / 'out'}/", "--geojson", geojson, *settings, code=0)
+    run("separate", ships, "-o", f"{tmp_path / 'out'}/", "--geojson", geojson, *settings, "-j", 1, code=0)
     assert json.loads(geojson.read_text())["features"] == []
 
 
@@ -126,7 +126,7 @@ def test_the_number_of_processes_does_not_matter(tiles, mapped, tmp_path):
 
 
 def test_a_map_changes_no_tile(tiles, mapped, tmp_path):
-    run("separate", tiles, "-o", f"{tmp_path / 'tiles'}/", code=0)
+    run("separate", tiles, "-o", f"{tmp_path / 'tiles'}/", "-j", 1, code=0)
     for name in ("east.laz", "west.laz"):
         np.testing.assert_array_equal(
             read(tmp_path / "tiles" / name).points.array, read(mapped / "tiles" / name).points.array

@@ -19,6 +19,7 @@ OPENING = ("-s", "separation.land=ignore")  # otherwise the raft is known by its
 
 
 separate = partial(execute, "classify", "separate")
+separate_here = partial(separate, "-j", 1)  # workers import scipy and laspy, which takes most of their time
 
 
 def scene():
@@ -75,7 +76,7 @@ def test_the_number_of_processes_does_not_matter(survey, tmp_path):
         found.append(contents(tmp_path / str(jobs)))
     assert found[0] == found[1]
     backwards = sorted((survey / "tiles").iterdir(), reverse=True)
-    separate(*backwards, "-o", f"{tmp_path / 'backwards'}/", code=0)
+    separate_here(*backwards, "-o", f"{tmp_path / 'backwards'}/", code=0)
     assert contents(tmp_path / "backwards") == found[0]
 
 
@@ -89,7 +90,7 @@ def test_only_tiles_with_neighbours_change(survey, tmp_path):
     write(tiles / "again.laz", west + np.array([0.3, 0.3, 0]))
     write(tiles / "far.laz", west + np.array([3000, 0, 0]))
     _with_feet(write(tiles / "feet.las", xyz[xyz[:, 0] >= SEAM]))
-    result = separate(tiles, "-o", f"{tmp_path / 'out'}/", "-v", *OPENING, code=0)
+    result = separate_here(tiles, "-o", f"{tmp_path / 'out'}/", "-v", *OPENING, code=0)
     assert "4 tiles, 0 pairs of neighbours" in result.stderr
     assert "2 coordinate reference systems" in result.stderr
     separate(tiles / "west.laz", "-o", tmp_path / "alone.laz", code=0)
@@ -126,7 +127,7 @@ def test_points_of_other_formats_are_neighbours(survey, tmp_path):
     tiles.mkdir()
     write(tiles / "west.laz", xyz[xyz[:, 0] < SEAM])
     write(tiles / "east.las", xyz[xyz[:, 0] >= SEAM], point_format=3, scale=0.01)
-    result = separate(tiles, "-o", f"{tmp_path / 'out'}/", "-v", *OPENING)
+    result = separate_here(tiles, "-o", f"{tmp_path / 'out'}/", "-v", *OPENING)
     assert (result.exit_code, "1 pair of neighbours" in result.stderr) == (0, True), result.output
     found = classes([tmp_path / "out" / "west.laz"])
     whole = classes([survey / "separated.laz"])
@@ -159,13 +160,13 @@ def test_a_run_goes_on_where_it_stopped(survey, tmp_path):
     separate(*line, code=0)
     complete = contents(tmp_path / "out")
     (tmp_path / "out" / "se.laz").unlink()
-    result = separate(*line, "--json")
+    result = separate_here(*line, "--json")
     assert [row["status"] for row in json.loads(result.stdout)] == ["skipped", "skipped", "done", "skipped"]
     assert contents(tmp_path / "out") == complete
     assert [row["points"] for row in json.loads(result.stdout)] == [
         len(read(tmp_path / "out" / name)) for name in sorted(complete)
     ]
-    result = separate(*line, "--with-height")
+    result = separate_here(*line, "--with-height")
     assert "ne: separated again; the earlier output is of other options" in result.stderr
     assert contents(tmp_path / "out") != complete
 
@@ -177,8 +178,8 @@ def test_a_changed_neighbour_changes_a_tile(survey, tmp_path):
     separate(*line, code=0)
     xyz = scene()
     write(tiles / "ne.laz", xyz[(xyz[:, :2] >= SEAM).all(axis=1)][:-10])
-    assert [row["status"] for row in json.loads(separate(*line).stdout)] == ["done"] * 4
-    assert [row["status"] for row in json.loads(separate(*line).stdout)] == ["skipped"] * 4
+    assert [row["status"] for row in json.loads(separate_here(*line).stdout)] == ["done"] * 4
+    assert [row["status"] for row in json.loads(separate_here(*line).stdout)] == ["skipped"] * 4
 
 
 def test_outputs_of_other_runs_are_kept(survey, tmp_path):
@@ -191,7 +192,7 @@ def test_outputs_of_other_runs_are_kept(survey, tmp_path):
     result = separate(survey / "tiles", "-o", f"{out}/", "--resume")
     assert (result.exit_code, "not a separated tile" in result.stderr) == (2, True)
     assert contents(out) == {"se.laz": b"important"}
-    separate(survey / "tiles", "-o", f"{out}/", "--resume", "--force", code=0)
+    separate_here(survey / "tiles", "-o", f"{out}/", "--resume", "--force", code=0)
 
 
 def test_several_tiles_need_a_folder(survey, tmp_path):

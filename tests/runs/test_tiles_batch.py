@@ -75,8 +75,8 @@ def test_an_error_in_one_tile_does_not_stop_the_others(tiles, model, tmp_path):
     tiles = tmp_path / "in"
     (tiles / "b.laz").write_bytes((tiles / "a.laz").read_bytes()[:1000])
     table, out = tmp_path / "objects.csv", tmp_path / "out"
-    line = ("classify", "predict", tiles, "--model", model, "-o", f"{out}/", "--csv", table, "-j", 2)
-    result = invoke(*line, code=1)
+    line = ("classify", "predict", tiles, "--model", model, "-o", f"{out}/", "--csv", table)
+    result = invoke(*line, "-j", 2, code=1)
     assert next(line for line in result.stderr.splitlines() if line.startswith("Error: ")).startswith(
         f"Error: {tiles}/b.laz"
     )
@@ -84,7 +84,7 @@ def test_an_error_in_one_tile_does_not_stop_the_others(tiles, model, tmp_path):
     assert set(contents(out)) == others
     assert {row.partition(",")[0] for row in table.read_text().splitlines()[1:]} <= {name[:-4] for name in others}
     table.write_text("of an earlier run")
-    assert "objects.csv: not replaced" in invoke(*line, "--force", code=1).stderr
+    assert "objects.csv: not replaced" in invoke(*line, "-j", 1, "--force", code=1).stderr
     assert table.read_text() == "of an earlier run"
 
 
