@@ -1,13 +1,15 @@
 """How well suspects and indications do without labels, on simulated logs whose truth is known.
 
 Run as ``python benchmarks/suspects.py LOG.mcap...``, simulated recordings with their labels beside them. A
-target is lost to a method if fewer than five of its points are left in five frames or more, not counting points that
-the configuration removes. The table has, for each method, the rank of the first suspect at a lost target in logs with
-one, and the number of suspects that are at no target; then rank correlations of indications with true scores.
+target is lost to a method if it is missed in five frames or more, as `evaluate` counts, in which a filter that keeps
+exactly the points of targets would find it, without those that the configuration removes. The table has, for each
+method, the rank of the first suspect at a lost target in logs with one, and the number of suspects that are at no
+target; then rank correlations of indications with true scores.
 """
 
 import sys
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,18 +19,19 @@ from scipy.stats import spearmanr
 
 from seaclutter_cli.config import load_config
 from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.matching import point_truth
+from seaclutter_cli.evaluation.matching import finder_of, match_clusters, point_truth, targets_of
 from seaclutter_cli.evaluation.scores import Summary, score_frame
+from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels import open_labels
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.suspects.finder import CHOSEN, Suspect, SuspectFinder
 from seaclutter_cli.suspects.indications import Indications, Indicator
-from seaclutter_cli.truth import Boxes
+from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
 
 METHODS = ("joint", "confirmed", "sor", "ror", "lior", "none")
-FRAMES, LEAST_FRAMES, LEAST_POINTS = 60, 5, 5
+FRAMES, LEAST_FRAMES = 60, 5
 PARAMS = EvaluationParams()
 PAIRS = {"doubtful_per_frame": "false_alarms_per_frame", "targets_lost": "target_loss", "f1": "f1"}
 
@@ -38,7 +41,7 @@ class Study:
     """Suspects of each method, frames in which each method lost each target, boxes by frame, and scores."""
 
     suspects: list[Sequence[Suspect]] = field(default_factory=list)
-    lost: list[dict[str, int]] = field(default_factory=lambda: [{} for _ in METHODS])
+    lost: list[Counter[str]] = field(default_factory=lambda: [Counter() for _ in METHODS])
     boxes: dict[int, Boxes] = field(default_factory=dict)
     summaries: list[Summary] = field(default_factory=lambda: [Summary() for _ in METHODS])
     indications: Indications | None = None
@@ -54,20 +57,29 @@ def study(log: Path) -> Study:
         if truth is None or truth.targets is None:
             continue
         found.boxes[frame.index] = truth.targets
-        points = point_truth(frame, truth, PARAMS)
+        perfect = ~np.isin(point_truth(frame, truth, PARAMS), (CLUTTER, IGNORED))
+        find = finding(frame, truth, [perfect, *(one.keep for one in results if one is not None)])
         for m, (result, score) in enumerate(zip(results, score_frame(frame, results, truth, PARAMS), strict=True)):
             if result is None or score is None:
                 continue
             found.summaries[m].add(score, None)
             finders[m].add(frame, [result])
-            judged = ~np.isin(result.reason, CHOSEN)
-            for track in truth.targets.tracks:
-                own = judged & (points == int(track))
-                if own.sum() >= LEAST_POINTS > (own & result.keep).sum():
-                    found.lost[m][track] = found.lost[m].get(track, 0) + 1
+            missed = find(perfect & ~np.isin(result.reason, CHOSEN)) & ~find(result.keep)
+            found.lost[m].update(truth.targets.tracks[k] for k in np.flatnonzero(missed))
         indicator.add(frame, results)
     found.suspects = [finder.finish()["removed"] for finder in finders]
     found.indications = indicator.finish()
+    return found
+
+
+def finding(frame: Frame, truth: Truth, subsets: Sequence[Any]) -> Callable[[Any], Any]:
+    """Return a function that tells which targets a filter finds that keeps a subset of the points, shape (N,)."""
+    targets, clusters = targets_of(frame, truth, PARAMS), finder_of(frame, subsets, PARAMS)
+
+    def found(keep: Any) -> Any:
+        own = clusters.clusters(keep & frame.valid, PARAMS.min_cluster_points)
+        return match_clusters(own, targets, PARAMS).detected & targets.visible
+
     return found
 
 

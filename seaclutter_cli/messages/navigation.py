@@ -149,7 +149,7 @@ class Navigation:
 
     def __init__(self) -> None:
         self._edges: dict[str, _Edge] = {}
-        self._lacking, self._has_fixes = "", False
+        self._lacking, self._has_fixes, self._stop = "", False, ""
         self._places = _Edge(_EARTH)
         self._imu: tuple[int, Floats, str, str] | None = None
         self._gyro: _Gyro | None = None
@@ -174,9 +174,10 @@ class Navigation:
         found = self._in_fixed(frame_id, stamp_ns, _CONTINUOUS)
         if found is None:
             return None
-        at, turn, _ = found
+        at, turn, fixed = found
         axes = rotation(*turn)
-        if axes[2, 2] < _UPRIGHT:  # not upright: positions seen from above would be mirrored
+        if axes[2, 2] < _UPRIGHT:  # positions seen from above would be mirrored
+            self._stop = f"the lidar is not upright in the frame '{fixed}'"
             return None
         return float(at[0]), float(at[1]), math.atan2(axes[1, 0], axes[0, 0])
 
@@ -228,6 +229,11 @@ class Navigation:
         return Fix(math.degrees(north), math.degrees(east), math.atan2(axes[1, 0], axes[0, 0]))
 
     @property
+    def unmoved(self) -> str:
+        """Why a pose, an attitude or a place could not be found last, for a log that tells of motion; else empty."""
+        return self._stop if any(edge.moves for edge in self._edges.values()) else ""
+
+    @property
     def unplaced(self) -> str:
         """What a place on earth lacked last; empty if nothing, or if the log has no fixes."""
         return self._lacking if self._has_fixes else ""
@@ -249,9 +255,13 @@ class Navigation:
         for _ in range(_MAX_DEPTH):
             edge = self._edges.get(name) or (self._edges.get(_BODY) if not moves else None)
             if edge is None or (moves and name == preferred):
-                return (at, turn, name) if moves else None
+                if moves:
+                    return at, turn, name
+                self._stop = f"no transform leads from the frame '{name}' to one that is fixed"
+                return None
             sample = edge.at(stamp_ns, late_ns)
             if sample is None:
+                self._stop = f"no transform from '{name}' to '{edge.parent}' within a second"
                 return None
             at, turn = rotation(*sample.turn) @ at + sample.at, _product(sample.turn, turn)
             moves |= edge.moves

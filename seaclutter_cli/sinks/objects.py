@@ -83,7 +83,7 @@ class ObjectTable(Sink):
 
     def begin(self, source: Source, clouds: Sequence[Channel]) -> None:
         """Start a recording."""
-        self._source, self._navigation, self._unplaced = source, Navigation(), 0
+        self._source, self._navigation, self._unplaced, self._unmoved = source, Navigation(), 0, 0
         self._followers = {channel.topic: self._new() for channel in clouds}
         self._fixes: dict[str, deque[Fix | None]] = {channel.topic: deque() for channel in clouds}
 
@@ -99,15 +99,20 @@ class ObjectTable(Sink):
         fix = self._navigation.fix(frame.cloud.frame_id.lstrip("/"), frame.stamp_ns)
         self._fixes[frame.topic].append(fix)
         self._unplaced += fix is None
-        self._write_all(frame.topic, self._followers[frame.topic].add(result, pose_of(self._navigation, result)))
+        pose = pose_of(self._navigation, result)
+        self._unmoved += pose is None and bool(self._navigation.unmoved)
+        self._write_all(frame.topic, self._followers[frame.topic].add(result, pose))
 
     def end(self) -> None:
         """Write the rows of all frames that are left."""
         for topic, follower in self._followers.items():
             self._write_all(topic, follower.finish())
-        if self._unplaced and self._navigation.unplaced:
-            frames = f"{self._unplaced:,} of {len(self.indices):,} frames"
-            self._source.warn(f"no place on earth is known for {frames}: {self._navigation.unplaced}")
+        for missing, what, why in (
+            (self._unplaced, "no place on earth is known", self._navigation.unplaced),
+            (self._unmoved, "speeds are relative to own ship, whose motion is not known,", self._navigation.unmoved),
+        ):
+            if missing and why:
+                self._source.warn(f"{what} for {missing:,} of {len(self.indices):,} frames: {why}")
 
     def _write_all(self, topic: str, frames: Iterable[FrameObjects]) -> None:
         for frame in frames:

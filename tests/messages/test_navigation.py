@@ -214,6 +214,24 @@ def test_a_log_without_fixes_lacks_no_place(send):
     assert not navigation.unplaced
 
 
+@pytest.mark.parametrize(
+    ("frame_id", "late_s", "reason"),
+    [
+        ("velodyne", 0, "no transform leads from the frame 'velodyne' to one that is fixed"),
+        ("lidar", 3, "no transform from 'base' to 'odom' within a second"),
+    ],
+)
+def test_why_the_motion_is_not_known_is_said(send, frame_id, late_s, reason):
+    navigation = Navigation()
+    send(navigation, "tf2_msgs/msg/TFMessage", "base", STAMP_NS, child="lidar", at=(0, 0, 1), yaw=0)
+    assert navigation.pose(frame_id, STAMP_NS) is None
+    assert not navigation.unmoved  # the log tells of no motion
+    for k in range(3):
+        send(navigation, "tf2_msgs/msg/TFMessage", "odom", STAMP_NS + k * 10**8, child="base", at=(k, 0, 0), yaw=0)
+    assert navigation.pose(frame_id, STAMP_NS + late_s * 10**9) is None
+    assert navigation.unmoved == reason
+
+
 def test_odometry_of_a_vessel_at_rest_is_motion_over_ground(send):
     poses = odometry(send, Navigation(), [(2, 1)] * 10)
     assert np.allclose(poses, [(2, 1, 0)] * 10)

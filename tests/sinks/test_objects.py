@@ -44,8 +44,8 @@ def odometry(stamp_ns, x_m):
 
 
 def test_the_greatest_speed_is_that_over_ground_if_it_was_measured_so():
-    table = ObjectTable(PackedRows().write, lambda: Follower(1.5, 5))
-    table.begin(SimpleNamespace(name="trial"), [SimpleNamespace(topic="/points")])
+    table, warnings = ObjectTable(PackedRows().write, lambda: Follower(1.5, 5)), []
+    table.begin(SimpleNamespace(name="trial", warn=warnings.append), [SimpleNamespace(topic="/points")])
     for k in range(60):
         stamp_ns = 10**9 + k * 10**8
         if k < 30:
@@ -53,6 +53,10 @@ def test_the_greatest_speed_is_that_over_ground_if_it_was_measured_so():
         frame = Frame.of_arrays(BOAT, np.full(len(BOAT), 50.0), stamp_ns=stamp_ns, index=k)
         table.write(FilterResult(frame, np.zeros(len(BOAT), np.uint8)))
     table.end()
+    (warning,) = warnings
+    assert warning.startswith(
+        "speeds are relative to own ship, whose motion is not known, for 20 of 60 frames: no transf"
+    )
     (track,) = table.tracks.values()
     assert (round(track.speed_ms), track.over_ground) == (3, True)
     other = replace(track, track_id=2, over_ground=False)
