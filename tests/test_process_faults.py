@@ -253,7 +253,7 @@ def test_without_a_home(tmp_path, expected):
     environment = dict.fromkeys(("HOME", "USER", "LOGNAME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME", "MPLCONFIGDIR"))
     assert run(tmp_path, *FILTER, environment=environment) == (0, "")
     assert content(tmp_path) == expected[0]
-    assert run(tmp_path, "calibrate", SEA, "-o", "x.yaml", "--plot", "x.png", environment=environment)[0] == 0
+    assert run(tmp_path, "calibrate", SEA, "-n", 5, "-o", "x.yaml", "--plot", "x.png", environment=environment)[0] == 0
 
 
 def test_a_home_that_cannot_be_written(tmp_path):
