@@ -206,11 +206,11 @@ class _FoundRows:
 
     def _probe(self, first: int, end: int) -> None:
         """Add the readable rows of a range of numbers; stop after a long series of missing rows."""
-        misses = 0
+        misses, broken, query = 0, suppress(*BROKEN), f"{_TIMES} WHERE rowid = ?"
         for number in range(first, end):
             misses += 1
-            with suppress(*BROKEN):
-                for found in self._database.execute(f"{_TIMES} WHERE rowid = ?", (number,)):
+            with broken:
+                for found in self._database.execute(query, (number,)):
                     self._add(*found)
                     misses = 0
             if misses > _MAX_MISSES:
