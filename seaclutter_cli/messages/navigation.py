@@ -177,7 +177,7 @@ class Navigation:
         at, turn, fixed = found
         axes = rotation(*turn)
         if axes[2, 2] < _UPRIGHT:  # positions seen from above would be mirrored
-            self._stop = f"the lidar is not upright in the frame '{fixed}'"
+            self._stop = f"the lidar is not upright in '{fixed}'"
             return None
         return float(at[0]), float(at[1]), math.atan2(axes[1, 0], axes[0, 0])
 
@@ -257,11 +257,11 @@ class Navigation:
             if edge is None or (moves and name == preferred):
                 if moves:
                     return at, turn, name
-                self._stop = f"no transform leads from the frame '{name}' to one that is fixed"
+                self._stop = f"no transform leads from '{name}' to a fixed frame"
                 return None
             sample = edge.at(stamp_ns, late_ns)
             if sample is None:
-                self._stop = f"no transform from '{name}' to '{edge.parent}' within a second"
+                self._stop = f"no transform from '{name}' to '{edge.parent}' within a second of the cloud"
                 return None
             at, turn = rotation(*sample.turn) @ at + sample.at, _product(sample.turn, turn)
             moves |= edge.moves

@@ -217,8 +217,8 @@ def test_a_log_without_fixes_lacks_no_place(send):
 @pytest.mark.parametrize(
     ("frame_id", "late_s", "reason"),
     [
-        ("velodyne", 0, "no transform leads from the frame 'velodyne' to one that is fixed"),
-        ("lidar", 3, "no transform from 'base' to 'odom' within a second"),
+        ("velodyne", 0, "no transform leads from 'velodyne' to a fixed frame"),
+        ("lidar", 3, "no transform from 'base' to 'odom' within a second of the cloud"),
     ],
 )
 def test_why_the_motion_is_not_known_is_said(send, frame_id, late_s, reason):
