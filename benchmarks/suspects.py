@@ -9,30 +9,29 @@ target; then rank correlations of indications with true scores.
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from ideal import EVALUATION as PARAMS
+from ideal import detected
 from scipy.stats import spearmanr
 
 from seaclutter_cli.config import load_config
-from seaclutter_cli.evaluation import EvaluationParams
-from seaclutter_cli.evaluation.matching import finder_of, match_clusters, point_truth, targets_of
+from seaclutter_cli.evaluation.matching import point_truth, targets_of
 from seaclutter_cli.evaluation.scores import Summary, score_frame
-from seaclutter_cli.frame import Frame
 from seaclutter_cli.labels import open_labels
 from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.suspects.finder import CHOSEN, Suspect, SuspectFinder
 from seaclutter_cli.suspects.indications import Indications, Indicator
-from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
+from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes
 
 METHODS = ("joint", "confirmed", "sor", "ror", "lior", "none")
 FRAMES, LEAST_FRAMES = 60, 5
-PARAMS = EvaluationParams()
 PAIRS = {"doubtful_per_frame": "false_alarms_per_frame", "targets_lost": "target_loss", "f1": "f1"}
 
 
@@ -58,28 +57,18 @@ def study(log: Path) -> Study:
             continue
         found.boxes[frame.index] = truth.targets
         perfect = ~np.isin(point_truth(frame, truth, PARAMS), (CLUTTER, IGNORED))
-        find = finding(frame, truth, [perfect, *(one.keep for one in results if one is not None)])
+        targets = targets_of(frame, truth, PARAMS)
         for m, (result, score) in enumerate(zip(results, score_frame(frame, results, truth, PARAMS), strict=True)):
             if result is None or score is None:
                 continue
             found.summaries[m].add(score, None)
             finders[m].add(frame, [result])
-            missed = find(perfect & ~np.isin(result.reason, CHOSEN)) & ~find(result.keep)
-            found.lost[m].update(truth.targets.tracks[k] for k in np.flatnonzero(missed))
+            possible = targets.visible & detected(frame, targets, perfect & ~np.isin(result.reason, CHOSEN))
+            missed = np.flatnonzero(possible & ~detected(frame, targets, result.keep))
+            found.lost[m].update(truth.targets.tracks[k] for k in missed)
         indicator.add(frame, results)
     found.suspects = [finder.finish()["removed"] for finder in finders]
     found.indications = indicator.finish()
-    return found
-
-
-def finding(frame: Frame, truth: Truth, subsets: Sequence[Any]) -> Callable[[Any], Any]:
-    """Return a function that tells which targets a filter finds that keeps a subset of the points, shape (N,)."""
-    targets, clusters = targets_of(frame, truth, PARAMS), finder_of(frame, subsets, PARAMS)
-
-    def found(keep: Any) -> Any:
-        own = clusters.clusters(keep & frame.valid, PARAMS.min_cluster_points)
-        return match_clusters(own, targets, PARAMS).detected & targets.visible
-
     return found
 
 

@@ -149,7 +149,7 @@ class Navigation:
 
     def __init__(self) -> None:
         self._edges: dict[str, _Edge] = {}
-        self._lacking, self._has_fixes, self._stop = "", False, ""
+        self._lacking, self._has_fixes, self._unmoved = "", False, ""
         self._places = _Edge(_EARTH)
         self._imu: tuple[int, Floats, str, str] | None = None
         self._gyro: _Gyro | None = None
@@ -172,12 +172,13 @@ class Navigation:
     def pose(self, frame_id: str, stamp_ns: int) -> tuple[float, float, float] | None:
         """Return position and yaw of a frame in one that is fixed, in metres and radians; None if it is not known."""
         found = self._in_fixed(frame_id, stamp_ns, _CONTINUOUS)
-        if found is None:
+        if isinstance(found, str):
+            self._unmoved = found
             return None
         at, turn, fixed = found
         axes = rotation(*turn)
         if axes[2, 2] < _UPRIGHT:  # positions seen from above would be mirrored
-            self._stop = f"the lidar is not upright in '{fixed}'"
+            self._unmoved = f"the lidar is not upright in '{fixed}'"
             return None
         return float(at[0]), float(at[1]), math.atan2(axes[1, 0], axes[0, 0])
 
@@ -194,7 +195,7 @@ class Navigation:
                 return None
             return Attitude(self._axes(name, gyro.frame_id, sample.turn), (gyro.topic, gyro.frame_id, gyro.breaks))
         found = self._in_fixed(name, stamp_ns, _CONTINUOUS, late_ns=0)
-        return None if found is None else Attitude(rotation(*found[1]), ("transforms", found[2], 0))
+        return None if isinstance(found, str) else Attitude(rotation(*found[1]), ("transforms", found[2], 0))
 
     def _axes(self, name: str, imu: str, turn: Floats) -> Floats:
         """Return the axes of a frame, given the orientation of an IMU."""
@@ -217,7 +218,7 @@ class Navigation:
     def fix(self, frame_id: str, stamp_ns: int) -> Fix | None:
         """Return where on earth a frame is; None if it is not known."""
         found = self._in_fixed(frame_id, stamp_ns, _EARTH)
-        if found is not None and found[2] == _EARTH:
+        if not isinstance(found, str) and found[2] == _EARTH:
             return _from_earth(found[0], rotation(*found[1]))
         place = self._places.samples[-1] if self._places.samples else None
         lacks = self._lacks(stamp_ns, place)
@@ -230,8 +231,8 @@ class Navigation:
 
     @property
     def unmoved(self) -> str:
-        """Why a pose, an attitude or a place could not be found last, for a log that tells of motion; else empty."""
-        return self._stop if any(edge.moves for edge in self._edges.values()) else ""
+        """Why a pose was not known last; empty if all were, or if nothing in the log moves."""
+        return self._unmoved if any(edge.moves for edge in self._edges.values()) else ""
 
     @property
     def unplaced(self) -> str:
@@ -249,24 +250,20 @@ class Navigation:
 
     def _in_fixed(
         self, frame_id: str, stamp_ns: int, preferred: str, late_ns: int = _STALE_NS
-    ) -> tuple[Floats, Floats, str] | None:
-        """Return position and orientation in the fixed frame, and its name; None if no transform on the way changes."""
+    ) -> tuple[Floats, Floats, str] | str:
+        """Return position and orientation in the fixed frame, and its name; or why they are not known."""
         at, turn, name, moves = np.zeros(3), np.array([0.0, 0, 0, 1]), frame_id, False
         for _ in range(_MAX_DEPTH):
             edge = self._edges.get(name) or (self._edges.get(_BODY) if not moves else None)
             if edge is None or (moves and name == preferred):
-                if moves:
-                    return at, turn, name
-                self._stop = f"no transform leads from '{name}' to a fixed frame"
-                return None
+                return (at, turn, name) if moves else f"no transform leads from '{name}' to a fixed frame"
             sample = edge.at(stamp_ns, late_ns)
             if sample is None:
-                self._stop = f"no transform from '{name}' to '{edge.parent}' within a second of the cloud"
-                return None
+                return f"no transform from '{name}' to '{edge.parent}' within a second of the cloud"
             at, turn = rotation(*sample.turn) @ at + sample.at, _product(sample.turn, turn)
             moves |= edge.moves
             name = edge.parent
-        return None
+        return f"transforms lead from '{frame_id}' in a circle"
 
     def _add(self, parent: str, child: str, sample: _Sample, *, is_motion: bool = True) -> None:
         size = np.linalg.norm(sample.turn)
