@@ -17,7 +17,7 @@ _SIZE_QUANTILE = 0.9
 _OBLIQUE, _BROAD = np.sin(np.radians((10, 25)))
 _USUAL_BEAM, _SHIP_BEAM, _BROAD_BEAM = 0.3, 0.6, 0.35
 _SAIL_THIN, _SAIL_TALL, _SAIL_SHARE = 0.2, 0.5, 0.85
-_ROUND_M, _ROUND, _FINE = 2.0, 0.9, 0.04
+_ROUND_M, _ROUND, _FINE = 2.5, 0.9, 0.04
 _SMALL_CRAFT_M, _STRUCTURE_M, _WIDE_M = 12.0, 50.0, 25.0
 _LEAST_WALL_M, _STRAIGHT, _UPRIGHT = 6.0, 1 / 40, 0.5
 _ACCELERATIONS = (0.1, 1.0, 10.0)
@@ -122,12 +122,12 @@ def _in_axes(points: Floats, yaws: Floats) -> Floats:
 
 
 def fit(
-    shape: Shape, hulls: Floats, hidden: Mask, misfits: Floats, sensor: Floats, times_s: Floats
+    shape: Shape, outlines: Floats, hidden: Mask, misfits: Floats, sensor: Floats, times_s: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return yaws, shape (T,), centres, (T, 2), their standard deviations, (T,), and the size, (2,), of a track.
 
     The frames are added to what is known of its shape. Of a side that was never seen, the length is that of a usual
-    vessel, and what is shorter than two metres is taken to be nearly round. Hulls taper, so in a view within 25° of
+    vessel, and what is shorter than 2.5 m is taken to be nearly round. Hulls taper, so in a view within 25° of
     the axis, the far end is hidden; if no view shows it, the length is at least that of a broad vessel. A face that is
     nearer than the rest of the rectangle is taken for the side of it. What is missing at an end that is hidden, shape
     (T, 2) for left and right, is there.
@@ -136,7 +136,7 @@ def fit(
     if shape.yaw is not None:
         known = np.interp(shape.yaw_s, times_s, yaws)
         yaws += np.round((shape.yaw - known) / (np.pi / 2)) * (np.pi / 2)
-    low, high = extents(hulls, yaws)
+    low, high = extents(outlines, yaws)
     size = high - low
     fresh = times_s > shape.yaw_s if shape.yaw is not None else np.ones(len(times_s), np.bool_)
     shape.along, shape.across = (
@@ -147,11 +147,11 @@ def fit(
         shape.along, shape.across = shape.across, shape.along
         usual, whole = usual[::-1], whole[::-1].copy()
         yaws = yaws + np.pi / 2
-        low, high = extents(hulls, yaws)
+        low, high = extents(outlines, yaws)
     shape.yaw, shape.yaw_s = float(yaws[-1]), float(times_s[-1])
-    distance_m = float(np.median(np.hypot(*(hulls.mean(axis=1) - sensor).T)))
+    distance_m = float(np.median(np.hypot(*(outlines.mean(axis=1) - sensor).T)))
     # All views show it whole, some with an echo of the water beside it.
-    if _FINE * distance_m < usual[0] <= _ROUND_M and whole[0] <= 1.5 * _ROUND_M:
+    if _FINE * distance_m < usual[0] <= _ROUND_M and whole[0] <= 1.2 * _ROUND_M:
         whole = usual
     shape.depth_m = float(whole[1])
     seen_from = _in_axes(sensor, yaws)

@@ -32,6 +32,7 @@ _SPREAD, _APART = 0.015, 2e3
 _UP = np.array([0.0, 0.0, 1.0])
 _TOWARDS = np.array([part(np.arange(2 * YAWS) * (np.pi / 2 / YAWS)) for part in (np.cos, np.sin)], np.float32)
 _SKIN_M = 0.1
+_COLUMNS = 6000
 _HALF = DIRECTIONS // 2
 _HALF_TURN = np.array([part(np.arange(_HALF) * (np.pi / _HALF)) for part in (np.cos, np.sin)], np.float32)
 
@@ -67,10 +68,12 @@ class Detections:
     of points of objects that were not confirmed. ``cells``, shape (m, 2), are the mean positions in cells of 0.5 m,
     detection by detection, ``owner``, shape (m,), the detection of each. ``ends``, shape (K, 2, 2), are the outermost
     points to the left and to the right, seen from the lidar; one is ``hidden``, shape (K, 2), if a nearer detection is
-    beside it, behind which more of the object may be.
+    beside it, behind which more of the object may be. ``outlines``, shape (K, 36, 2), are the hulls, wider by half a
+    step between directions of echoes at both sides, because the edges of an object are between two directions.
     """
 
     hulls: Floats
+    outlines: Floats
     ends: Floats
     hidden: Mask
     centers: Floats
@@ -87,7 +90,7 @@ class Detections:
 
     def moved(self, pose: Pose) -> "Detections":
         """Return the detections in the coordinates in which the lidar has a pose."""
-        names = "hulls", "ends", "centers", "cells"
+        names = "hulls", "outlines", "ends", "centers", "cells"
         moved: dict[str, Any] = {name: pose.applied(getattr(self, name)) for name in names}
         return replace(self, lidar=pose[:2], **moved)
 
@@ -143,7 +146,7 @@ class Detections:
             whole = np.empty(0, np.int64)
             hulls, ends = np.empty((0, DIRECTIONS, 2)), np.empty((0, 2, 2))
             hidden, flags = np.empty((0, 2), np.bool_), np.empty(0, np.bool_)
-            return cls(hulls, ends, hidden, none, none, none, whole, flags, none, whole)
+            return cls(hulls, hulls, ends, hidden, none, none, none, whole, flags, none, whole)
         starts = group_starts(cluster)
         count = group_sizes(starts, len(cluster))
         if len(count) > _MAX_DETECTIONS:
@@ -161,11 +164,13 @@ class Detections:
             own = across[:, start:end]
             row[:_HALF], row[_HALF:] = own.argmax(axis=1), own.argmin(axis=1)
         hulls, every = xy.T[farthest + starts[:, None]], np.arange(len(count))
-        cells, owner = _cells(xy, np.repeat(every, count))
+        number = np.repeat(every, count)
+        cells, owner = _cells(xy, number)
         bearings = _bearings(hulls, centers)
+        outlines = hulls + np.sign(bearings)[:, :, None] * _half_steps(xy, number, bearings, centers)[:, None]
         ends = hulls[every[:, None], np.stack((bearings.argmax(axis=1), bearings.argmin(axis=1)), axis=1)]
         hidden = _are_hidden(ends, cells, owner)
-        return cls(hulls, ends, hidden, centers, heights, rises, count, every < kept, cells, owner)
+        return cls(hulls, outlines, ends, hidden, centers, heights, rises, count, every < kept, cells, owner)
 
 
 def _bearing(points: Floats) -> Floats:
@@ -178,6 +183,14 @@ def _bearings(hulls: Floats, centers: Floats) -> Floats:
     x, y = centers.T[:, :, None]
     to_x, to_y = hulls.transpose(2, 0, 1)
     return np.asarray(np.arctan2(x * to_y - y * to_x, x * to_x + y * to_y))
+
+
+def _half_steps(xy: Floats, number: Indices, bearings: Floats, centers: Floats) -> Floats:
+    """Return half the mean step between directions of echoes of each detection, to the left in metres, shape (K, 2)."""
+    met = np.zeros((len(centers), _COLUMNS), np.bool_)
+    met[number, ((_bearing(xy.T) + np.pi) * (_COLUMNS / 2 / np.pi)).astype(np.int64) % _COLUMNS] = True
+    half = np.ptp(bearings, axis=1) / np.maximum(np.count_nonzero(met, axis=1) - 1, 1) / 2
+    return np.asarray(half[:, None] * centers[:, ::-1] * (-1, 1))
 
 
 def _are_hidden(ends: Floats, cells: Floats, owner: Indices) -> Mask:

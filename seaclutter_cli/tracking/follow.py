@@ -246,13 +246,13 @@ class _Lives:
         self, n: int, own: Sequence[tuple[_Waiting, int]], seen: NDArray[np.int64], sensor: Floats, shape: Shape
     ) -> None:
         """Fill in a track, given the frames in which it was seen, and its row in each."""
-        names = "hulls", "hidden", "spans", "rises", "points", "kept"
-        hulls, hidden, spans, rises, points, kept = (
+        names = "outlines", "hidden", "spans", "rises", "points", "kept"
+        outlines, hidden, spans, rises, points, kept = (
             np.array([getattr(f.found, name)[row] for f, row in own]) for name in names
         )
         misfits, clear_m = (np.array([getattr(f, name)[row] for f, row in own]) for name in ("misfits", "clear_m"))
         times_s = self.times_s[seen]
-        fitted = fit(shape, hulls, hidden, misfits, sensor, times_s)
+        fitted = fit(shape, outlines, hidden, misfits, sensor, times_s)
         yaws, self.places[seen, n], self.deviations[seen, n], size = fitted
         measured = yaws, spans.mean(axis=1), rises[:, 1]
         for values, some in zip((self.yaws, self.middles_m, self.tops_m), measured, strict=True):

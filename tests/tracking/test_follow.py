@@ -4,17 +4,18 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
-from seaclutter_cli.tracking.detections import Pose
+from seaclutter_cli.tracking.detections import Detections, Pose
 from seaclutter_cli.tracking.follow import CANDIDATE, CONFIRMED, LOST, Follower
 from seaclutter_cli.water import Mounting
 
 LENGTH_M, WIDTH_M = 8.0, 3.0
 SPEED_MS = 2.0
+FINE_M = 0.02
 
 
 def hull(center, yaw, sensor=(0.0, 0.0)):
     """Return points on the two faces of a box that a sensor sees, every 0.2 m, at two heights."""
-    along, across = np.arange(-LENGTH_M / 2, LENGTH_M / 2 + 0.1, 0.2), np.arange(-WIDTH_M / 2, WIDTH_M / 2 + 0.1, 0.2)
+    along, across = (np.arange(-size / 2 + 0.1, size / 2, 0.2) for size in (LENGTH_M, WIDTH_M))
     cos, sin = np.cos(yaw), np.sin(yaw)
     axes = np.array([[cos, sin], [-sin, cos]])
     seen_from = axes @ (np.asarray(sensor) - center)
@@ -80,16 +81,30 @@ def test_narrow_boats_beside_each_other_are_not_one():
 
 
 def test_the_far_end_of_a_boat_is_hidden_in_a_view_along_it():
-    stern = np.vstack([line((x, 40), (x + dx, 40 + dy)) for x, dx, dy in ((-1, 2, 0), (-1, 0, 3), (1, 0, 3))])
+    stern = np.vstack([line((x, 40), (x + dx, 40 + dy), FINE_M) for x, dx, dy in ((-1, 2, 0), (-1, 0, 3), (1, 0, 3))])
     for shift, length_m in ((0, 5.7), (30, 3)):
         found = followed([frame_of(k, np.add(stern, (shift, 0, 0))) for k in range(20)])
         assert found[10].sizes[0, 0] == pytest.approx(length_m, abs=0.2)
         assert found[10].centers[0, 1] == pytest.approx(40 + length_m / 2, abs=0.1)
 
 
+@pytest.mark.parametrize("step_deg", [0.1, 0.4])
+@pytest.mark.parametrize("distance_m", [15, 60])
+def test_the_width_of_a_face_does_not_depend_on_the_step_between_directions(distance_m, step_deg):
+    widths_m = []
+    for phase in np.linspace(0, 1, 20, endpoint=False):
+        y = distance_m * np.tan(np.radians(step_deg) * (np.arange(-300, 300) + phase))
+        face = np.vstack([np.column_stack((np.full(600, distance_m), y, np.full(600, z))) for z in (-1, 0.5)])
+        shown = frame_of(0, face[np.abs(face[:, 1]) < WIDTH_M / 2])
+        found = Detections.of(shown, 1.0, 3)
+        widths_m.append(np.ptp(found.outlines[0, :, 1]))
+        assert np.ptp(found.hulls[0, :, 1]) < WIDTH_M
+    assert np.mean(widths_m) == pytest.approx(WIDTH_M, abs=0.02)
+
+
 @pytest.mark.parametrize(("front", "length_m"), [((11, 9), 8), ((19, 9), 4)])
 def test_the_far_end_of_a_boat_may_be_behind_something_nearer(front, length_m):
-    boat = np.vstack([line((10, 12), (14, 12)), line((10, 12), (10, 14.8))])
+    boat = np.vstack([line((10, 12), (14, 12), FINE_M), line((10, 12), (10, 14.8), FINE_M)])
     found = followed([frame_of(k, np.vstack((boat, line(front, (25, 9))))) for k in range(20)])
     at = found[10].centers[:, 1].argmax()
     assert found[10].sizes[at, 0] == pytest.approx(length_m, abs=0.2)
@@ -97,8 +112,8 @@ def test_the_far_end_of_a_boat_may_be_behind_something_nearer(front, length_m):
 
 
 def test_a_boat_seen_in_pieces_beside_others_is_one():
-    pieces = [line((20, y), (20, y + 1.5)) for y in (0, 2.3, 4.6, 6.9)]
-    beside = [line((x, 0), (x, 9)) for x in (21.4, 22.8, 24.2)]
+    pieces = [line((20, y), (20, y + 1.5), FINE_M) for y in (0, 2.3, 4.6, 6.9)]
+    beside = [line((x, 0), (x, 9), FINE_M) for x in (21.4, 22.8, 24.2)]
     (one,) = followed([frame_of(k, np.vstack(pieces + beside)) for k in range(20)])[10:11]
     assert sorted(one.sizes[:, 0].round(1)) == [8.4, 9, 9, 9]
 
@@ -137,7 +152,7 @@ def test_the_length_of_a_buoy_is_not_less_than_its_width():
     results = []
     for k in range(40):
         deep = 0.6 if k % 4 else 1.3
-        xy = np.array([[20 + dx, dy] for dx in np.linspace(0, deep, 5) for dy in np.linspace(-0.65, 0.65, 6)])
+        xy = np.array([[20 + dx, dy] for dx in np.linspace(0, deep, 5) for dy in np.linspace(-0.65, 0.65, 26)])
         results.append(frame_of(k, np.vstack([np.column_stack((xy, np.full(len(xy), z))) for z in (-1.0, -0.5)])))
     assert followed(results)[20].sizes[0, :2] == pytest.approx([1.3, 1.3], abs=0.15)
 
