@@ -115,6 +115,12 @@ def extents(hulls: Floats, yaws: Floats) -> tuple[Floats, Floats]:
     return axes.min(axis=1), axes.max(axis=1)
 
 
+def seen_depth_m(hulls: Floats, yaws: Floats) -> float:
+    """Return the width of an object that its echoes show."""
+    low, high = extents(hulls, yaws)
+    return float(np.quantile((high - low)[:, 1], _SIZE_QUANTILE))
+
+
 def _in_axes(points: Floats, yaws: Floats) -> Floats:
     """Return points, shape (T, …, 2), in axes that are turned by yaws, shape (T,)."""
     (x, y), cos, sin = points.T, np.cos(yaws), np.sin(yaws)
@@ -153,7 +159,6 @@ def fit(
     # All views show it whole, some with an echo of the water beside it.
     if _FINE * distance_m < usual[0] <= _ROUND_M and whole[0] <= 1.2 * _ROUND_M:
         whole = usual
-    shape.depth_m = float(whole[1])
     seen_from = _in_axes(sensor, yaws)
     shape.oblique |= bool(_is_oblique(seen_from, low, high, whole).any())
     view = (low + high) / 2 - seen_from

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.frame import FilterResult, Frame, WaterState
-from seaclutter_cli.tracking.boxes import STRUCTURE, Shape, fit, guessed_class, smoothed, with_hull
+from seaclutter_cli.tracking.boxes import STRUCTURE, Shape, fit, guessed_class, seen_depth_m, smoothed, with_hull
 from seaclutter_cli.tracking.clock import Clock
 from seaclutter_cli.tracking.detections import Detections, Pose
 from seaclutter_cli.tracking.tracker import Track, Tracker
@@ -246,14 +246,15 @@ class _Lives:
         self, n: int, own: Sequence[tuple[_Waiting, int]], seen: NDArray[np.int64], sensor: Floats, shape: Shape
     ) -> None:
         """Fill in a track, given the frames in which it was seen, and its row in each."""
-        names = "outlines", "hidden", "spans", "rises", "points", "kept"
-        outlines, hidden, spans, rises, points, kept = (
+        names = "hulls", "outlines", "hidden", "spans", "rises", "points", "kept"
+        hulls, outlines, hidden, spans, rises, points, kept = (
             np.array([getattr(f.found, name)[row] for f, row in own]) for name in names
         )
         misfits, clear_m = (np.array([getattr(f, name)[row] for f, row in own]) for name in ("misfits", "clear_m"))
         times_s = self.times_s[seen]
         fitted = fit(shape, outlines, hidden, misfits, sensor, times_s)
         yaws, self.places[seen, n], self.deviations[seen, n], size = fitted
+        shape.depth_m = seen_depth_m(hulls, yaws)
         measured = yaws, spans.mean(axis=1), rises[:, 1]
         for values, some in zip((self.yaws, self.middles_m, self.tops_m), measured, strict=True):
             values[:, n] = np.interp(self.times_s, times_s, some)

@@ -130,6 +130,11 @@ def test_the_beam_of_a_ship_of_which_one_side_is_seen_is_not_a_third_of_its_leng
     assert 6 < found[10].sizes[0, 1] < 9
 
 
+def test_a_wall_is_straight_at_any_angle_and_step():
+    wall = line((-5, 55), (5, 65), 0.8)
+    assert followed([frame_of(k, wall) for k in range(20)])[10].kinds == ["structure"]
+
+
 @pytest.mark.parametrize(("curve_m", "kind"), [(0, "structure"), (2, "vessel")])
 def test_walls_are_straight_and_hulls_curve(curve_m, kind):
     face = line((-15, 20), (15, 20))
