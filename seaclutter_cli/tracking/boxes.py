@@ -31,14 +31,10 @@ _MAX_SIZES = 512
 
 @dataclass
 class Shape:
-    """What is known of the shape of a track: extents along and across in frames so far, and its last yaw.
-
-    ``depth_m`` is the width that was seen.
-    """
+    """What is known of the shape of a track: extents along and across in frames so far, and its last yaw."""
 
     along: list[float] = field(default_factory=list)
     across: list[float] = field(default_factory=list)
-    depth_m: float = 0.0
     oblique: bool = False
     broad: bool = False
     yaw: float | None = None
@@ -116,7 +112,7 @@ def extents(hulls: Floats, yaws: Floats) -> tuple[Floats, Floats]:
 
 
 def seen_depth_m(hulls: Floats, yaws: Floats) -> float:
-    """Return the width of an object that its echoes show."""
+    """Return the width of an object between its echoes."""
     low, high = extents(hulls, yaws)
     return float(np.quantile((high - low)[:, 1], _SIZE_QUANTILE))
 
@@ -133,8 +129,8 @@ def fit(
     """Return yaws, shape (T,), centres, (T, 2), their standard deviations, (T,), and the size, (2,), of a track.
 
     The frames are added to what is known of its shape. Of a side that was never seen, the length is that of a usual
-    vessel, and what is shorter than 2.5 m is taken to be nearly round. Hulls taper, so in a view within 25° of
-    the axis, the far end is hidden; if no view shows it, the length is at least that of a broad vessel. A face that is
+    vessel, and what is shorter than 2.5 m is taken to be nearly round. Hulls taper, so in a view within 25° of the
+    axis, the far end is hidden; if no view shows it, the length is at least that of a broad vessel. A face that is
     nearer than the rest of the rectangle is taken for the side of it. What is missing at an end that is hidden, shape
     (T, 2) for left and right, is there.
     """

@@ -32,7 +32,7 @@ _SPREAD, _APART = 0.015, 2e3
 _UP = np.array([0.0, 0.0, 1.0])
 _TOWARDS = np.array([part(np.arange(2 * YAWS) * (np.pi / 2 / YAWS)) for part in (np.cos, np.sin)], np.float32)
 _SKIN_M = 0.1
-_COLUMNS = 6000
+_AZIMUTHS = 6000
 _HALF = DIRECTIONS // 2
 _HALF_TURN = np.array([part(np.arange(_HALF) * (np.pi / _HALF)) for part in (np.cos, np.sin)], np.float32)
 
@@ -68,8 +68,8 @@ class Detections:
     of points of objects that were not confirmed. ``cells``, shape (m, 2), are the mean positions in cells of 0.5 m,
     detection by detection, ``owner``, shape (m,), the detection of each. ``ends``, shape (K, 2, 2), are the outermost
     points to the left and to the right, seen from the lidar; one is ``hidden``, shape (K, 2), if a nearer detection is
-    beside it, behind which more of the object may be. ``outlines``, shape (K, 36, 2), are the hulls, wider by half a
-    step between directions of echoes at both sides, because the edges of an object are between two directions.
+    beside it, behind which more of the object may be. ``outlines``, shape (K, 36, 2), are the hulls, extended
+    on both sides by half an angular step, because the edges of an object lie between two directions.
     """
 
     hulls: Floats
@@ -186,9 +186,9 @@ def _bearings(hulls: Floats, centers: Floats) -> Floats:
 
 
 def _half_steps(xy: Floats, number: Indices, bearings: Floats, centers: Floats) -> Floats:
-    """Return half the mean step between directions of echoes of each detection, to the left in metres, shape (K, 2)."""
-    met = np.zeros((len(centers), _COLUMNS), np.bool_)
-    met[number, ((_bearing(xy.T) + np.pi) * (_COLUMNS / 2 / np.pi)).astype(np.int64) % _COLUMNS] = True
+    """Return half the mean angular step between echoes of each detection, as a vector to the left, (K, 2)."""
+    met = np.zeros((len(centers), _AZIMUTHS), np.bool_)
+    met[number, ((_bearing(xy.T) + np.pi) * (_AZIMUTHS / 2 / np.pi)).astype(np.int64) % _AZIMUTHS] = True
     half = np.ptp(bearings, axis=1) / np.maximum(np.count_nonzero(met, axis=1) - 1, 1) / 2
     return np.asarray(half[:, None] * centers[:, ::-1] * (-1, 1))
 

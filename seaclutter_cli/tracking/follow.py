@@ -225,6 +225,7 @@ class _Lives:
     points: NDArray[np.int64]
     sure: NDArray[np.bool_]
     sizes: Floats
+    kinds: list[str]
 
     @classmethod
     def of(cls, frames: Sequence[_Waiting], shapes: dict[Track, Shape]) -> "_Lives":
@@ -235,7 +236,7 @@ class _Lives:
         places, sizes = np.full((*shape, 2), np.nan), np.empty((shape[1], 3))
         deviations, yaws, middles_m, tops_m = np.full((4, *shape), np.nan)
         points, sure = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
-        lives = cls(list(records), times_s, places, deviations, yaws, middles_m, tops_m, points, sure, sizes)
+        lives = cls(list(records), times_s, places, deviations, yaws, middles_m, tops_m, points, sure, sizes, [])
         for n, (track, own) in enumerate(records.items()):
             seen = np.array([f for f, _ in own])
             found = [(frames[f], row) for f, row in own]
@@ -254,13 +255,13 @@ class _Lives:
         times_s = self.times_s[seen]
         fitted = fit(shape, outlines, hidden, misfits, sensor, times_s)
         yaws, self.places[seen, n], self.deviations[seen, n], size = fitted
-        shape.depth_m = seen_depth_m(hulls, yaws)
         measured = yaws, spans.mean(axis=1), rises[:, 1]
         for values, some in zip((self.yaws, self.middles_m, self.tops_m), measured, strict=True):
             values[:, n] = np.interp(self.times_s, times_s, some)
         self.points[seen, n] = points
         self.sure[seen, n] = kept & (self.tracks[n].score >= _SURE) & (np.median(clear_m) <= _CLEAR_M)
         self.sizes[n] = with_hull(np.array((*size, np.quantile(spans[:, 1] - spans[:, 0], 0.9))))
+        self.kinds.append(guessed_class(self.sizes[n], seen_depth_m(hulls, yaws)))
 
 
 def _smoothed(
@@ -269,10 +270,9 @@ def _smoothed(
     """Yield the objects of frames from ``start`` to ``end``; the others are their context."""
     lives = _Lives.of(frames, shapes)
     own = [shapes[track] for track in lives.tracks]
-    kinds = [guessed_class(size, shape.depth_m) for size, shape in zip(lives.sizes, own, strict=True)]
     at, velocity = smoothed(lives.places, lives.deviations, lives.times_s)
     velocity[:, np.isfinite(lives.places[..., 0]).sum(axis=0) < 2] = np.nan  # one place shows no motion
-    bodies = np.array([kind != STRUCTURE for kind in kinds], np.bool_)
+    bodies = np.array([kind != STRUCTURE for kind in lives.kinds], np.bool_)
     at[:, _are_parts(at[start:end], lives.yaws[start:end], lives.sizes, bodies)] = np.nan
     scores = np.array([track.score for track in lives.tracks])
     measured = np.array([shape.oblique for shape in own], np.bool_)
@@ -296,7 +296,7 @@ def _smoothed(
             np.full(len(xy), np.nan) if one.water is None else one.water.heights(xy, lives.tops_m[f, there]),
             origin_ns + stamps.reshape(-1, 2)[there],
             measured[there],
-            [kinds[n] for n in there.tolist()],
+            [lives.kinds[n] for n in there.tolist()],
             one.over_ground,
         )
 

@@ -237,7 +237,7 @@ class Tracker:
     def awaited(self, xy: Floats, time_s: float) -> list[tuple[Track, NDArray[np.intp]]]:
         """Return the probable targets that the last frame does not show, and which positions, (2, N), are at each.
 
-        Without later frames there are none, because only later frames can show them again.
+        If the filter does not look ahead, the list is empty, because only later frames can show them again.
         """
         lost = [track for track in self._tracks if track.seen_s < time_s and track.memory > 0]
         if not self._ahead_s or not lost or not xy.size:
