@@ -2,6 +2,7 @@
 
 import math
 import struct
+from functools import cache
 from hashlib import sha256
 
 import numpy as np
@@ -14,6 +15,7 @@ UNIT = 2
 STARTS = (298_639, 1_833_026, 3_368_302)  # as in files of sensors: 23.3, 143.2 and 263.1 degrees
 FULL = 360 * 25_600
 BLOCK_NS = 41_666
+PERIOD = 150  # packets after which the channels measure the same again
 STEP = 1_280  # a twentieth of a degree of the motor between blocks
 SINGLE, DUAL = 0x38, 0x39
 FIRED_NS = {0: 0, 2: 8240, 3: 4112, 31: 848, 59: 13280, 127: 8264}
@@ -51,6 +53,12 @@ def measured(number, channel, block, *, dual):
     return (distance + 300, 9) if dual and block and channel % 2 else (distance, channel)
 
 
+@cache
+def measured_by_all(number, block, *, dual):
+    """Return the bytes of all channels of a block of a packet."""
+    return b"".join(struct.pack("<HBB", *measured(number, k, block, dual=dual), 7) for k in range(128))
+
+
 def make_packets(packets=3000, first=15.0, mode=SINGLE, signature=b"", *, numbered=True):
     """Return packets of a motor that begins a number of degrees after the start of the first field."""
     dual = mode == DUAL
@@ -61,8 +69,7 @@ def make_packets(packets=3000, first=15.0, mode=SINGLE, signature=b"", *, number
         data = bytes((0xEE, 0xFF, 4, 3, 0, 0, 128, 2, 0, 4, 1 + dual, 1))
         for block in range(2):
             data += struct.pack("<HB", position % FULL // 256, position % 256)
-            for channel in range(128):
-                data += struct.pack("<HBB", *measured(number, channel, block, dual=dual), 7)
+            data += measured_by_all(number % PERIOD, block, dual=dual)
             position += STEP if block or not dual else 0
         micros = (time_ns - START_NS) // 1000
         data += bytes(4 + 18) + struct.pack("<HIBB6s", 2000, micros, mode, 0x42, UTC)

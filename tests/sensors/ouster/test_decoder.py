@@ -168,6 +168,7 @@ def write_metadata(request, tmp_path):
     return write
 
 
+@cache
 def make_packet(profile, frame, first, invalid=(), clock_ns=START_NS):
     """Return one packet of a revolution, in which some pixels have no return."""
     rng = np.random.default_rng(frame * 1000 + first)
