@@ -32,7 +32,7 @@ _SPREAD, _APART = 0.015, 2e3
 _UP = np.array([0.0, 0.0, 1.0])
 _TOWARDS = np.array([part(np.arange(2 * YAWS) * (np.pi / 2 / YAWS)) for part in (np.cos, np.sin)], np.float32)
 _SKIN_M = 0.1
-_AZIMUTHS = 6000
+_AZIMUTHS = 6000  # 0.06° each, less than the steps of rotating lidars
 _HALF = DIRECTIONS // 2
 _HALF_TURN = np.array([part(np.arange(_HALF) * (np.pi / _HALF)) for part in (np.cos, np.sin)], np.float32)
 

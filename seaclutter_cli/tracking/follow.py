@@ -209,10 +209,11 @@ class Follower:
 
 @dataclass(frozen=True)
 class _Lives:
-    """What was measured of N tracks in F frames, as arrays that begin with the shape (F, N), and their sizes, (N, 3).
+    """What was measured of N tracks in F frames, as arrays that begin with the shape (F, N).
 
     ``places`` and their ``deviations`` are NaN where a track was not seen; ``yaws``, ``middles_m`` and ``tops_m``, its
-    heights, are interpolated between. It is ``sure`` where it was kept and nothing shows that it hovers.
+    heights, are interpolated between. It is ``sure`` where it was kept and nothing shows that it hovers. Of each track,
+    there are one of the ``sizes``, shape (N, 3), and one of the ``kinds``.
     """
 
     tracks: Sequence[Track]
