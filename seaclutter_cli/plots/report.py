@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from seaclutter_cli.arrays import Mask
 from seaclutter_cli.frame import WATER_COLUMNS, WATER_REASONS, Reason
 from seaclutter_cli.plots.clouds import draw_methods, draw_stages
 from seaclutter_cli.plots.figure import render
@@ -138,7 +137,8 @@ def _draw_alarms(figure: "Figure", collected: Collector) -> None:
         states = {"correct": (labelled, 0.1, 0.8), "false alarm": (history["false_alarms"] > 0, 0.1, 0.4)}
         states["missed target"] = (history["missed"] > 0, 0.5, 0.4)
         for state, (mask, low, height) in states.items():
-            spans = [(first - 0.5, last - first) for first, last in _runs(mask)]
+            edges = np.flatnonzero(np.diff(np.pad(mask, 1))).reshape(-1, 2).tolist()
+            spans = [(first - 0.5, end - first) for first, end in edges]
             if not spans:
                 continue
             label = None if state in named else state
@@ -168,12 +168,6 @@ def _draw_water(figure: "Figure", collected: Collector) -> None:
 def _shortened(name: str, limit: int = 24) -> str:
     """Return a name, with its middle omitted if it is long: similar names often differ at the end."""
     return name if len(name) <= limit else f"{name[: limit - 6]}…{name[-5:]}"
-
-
-def _runs(mask: Mask) -> list[tuple[int, int]]:
-    """Return the start (inclusive) and end (exclusive) of each run of true values."""
-    steps = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
-    return [(int(first), int(end)) for first, end in steps.reshape(-1, 2)]
 
 
 def _set_frame_axis(axes: "Axes", frames: int, *, whole: bool = False) -> None:
