@@ -244,8 +244,8 @@ class Summary:
                 return float(1000 * _MIN_S * _STEP ** (number + 0.5))
         return None
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return all scores by their JSON keys; rates are shares from 0 to 1."""
+    def as_dict(self, *, timed: bool = True) -> dict[str, Any]:
+        """Return all scores by their JSON keys; rates are shares from 0 to 1. Times differ from run to run."""
         points: dict[str, Any] = {}
         if found := self.points:
             points = {
@@ -257,6 +257,8 @@ class Summary:
                 "point_f1": found.f1,
                 "R_c": found.clutter_share,
             }
+        milliseconds = {name: self.milliseconds(share) for name, share in (("median", 0.5), ("p99", 0.99))}
+        times = {name: ms and round(ms, 4) for name, ms in milliseconds.items()}
         return {
             "frames": self.frames,
             "unlabelled_frames": self.unlabelled,
@@ -276,10 +278,7 @@ class Summary:
             "clusters_per_frame": _ratio(self.clusters, self.frames),
             "unclustered_points_per_frame": self.unclustered_per_frame,
             **points,
-            "filter_ms": {
-                name: None if (ms := self.milliseconds(share)) is None else round(ms, 4)
-                for name, share in (("median", 0.5), ("p99", 0.99))
-            },
+            **({"filter_ms": times} if timed else {}),
         }
 
 

@@ -122,11 +122,9 @@ class TradeOff:
     def as_dict(self) -> dict[str, Any]:
         """Return the scores as JSON-compatible data."""
         rows = [
-            {**one._asdict(), **summary.as_dict(), "best": one == self.best, "used": one == self.used}
+            {**one._asdict(), **summary.as_dict(timed=False), "best": one == self.best, "used": one == self.used}
             for one, summary in self.scores.items()
         ]
-        for row in rows:
-            del row["filter_ms"]  # differs from run to run
         return {"candidates": rows}
 
     def as_text(self) -> str:

@@ -12,7 +12,6 @@ from seaclutter_cli import __version__
 from seaclutter_cli.buckets import shown, use_case_of
 from seaclutter_cli.config import parse_config
 from seaclutter_cli.errors import ConfigError, InputError, UsageError
-from seaclutter_cli.evaluation.scores import Summary
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import Filtered
 from seaclutter_cli.plots.report import FIGURES, draw_figures
@@ -113,9 +112,12 @@ def _page(
     comparison: Comparison, collected: Collector, suspects: Sequence[Mapping[str, Any]], origin: Mapping[str, Any]
 ) -> bytes:
     """Return the page, without processing times: the same input must give the same bytes."""
-    summaries = _untimed(comparison.totals())
+    summaries = {name: one.as_dict(timed=False) for name, one in comparison.totals().items()}
     recordings = [
-        {"recording": one.recording, "methods": [{"name": k, "summary": v} for k, v in _untimed(one.known).items()]}
+        {
+            "recording": one.recording,
+            "methods": [{"name": name, "summary": found.as_dict(timed=False)} for name, found in one.known.items()],
+        }
         for one in comparison.outcomes[:_MAX_LISTED]
         if one.known and collected.labelled
     ]
@@ -124,13 +126,6 @@ def _page(
     notes += [f"Damaged: {item}" for outcome in outcomes for item in outcome.damage[:20]]
     more = {"by_recording": recordings, "suspects": suspects, "provenance": origin}
     return render_page({**report_data(collected, summaries, notes), **more})
-
-
-def _untimed(summaries: Mapping[str, Summary]) -> dict[str, dict[str, Any]]:
-    return {
-        name: {key: value for key, value in summary.as_dict().items() if key != "filter_ms"}
-        for name, summary in summaries.items()
-    }
 
 
 @dataclass(frozen=True)
