@@ -194,7 +194,7 @@ OptionalPath = Converted[PathLike | None, Path | None]
 
 @dataclass(eq=False)
 class Option:
-    """Declaration of an option; as an attribute, the value, which is checked when it is set. See `option`."""
+    """Declaration of an option; as an attribute, the value, the default for None, checked when set. See `option`."""
 
     text: str
     help: str
@@ -217,14 +217,11 @@ class Option:
         return self if instance is None else vars(instance)[self.name]
 
     def __set__(self, instance: object, value: Any) -> None:
-        vars(instance)[self.name] = self.checked(value)
-
-    def checked(self, value: Any, name: str = "") -> Any:
-        """Return a value as it is stored, the default for None; raise `UsageError` if it is not allowed."""
         if value is None and self.default is not MISSING:
-            return None if self.of_command is None else self.default
-        check = self.kind.check_all if self.repeatable else self.kind.check
-        return check(value, name or self.name)
+            value = None if self.of_command is None else self.default
+        else:
+            value = (self.kind.check_all if self.repeatable else self.kind.check)(value, self.name)
+        vars(instance)[self.name] = value
 
 
 def option(  # noqa: PLR0913 - what there is to say about an option
