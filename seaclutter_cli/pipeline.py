@@ -181,18 +181,16 @@ def run(
     make_filter: Callable[[], Filter],
     sinks: Sequence[Sink],
     selection: Selection,
-    on_frame: Callable[[FilterResult], object] = lambda _: None,
-    tallies: dict[str, TopicTally] | None = None,
-) -> dict[str, TopicTally]:
-    """Filter a recording and return sums for each cloud topic; every topic has a filter of its own.
+    tallies: dict[str, TopicTally],
+) -> Iterator[FilterResult]:
+    """Filter a recording, and yield the result of each frame; every cloud topic has a filter of its own.
 
-    The sinks receive every record or result of the selected part, in the order of log time, ``on_frame`` the result of
-    each frame. ``tallies`` receive the sums while they grow; they are complete when sinks end.
+    The sinks receive every record or result of the selected part before, in the order of log time. ``tallies`` receive
+    the sums for each topic while they grow; they are complete when sinks end.
     `FieldError` if all frames of a topic lack a field that the method needs; if only some do, they are damage.
     """
     clouds = cloud_channels(source, selection.topics)
     filters = {channel.topic: [make_filter()] for channel in clouds}
-    tallies = {} if tallies is None else tallies
     tallies.update((topic, TopicTally()) for topic in filters)
     _observe(source, selection, filters)
     for sink in sinks:
@@ -206,10 +204,9 @@ def run(
             if isinstance(result, FilterResult):
                 for sink in sinks:
                     sink.write(result)
-                on_frame(result)
+                yield result
     for sink in sinks:
         sink.end()
-    return tallies
 
 
 def run_each(

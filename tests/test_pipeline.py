@@ -200,7 +200,7 @@ def filtered(log, *, topics=(), make=confirmed, **selection):
     sink = Recorder()
     (recording,) = find_recordings([str(log)])
     with closing(recording.open()) as source:
-        run(source, make, [sink], Selection(topics=topics, **selection))
+        list(run(source, make, [sink], Selection(topics=topics, **selection), {}))
         assert not source.damage
     return sink
 
@@ -282,7 +282,7 @@ class TestLogs:
         log = write_log(tmp_path / "log.mcap", [cloud_topic("/points")], entries)
         sink = Recorder()
         with closing(open_source(log)) as source:
-            run(source, confirmed, [sink], Selection())
+            list(run(source, confirmed, [sink], Selection(), {}))
             assert ["no intensity field" in str(one) for one in source.damage] == [True, True]
         assert [index for _, index, _ in sink.results] == [*range(9), *range(11, 20)]
 

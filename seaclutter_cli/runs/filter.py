@@ -12,7 +12,7 @@ from typing import IO, TYPE_CHECKING, Any
 from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import InputError, TopicError, UsageError
-from seaclutter_cli.frame import WATER_REASONS, FilterResult, Reason
+from seaclutter_cli.frame import WATER_REASONS, Reason
 from seaclutter_cli.interfaces import Labels, Sink, Source
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
 from seaclutter_cli.pipeline import TopicTally, run
@@ -303,15 +303,12 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
             from seaclutter_cli.runs.suspects import finder_for  # not needed without
 
             finders = {topic: finder_for(self.config) for topic in topics}
-        with self.progress(source, observer, clouds) as step:
-
-            def on_result(result: FilterResult) -> None:
-                step()
-                checks[result.frame.topic].see(result)
-                if finders:
-                    finders[result.frame.topic].add(result.frame, [result])
-
-            run(source, self.config.make_filter, [sink, *tables], selection, on_result, outcome.topics)
+        every = run(source, self.config.make_filter, [sink, *tables], selection, outcome.topics)
+        for result in self.stepped(every, source, observer, clouds):
+            topic = result.frame.topic
+            checks[topic].see(result)
+            if finders:
+                finders[topic].add(result.frame, [result])
         for topic in outcome.topics:
             if note := checks[topic].end():
                 outcome.notes[topic] = note

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.config import Config
-from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Labels, Source
-from seaclutter_cli.pipeline import run
+from seaclutter_cli.pipeline import TopicTally, run
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.checks import FitChecks, warn_if_filtered
 from seaclutter_cli.runs.methods import configured
@@ -126,13 +125,10 @@ class ObjectsWork(RecordingWork[RecordedObjects]):
         topics = {channel.topic for channel in cloud_channels(source, selection.topics)}
         warn_if_filtered(source, selection.topics, self.config, observer)
         checks = {topic: FitChecks(self.config, source, topic, observer) for topic in topics}
-        with self.progress(source, observer) as step:
-
-            def on_result(result: FilterResult) -> None:
-                step()
-                checks[result.frame.topic].see(result)
-
-            tallies = run(source, self.config.make_filter, [table], selection, on_result)
+        tallies: dict[str, TopicTally] = {}
+        every = run(source, self.config.make_filter, [table], selection, tallies)
+        for result in self.stepped(every, source, observer):
+            checks[result.frame.topic].see(result)
         for topic in tallies:
             checks[topic].end()
             sure, unsure = (table.states[topic, state] for state in (CONFIRMED, CANDIDATE))

@@ -48,13 +48,12 @@ class FakeSource:
 def filter_log(path, target, *, topics=(), method="joint", overrides=(), sinks=(), **options):
     """Filter a log; return the result of each frame."""
     config = load_config(method=method, overrides=overrides)
-    results = []
     with (
         closing(open_source(Path(path))) as source,
         LogSink(Path(target), McapOptions(config=config.to_yaml(), **options)) as sink,
     ):
         selection = Selection(topics=topics)
-        run(source, config.make_filter, [sink, *sinks], selection, lambda result: results.append(_detached(result)))
+        results = [_detached(one) for one in run(source, config.make_filter, [sink, *sinks], selection, {})]
         assert not source.damage
     return results
 
