@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import CloudError, InputError, opening
 from seaclutter_cli.sources.frame_files.las import is_copc, read_chunks, read_index
-from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile, Tile, open_tile
+from seaclutter_cli.sources.tiles import LAS, CloudTile, Crs, LasTile, Tile, open_tile
 
 _REPEATED = 0.5
 LEAST_M = 600.0
@@ -84,7 +84,7 @@ class TileHead:
 
 def read_head(path: Path) -> TileHead:
     """Return where a tile is; without an extent if its format has none in the header, or it cannot be read."""
-    if path.suffix.lower() not in (".las", ".laz"):
+    if path.suffix.lower() not in LAS:
         return TileHead(path, Crs(), None)
     try:
         tile = open_tile(path)

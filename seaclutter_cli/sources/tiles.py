@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 Columns = dict[str, NDArray[Any]]
 PathLike = str | os.PathLike[str]
 
+LAS = (".las", ".laz")
 _KEPT_BYTES = 1 << 28
 _PIECE_POINTS = 1 << 17
 _EPT = "ept.json"
@@ -203,7 +204,7 @@ class CloudTile(Tile):
 
 def open_tile(path: Path) -> LasTile | CloudTile:
     """Open a tile of any format in `FRAME_READERS`; `InputError` if it cannot be read."""
-    make: Callable[[Path], LasTile | CloudTile] = LasTile if path.suffix.lower() in (".las", ".laz") else CloudTile
+    make: Callable[[Path], LasTile | CloudTile] = LasTile if path.suffix.lower() in LAS else CloudTile
     try:
         return make(path)
     except CloudError as error:

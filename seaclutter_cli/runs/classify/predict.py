@@ -16,23 +16,14 @@ from seaclutter_cli.errors import InputError, UsageError, about
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import LEFT_OUT, draw_tile
 from seaclutter_cli.runs.classify.maps import MappedTile, geojson_of
-from seaclutter_cli.runs.classify.tiles import (
-    TileOutcome,
-    TileWork,
-    plan_tiles,
-    run_tiles,
-    tiles_of,
-    warn_of_doubts,
-    warn_of_missing,
-    write_tile,
-)
+from seaclutter_cli.runs.classify.tiles import TileWork, plan_tiles, run_tiles, warn_of_doubts, warn_of_missing
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions
 from seaclutter_cli.runs.outputs import Contents, write_files
-from seaclutter_cli.runs.recordings import RecordingsResult
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.csv import csv_lines
-from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile, find_tiles, open_tile
+from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile, open_tile
 from seaclutter_cli.text import count, printable, table
 
 _COLUMNS = (
@@ -59,13 +50,12 @@ def classify_tiles(options: ClassifyTilesOptions) -> "PredictResult":
     >>> tile.points, len(tile.objects) > 3
     (161374, True)
     """
-    observer, paths, plot_file = options.observer, find_tiles(options.tiles), options.plot_file
+    observer, plot_file = options.observer, options.plot_file
     if options.model.is_dir():
         raise UsageError(f"{options.model}: is a directory; --model takes a file")
-    heads = tiles_of(paths, None, observer)
-    targets = plan_tiles(heads, options, {"--model": options.model})
-    if plot_file and len(paths) > 1:
-        raise UsageError(f"--plot: needs a single tile, got {len(paths)}")
+    heads, targets = plan_tiles(options, inputs={"--model": options.model})
+    if plot_file and len(heads) > 1:
+        raise UsageError(f"--plot: needs a single tile, got {len(heads)}")
     model = _load(options, observer)
     works = [_PredictWork(*each, options, model) for each in zip(heads, targets, strict=True)]
     # The tiles are the main output: a single one appears after the tables.
@@ -76,7 +66,7 @@ def classify_tiles(options: ClassifyTilesOptions) -> "PredictResult":
 
 
 @dataclass(kw_only=True)
-class ClassifiedTile(TileOutcome):
+class ClassifiedTile(Outcome):
     """Outcome of the classification of one tile: its objects and, if it is wanted, its picture.
 
     Clusters that are too unlikely to be objects are left out.
@@ -84,6 +74,7 @@ class ClassifiedTile(TileOutcome):
 
     data = "tile=recording objects=named_objects clusters_left_out points_left_out"
 
+    points: int = 0
     clusters_left_out: int = 0
     points_left_out: int = 0
     map: MappedTile = field(default_factory=lambda: MappedTile("", Crs()), repr=False)
@@ -93,6 +84,10 @@ class ClassifiedTile(TileOutcome):
     def objects(self) -> Sequence[FoundObject]:
         """Objects, with centres in the coordinates of the tile."""
         return self.map.objects
+
+    def figures(self) -> str:
+        """Return the number of points and the duration, for a line about the outcome."""
+        return f"{count(self.points, 'point')}, {self.seconds:.1f} s"
 
     def named_objects(self) -> list[dict[str, Any]]:
         """Return the objects with the names of their classes."""
@@ -146,7 +141,7 @@ class _PredictWork(TileWork["ClassifiedTile"]):
         for (name, (kind, _)), values in zip(_DIMENSIONS.items(), found_of, strict=True):
             columns[name] = np.zeros(tile.size, kind)
             columns[name][separation.other] = values
-        write_tile(tile, self.target, columns, _DIMENSIONS, files)
+        self.save(tile, columns, _DIMENSIONS, files)
         outcome.points = tile.size
         outcome.clusters_left_out = int(found.left_out.max(initial=0))
         outcome.points_left_out = int(np.count_nonzero(found.left_out))

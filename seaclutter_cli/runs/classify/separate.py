@@ -15,29 +15,26 @@ from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import CloudError, InputError, SelectionError, UsageError, about, requiring
 from seaclutter_cli.grids.elevation import LandCells
+from seaclutter_cli.interfaces import TilePoints
 from seaclutter_cli.runs.classify.maps import MappedTile, map_files, mapped, pixel_of
-from seaclutter_cli.runs.classify.tiles import (
-    LAS,
-    TileOutcome,
-    TileWork,
-    margins_of,
-    plan_tiles,
-    points_of,
-    run_tiles,
-    tiles_of,
-    warn_of_doubts,
-    warn_of_missing,
-    write_tile,
-)
+from seaclutter_cli.runs.classify.tiles import TileWork, plan_tiles, run_tiles, warn_of_doubts, warn_of_missing
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.classifiers import SeparateTilesOptions
 from seaclutter_cli.runs.outputs import write_files, write_manifest
-from seaclutter_cli.runs.recordings import RecordingsResult, statuses
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, statuses
 from seaclutter_cli.runs.resume import RecordedWork, RunIdentity, digest_of, digest_of_paths, earlier_outcomes
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import TextRecord, text_in
-from seaclutter_cli.sources.extents import Margin, open_tile_or_window
-from seaclutter_cli.sources.tiles import CloudTile, LasTile, find_tiles
+from seaclutter_cli.sources.extents import (
+    Margin,
+    PointsWithMargin,
+    TileHead,
+    neighbors_of,
+    open_tile_or_window,
+    read_margin,
+    region_of,
+)
+from seaclutter_cli.sources.tiles import LAS, CloudTile, LasTile
 from seaclutter_cli.text import UNKNOWN, count, share, table
 from seaclutter_cli.validation import plain
 
@@ -76,9 +73,8 @@ def separate_tiles(options: SeparateTilesOptions) -> "SeparateResult":
     if is_mapped:
         with requiring("the shoreline", "geo"):
             import contourpy  # noqa: F401 - availability check
-    heads = tiles_of(find_tiles(options.tiles), options.window_m, observer)
-    targets = plan_tiles(heads, options)
-    margins = margins_of(heads, options.margin_m, observer)
+    heads, targets = plan_tiles(options, window_m=options.window_m)
+    margins = _margins_of(heads, options.margin_m, observer)
     several, pixel_m = len(heads) > 1, pixel_of(heads) if is_mapped else None
     tiled = zip(heads, targets, [options] * len(heads), margins, strict=True)
     works = [_SeparateWork(*each, settings, several=several, pixel_m=pixel_m) for each in tiled]
@@ -91,6 +87,33 @@ def separate_tiles(options: SeparateTilesOptions) -> "SeparateResult":
         write_files(map_files(options, [one.map for one in outcomes if one.map], observer), files)
     write_manifest(options.manifest, [work.recording for work in works], outcomes, replace=options.replaces)
     return SeparateResult(outcomes)
+
+
+def _margins_of(heads: Sequence[TileHead], margin_m: float, observer: Observer) -> list[Margin | None]:
+    """Return the margin of each tile, wider around small ones; None for those without neighbours, or a width of 0."""
+    if len(heads) < 2 or margin_m <= 0:
+        return [None] * len(heads)
+    systems = {head.crs.by_code for head in heads if head.extent}
+    if len(systems) > 1:
+        observer.warn(f"tiles have {len(systems)} coordinate reference systems; margins come from tiles with the same")
+    found = neighbors_of(heads, margin_m)
+    pairs = sum(map(len, found)) // 2
+    observer.note(f"{count(len(heads), 'tile')}, {count(pairs, 'pair')} of neighbours", detail=True)
+    margins: list[Margin | None] = []
+    for head, neighbors in zip(heads, found, strict=True):
+        region, paths = region_of(head, margin_m), tuple(dict.fromkeys(one.path for one in neighbors))
+        margins.append(Margin(region, paths, head.window) if region and paths else None)
+    return margins
+
+
+def _points_of(tile: LasTile | CloudTile, margin: Margin | None, observer: Observer) -> TilePoints:
+    """Return the points of a tile, followed by those in its margin; warn of neighbours that cannot be read."""
+    if margin is None:
+        return tile
+    found, failed = read_margin(tile.path, margin)
+    for path, reason in failed.items():
+        observer.warn(f"{tile.path.stem}: no margin from {path.name}, which cannot be read ({reason})")
+    return PointsWithMargin(tile, found)
 
 
 @dataclass(frozen=True)
@@ -123,7 +146,7 @@ class _SeparateWork(TileWork["SeparatedTile"], RecordedWork["SeparatedTile"]):
             raise SelectionError(f"{self.tile.path}: no points in this window")
         warn_of_missing(tile, self.settings, observer, intensity=False)
         with about(self.tile.path, InputError):
-            points = points_of(tile, self.margin, observer)
+            points = _points_of(tile, self.margin, observer)
             found = separate(points, self.settings.separation, points.column).first(tile.size)
         warn_of_doubts(tile, found, observer)
         columns: dict[str, Any] = {"classification": found.classification}
@@ -137,7 +160,7 @@ class _SeparateWork(TileWork["SeparatedTile"], RecordedWork["SeparatedTile"]):
             texts[_RUN] = json.dumps({**self.identity().entries(), "result": result}, sort_keys=True)
             land = found.land.as_text()
             texts[_LAND] = land if len(land) <= _MAX_RECORD_BYTES else ""
-        write_tile(tile, self.target, columns, _HEIGHT if self.options.with_height else {}, files, texts)
+        self.save(tile, columns, _HEIGHT if self.options.with_height else {}, files, texts)
         outcome.map = self._mapped(tile, found)
         vars(outcome).update(figures)
 
@@ -172,13 +195,14 @@ class _SeparateWork(TileWork["SeparatedTile"], RecordedWork["SeparatedTile"]):
 
 
 @dataclass(kw_only=True)
-class SeparatedTile(TileOutcome):
+class SeparatedTile(Outcome):
     """Outcome of the separation of one tile: numbers of sea and non-sea points, the sea, and its part of the maps."""
 
     data = "tile output=written_to points sea other sea_state seconds status error"
     listed = "output=written_to points_in=points points_out=other"
 
     output: Path
+    points: int = 0
     sea: int = 0
     other: int = 0
     sea_state: SeaState | None = None

@@ -1,4 +1,4 @@
-"""What all commands for tiles share: tiles and their margins, warnings, output files, and work on each tile."""
+"""What all commands for tiles share: tiles, warnings, output files, and work on each tile."""
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
@@ -14,40 +14,27 @@ from seaclutter_cli.airborne.objects import doubts_about_sea
 from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.errors import InputError, UsageError, about
-from seaclutter_cli.interfaces import TilePoints
 from seaclutter_cli.jobs.processes import default_jobs
 from seaclutter_cli.runs.batch import Work, run_all
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions, SeparateTilesOptions, WritingTiles
 from seaclutter_cli.runs.outputs import Paths, is_folder, outputs_in, prepare_outputs
-from seaclutter_cli.runs.recordings import O, Outcome
+from seaclutter_cli.runs.recordings import O
 from seaclutter_cli.runs.resume import same_output_accepted
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las
 from seaclutter_cli.sinks.point_files import POINT_WRITERS, with_columns, write_points
-from seaclutter_cli.sources.extents import (
-    Margin,
-    PointsWithMargin,
-    TileHead,
-    is_indexed,
-    neighbors_of,
-    read_head,
-    read_margin,
-    region_of,
-    windows_of,
-)
+from seaclutter_cli.sources.extents import TileHead, is_indexed, read_head, windows_of
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.recordings import Recording
-from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile
-from seaclutter_cli.text import count
+from seaclutter_cli.sources.tiles import LAS, CloudTile, Crs, LasTile, find_tiles
 from seaclutter_cli.threads import in_threads
 
-LAS = (".las", ".laz")
 _MEMORY_PER_TILE = 1500 * 2**20
 """Memory in bytes that a tile may need: some ten million points."""
 
 
-def tiles_of(paths: Sequence[Path], window_m: float | None, observer: Observer) -> list[TileHead]:
+def _tiles_of(paths: Sequence[Path], window_m: float | None, observer: Observer) -> list[TileHead]:
     """Return the tiles in files: whole ones, or with ``window_m`` the windows of that width in COPC files.
 
     Raise `UsageError` if there is no COPC file for windows, `InputError` if the index of one is damaged.
@@ -64,33 +51,6 @@ def tiles_of(paths: Sequence[Path], window_m: float | None, observer: Observer) 
     if whole:
         observer.warn(f"not read by window, because only COPC files can be: {', '.join(whole)}")
     return heads
-
-
-def margins_of(heads: Sequence[TileHead], margin_m: float, observer: Observer) -> list[Margin | None]:
-    """Return the margin of each tile, wider around small ones; None for those without neighbours, or a width of 0."""
-    if len(heads) < 2 or margin_m <= 0:
-        return [None] * len(heads)
-    systems = {head.crs.by_code for head in heads if head.extent}
-    if len(systems) > 1:
-        observer.warn(f"tiles have {len(systems)} coordinate reference systems; margins come from tiles with the same")
-    found = neighbors_of(heads, margin_m)
-    pairs = sum(map(len, found)) // 2
-    observer.note(f"{count(len(heads), 'tile')}, {count(pairs, 'pair')} of neighbours", detail=True)
-    margins: list[Margin | None] = []
-    for head, neighbors in zip(heads, found, strict=True):
-        region, paths = region_of(head, margin_m), tuple(dict.fromkeys(one.path for one in neighbors))
-        margins.append(Margin(region, paths, head.window) if region and paths else None)
-    return margins
-
-
-def points_of(tile: LasTile | CloudTile, margin: Margin | None, observer: Observer) -> TilePoints:
-    """Return the points of a tile, followed by those in its margin; warn of neighbours that cannot be read."""
-    if margin is None:
-        return tile
-    found, failed = read_margin(tile.path, margin)
-    for path, reason in failed.items():
-        observer.warn(f"{tile.path.stem}: no margin from {path.name}, which cannot be read ({reason})")
-    return PointsWithMargin(tile, found)
 
 
 def warn_of_missing(
@@ -118,13 +78,16 @@ def warn_of_doubts(tile: LasTile | CloudTile, found: Separation, observer: Obser
         observer.warn(f"{tile.path.stem}: {text}")
 
 
-def plan_tiles(tiles: Sequence[TileHead], options: WritingTiles, inputs: Paths = MappingProxyType({})) -> list[Path]:
-    """Return the output file of each tile: ``output`` itself for one, files named after the tiles in it for several.
+def plan_tiles(
+    options: WritingTiles, *, window_m: float | None = None, inputs: Paths = MappingProxyType({})
+) -> tuple[list[TileHead], list[Path]]:
+    """Return tiles, and the output of each: ``output`` itself for one, files named after the tiles in it for several.
 
     ``output`` is a folder if there are several tiles, or if it is a `str` that ends in a slash. Additional input files
     are given by option. Raise `UsageError` if an output is an input, exists and may not be replaced, would
     be written twice, or has a format to which the tile cannot be converted.
     """
+    tiles = _tiles_of(find_tiles(options.tiles), window_m, options.observer)
     targets, paths = [Path(options.output)], [tile.path for tile in tiles]
     if is_folder(options.output, len(tiles)):  # formats without a writer become PCD
         names = [Path(tile.file_name) for tile in tiles]
@@ -142,37 +105,7 @@ def plan_tiles(tiles: Sequence[TileHead], options: WritingTiles, inputs: Paths =
             raise UsageError(f"{target}: unknown format; tiles can be written as {', '.join((*LAS, *POINT_WRITERS))}")
         if suffix in LAS and tile.path.suffix.lower() not in LAS:
             raise UsageError(f"{target}: only LAS and LAZ tiles can become LAS or LAZ; use {', '.join(POINT_WRITERS)}")
-    return targets
-
-
-def write_tile(
-    tile: LasTile | CloudTile,
-    target: Path,
-    columns: Mapping[str, NDArray[Any]],
-    extra: ExtraDims,
-    group: OutputGroup | None = None,
-    texts: Mapping[TextRecord, str] | None = None,
-) -> None:
-    """Write a tile with replaced or additional columns, and LAS with text records; everything else is kept."""
-    if isinstance(tile, LasTile) and target.suffix.lower() in LAS:
-        if tile.header.global_encoding.waveform_data_packets_internal:
-            raise InputError(f"{tile.path}: internal waveform packets cannot be copied; store them in a separate file")
-        header = with_texts(tile.header, texts) if texts else tile.header
-        write_las(target, header, tile.parts(), columns, extra, group)
-        return
-    cloud = FRAME_READERS[tile.path.suffix.lower()](tile.path) if isinstance(tile, LasTile) else tile.cloud
-    write_points(target, with_columns(cloud, columns), group)
-
-
-@dataclass(kw_only=True)
-class TileOutcome(Outcome):
-    """Outcome of the work on one tile."""
-
-    points: int = 0
-
-    def figures(self) -> str:
-        """Return the number of points and the duration, for a line about the outcome."""
-        return f"{count(self.points, 'point')}, {self.seconds:.1f} s"
+    return tiles, targets
 
 
 @dataclass(frozen=True)
@@ -212,6 +145,25 @@ class TileWork(Work[O]):
     @abstractmethod
     def write(self, outcome: O, observer: Observer, files: OutputGroup) -> None:
         """Write the output, which appears with ``files``; store its figures in the outcome."""
+
+    def save(
+        self,
+        tile: LasTile | CloudTile,
+        columns: Mapping[str, NDArray[Any]],
+        extra: ExtraDims,
+        files: OutputGroup,
+        texts: Mapping[TextRecord, str] = MappingProxyType({}),
+    ) -> None:
+        """Write a tile with replaced or additional columns, and LAS with text records; everything else is kept."""
+        if isinstance(tile, LasTile) and self.target.suffix.lower() in LAS:
+            if tile.header.global_encoding.waveform_data_packets_internal:
+                text = "internal waveform packets cannot be copied; store them in a separate file"
+                raise InputError(f"{tile.path}: {text}")
+            header = with_texts(tile.header, texts) if texts else tile.header
+            write_las(self.target, header, tile.parts(), columns, extra, files)
+            return
+        cloud = FRAME_READERS[tile.path.suffix.lower()](tile.path) if isinstance(tile, LasTile) else tile.cloud
+        write_points(self.target, with_columns(cloud, columns), files)
 
     @property
     def recording(self) -> Recording:  # type: ignore[override]
