@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from seaclutter_cli.buckets import look
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.options import Anything, Choice, Converted, Options, Parsed, option
+from seaclutter_cli.registry import imported
 from seaclutter_cli.text import shortened
 
 if TYPE_CHECKING:
@@ -20,8 +21,11 @@ if TYPE_CHECKING:
     from seaclutter_cli.records import Metadata
     from seaclutter_cli.sinks.objects import LiveObjects
 
-FORMATS = ("mcap", "bag", "rosbag2-db3", "rosbag2-mcap", "pcd", "las", "laz", "npz")
-"""The keys of `OUTPUT_FORMATS`, whose import would slow down the help."""
+FORMAT = Choice(
+    ("mcap", "bag", "rosbag2-db3", "rosbag2-mcap", "pcd", "las", "laz", "npz"),
+    lambda: imported("sinks.formats.OUTPUT_FORMATS").added,
+)
+"""One of `OUTPUT_FORMATS`, whose import would slow down the help."""
 
 TIMES = "times.txt"
 """File in a folder of frames with the time of each frame in seconds."""

@@ -7,7 +7,7 @@ import pytest
 
 from seaclutter_cli.records import Message
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
-from seaclutter_cli.sinks.options import FORMATS
+from seaclutter_cli.sinks.options import FORMAT
 from seaclutter_cli.sources.formats import open_source
 from tests.paths import SAMPLE
 from tests.running import execute
@@ -53,7 +53,7 @@ def test_a_name_of_another_format_is_refused(tmp_path, name, to, problem):
 
 
 def test_the_formats_of_the_option_are_those_of_the_registry():
-    assert tuple(OUTPUT_FORMATS) == FORMATS
+    assert tuple(OUTPUT_FORMATS) == FORMAT.names
 
 
 @pytest.mark.parametrize("name", ["out.xyz", "out.e57", "out.mcap.old", "out.Txt"])

@@ -7,19 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.options import (
-    Anything,
-    Choice,
-    Converted,
-    Number,
-    OptionalPath,
-    Parsed,
-    Place,
-    UseCase,
-    Whole,
-    option,
-)
-from seaclutter_cli.registry import imported
+from seaclutter_cli.options import Anything, Converted, Number, OptionalPath, Parsed, Place, UseCase, Whole, option
 from seaclutter_cli.runs.options import (
     LABELS_HELP,
     BatchOptions,
@@ -31,7 +19,7 @@ from seaclutter_cli.runs.options import (
     OfLogs,
     Replacing,
 )
-from seaclutter_cli.sinks.options import FORMATS, ContentOptions
+from seaclutter_cli.sinks.options import FORMAT, ContentOptions
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -56,7 +44,7 @@ class WritingLogs(Replacing, ContentOptions, BatchOptions, OfLogs):
         "--to",
         "Format of the output. [default: by the suffix of OUT, or mcap]",
         default=None,
-        kind=Choice(FORMATS, lambda: imported("sinks.formats.OUTPUT_FORMATS").added),
+        kind=FORMAT,
     )
 
 
