@@ -161,16 +161,15 @@ class RecordingWork(Work[O]):
 
 
 def prepared(
-    options: OfLogs, observer: Observer, configs: "Iterable[Config]" = (), others: Paths = MappingProxyType({})
+    options: OfLogs, observer: Observer, configs: "Sequence[Config]" = (), others: Paths = MappingProxyType({})
 ) -> list[tuple[Recording, LabelFile | None]]:
     """Return recordings with their labels, not yet read, after a check of the outputs against all inputs.
 
     Outputs are those of the options, and ``others`` by option.
     """
     recordings = expand(options.logs, options.reading, observer)
-    inputs = inputs_of(recordings, options.reading, getattr(options, "config", None), configs)
-    labels, force = getattr(options, "labels", ()), getattr(options, "force", False)
-    prepare_outputs({**options.outputs, **others}, inputs, labels, force=force, observer=observer)
+    inputs, force = inputs_of(recordings, options, configs), getattr(options, "force", False)
+    prepare_outputs({**options.outputs, **others}, inputs, force=force, observer=observer)
     return list(zip(recordings, assign_labels(options, recordings), strict=True))
 
 

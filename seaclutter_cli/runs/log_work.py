@@ -172,19 +172,18 @@ class LogRun(Generic[W]):
             make(options.reading, *pair, options, target, form, is_one_of_several=several) for *pair, target in each
         ]
         configs = [work.config for work in self.works[:1] if hasattr(work, "config")]
-        self.inputs = inputs_of(recordings, options.reading, getattr(options, "config", None), configs)
+        self.inputs = inputs_of(recordings, options, configs)
         self.marker = OUTPUT_FORMATS[form].marker
         self.is_alone = options.batch.runs_here(len(recordings))
 
     def prepare(self, *, dry: bool = False) -> None:
         """Check the names of the outputs, and prepare their folders, unless ``dry``; see `prepare_outputs`."""
-        targets, force = [work.target for work in self.works], dry or self.options.replaces
+        force = dry or self.options.replaces
         earlier = [part for work in self.works if work.has_parts for part in parts_after(work.target, 0)]
         outputs: Paths = {"-o": [*(work.output for work in self.works), *earlier], **self.options.outputs}
-        labels = getattr(self.options, "labels", ())
         kept: dict[str, Any] = {"force": force, "observer": self.observer, "marker": self.marker, "dry": dry}
-        prepare_outputs(outputs, self.inputs, labels, root=Path(self.options.output), **kept)
-        check_names(targets, self.options.to)
+        prepare_outputs(outputs, self.inputs, root=Path(self.options.output), **kept)
+        check_names((work.target for work in self.works), self.options.to)
 
     def begin(self) -> list[W]:
         """Prepare the outputs; return the work on each recording, with its outcome of a run that is resumed."""

@@ -28,7 +28,7 @@ from seaclutter_cli.text import count, named_folder
 from seaclutter_cli.urls import WEB, PathLike
 
 if TYPE_CHECKING:  # imports all filters, which tiles do not need
-    from seaclutter_cli.config import Config, ConfigSource
+    from seaclutter_cli.config import Config
 
 _COLUMNS = (
     *("recording", "input", "output", "status", "frames", "points_in", "points_out", "false_alarms", "missed_targets"),
@@ -46,21 +46,19 @@ Paths = Mapping[str, Path | Iterable[Path] | None]
 
 
 def inputs_of(
-    recordings: Iterable[Recording],
-    reading: ReadOptions,
-    file: "ConfigSource | None" = None,
-    configs: "Iterable[Config]" = (),
-) -> dict[str, list[Path]]:
+    recordings: Iterable[Recording], options: ReadOptions, configs: "Sequence[Config]" = ()
+) -> dict[str, Sequence[Path]]:
     """Return the files and folders that a run reads, by option, also those beside a log.
 
-    ``file`` is the configuration, ``configs`` are effective ones, which may name a model and a mask.
+    ``configs`` are effective configurations, which may name a model and a mask.
     """
     logs = [path for recording in recordings for path in recording.paths]
-    configs = list(configs)
     models, masks = ({getattr(config.filter, key, None) for config in configs} for key in ("scene_model", "mask"))
+    file = getattr(options, "config", None)
     return {
+        _LABELS: getattr(options, "labels", ()),
         "LOGS": [*logs, *(beside for log in logs for beside in metadata_beside(log))],
-        "--calibration": list(reading.beside()),
+        "--calibration": options.beside(),
         "-c": [file] if isinstance(file, Path) else [],
         "filter.scene_model": [Path(model) for model in models if model],
         "filter.mask": [Path(mask) for mask in masks if mask],
@@ -102,7 +100,6 @@ def outputs_in(folder: Path, names: Iterable[Path], inputs: Sequence[Path], noun
 def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
     outputs: Paths,
     inputs: Paths,
-    labels: Sequence[Path] = (),
     *,
     force: bool,
     observer: Observer = SILENT,
@@ -112,8 +109,8 @@ def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
 ) -> None:
     """Check the paths of output files, by option, against each other and against the inputs; prepare their folders.
 
-    New files in folders of inputs are refused, too, but allowed in those of ``labels``. Inputs that do not exist are
-    names of built-in files. Existing files may be replaced if ``force``; a file to which the observer appends messages,
+    New files in folders of inputs are refused, too, but allowed in those of labels. Inputs that do not exist are names
+    of built-in files. Existing files may be replaced if ``force``; a file to which the observer appends messages,
     its ``log_file``, may exist. Outputs of ``-o`` that are folders are recognised by the file ``marker``; it is empty
     if they are files. Raise `UsageError` if two outputs are the same file, or an output is an input, is inside an input
     folder, is a folder, is in a folder whose parent does not exist, exists and may not be replaced, or is a figure in
@@ -135,7 +132,7 @@ def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
     log_file = getattr(observer, "log_file", None)
     log = [_Target(log_file, "--log-file", known)] if log_file else []
     _check_distinct([*targets, *log], known)
-    read = _Inputs([*_flat({_LABELS: labels}), *_flat(inputs)], known)
+    read = _Inputs(_flat(inputs), known)
     for target in [*targets, *log]:
         part_of, contained = read.option_of(target), read.option_in(target)
         if part_of or contained:

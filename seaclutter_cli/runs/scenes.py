@@ -66,8 +66,7 @@ def _classify(
     logs: Sequence[tuple[Recording, str]], options: PredictScenesOptions | EvaluateScenesOptions, observer: Observer
 ) -> "tuple[list[ClassifiedLog], Sequence[str]]":
     """Classify the frames of recordings, given their classes if known; return the classes of the model, too."""
-    reading = options.reading
-    inputs: Paths = {**inputs_of((one for one, _ in logs), reading), "--model": Path(options.model)}
+    inputs: Paths = {**inputs_of((one for one, _ in logs), options), "--model": Path(options.model)}
     prepare_outputs(options.outputs, inputs, force=options.force, observer=observer)
     model = SceneModel(options.model)
     known = sorted({scene for _, scene in logs} - {""})
@@ -79,7 +78,7 @@ def _classify(
     with observer.progress("frames", None) as step:
         for (recording, _), found in zip(logs, outcomes, strict=True):
             with storing_errors(found, observer):
-                for frame in read_frames(recording, reading, observer, step, found):
+                for frame in read_frames(recording, options.reading, observer, step, found):
                     found.add(frame)
 
     def write(file: AtomicFile) -> None:
@@ -250,12 +249,8 @@ def train_scenes(options: TrainScenesOptions) -> "SceneTraining":
     """
     check_torch()
     observer, labelled = options.observer, options.find()
-    prepare_outputs(
-        options.outputs,
-        inputs_of((recording for recording, _ in labelled), options.reading),
-        force=options.force,
-        observer=observer,
-    )
+    inputs = inputs_of((recording for recording, _ in labelled), options)
+    prepare_outputs(options.outputs, inputs, force=options.force, observer=observer)
     if options.output.suffix.lower() != ".onnx":
         raise UsageError(f"{options.output}: the name of a model file must end in .onnx")
     examples, damage = _read(labelled, options, observer)
