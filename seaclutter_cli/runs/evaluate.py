@@ -236,7 +236,7 @@ class EvaluateWork(RecordingWork[Evaluated]):
         yield from (f"labels: {finding.text}" for finding in label_check.findings(most.targets, most.visible))
 
     def _indicated(self, every: Iterable[Filtered], outcome: Evaluated) -> Iterator[Filtered]:
-        from seaclutter_cli.runs.suspects import mounting_of  # not needed with labels
+        from seaclutter_cli.runs.objects import mounting_of  # not needed with labels
         from seaclutter_cli.suspects.indications import Indicator
 
         indicator = Indicator(len(self.variants), mounting_of(self.variants[0].config))

@@ -294,10 +294,11 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         outcome.rows = PackedRows() if self.options.csv_file else None
         tables: list[Sink] = [_frame_table(self.config, outcome.rows)] if outcome.rows else []
         if self.options.objects_file:
-            from seaclutter_cli.runs.objects import object_table
+            from seaclutter_cli.runs.objects import follower_of
+            from seaclutter_cli.sinks.objects import ObjectTable
 
             outcome.objects = PackedRows()
-            tables.append(object_table(self.config, outcome.objects))
+            tables.append(ObjectTable(outcome.objects.write, follower_of(self.config)))
         finders: dict[str, SuspectFinder] = {}
         if self.options.suspects:
             from seaclutter_cli.runs.suspects import finder_for  # not needed without

@@ -120,7 +120,7 @@ class ObjectsWork(RecordingWork[RecordedObjects]):
 
     def study(self, source: Source, labels: Labels | None, outcome: RecordedObjects, observer: Observer) -> None:
         """Filter the recording, and follow its objects."""
-        table = object_table(self.config, outcome.rows)
+        table = ObjectTable(outcome.rows.write, follower_of(self.config))
         selection = self.reading.selection
         topics = {channel.topic for channel in cloud_channels(source, selection.topics)}
         warn_if_filtered(source, selection.topics, self.config, observer)
@@ -139,16 +139,16 @@ class ObjectsWork(RecordingWork[RecordedObjects]):
         self.finish(source, labels, outcome.frames)
 
 
-def object_table(config: Config, rows: PackedRows) -> ObjectTable:
-    """Return the sink that writes the objects of a recording to rows."""
-    return ObjectTable(rows.write, follower_of(config))
+def mounting_of(config: Config) -> Mounting:
+    """Return the mounting of the lidar that a configuration has; level if its method has none."""
+    found = getattr(config.filter, "mounting", None)
+    return found if isinstance(found, Mounting) else Mounting()
 
 
 def follower_of(config: Config) -> "partial[Follower]":
     """Return what makes followers of the objects that a configuration finds."""
     params = config.evaluation
-    mounting = getattr(config.filter, "mounting", Mounting())
-    return partial(Follower, params.cluster_tolerance_m, params.min_cluster_points, mounting)
+    return partial(Follower, params.cluster_tolerance_m, params.min_cluster_points, mounting_of(config))
 
 
 def objects_config(options: ConfigOptions) -> Config:

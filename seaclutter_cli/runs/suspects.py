@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import partial
 from typing import Any
 
 from seaclutter_cli.buckets import use_case_of
@@ -17,6 +16,7 @@ from seaclutter_cli.reporting.sample import take_sample
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.checks import FitChecks, warn_if_filtered
 from seaclutter_cli.runs.methods import configured
+from seaclutter_cli.runs.objects import mounting_of
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import SuspectsOptions
 from seaclutter_cli.runs.outputs import write_files
@@ -34,7 +34,6 @@ from seaclutter_cli.selection import (
 from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.suspects.finder import Suspect, SuspectFinder
 from seaclutter_cli.text import UNKNOWN, count, printable, table
-from seaclutter_cli.water import Mounting
 
 _EVERY_POINT = 1 << 40
 _TITLES = {"removed": "removed, and may have been targets", "kept": "kept, and may be clutter"}
@@ -65,9 +64,7 @@ def find_suspects(options: SuspectsOptions) -> "SuspectsResult":
     # The names of pictures are not known before; their folder is.
     pictures = {"--pictures": folder / "suspect.png" if folder else None}
     pairs = prepared(options, observer, [config], pictures)
-    is_given = bool(options.method or options.settings) or options.config is not None
-    make = partial(_SuspectsWork, is_given=is_given, shown=options.shown, drawn=folder is not None)
-    works = [make(options.reading, *pair, config) for pair in pairs]
+    works = [_SuspectsWork(options.reading, *pair, config, options) for pair in pairs]
     result = SuspectsResult(run_all(works, options.batch, observer))
     files = {options.output: result.as_csv()}
     for number, outcome in enumerate(result.outcomes, 1):
@@ -136,17 +133,17 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
     """Search for the suspects of one recording; of filtered logs, those of the earlier run unless a method is given."""
 
     config: Config
-    is_given: bool = field(kw_only=True)
-    shown: int = field(kw_only=True)
-    drawn: bool = field(kw_only=True)
+    options: SuspectsOptions
     kind = RecordedSuspects
 
     def study(self, source: Source, labels: Labels | None, outcome: RecordedSuspects, observer: Observer) -> None:
-        selection, removed, config = _part(source, self.reading.selection, self.config, is_given=self.is_given)
+        options = self.options
+        is_given = bool(options.method or options.settings) or options.config is not None
+        selection, removed, config = _part(source, self.reading.selection, self.config, is_given=is_given)
         clouds = cloud_channels(source, selection.topics)
         earlier = [name for one in recorded_of(source, [clouds[0].topic]) for name in one.methods]
         outcome.topic, outcome.method = clouds[0].topic, config.method if config else ", ".join(earlier)
-        outcome.shown, finder = self.shown, finder_for(self.config)
+        outcome.shown, finder = options.shown, finder_for(self.config)
         every = _filtered(source, config, selection, removed)
         if config:
             warn_if_filtered(source, [outcome.topic], config, observer)
@@ -157,7 +154,7 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
             outcome.frames += result is not None
             finder.add(frame, [result])
         outcome.suspects, outcome.unjudged = finder.finish(), finder.unjudged
-        wanted = _chosen(outcome.suspects, self.shown) if self.drawn else {}
+        wanted = _chosen(outcome.suspects, options.shown) if options.picture_folder else {}
         if wanted:  # in a second pass, because suspects are known at the end
             for frame, (result,), _ in _filtered(source, config, selection, removed):
                 for name, one in wanted.get(frame.index, {}).items() if result else ():
@@ -170,12 +167,6 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
 def listed(one: Suspect) -> dict[str, Any]:
     """Return a suspect as JSON-compatible data."""
     return data_of(one, _DATA)
-
-
-def mounting_of(config: Config) -> Mounting:
-    """Return the mounting of the lidar that a configuration has; level if its method has none."""
-    found = getattr(config.filter, "mounting", None)
-    return found if isinstance(found, Mounting) else Mounting()
 
 
 def finder_for(config: Config) -> SuspectFinder:
