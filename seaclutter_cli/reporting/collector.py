@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import astuple, dataclass
 from functools import cache
 from operator import itemgetter
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,8 +143,6 @@ Density = tuple[float, float, float, NDArray[np.float32]]
 Columns go from 0 to the range that comes first, rows from the least to the greatest intensity.
 """
 
-T = TypeVar("T")
-
 _MIN_SPACING = 5
 """Minimum distance in frames between selected frames of a kind; closer frames look alike."""
 
@@ -157,19 +155,19 @@ _POINTS = 24_000
 
 
 @dataclass(frozen=True)
-class Chosen(Generic[T]):
+class Chosen:
     """A selected frame: its index among all frames, why it was selected, and the data stored for it."""
 
     row: int
     why: Why
-    item: T
+    item: Sample
 
 
-_Ranked = tuple[float, int, Chosen[T]]
+_Ranked = tuple[float, int, Chosen]
 """A frame among the worst or the best; the smallest key comes first, equal keys in pseudo-random order."""
 
 
-class Choice(Generic[T]):
+class Choice:
     """Selection of the worst, the best and evenly spaced frames from a stream of unknown length.
 
     Half of the frames are the worst, a sixth the best. Every n-th frame is stored as evenly spaced; n doubles when
@@ -179,12 +177,12 @@ class Choice(Generic[T]):
     def __init__(self, frames: int) -> None:
         self._bad, self._good = frames // 2, frames // 6
         self._even = frames - self._bad - self._good
-        self._worst: list[_Ranked[T]] = []
-        self._best: list[_Ranked[T]] = []
-        self._spread: dict[int, T] = {}
+        self._worst: list[_Ranked] = []
+        self._best: list[_Ranked] = []
+        self._spread: dict[int, Sample] = {}
         self._stride = 1
 
-    def offer(self, row: int, *, badness: float | None, merit: float | None, make: Callable[[], T]) -> None:
+    def offer(self, row: int, *, badness: float | None, merit: float | None, make: Callable[[], Sample]) -> None:
         """Offer a frame for selection; rows must be in ascending order.
 
         A frame with a badness of 0 or None is never among the worst, one with a merit of None never among the best.
@@ -201,21 +199,21 @@ class Choice(Generic[T]):
                 self._stride *= 2
                 self._spread = {kept: item for kept, item in self._spread.items() if kept % self._stride == 0}
 
-    def chosen(self) -> list[Chosen[T]]:
+    def chosen(self) -> list[Chosen]:
         """Return the selected frames, each once: the worst first, then the best, then the others by row."""
-        found: dict[int, Chosen[T]] = {}
+        found: dict[int, Chosen] = {}
         for *_, one in (*self._worst, *self._best):
             found.setdefault(one.row, one)
         others = [Chosen(row, "even", item) for row, item in self._spread.items() if row not in found]
         room = min(self._bad + self._good + self._even - len(found), len(others))
         return [*found.values(), *(others[number * len(others) // room] for number in range(room))]
 
-    def spread(self) -> list[T]:
+    def spread(self) -> list[Sample]:
         """Return all evenly spaced frames that are stored."""
         return list(self._spread.values())
 
 
-def _insert(ranked: list[_Ranked[T]], key: float, size: int, row: int, make: Callable[[], Chosen[T]]) -> None:
+def _insert(ranked: list[_Ranked], key: float, size: int, row: int, make: Callable[[], Chosen]) -> None:
     """Insert a frame into a ranked list; it replaces a frame close to it, if there is one."""
     keys = key, row * 2654435761 % 2**32  # spreads equal frames over the whole recording
     close = next((number for number, (*_, one) in enumerate(ranked) if row - one.row < _MIN_SPACING), None)
@@ -307,7 +305,7 @@ class Collector(FrameListener):
         """Recording index, number within the recording, and time in seconds within the recording of each frame."""
         self.histories = [History(max(len(method.edges) - 1, 0)) for method in methods]
         self.tracks = TrackPaths(new_follower)
-        self._choice: Choice[Sample] = Choice(frames)
+        self._choice = Choice(frames)
         self._picks, self._picked = frozenset(picks), dict[int, Sample]()
         self._first_ns: int | None = None
         bytes_per_point = (3 * 2 + 1 + 1 + len(methods)) * 4 / 3
@@ -340,7 +338,7 @@ class Collector(FrameListener):
         self._choice.offer(row, badness=badness, merit=merit, make=make)
 
     @property
-    def chosen(self) -> list[Chosen[Sample]]:
+    def chosen(self) -> list[Chosen]:
         """Frames to show, the worst first."""
         history = self.histories[0]
         errors = np.nan_to_num(history["false_alarms"]) + np.nan_to_num(history["missed"])

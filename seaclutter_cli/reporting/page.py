@@ -17,7 +17,6 @@ from seaclutter_cli.frame import WATER_COLUMNS, Reason
 from seaclutter_cli.reporting import palette
 from seaclutter_cli.reporting.collector import Chosen, Collector, History, Method, bin_starts, binned, density_of
 from seaclutter_cli.reporting.palette import INK
-from seaclutter_cli.reporting.sample import Sample
 
 LABELLED, FALSE_ALARM, MISSED_TARGET = 1, 2, 4
 """Bits that describe a frame in the timeline."""
@@ -132,7 +131,7 @@ def _density(collected: Collector, number: int, history: History) -> dict[str, A
     }
 
 
-def _sample(one: Chosen[Sample], top: float) -> dict[str, Any]:
+def _sample(one: Chosen, top: float) -> dict[str, Any]:
     sample = one.item
     reach = float(np.abs(sample.xyz).max(initial=0.01))
     scale = reach / _STEPS
