@@ -26,9 +26,6 @@ from seaclutter_cli.registry import plugins
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-Check = Task[str | None]
-"""Task that returns why a worker cannot be used; None if it can."""
-
 _CANCELLED = (asyncio.CancelledError, futures.CancelledError)
 _LOST = (OSError, TimeoutError, futures.CancelledError)
 """Signs that the scheduler is gone; CommClosedError is an OSError."""
@@ -52,11 +49,12 @@ class Cluster:
     """Engine that runs tasks on the workers of a Dask cluster, on at most ``limit`` at the same time.
 
     Each task is bound to one idle worker, so neither queues of workers nor work stealing ever put two tasks of a run on
-    one worker, whatever the settings of the scheduler. There are never more tasks in the cluster than workers.
+    one worker, whatever the settings of the scheduler. There are never more tasks in the cluster than workers. The task
+    ``check`` returns why a worker cannot be used; None if it can.
     """
 
     connection: Connection
-    check: Check
+    check: Task[str | None]
     warn: Callable[[str], object]
     limit: int | None = None
 
