@@ -14,7 +14,7 @@ from seaclutter_cli.messages import find_codec
 from seaclutter_cli.options import function_of, option
 from seaclutter_cli.pipeline import HeldRecord, RecordHolder
 from seaclutter_cli.reading import read, with_attitudes
-from seaclutter_cli.runs.options import ConfigOptions, Decoding, Places, ReadOptions
+from seaclutter_cli.runs.options import ConfigOptions, Decoding, OfLogs, Places, ReadOptions
 from seaclutter_cli.runs.recordings import expand, open_recording
 from seaclutter_cli.selection import cloud_channels
 
@@ -71,7 +71,7 @@ def open_log(options: OpenOptions) -> Log:
     """
     with ExitStack() as stack:
         local = stack.enter_context(local_copy(options.path))
-        recordings = expand(local)
+        recordings = expand(OfLogs(logs=local))
         if len(recordings) > 1:
             names = ", ".join(str(recording.paths[0]) for recording in recordings)
             raise UsageError(f"{local}: contains {len(recordings)} recordings; open one of {names}")

@@ -167,7 +167,7 @@ def prepared(
 
     Outputs are those of the options, and ``others`` by option.
     """
-    recordings = expand(options.logs, options.reading, observer)
+    recordings = expand(options, observer)
     inputs, force = inputs_of(recordings, options, configs), getattr(options, "force", False)
     prepare_outputs({**options.outputs, **others}, inputs, force=force, observer=observer)
     return list(zip(recordings, assign_labels(options, recordings), strict=True))

@@ -42,7 +42,7 @@ def info(options: InfoOptions) -> "InfoResult":
     ('MCAP', 60, [1.0, 255.0])
     """
     observer = options.watching
-    recordings = expand(options.logs, options.reading, observer, ahead=False)  # an excerpt may suffice
+    recordings = expand(options, observer, ahead=False)  # an excerpt may suffice
     works = [_InfoWork(options.reading, recording) for recording in recordings]
     result = InfoResult(run_all(works, options.batch, observer))
     if result.failed and not any(content.error for content in result.outcomes):

@@ -57,7 +57,7 @@ def propose_labels(options: ProposeOptions) -> "ProposalResult":
     (130, 10)
     """
     observer, config = options.watching, objects_config(options)
-    targets = _targets(options, expand(options.logs, options.reading, ahead=False))
+    targets = _targets(options, expand(options, ahead=False))
     pairs = prepared(options, observer, [config], {"-o": targets})
     works = [ProposeWork(options.reading, *each, config) for each in pairs]
     outcomes = [one for one in run_all(works, options.batch, observer) if isinstance(one, ProposedLabels)]

@@ -162,7 +162,7 @@ class LogRun(Generic[W]):
     """
 
     def __init__(self, options: WritingLogs, observer: Observer, make: Callable[..., W], *, ahead: bool = True) -> None:
-        recordings = expand(options.logs, options.reading, observer, ahead=ahead)
+        recordings = expand(options, observer, ahead=ahead)
         form, targets = plan_outputs(recordings, options.output, options.to)
         check_options(form, options.written, with_scene=getattr(options, "with_scene", False))
         each = zip(recordings, assign_labels(options, recordings), targets, strict=True)

@@ -19,7 +19,7 @@ from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.options import Options
 from seaclutter_cli.records import Channel, Damage, SensorFacts
 from seaclutter_cli.runs.observer import SILENT, Observer
-from seaclutter_cli.runs.options import Decoding, LabelSources, Logs, OfLabelledLogs, ReadOptions
+from seaclutter_cli.runs.options import Decoding, LabelSources, OfLabelledLogs, OfLogs, ReadOptions
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions
 from seaclutter_cli.sources.recordings import (
@@ -208,15 +208,13 @@ def statuses(outcomes: Sequence[Outcome]) -> str:
     return ", ".join(f"{found[status]:,} {status}" for status in _STATUSES if found[status])
 
 
-def expand(
-    logs: Logs, reading: ReadOptions | None = None, observer: Observer = SILENT, *, ahead: bool = True
-) -> list[Recording]:
+def expand(options: OfLogs, observer: Observer = SILENT, *, ahead: bool = True) -> list[Recording]:
     """Return the recordings in files, folders and globs, here or in object storage; see `find_recordings`.
 
     Those in object storage are fetched ahead, if ``ahead``: for a run that reads one after another completely.
     """
-    search = Search(join=reading.join, merge=reading.merge, recursive=reading.recursive) if reading else Search()
-    paths = [logs] if isinstance(logs, str | os.PathLike) else logs
+    search = Search(join=options.join, merge=options.merge, recursive=options.recursive)
+    paths = [options.logs] if isinstance(options.logs, str | os.PathLike) else options.logs
     recordings = find_recordings([_found(os.fspath(name)) for name in paths], search, observer.note)
     mirrored = [recording for recording in recordings if mirror_of(recording.paths[0])]
     if mirrored and (mirror := mirror_of(mirrored[0].paths[0])):
@@ -282,9 +280,7 @@ class LabelFile:
         return self.path.is_dir() and find_semantickitti(self.path) is not None
 
 
-def find_labels(
-    recordings: Sequence[Recording], paths: Sequence[Path], *, partly: bool = False
-) -> list[Path] | list[Path | None]:
+def find_labels(recordings: Sequence[Recording], paths: Sequence[Path], *, partly: bool = False) -> list[Path | None]:
     """Return the path of each recording's labels; raise `UsageError` if one is ambiguous or missing.
 
     If recordings may be labelled ``partly``, it is None for those whose labels are missing in a folder.
@@ -299,7 +295,7 @@ def find_labels(
     for path in paths:
         if not path.exists():
             raise UsageError(f"{path}: no such file or folder of labels")
-    return list(paths)
+    return [*paths]
 
 
 def _in_folder(recordings: Sequence[Recording], folder: Path, *, partly: bool) -> list[Path | None]:

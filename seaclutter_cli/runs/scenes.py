@@ -44,7 +44,7 @@ def predict_scenes(options: PredictScenesOptions) -> "ScenePrediction":
     >>> scenes.topics["/points"].scene, dict(scenes.topics["/points"].frames)
     ('open', {'open': 60})
     """
-    recordings = expand(options.logs, options.reading, options.observer)
+    recordings = expand(options, options.observer)
     return ScenePrediction(*_classify([(one, "") for one in recordings], options, options.watching))
 
 

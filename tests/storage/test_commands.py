@@ -13,6 +13,7 @@ import pytest
 import seaclutter
 from seaclutter_cli.buckets import on_paths, shown
 from seaclutter_cli.errors import UsageError
+from seaclutter_cli.runs.options import OfLogs
 from seaclutter_cli.runs.recordings import _files_of, expand
 from tests.paths import ROOT
 from tests.running import execute
@@ -208,7 +209,7 @@ def test_folders_and_globs_are_those_of_files(bucket, scratch, tree, pattern):
 
     @on_paths
     def names_of(logs):
-        return [(one.name, str(shown(one.paths[0]))) for one in expand(logs)]
+        return [(one.name, str(shown(one.paths[0]))) for one in expand(OfLogs(logs=logs))]
 
     def found(root):
         try:
@@ -226,7 +227,7 @@ def test_metadata_beside_a_capture_is_copied_too(logs, tmp_path):
 
     @on_paths
     def files_of(logs):
-        return next({path.name for path in _files_of(one)} for one in expand(logs) if one.name == "trial")
+        return next({path.name for path in _files_of(one)} for one in expand(OfLogs(logs=logs)) if one.name == "trial")
 
     for pattern in ("trial.pcap", "*.pcap", ""):
         assert files_of(f"{logs}/{pattern}") == {"trial.pcap", "trial.json"}

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from seaclutter_cli.config import Config, ConfigSource
     from seaclutter_cli.selection import Moment, Selection
 
-Logs = PathLike | Sequence[PathLike]
-"""One or several logs: files, folders or globs, or URLs of objects (``s3://``, ``gs://``, ``az://``, ``https://``)."""
 MethodLike = Any
 """A method by its name, or a class, an object or a function; see `Filter`."""
 
