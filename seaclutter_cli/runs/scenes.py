@@ -27,7 +27,7 @@ from seaclutter_cli.scenes.network import to_onnx
 from seaclutter_cli.scenes.training import Epoch, Examples, SceneScores, Trained, check_torch, train
 from seaclutter_cli.sinks.atomic import AtomicFile
 from seaclutter_cli.sinks.csv import csv_line
-from seaclutter_cli.sources.recordings import Recording
+from seaclutter_cli.sources.recordings import Recording, find_recordings, is_recording
 from seaclutter_cli.text import count, printable, share, table
 
 _MISCLASSIFIED = ("recording", "scene", "wrong", "frames")
@@ -59,7 +59,38 @@ def evaluate_scenes(options: EvaluateScenesOptions) -> "SceneEvaluation":
     array([[60,  0],
            [ 0,  0]])
     """
-    return SceneEvaluation(*_classify(options.find(), options, options.observer))
+    return SceneEvaluation(*_classify(_labelled(options), options, options.observer))
+
+
+def _labelled(options: TrainScenesOptions | EvaluateScenesOptions) -> list[tuple[Recording, str]]:
+    """Return recordings with their true classes; raise `UsageError` if there are none, or one has two."""
+    named = []
+    for text in options.scenes:
+        scene, equals, pattern = text.partition("=")
+        if not (equals and scene and pattern):
+            raise UsageError(f"--scene {text}: write it as CLASS=LOGS, as in open=trials/offshore")
+        named.append((scene, pattern))
+    named += [(folder.name, str(folder)) for parent in options.folders for folder in _class_folders(parent)]
+    if not named:
+        raise UsageError("no logs: give a folder that contains a folder for each class, or --scene CLASS=LOGS")
+    found: dict[Path, tuple[Recording, str]] = {}
+    for scene, pattern in named:
+        for recording in find_recordings([pattern]):
+            _, first = found.setdefault(recording.key, (recording, scene))
+            if first != scene:
+                raise UsageError(f"{recording.paths[0]}: labelled as both {first} and {scene}")
+    return list(found.values())
+
+
+def _class_folders(parent: Path) -> Sequence[Path]:
+    if not parent.is_dir():
+        raise UsageError(f"{parent}: no such folder")
+    folders = [child for child in sorted(parent.iterdir()) if child.is_dir() and not child.name.startswith(".")]
+    recording = next(filter(is_recording, (parent, *folders)), None)
+    if recording or not folders:
+        found = f"{recording} is a recording" if recording else "it contains no folders"
+        raise UsageError(f"{parent}: must contain a folder of recordings for each class, but {found}")
+    return folders
 
 
 def _classify(
@@ -248,7 +279,7 @@ def train_scenes(options: TrainScenesOptions) -> "SceneTraining":
     0.98
     """
     check_torch()
-    observer, labelled = options.observer, options.find()
+    observer, labelled = options.observer, _labelled(options)
     inputs = inputs_of((recording for recording, _ in labelled), options)
     prepare_outputs(options.outputs, inputs, force=options.force, observer=observer)
     if options.output.suffix.lower() != ".onnx":

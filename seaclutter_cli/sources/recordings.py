@@ -161,9 +161,9 @@ def _expand(
     if not files and is_frame_folder(path):
         return [Recording((path,))]
     recordings = [Recording(tuple(part)) for group in split_groups(files) for part in _joined(group, search, note)]
-    recordings += [Recording((child,)) for child in folders if _is_recording(child)]
+    recordings += [Recording((child,)) for child in folders if is_recording(child)]
     above |= {path.resolve()}
-    inner = [child for child in folders if not _is_recording(child) and _has_recordings(child, above)]
+    inner = [child for child in folders if not is_recording(child) and _has_recordings(child, above)]
     if search.recursive:
         for child in inner:
             found = _expand(child, search, note, above)
@@ -193,9 +193,10 @@ def _has_recordings(path: Path, above: frozenset[Path]) -> bool:
         return True
     with suppress(OSError):
         if path.is_dir() and (real := path.resolve()) not in above:
-            return _is_recording(path) or any(_has_recordings(child, above | {real}) for child in path.iterdir())
+            return is_recording(path) or any(_has_recordings(child, above | {real}) for child in path.iterdir())
     return False
 
 
-def _is_recording(folder: Path) -> bool:
+def is_recording(folder: Path) -> bool:
+    """Return whether a folder is a recording."""
     return is_rosbag2_folder(folder) or is_frame_folder(folder)

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from seaclutter_cli.airborne.settings import TileSettings
-    from seaclutter_cli.sources.recordings import Recording
     from seaclutter_cli.urls import PathLike
 
 
@@ -31,43 +30,6 @@ class LabelledLogs(ReadOptions, Observed):
     scenes: Converted[str | Sequence[str], tuple[str, ...]] = option(
         "--scene CLASS=LOGS", "A class, and the file, folder or glob of its logs; repeatable.", default=()
     )
-
-    def find(self) -> list[tuple[Recording, str]]:
-        """Return recordings with their true classes; raise `UsageError` if there are none, or one has two."""
-        from seaclutter_cli.sources.recordings import find_recordings
-
-        named = []
-        for text in self.scenes:
-            scene, equals, pattern = text.partition("=")
-            if not (equals and scene and pattern):
-                raise UsageError(f"--scene {text}: write it as CLASS=LOGS, as in open=trials/offshore")
-            named.append((scene, pattern))
-        named += [(folder.name, str(folder)) for parent in self.folders for folder in _class_folders(parent)]
-        if not named:
-            raise UsageError("no logs: give a folder that contains a folder for each class, or --scene CLASS=LOGS")
-        found: dict[Path, tuple[Recording, str]] = {}
-        for scene, pattern in named:
-            for recording in find_recordings([pattern]):
-                _, first = found.setdefault(recording.key, (recording, scene))
-                if first != scene:
-                    raise UsageError(f"{recording.paths[0]}: labelled as both {first} and {scene}")
-        return list(found.values())
-
-
-def _class_folders(parent: Path) -> Sequence[Path]:
-    from seaclutter_cli.sources.frame_files.folder import is_frame_folder
-    from seaclutter_cli.sources.rosbag2 import is_rosbag2_folder
-
-    if not parent.is_dir():
-        raise UsageError(f"{parent}: no such folder")
-    folders = [child for child in sorted(parent.iterdir()) if child.is_dir() and not child.name.startswith(".")]
-    recording = next(
-        (child for child in (parent, *folders) if is_rosbag2_folder(child) or is_frame_folder(child)), None
-    )
-    if recording or not folders:
-        found = f"{recording} is a recording" if recording else "it contains no folders"
-        raise UsageError(f"{parent}: must contain a folder of recordings for each class, but {found}")
-    return folders
 
 
 class ClassifierOptions(Replacing):
