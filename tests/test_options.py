@@ -154,7 +154,7 @@ def test_urls_become_paths_wherever_they_are_given():
     assert local.csv_file == Path("/copies/frames.csv")
     assert local.labels == (Path("/copies/labels"),)
     assert local.config == Path("/copies/joint.yaml")
-    assert local.batch == options.batch
+    assert local.part(BatchOptions()) == options.part(BatchOptions())
     assert local.observer is not options.observer
     assert options.logs == given
     with pytest.raises(UsageError, match="takes a local path"):

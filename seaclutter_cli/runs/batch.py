@@ -247,7 +247,7 @@ def _outcome(work: Work[O], observer: Observer) -> O:
 
 def run_all(
     works: Sequence[Work[O]],
-    batch: BatchOptions,
+    options: BatchOptions,
     observer: Observer,
     in_order: Callable[[O], object] = lambda _: None,
     *,
@@ -264,12 +264,12 @@ def run_all(
     left = [number for number, outcome in enumerate(outcomes) if outcome is None]
     done: list[O | None] = [None] * len(left)
     try:
-        if batch.runs_here(len(works)):
+        if options.runs_here(len(works)):
             for k, number in enumerate(left):
                 done[k] = done_here = works[number].run(observer)
                 in_order(done_here)
         else:
-            _run_batch([works[number] for number in left], batch, observer, in_order, done)
+            _run_batch([works[number] for number in left], options, observer, in_order, done)
     finally:
         for number, outcome in zip(left, done, strict=True):
             outcomes[number] = outcome or works[number].without_result(NOT_PROCESSED)

@@ -77,7 +77,7 @@ def calibrate(options: CalibrateOptions) -> CalibrationResult:
             clutter += outcome.clutter
         outcome.clutter = None
 
-    outcomes = run_all(works, options.batch, raising(observer), add)  # thresholds are from all or none
+    outcomes = run_all(works, options, raising(observer), add)  # thresholds are from all or none
     used = [pair for pair in zip(works, outcomes, strict=True) if not pair[1].has_nothing]
     trade_off = _trade_off(used, clutter.calibration, observer) if options.choose or options.trade_off else None
     _check(outcomes, clutter)

@@ -67,7 +67,7 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     make = partial(EvaluateWork, tabulated=bool(options.frames_file), indicated=options.without_labels)
     works = [make(options.reading, *each, chosen) for each in pairs]
     earlier = None if options.without_labels else without_labels(works, observer)
-    outcomes = run_all(works, options.batch, observer, earlier=earlier)
+    outcomes = run_all(works, options, observer, earlier=earlier)
     comparison = Comparison(outcomes, chosen)
     rows = [one.rows for one in outcomes if one.rows and not one.error]
     files: Contents = {

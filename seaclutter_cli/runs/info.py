@@ -44,7 +44,7 @@ def info(options: InfoOptions) -> "InfoResult":
     observer = options.watching
     recordings = expand(options, observer, ahead=False)  # an excerpt may suffice
     works = [_InfoWork(options.reading, recording) for recording in recordings]
-    result = InfoResult(run_all(works, options.batch, observer))
+    result = InfoResult(run_all(works, options, observer))
     if result.failed and not any(content.error for content in result.outcomes):
         where = result.outcomes[0].recording if len(works) == 1 else count(len(works), "recording")
         options.observer.fail(InputError(f"{where}: no point clouds that can be read"))

@@ -60,7 +60,7 @@ def propose_labels(options: ProposeOptions) -> "ProposalResult":
     targets = _targets(options, expand(options, ahead=False))
     pairs = prepared(options, observer, [config], {"-o": targets})
     works = [ProposeWork(options.reading, *each, config) for each in pairs]
-    outcomes = [one for one in run_all(works, options.batch, observer) if isinstance(one, ProposedLabels)]
+    outcomes = [one for one in run_all(works, options, observer) if isinstance(one, ProposedLabels)]
     with OutputGroup(replace=options.force) as files:
         for work, target, outcome in zip(works, targets, outcomes, strict=True):
             if not outcome.error and not outcome.skipped:

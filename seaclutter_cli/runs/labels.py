@@ -47,7 +47,7 @@ def check_labels(options: LabelCheckOptions) -> "LabelCheckResult":
     observer = options.watching
     pairs = prepared(options, observer)
     works = [_LabelCheckWork(options.reading, *each) for each in pairs]
-    return LabelCheckResult(run_all(works, options.batch, observer, earlier=without_labels(works, observer)))
+    return LabelCheckResult(run_all(works, options, observer, earlier=without_labels(works, observer)))
 
 
 @dataclass(kw_only=True)

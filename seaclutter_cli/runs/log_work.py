@@ -174,7 +174,7 @@ class LogRun(Generic[W]):
         configs = [work.config for work in self.works[:1] if hasattr(work, "config")]
         self.inputs = inputs_of(recordings, options, configs)
         self.marker = OUTPUT_FORMATS[form].marker
-        self.is_alone = options.batch.runs_here(len(recordings))
+        self.is_alone = options.runs_here(len(recordings))
 
     def prepare(self, *, dry: bool = False) -> None:
         """Check the names of the outputs, and prepare their folders, unless ``dry``; see `prepare_outputs`."""
@@ -188,7 +188,7 @@ class LogRun(Generic[W]):
     def begin(self) -> list[W]:
         """Prepare the outputs; return the work on each recording, with its outcome of a run that is resumed."""
         self.prepare()
-        if not self.options.batch.resume:
+        if not self.options.resume:
             return self.works
         pairs = zip(self.works, earlier_outcomes(self.works, self.observer), strict=True)
         return [replace(work, complete=outcome) for work, outcome in pairs]
@@ -202,7 +202,7 @@ class LogRun(Generic[W]):
         """
         outcomes: list[Any] = [None if again else work.complete for work in works]
         try:
-            return run_all(works, self.options.batch, self.observer, in_order, earlier=outcomes)
+            return run_all(works, self.options, self.observer, in_order, earlier=outcomes)
         except KeyboardInterrupt:
             if None not in outcomes:  # it did not come before the first recording
                 self.list_outputs(outcomes)

@@ -50,7 +50,7 @@ def find_objects(options: ObjectsOptions) -> "ObjectsResult":
     check_objects_file(options.output)
     pairs = prepared(options, observer, [config])
     works = [ObjectsWork(options.reading, *each, config) for each in pairs]
-    result = ObjectsResult(run_all(works, options.batch, observer))
+    result = ObjectsResult(run_all(works, options, observer))
     files: Contents = {options.output: lambda it: write_objects(it.path, it.stream, result.lines())}
     write_files(files, replace=options.force, outcomes=result.outcomes, observer=observer)
     return result

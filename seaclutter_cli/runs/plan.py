@@ -91,7 +91,7 @@ def _planned(work: LogWork[Any, Any]) -> "Planned":
 
 def _look(work: LogWork[Any, Any], planned: "Planned") -> None:
     options, exists = work.options, os.path.lexists(work.output)
-    if exists and options.batch.resume:
+    if exists and options.resume:
         outcome, planned.reason = work.earlier()
         if outcome is not None:
             planned.skipped, planned.frames, planned.reason = True, outcome.frames, "the output is complete"

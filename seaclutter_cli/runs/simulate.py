@@ -204,7 +204,7 @@ def _simulate_seeds(options: SimulateOptions, seeds: Sequence[int]) -> "SeedsRes
     prepare_outputs(targets, {"SCENE": Path(scene)}, force=options.force, observer=options.observer)
     each = [replace(options, seeds=None, seed=seed) for seed in seeds]
     works = [_SimulateWork(Recording((log,)), one) for log, one in zip(logs, each, strict=True)]
-    return SeedsResult(run_all(works, options.batch, options.observer))
+    return SeedsResult(run_all(works, options, options.observer))
 
 
 @dataclass(kw_only=True)

@@ -65,7 +65,7 @@ def find_suspects(options: SuspectsOptions) -> "SuspectsResult":
     pictures = {"--pictures": folder / "suspect.png" if folder else None}
     pairs = prepared(options, observer, [config], pictures)
     works = [_SuspectsWork(options.reading, *pair, config, options) for pair in pairs]
-    result = SuspectsResult(run_all(works, options.batch, observer))
+    result = SuspectsResult(run_all(works, options, observer))
     files = {options.output: result.as_csv()}
     for number, outcome in enumerate(result.outcomes, 1):
         first = f"{number}-" if len(works) > 1 else ""

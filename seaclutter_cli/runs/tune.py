@@ -53,7 +53,7 @@ def tune(options: TuneOptions) -> "TuningResult":
     history = _ThresholdHistory(combinations, options.ring) if options.thresholds_file else None
     listeners = [history] if history else []
     works = [EvaluateWork(options.reading, *each, combinations, listeners, in_parts=True) for each in pairs]
-    batch = BatchOptions() if history else options.batch  # frames reach listeners in this process only
+    batch = BatchOptions() if history else options  # frames reach listeners in this process only
     outcomes = run_all(works, batch, observer, earlier=without_labels(works, observer))
     scores = _split_scores(outcomes, [one.name for one in combinations], options.hold_out)
     result = TuningResult(outcomes, options.sweeps, combinations, *scores)

@@ -65,7 +65,7 @@ def separate_tiles(options: SeparateTilesOptions) -> "SeparateResult":
     >>> [(tile.tile, tile.points) for tile in done.tiles]
     [('tile', 161374)]
     """
-    observer, batch, raw = options.observer, options.batch, options.loaded().as_dict()
+    observer, raw = options.observer, options.loaded().as_dict()
     given = {"land": options.land, "trust_classes": options.trust_classes}
     raw["separation"] |= {key: plain(value) for key, value in given.items() if value is not None}
     settings = parse_settings(raw, "options")
@@ -78,11 +78,11 @@ def separate_tiles(options: SeparateTilesOptions) -> "SeparateResult":
     several, pixel_m = len(heads) > 1, pixel_of(heads) if is_mapped else None
     tiled = zip(heads, targets, [options] * len(heads), margins, strict=True)
     works = [_SeparateWork(*each, settings, several=several, pixel_m=pixel_m) for each in tiled]
-    if unfit := [work.target for work in works if batch.resume and work.target.suffix.lower() not in LAS]:
+    if unfit := [work.target for work in works if options.resume and work.target.suffix.lower() not in LAS]:
         raise UsageError(f"{unfit[0]}: --resume needs LAS or LAZ outputs, which say which run wrote them")
     # The tiles are the main output: a single one appears after its maps.
     with OutputGroup(replace=options.replaces) as files, OutputGroup(files) as tiles:
-        earlier = earlier_outcomes(works, observer) if batch.resume else None
+        earlier = earlier_outcomes(works, observer) if options.resume else None
         outcomes = run_tiles(works, tiles, earlier)
         write_files(map_files(options, [one.map for one in outcomes if one.map], observer), files)
     write_manifest(options.manifest, [work.recording for work in works], outcomes, replace=options.replaces)
@@ -155,7 +155,7 @@ class _SeparateWork(TileWork["SeparatedTile"], RecordedWork["SeparatedTile"]):
         sea, never = (int(np.count_nonzero(found.classification == code)) for code in (WATER, NEVER))
         figures = {"points": tile.size, "sea": sea, "other": tile.size - sea - never, "sea_state": found.sea}
         texts = {_SEA_STATE: json.dumps(asdict(found.sea))} if self.settings.separation.follows_waves else {}
-        if self.several or self.options.batch.resume:
+        if self.several or self.options.resume:
             result = {**figures, "sea_state": asdict(found.sea)}
             texts[_RUN] = json.dumps({**self.identity().entries(), "result": result}, sort_keys=True)
             land = found.land.as_text()

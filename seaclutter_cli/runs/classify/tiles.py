@@ -176,12 +176,12 @@ def run_tiles(works: Sequence[TileWork[O]], files: OutputGroup, earlier: list[O 
 
     There are as many processes as the memory is enough for, unless a number is given.
     """
-    batch, observer = works[0].options.batch, works[0].options.observer
-    if not earlier and batch.runs_here(len(works)):
+    options, observer = works[0].options, works[0].options.observer
+    if not earlier and options.runs_here(len(works)):
         outcome, started = works[0].without_result(None), perf_counter()
         works[0].write(outcome, observer, files)
         outcome.seconds = perf_counter() - started
         return [outcome]
-    if batch.jobs is None and batch.cluster is None:
-        batch = replace(batch, jobs=default_jobs(len(works), _MEMORY_PER_TILE))
-    return run_all(works, batch, observer, earlier=earlier)
+    if options.jobs is None and options.cluster is None:
+        options = replace(options, jobs=default_jobs(len(works), _MEMORY_PER_TILE))
+    return run_all(works, options, observer, earlier=earlier)

@@ -211,11 +211,6 @@ class BatchOptions(Options):
         "--cluster-insecure", "Allow a cluster without encryption, tcp://HOST:PORT.", default=False
     )
 
-    @property
-    def batch(self) -> BatchOptions:
-        """These options alone."""
-        return self.part(BatchOptions())
-
     def runs_here(self, recordings: int) -> bool:
         """Return whether the work is on a single recording, in this process."""
         return recordings == 1 and self.cluster is None
