@@ -157,16 +157,12 @@ class EvaluateWork(RecordingWork[Evaluated]):
         """Filter the recording with every method, and score each frame."""
         outcome.rows = tables.FrameRows(self.recording.name) if self.tabulated else None
         selection = studied(source, self.reading.selection)
-        by = filtered_by(source, selection.topics)
-        clouds = cloud_channels(source, selection.topics)
+        clouds, by = cloud_channels(source, selection.topics), filtered_by(source, selection.topics)
         for other in set(main_topics(source)) - {clouds[0].topic} if selection != self.reading.selection else ():
             if removed_topic(source, other):
                 observer.note(f"{source.name}: raw clouds are evaluated; what an earlier run left of them: -t {other}")
         topic = clouds[0].topic
-        removed = None if by is None else removed_topic(source, topic)
-        if by is not None:
-            is_whole = not lacks_points(source, topic)
-            self._check_filtered(f"{source.name}: already filtered{by}", observer, removed, is_whole=is_whole)
+        removed = None if by is None else self._removed(source, topic, by, observer)
         methods = ", ".join(variant.name for variant in self.variants)
         observer.note(f"{source.name}: {source.format}, {methods} on {printable(topic)}", detail=True)
         filters = [variant.config.make_filter() for variant in self.variants]
@@ -181,9 +177,10 @@ class EvaluateWork(RecordingWork[Evaluated]):
         frames = self._finished(stepped, source, labels, outcome, observer)
         warn_once(observer, outcome, self.scored(frames, labels, outcome, checks))
 
-    def _check_filtered(self, text: str, observer: Observer, removed: str | None, *, is_whole: bool) -> None:
-        """Raise `InputError` if nobody knows what an earlier run lost; say it if this run filters again."""
-        if self.labels and not is_whole:
+    def _removed(self, source: Source, topic: str, by: str, observer: Observer) -> str | None:
+        """Return the topic of what an earlier run removed; `InputError` if that is lost. Warn of a second filter."""
+        text, removed = f"{source.name}: already filtered{by}", removed_topic(source, topic)
+        if self.labels and lacks_points(source, topic):
             remedy = "evaluate the raw log, or one that was filtered with --with-removed"
             raise InputError(f"{text}, without the removed points, so missed targets cannot be counted; {remedy}")
         if self.labels and removed and self.labels.is_by_order:
@@ -191,6 +188,7 @@ class EvaluateWork(RecordingWork[Evaluated]):
         if any(variant.config.method != "none" for variant in self.variants):
             also = "; what the earlier one removed is counted, too" if removed else ""
             observer.warn(f"{text}; this run only filters the remaining points{also}")
+        return removed
 
     def _finished(
         self, every: Iterable[Filtered], source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer
