@@ -12,7 +12,7 @@ from seaclutter_cli.filters.zones import ZoneParams, Zones
 from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages.pointcloud2 import rewrapped
-from seaclutter_cli.pipeline import Filtered, TopicTally
+from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import SensorFacts
 from seaclutter_cli.reporting.palette import reason_names
 from seaclutter_cli.runs.observer import Observer
@@ -385,14 +385,6 @@ class FitChecks(Checks):
             return f"; the stamps of {frames} step back or by more than 5 s, and objects are followed anew from there"
         seconds = abs(self._last_ns - self._first_ns) / 1e9
         return f"; the frames span only {seconds:.1f} s" if seconds < _ENOUGH_S else ""
-
-    def checked(self, every: Iterable[Filtered]) -> Iterator[Filtered]:
-        """Yield frames with the result of one method, and check them."""
-        for frame, results, seconds in every:
-            for result in filter(None, results):
-                self.see(result)
-            yield frame, results, seconds
-        self.end()
 
     def _warn(self, texts: Iterable[str]) -> None:
         for text in texts:

@@ -145,14 +145,18 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
         outcome.topic, outcome.method = clouds[0].topic, config.method if config else ", ".join(earlier)
         outcome.shown, finder = options.shown, finder_for(self.config)
         every = _filtered(source, config, selection, removed)
+        checks = FitChecks(config, source, outcome.topic, observer) if config else None
         if config:
             warn_if_filtered(source, [outcome.topic], config, observer)
-            every = FitChecks(config, source, outcome.topic, observer).checked(every)
         for frame, (result,), _ in self.stepped(every, source, observer, clouds):
+            if checks and result:
+                checks.see(result)
             if outcome.start_ns is None:
                 outcome.start_ns = frame.stamp_ns
             outcome.frames += result is not None
             finder.add(frame, [result])
+        if checks:
+            checks.end()
         outcome.suspects, outcome.unjudged = finder.finish(), finder.unjudged
         wanted = _chosen(outcome.suspects, options.shown) if options.picture_folder else {}
         if wanted:  # in a second pass, because suspects are known at the end
