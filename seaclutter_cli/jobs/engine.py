@@ -58,10 +58,9 @@ def answer(task: Task[Any], report: Report) -> bytes:
         return pickle.dumps((DONE, task(report)))
     except (BrokenPipeError, ConnectionResetError):
         raise
-    except SeaclutterError as error:
-        return pickle.dumps((ERROR, error))
     except Exception as error:  # noqa: BLE001 - raised again in the first process
-        error.add_note(traceback.format_exc())
+        if not isinstance(error, SeaclutterError):
+            error.add_note(traceback.format_exc())
         return pickle.dumps((ERROR, error))
 
 
