@@ -19,14 +19,7 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import WritingLogs
 from seaclutter_cli.runs.outputs import Paths, inputs_of, is_folder, outputs_in, prepare_outputs, write_manifest
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, assign_labels, expand, require_frames, statuses
-from seaclutter_cli.runs.resume import (
-    RecordedWork,
-    earlier_outcomes,
-    from_entries,
-    metadata_in,
-    same_output_accepted,
-    to_entries,
-)
+from seaclutter_cli.runs.resume import RecordedWork, earlier_outcomes, from_entries, metadata_in, same_output_accepted
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options, format_of, format_of_suffix
@@ -148,7 +141,7 @@ class LogWork(RecordingWork[L], RecordedWork[L], Generic[L, O]):
 
     def record(self, source: Source, outcome: L) -> Metadata:
         """Return the metadata record of the run."""
-        return Metadata(RUN, to_entries(self.identity(), outcome.topics, source.damage))
+        return Metadata(RUN, self.identity().record(outcome.topics, source.damage))
 
 
 W = TypeVar("W", bound=LogWork[Any, Any])

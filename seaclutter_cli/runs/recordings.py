@@ -22,14 +22,7 @@ from seaclutter_cli.runs.observer import SILENT, Observer
 from seaclutter_cli.runs.options import Decoding, LabelSources, OfLabelledLogs, OfLogs, ReadOptions
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sensors.packets import CALIBRATION_SUFFIXES, DecoderOptions
-from seaclutter_cli.sources.recordings import (
-    Recording,
-    Search,
-    find_recordings,
-    has_metadata_beside,
-    metadata_beside,
-    require_one,
-)
+from seaclutter_cli.sources.recordings import Recording, Search, find_recordings, has_metadata_beside, metadata_beside
 from seaclutter_cli.sources.shared.integration import Integrated
 from seaclutter_cli.text import count, duration, listed, printable
 
@@ -331,7 +324,7 @@ def open_recording(recording: Recording, reading: Decoding) -> Source:
     if mirror_of(recording.paths[0]):
         fetch(*_files_of(recording))
         if getattr(reading, "join", None) is None:  # what is joined by its names
-            require_one(recording.paths)
+            recording.require_one()
     decoding = DecoderOptions(reading.calibration, reading.sensor)
     source = recording.open(rate_hz=reading.rate_hz, columns=reading.columns, decoding=decoding)
     topics = getattr(reading, "topics", ())

@@ -83,6 +83,18 @@ class RunIdentity:
         """Return the parts of a record; the last two only if there is something, as in earlier versions."""
         return {name: text for name, text in vars(self).items() if text or name not in ("method", "plugins")}
 
+    def record(self, topics: Mapping[str, TopicTally], damage: Iterable[Damage]) -> dict[str, str]:
+        """Return the entries of a record, with the outcome of the run."""
+        outcome = {
+            "topics": {topic: _tally_as_json(tally) for topic, tally in topics.items()},
+            "damage": [{**asdict(item), "path": item.path.name} for item in damage],
+        }
+
+        def as_json(value: Any) -> Any:
+            return value.tolist() if isinstance(value, np.ndarray) else vars(value)
+
+        return {**self.entries(), "outcome": json.dumps(outcome, sort_keys=True, default=as_json)}
+
 
 def identity_of(work: RecordingWork[Any], written: McapOptions, config: "Config | None", **others: Any) -> RunIdentity:
     """Return what the output of work on a recording depends on; ``others`` are options."""
@@ -260,19 +272,6 @@ def _changed_after(paths: Iterable[Path], output: Path) -> bool:
 def digest_of(value: Any) -> str:
     """Return a digest of JSON-compatible data; other values count by their text."""
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
-
-
-def to_entries(identity: RunIdentity, topics: Mapping[str, TopicTally], damage: Iterable[Damage]) -> dict[str, str]:
-    """Return the entries of the metadata record of a run."""
-    outcome = {
-        "topics": {topic: _tally_as_json(tally) for topic, tally in topics.items()},
-        "damage": [{**asdict(item), "path": item.path.name} for item in damage],
-    }
-
-    def as_json(value: Any) -> Any:
-        return value.tolist() if isinstance(value, np.ndarray) else vars(value)
-
-    return {**identity.entries(), "outcome": json.dumps(outcome, sort_keys=True, default=as_json)}
 
 
 def from_entries(entries: Mapping[str, str], paths: Iterable[Path]) -> tuple[dict[str, TopicTally], list[Damage]]:

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -73,12 +73,11 @@ class Recording:
             return wrap_packets(SplitSource(self.paths, partial(open_file, decoding=decoding)), decoding)
         return open_source(self.paths[0], rate_hz=rate_hz, columns=columns, decoding=decoding)
 
-
-def require_one(files: Sequence[Path]) -> None:
-    """Raise `InputError` if files that are joined by their names are not one recording."""
-    lines: list[str] = []
-    if len(files) > 1 and len(joined(files, open_file, lines.append)) > 1:
-        raise InputError(f"{lines[-1]}; --no-join reads them one by one")
+    def require_one(self) -> None:
+        """Raise `InputError` if the files, which are joined by their names, are not one recording."""
+        lines: list[str] = []
+        if len(self.paths) > 1 and len(joined(self.paths, open_file, lines.append)) > 1:
+            raise InputError(f"{lines[-1]}; --no-join reads them one by one")
 
 
 def has_metadata_beside(name: str) -> bool:
