@@ -3,7 +3,7 @@
 import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -134,19 +134,13 @@ class RecordingWork(Work[O]):
     def study(self, source: Source, labels: Labels | None, outcome: O, observer: Observer) -> None:
         """Read the recording, and store what is found in the outcome."""
 
-    def progress(
-        self, source: Source, observer: Observer, clouds: Sequence[Channel] | None = None
-    ) -> AbstractContextManager[Step]:
-        """Show the progress over the selected frames, by default of the selected clouds; yield the function to call."""
-        selection = self.reading.selection
-        clouds = cloud_channels(source, selection.topics) if clouds is None else clouds
-        return observer.progress(source.name, expected_frames(source, clouds, selection))
-
     def stepped(
         self, every: Iterable[T], source: Source, observer: Observer, clouds: Sequence[Channel] | None = None
     ) -> Iterator[T]:
-        """Yield what a source gives, a frame or its result, with progress as `progress` shows it."""
-        with self.progress(source, observer, clouds) as step:
+        """Yield what a source gives, frames or results, with progress over those of clouds, by default the selected."""
+        selection = self.reading.selection
+        clouds = cloud_channels(source, selection.topics) if clouds is None else clouds
+        with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
             for one in every:
                 yield one
                 step()

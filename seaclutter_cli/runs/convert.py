@@ -14,6 +14,7 @@ from seaclutter_cli.records import Channel
 from seaclutter_cli.runs.log_work import LogOutcome, LogRun, LogSummary, LogWork
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ConvertOptions
+from seaclutter_cli.runs.recordings import expected_frames
 from seaclutter_cli.runs.resume import RunIdentity, identity_of
 from seaclutter_cli.selection import Selection, cloud_channels
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
@@ -77,7 +78,7 @@ class ConvertWork(LogWork["ConvertOutcome", ConvertOptions]):
         """Copy the records, and count the frames."""
         clouds = self.clouds(source)
         outcome.topics |= {channel.topic: TopicTally() for channel in clouds}
-        with self.progress(source, observer, clouds) as step:
+        with observer.progress(source.name, expected_frames(source, clouds, selection)) as step:
             sink.begin(source, clouds)
             for item, frame in read(source, clouds, selection, with_latched=True):
                 if frame is None:
