@@ -1,6 +1,6 @@
 """Files that workers on other machines must see under the same paths."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -31,7 +31,7 @@ def shared_files(reads: Iterable[Path], writes: Iterable[Path]) -> Iterator[Task
     samples = [(path, _size(path)) for path in list(read.values())[:_MAX_FOLDERS]]
     with ExitStack() as stack:
         marks = [stack.enter_context(_marked(folder, names)) for folder in written]
-        yield partial(_check, samples, marks, names)
+        yield partial(_check, partial(_problems, samples, marks, names))
 
 
 @contextmanager
@@ -50,17 +50,11 @@ def _marked(folder: Path, names: frozenset[str]) -> Iterator[Path]:
             folder.rmdir()  # only if it is empty
 
 
-def _check(
-    samples: Sequence[tuple[Path, int | None]], marks: Sequence[Path], names: frozenset[str], report: Report
-) -> str | None:
-    """Return why a worker cannot use the files of a run; None if it can. Network file systems show new ones late.
-
-    ``samples`` are a file of each folder that is read with its size in bytes, or a folder; ``marks`` are files in
-    folders where files of some names are written.
-    """
+def _check(problems: Callable[[], Iterator[str]], report: Report) -> str | None:
+    """Return why a worker cannot use the files of a run; None if it can. Network file systems show new ones late."""
     for _ in range(_ATTEMPTS):
         report(0.0)
-        if not (reason := next(_problems(samples, marks, names), None)):
+        if not (reason := next(problems(), None)):
             break
         sleep(_PAUSE_S)
     return reason
@@ -69,6 +63,10 @@ def _check(
 def _problems(
     samples: Sequence[tuple[Path, int | None]], marks: Sequence[Path], names: frozenset[str]
 ) -> Iterator[str]:
+    """Yield the problems with a file of each folder that is read, and its size in bytes, or a folder; and with marks.
+
+    The latter are files in folders where files of some names are written.
+    """
     for path, size in samples:
         if _size(path) != size or not path.exists():
             seen = "sees another file under" if path.exists() else "cannot see"
