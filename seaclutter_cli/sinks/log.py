@@ -44,22 +44,20 @@ _Output = tuple[int, Callable[[FilterResult], Buffer]]
 
 
 class LogSink(ExitStack, Sink):
-    """Sink that writes a recording to a log; with ``as_is``, frames are written with `keep`, and nothing is added."""
+    """Sink that writes a recording to a log; if it is written as it is, frames are passed to `keep`."""
 
     def __init__(
         self,
         path: Path,
         options: McapOptions,
         group: OutputGroup | None = None,
-        *,
         output: Callable[..., LogOutput] = McapOutput,
-        as_is: bool = False,
     ) -> None:
         super().__init__()
         self._output = output(path, group, split=options.split is not None)
         self.push(self._output)
         self.push(self._abort)
-        self._options, self._as_is = options, as_is
+        self._options = options
         self._layout = WATER if options.water else PLAIN
         self._parts = Parts(options.split)
         self._writers: list[LogWriter] = []  # of the first part, which is completed last, and of the current one
@@ -98,12 +96,12 @@ class LogSink(ExitStack, Sink):
                 self._declare(channel)
         several = len({channel.topic for channel in clouds}) > 1
         before = recorded_topics(source.metadata)
-        self._topics |= before if self._as_is else {}
+        self._topics |= before if self._options.as_is else {}
         for channel in clouds:
             earlier = before.get(channel.topic, RecordedTopic(RAW, channel.topic))
             methods, is_part = (*earlier.methods, self._options.method), self._options.is_part or earlier.is_part
             known = RecordedTopic(RAW, channel.topic, methods, is_part=is_part)
-            if self._as_is:
+            if self._options.as_is:
                 self._topics[channel.topic] = replace(earlier, is_part=is_part)
             else:
                 self._outputs[channel] = self._add_outputs(channel, taken, known, several=several)
@@ -157,7 +155,7 @@ class LogSink(ExitStack, Sink):
         writer = self._output.part(next(self._numbers), self._source, self._options.compression)
         self._writers = [*self._writers[:1], writer]
         self._first_frames = dict(self._next_frames)
-        if not self._as_is:
+        if not self._options.as_is:
             writer.add_metadata(Metadata("seaclutter", {"version": __version__, "config": self._options.config}))
 
     def _end_part(self) -> None:

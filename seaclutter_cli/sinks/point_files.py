@@ -36,6 +36,8 @@ _LAS_POINT_BYTES, _LAS_DIMENSIONS = 2**16 - 1, (2**16 - 1) // 192
 NO_COORDINATES, TOO_FAR, NAMES = "without coordinates", "too far away", "full names of fields"
 Lost = Counter[str]
 """Number of points that a file cannot contain, by the reason; `NAMES` if names of fields had to be changed."""
+FrameWriter = Callable[[BinaryIO, Cloud], Lost | None]
+"""Function that writes a cloud to a file, and returns what that cannot contain."""
 _ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 
 
@@ -250,7 +252,7 @@ def _words(names: Iterable[str]) -> list[str]:
     return list(words)[1:]
 
 
-FRAME_WRITERS: Mapping[str, Callable[[BinaryIO, Cloud], Lost]] = {
+FRAME_WRITERS: Mapping[str, FrameWriter] = {
     "pcd": _write_pcd,
     "las": partial(_write_las, packed=False),
     "laz": partial(_write_las, packed=True),
@@ -258,7 +260,7 @@ FRAME_WRITERS: Mapping[str, Callable[[BinaryIO, Cloud], Lost]] = {
 }
 """Writers of frames by the name of the format; they return what a file cannot contain."""
 
-POINT_WRITERS: Mapping[str, Callable[[BinaryIO, Cloud], Lost]] = {
+POINT_WRITERS: Mapping[str, FrameWriter] = {
     ".pcd": _write_pcd,
     ".ply": _write_ply,
     ".mcap": _write_mcap,
