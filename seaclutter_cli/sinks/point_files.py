@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Floats
-from seaclutter_cli.cloud import Cloud, from_array
+from seaclutter_cli.cloud import Cloud, free_name, from_array
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
@@ -154,7 +154,7 @@ def _write_las(stream: BinaryIO, cloud: Cloud, *, packed: bool) -> Lost:
     header.creation_date = datetime.fromtimestamp(max(cloud.stamp_ns, 0) // 10**9, UTC).date()
     header.generating_software = "seaclutter"
     header.global_encoding.wkt = True  # LAS 1.4 requires it from point format 6, also without a reference system
-    header.scales, header.offsets = _grid(xyz)
+    header.scales, header.offsets = np.full(3, _LAS_SCALE), _offsets(xyz)
     columns, shortened = _las_columns(laspy, header, points)
     lost += Lost({NAMES: int(shortened)})
     las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(points), header=header))
@@ -176,12 +176,12 @@ def _require_room(cloud: Cloud) -> None:
         )
 
 
-def _grid(xyz: Floats) -> tuple[Floats, Floats]:
-    """Return scales, and offsets with which all coordinates fit into 32 bits: zero where possible."""
+def _offsets(xyz: Floats) -> Floats:
+    """Return offsets with which all coordinates fit into 32 bits: zero where possible."""
     if not xyz.size:
-        return np.full(3, _LAS_SCALE), np.zeros(3)
+        return np.zeros(3)
     is_far = np.abs(xyz).max(axis=1) > _LAS_SCALE * 2**30
-    return np.full(3, _LAS_SCALE), np.where(is_far, np.floor((xyz.min(axis=1) + xyz.max(axis=1)) / 2), 0.0)
+    return np.where(is_far, np.floor((xyz.min(axis=1) + xyz.max(axis=1)) / 2), 0.0)
 
 
 def _las_columns(laspy: Any, header: Any, points: NDArray[Any]) -> tuple[dict[str, NDArray[Any]], bool]:
@@ -245,10 +245,7 @@ def _words(names: Iterable[str]) -> list[str]:
     """Return names as distinct words; a single underscore is padding in PCD files."""
     words = {"_": None}
     for name in names:
-        word = "".join("_" if c.isspace() else c for c in name)
-        while word in words:
-            word += "_"
-        words[word] = None
+        words[free_name("".join("_" if c.isspace() else c for c in name), words)] = None
     return list(words)[1:]
 
 
