@@ -130,13 +130,8 @@ class MirrorScan:
         """Return the positions of the motor in blocks."""
         return np.asarray(blocks["azimuth"].astype(np.int64) * _FINE + blocks["fine"])
 
-    def count(
-        self,
-        positions: Ints,
-        times_ns: Ints,
-        rpm: Ints,  # noqa: ARG002 - the mirrors have one speed
-    ) -> Ints:
-        """Return the field of each firing and channel, as `RotorScan.count`."""
+    def count(self, positions: Ints, times_ns: Ints, _rpm: Ints) -> Ints:
+        """Return the field of each firing and channel, as `RotorScan.count`; the mirrors have one speed."""
         if self._first < 0:
             self._first = self._position = int(positions[0, 0])
             self._time_ns = int(times_ns[0, 0])
