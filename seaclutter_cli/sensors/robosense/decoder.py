@@ -91,7 +91,6 @@ class Geometry:
         share = (channel_ns / device.step_ns).astype(np.float32)
         rotation = np.arange(max(BLIND, device.step) + 1, dtype=np.float32)[:, None] * share
         self._rotation = rotation.astype(np.int64)
-        self._reversed = device.reversed
         forward, up = np.array(model.lens_m, np.float32)
         self._directions = _directions()
         self._lens = self._directions * forward
@@ -114,7 +113,7 @@ class Geometry:
         positions = self._directions.take(azimuth + self._horizontal, mode="clip")
         positions *= range_m * self._cos
         positions += self._lens.take(azimuth, mode="clip")
-        points["xy"] = positions.conj() if self._reversed else positions
+        points["xy"] = positions.conj() if self._device.reversed else positions
         points["z"] = range_m * self._sin + self._up
         points["intensity"] = intensity
         points["ring"] = self._rings
@@ -217,7 +216,6 @@ class RoboSenseDecoder:
     def __init__(self, device: Device, angles: Angles, warnings: list[str], sample: Packets) -> None:
         self._device = device
         self._geometry = Geometry(device, angles)
-        self._is_utc = device.model.format.is_utc
         self._clock, self._losses = SensorClock(), LossCounter()
         self._parts: list[Rows] = []
         self._azimuth = -1
@@ -225,7 +223,7 @@ class RoboSenseDecoder:
         self._is_first = True
         self.facts = SensorFacts(device.model.name, dict(device.details), warnings=warnings)
         packets = data_packets(device.model, sample.payloads)
-        header_ns = header_times(packets, is_utc=self._is_utc)
+        header_ns = header_times(packets)
         wrong = bool(((abs(header_ns - sample.times_ns) > DAY_NS) & (sample.times_ns > 0)).mean() > 0.5)
         raw, big_endian = packets["temperature"][0].tolist(), device.model.format.temperature_big_endian
         temperature = temperature_degc(*raw, big_endian=big_endian)
@@ -240,7 +238,7 @@ class RoboSenseDecoder:
         is_data = self._are_data(packets)
         if not is_data.any():
             return np.full(len(packets), -1)
-        times_ns = header_times(data_packets(self._device.model, packets.payloads), is_utc=self._is_utc)
+        times_ns = header_times(data_packets(self._device.model, packets.payloads))
         return np.where(is_data, times_ns, -1)
 
     def _are_data(self, packets: Packets) -> Mask:
@@ -289,7 +287,7 @@ class RoboSenseDecoder:
         revolution = np.cumsum(np.diff(used, prepend=self._azimuth) < 0, dtype=np.int64)
         second = second_returns(azimuth, self._device, self._azimuth)
         step, after_ns = steps(azimuth, second, self._device)
-        header_ns = header_times(packets, is_utc=self._is_utc)
+        header_ns = header_times(packets)
         times_ns = header_ns + self._clock.shifts(header_ns, record_ns - self._device.model.packet_ns)
         self._count_lost(header_ns, azimuth)
         self._azimuth = int(used[-1])
