@@ -94,7 +94,6 @@ class LogSink(ExitStack, Sink):
         for channel in source.channels:
             if self._takes(channel):
                 self._declare(channel)
-        several = len({channel.topic for channel in clouds}) > 1
         before = recorded_topics(source.metadata)
         self._topics |= before if self._options.as_is else {}
         for channel in clouds:
@@ -104,7 +103,7 @@ class LogSink(ExitStack, Sink):
             if self._options.as_is:
                 self._topics[channel.topic] = replace(earlier, is_part=is_part)
             else:
-                self._outputs[channel] = self._add_outputs(channel, taken, known, several=several)
+                self._outputs[channel] = self._add_outputs(channel, taken, known)
 
     def copy(self, record: Record) -> None:
         """Write a record unchanged."""
@@ -181,7 +180,7 @@ class LogSink(ExitStack, Sink):
         self._next_frames[frame.topic] = frame.index + 1
         return message
 
-    def _add_outputs(self, channel: Channel, taken: set[str], known: RecordedTopic, *, several: bool) -> list[_Output]:
+    def _add_outputs(self, channel: Channel, taken: set[str], known: RecordedTopic) -> list[_Output]:
         codec, options, layout = find_codec(channel), self._options, self._layout
         if codec is None:
             raise UsageError(f"topic {channel.topic} contains no point clouds")
@@ -196,7 +195,7 @@ class LogSink(ExitStack, Sink):
             removed = self._add(points, "/removed", taken, replace(known, content=REMOVED))
             outputs.append((removed, partial(_removed_message, find_codec(points) or codec)))
         if options.diagnostics:
-            name = DIAGNOSTICS_TOPIC + channel.topic * several
+            name = DIAGNOSTICS_TOPIC + channel.topic * (len(self._selected) > 1)
             encoding, schema, serialise = diagnostics_format(text, layout)
             number, name = self._shared_channel(Channel(_NEW, name, encoding, schema), taken)
             self._topics[name] = replace(known, content=DIAGNOSTICS)
