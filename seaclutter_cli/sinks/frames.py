@@ -12,15 +12,8 @@ from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Sink, Source
-from seaclutter_cli.messages.metadata import (
-    FILTERED,
-    RAW,
-    SIDECAR,
-    RecordedTopic,
-    recorded_topics,
-    to_metadata,
-    to_text,
-)
+from seaclutter_cli.messages import metadata
+from seaclutter_cli.messages.metadata import SIDECAR, RecordedTopic, recorded_topics, to_metadata, to_text
 from seaclutter_cli.records import Attachment, Channel, Metadata, Record
 from seaclutter_cli.sinks.atomic import AtomicFile, AtomicFolder, OutputGroup
 from seaclutter_cli.sinks.log import filtered_cloud, message_of
@@ -79,9 +72,9 @@ class FrameSink(ExitStack, Sink):
         if len(topics) > 1:
             choices = " or ".join(f"-t {topic}" for topic in topics)
             raise UsageError(f"{source.name}: files of frames are of one topic; choose one: {choices}")
-        known = recorded_topics(source.metadata).get(topics[0], RecordedTopic(RAW, topics[0]))
+        known = recorded_topics(source.metadata).get(topics[0], RecordedTopic(metadata.RAW, topics[0]))
         methods = known.methods if self._options.as_is else (*known.methods, self._options.method)
-        content = known.content if self._options.as_is else FILTERED
+        content = known.content if self._options.as_is else metadata.FILTERED
         is_part = self._options.is_part or known.is_part
         self._known = RecordedTopic(content, TOPIC, methods, is_part=is_part)
         if not self._options.as_is:

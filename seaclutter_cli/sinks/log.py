@@ -13,19 +13,11 @@ from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import CloudCodec, Sink, Source
-from seaclutter_cli.messages import find_codec, has_fixed_fields
+from seaclutter_cli.messages import find_codec, has_fixed_fields, metadata
 from seaclutter_cli.messages.definitions import points_channel
 from seaclutter_cli.messages.diagnostics import PLAIN, WATER, Diagnostics, diagnostics_format
 from seaclutter_cli.messages.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
-from seaclutter_cli.messages.metadata import (
-    DIAGNOSTICS,
-    FILTERED,
-    RAW,
-    REMOVED,
-    RecordedTopic,
-    recorded_topics,
-    to_metadata,
-)
+from seaclutter_cli.messages.metadata import RecordedTopic, recorded_topics, to_metadata
 from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata, Record
 from seaclutter_cli.registry import imported
 from seaclutter_cli.sinks.atomic import OutputGroup
@@ -97,9 +89,9 @@ class LogSink(ExitStack, Sink):
         before = recorded_topics(source.metadata)
         self._topics |= before if self._options.as_is else {}
         for channel in clouds:
-            earlier = before.get(channel.topic, RecordedTopic(RAW, channel.topic))
+            earlier = before.get(channel.topic, RecordedTopic(metadata.RAW, channel.topic))
             methods, is_part = (*earlier.methods, self._options.method), self._options.is_part or earlier.is_part
-            known = RecordedTopic(RAW, channel.topic, methods, is_part=is_part)
+            known = RecordedTopic(metadata.RAW, channel.topic, methods, is_part=is_part)
             if self._options.as_is:
                 self._topics[channel.topic] = replace(earlier, is_part=is_part)
             else:
@@ -186,19 +178,19 @@ class LogSink(ExitStack, Sink):
             raise UsageError(f"topic {channel.topic} contains no point clouds")
         text = self._output.encoding or channel.message_encoding
         filtered = self._channels[channel]
-        self._topics[channel.topic] = known if options.keep_raw else replace(known, content=FILTERED)
+        self._topics[channel.topic] = known if options.keep_raw else replace(known, content=metadata.FILTERED)
         if options.keep_raw:
-            filtered = self._add(channel, "/filtered", taken, replace(known, content=FILTERED))
+            filtered = self._add(channel, "/filtered", taken, replace(known, content=metadata.FILTERED))
         outputs: list[_Output] = [(filtered, partial(_filtered_message, codec, options))]
         if options.with_removed:
             points = points_channel(channel) if has_fixed_fields(channel) else channel
-            removed = self._add(points, "/removed", taken, replace(known, content=REMOVED))
+            removed = self._add(points, "/removed", taken, replace(known, content=metadata.REMOVED))
             outputs.append((removed, partial(_removed_message, find_codec(points) or codec)))
         if options.diagnostics:
             name = DIAGNOSTICS_TOPIC + channel.topic * (len(self._selected) > 1)
             encoding, schema, serialise = diagnostics_format(text, layout)
             number, name = self._shared_channel(Channel(_NEW, name, encoding, schema), taken)
-            self._topics[name] = replace(known, content=DIAGNOSTICS)
+            self._topics[name] = replace(known, content=metadata.DIAGNOSTICS)
             outputs.append((number, lambda result: serialise(Diagnostics.of(result).content(layout))))
         if options.scene or options.objects:
             from seaclutter_cli.messages import scene as boxes  # most runs write none
