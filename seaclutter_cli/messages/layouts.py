@@ -7,7 +7,7 @@ used: they are Python code made from definitions, and nothing in a log should be
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 
 from seaclutter_cli.errors import SeaclutterError
-from seaclutter_cli.messages.definitions import full_name, ros2_types
+from seaclutter_cli.messages.definitions import full_name, typestore
 from seaclutter_cli.messages.serialisation import Reader, Ros, Writer
 from seaclutter_cli.records import Buffer, Schema
 
@@ -202,10 +202,9 @@ def _change(source: _Node, target: _Node) -> tuple[Change, list[str]] | None:
     return None
 
 
-@cache
 def known_types(ros: Ros) -> Types:
     """Return the types of the last release of ROS 1 or of ROS 2."""
-    types: Types = ros2_types() if ros == 2 else get_typestore(Stores.ROS1_NOETIC).fielddefs
+    types: Types = typestore(ros).fielddefs
     return types
 
 
