@@ -18,7 +18,6 @@ from seaclutter_cli.records import Message, Schema
 
 TOPIC = "/seaclutter/diagnostics"
 
-_PACKAGE = "seaclutter_msgs/msg/"
 _REASONS = tuple(reason.name.lower() for reason in Reason if reason)
 _ARRAYS = {
     "thresholds": "float64",
@@ -40,7 +39,7 @@ class Layout:
     @property
     def type(self) -> str:
         """ROS name of the message type."""
-        return _PACKAGE + self.name
+        return f"seaclutter_msgs/msg/{self.name}"
 
 
 _SIZES = ("frame", "points_in", "points_out")

@@ -27,7 +27,6 @@ from seaclutter_cli.text import count
 _TYPE = "sensor_msgs/msg/PointCloud2"
 _PLY = {"i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint", "f4": "float"}
 _PLY_NAMES = {**_PLY, "f8": "double"}
-_PCD_KINDS = {"i": "I", "u": "U", "f": "F"}
 _PACKED = ("X", "Y", "Z")
 """Dimensions of LAS with the whole numbers of the coordinates."""
 _LAS_SCALE, _LAS_STEPS, _LAS_NAME_BYTES = 1e-4, 4e9, 32
@@ -61,7 +60,7 @@ def _write_pcd(stream: BinaryIO, cloud: Cloud) -> Lost:
     rows = {
         "FIELDS": names,
         "SIZE": [field.type[1] for field in packed.fields],
-        "TYPE": [_PCD_KINDS[field.type[0]] for field in packed.fields],
+        "TYPE": [field.type[0].upper() for field in packed.fields],
         "COUNT": [str(max(field.count, 1)) for field in packed.fields],
     }
     lines = ["# .PCD v0.7 - Point Cloud Data file format", "VERSION 0.7"]
