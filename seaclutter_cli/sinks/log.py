@@ -1,6 +1,5 @@
 """A recording as a log: filtered, a drop-in replacement for the input, or as it is."""
 
-import itertools
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -53,7 +52,6 @@ class LogSink(ExitStack, Sink):
         self._layout = WATER if options.water else PLAIN
         self._parts = Parts(options.split)
         self._writers: list[LogWriter] = []  # of the first part, which is completed last, and of the current one
-        self._numbers = itertools.count()
         self._channels: dict[Channel, int] = {}
         self._declared: dict[int, Channel] = {}
         self._joined: dict[tuple[str, str], int] = {}
@@ -143,7 +141,7 @@ class LogSink(ExitStack, Sink):
                 self._add_channel(replace(channel, id=number))
 
     def _begin_part(self) -> None:
-        writer = self._output.part(next(self._numbers), self._source, self._options.compression)
+        writer = self._output.part(self._source, self._options.compression)
         self._writers = [*self._writers[:1], writer]
         self._first_frames = dict(self._next_frames)
         if not self._options.as_is:

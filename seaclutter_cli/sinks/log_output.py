@@ -167,8 +167,8 @@ class LogOutput(AbstractContextManager["LogOutput"], ABC):
     """Whether the publishers of a topic become one channel."""
 
     @abstractmethod
-    def part(self, number: int, source: Source, compression: str | None) -> LogWriter:
-        """Return the writer of a part, which begins; parts before, but the first, must be finished."""
+    def part(self, source: Source, compression: str | None) -> LogWriter:
+        """Return the writer of the next part, which begins; parts before, but the first, must be finished."""
 
 
 class LogFiles(ExitStack, LogOutput):
@@ -176,22 +176,22 @@ class LogFiles(ExitStack, LogOutput):
 
     def __init__(self, path: Path, group: OutputGroup | None = None, *, split: bool = False) -> None:
         super().__init__()
-        self._path, self._split, self._number = path, split, 0
+        self._path, self._split, self._parts = path, split, 0
         self._group = self.enter_context(OutputGroup(group))
         self.push(self._replace_leftovers)
-        self._file = self.enter_context(self._open())  # the first one, then the current one
+        self._file = self.enter_context(self._open(0))  # the first one, then the current one
         self._later = self.enter_context(ExitStack())
 
-    def part(self, number: int, source: Source, compression: str | None) -> LogWriter:
-        """Return the writer of a part, which begins; parts before, but the first, must be finished."""
-        if number:
+    def part(self, source: Source, compression: str | None) -> LogWriter:
+        """Return the writer of the next part, which begins; parts before, but the first, must be finished."""
+        if self._parts:
             self._later.close()
-            self._number = number
-            self._file = self._later.enter_context(self._open())
+            self._file = self._later.enter_context(self._open(self._parts))
+        self._parts += 1
         return self.start(self._file.stream, source, compression)
 
-    def _open(self) -> AtomicFile:
-        return AtomicFile(part_path(self._path, self._number) if self._split else self._path, self._group)
+    def _open(self, number: int) -> AtomicFile:
+        return AtomicFile(part_path(self._path, number) if self._split else self._path, self._group)
 
     @staticmethod
     @abstractmethod
@@ -200,5 +200,5 @@ class LogFiles(ExitStack, LogOutput):
 
     def _replace_leftovers(self, _: object, error: BaseException | None, __: object) -> None:
         """Let the files, if all are complete, replace further parts of an earlier run."""
-        for leftover in parts_after(self._path, self._number) if self._split and error is None else ():
+        for leftover in parts_after(self._path, self._parts - 1) if self._split and error is None else ():
             self._group.replaces(leftover)
