@@ -23,17 +23,10 @@ from seaclutter_cli.sensors.packets import (
     point_dtype,
 )
 from seaclutter_cli.sensors.robosense import models
+from seaclutter_cli.sensors.robosense import packets as layouts
 from seaclutter_cli.sensors.robosense.device import Device, find_device, find_model
 from seaclutter_cli.sensors.robosense.models import RobosenseModel
-from seaclutter_cli.sensors.robosense.packets import (
-    INFO_ID,
-    Angles,
-    channels,
-    data_layout,
-    data_packets,
-    header_times,
-    temperature_degc,
-)
+from seaclutter_cli.sensors.robosense.packets import Angles, data_packets, header_times
 
 _WHOLE = 0xFFFF
 BLIND = 100
@@ -52,7 +45,8 @@ def block_dtype(model: RobosenseModel) -> np.dtype[Any]:
     in nanoseconds of Unix time, whether they contain second returns, and the raw bytes of distances and intensities.
     """
     numbers: list[Any] = [(name, np.int64) for name in ("azimuth", "step", "times_ns")]
-    return np.dtype([*numbers, ("second", np.bool_), ("channels", data_layout(model)["blocks"].base["channels"])])
+    channels = layouts.data_layout(model)["blocks"].base["channels"]
+    return np.dtype([*numbers, ("second", np.bool_), ("channels", channels)])
 
 
 def second_returns(azimuth: Ints, device: Device, before: int) -> Mask:
@@ -106,7 +100,7 @@ class Geometry:
 
     def points(self, blocks: Rows) -> Rows:
         """Return the points of blocks, shape (N,), in firing order."""
-        distance, intensity = self._measured(channels(blocks["channels"]))
+        distance, intensity = self._measured(layouts.channels(blocks["channels"]))
         azimuth = blocks["azimuth"][:, None] + self._rotation[blocks["step"]] - _MIN_AZIMUTH
         range_m = distance * self._unit
         points = np.empty(distance.shape, self._packed)
@@ -178,7 +172,7 @@ class RoboSense(PacketFamily):
 
     def is_calibration(self, payloads: Bytes) -> Mask:
         """Return which UDP payloads, shape (P, L), are device information packets, which contain the laser angles."""
-        return _are(payloads, [INFO_ID[:4]], {models.INFO_BYTES})
+        return _are(payloads, [layouts.INFO_ID[:4]], {models.INFO_BYTES})
 
     def decoder(self, packets: Packets, options: DecoderOptions) -> "RoboSenseDecoder":
         """Return a decoder for the sensor that sent these packets: data, and device information from anywhere.
@@ -226,7 +220,7 @@ class RoboSenseDecoder:
         header_ns = header_times(packets)
         wrong = bool(((abs(header_ns - sample.times_ns) > DAY_NS) & (sample.times_ns > 0)).mean() > 0.5)
         raw, big_endian = packets["temperature"][0].tolist(), device.model.format.temperature_big_endian
-        temperature = temperature_degc(*raw, big_endian=big_endian)
+        temperature = layouts.temperature_degc(*raw, big_endian=big_endian)
         self.facts.details["temperature"] = f"{temperature:.1f} °C at the start"
         self.facts.details["clock"] = "sensor time, shifted to the recording time" if wrong else "sensor time (UTC)"
         self.facts.details |= EXPERIMENTAL if device.model.name not in models.CHECKED else {}
@@ -249,7 +243,7 @@ class RoboSenseDecoder:
         model = self._device.model
         is_data = self._are_data(packets)
         if not is_data.all():
-            is_info = _are(packets.payloads, [INFO_ID[:4]], {models.INFO_BYTES})
+            is_info = _are(packets.payloads, [layouts.INFO_ID[:4]], {models.INFO_BYTES})
             self.facts.bad_packets += int((~is_data & ~is_info).sum())
             packets = packets[is_data]
         if len(packets):
