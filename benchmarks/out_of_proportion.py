@@ -175,7 +175,7 @@ def many_records(folder: Path) -> Iterator[Case]:
     for name, add in adding.items():
         path = folder / f"{name}.mcap"
         with path.open("wb") as stream:
-            log = McapWriter(stream, profile="ros2", library="benchmark", compression="zstd")
+            log = McapWriter(stream, profile="ros2", compression="zstd")
             log.add_channel(channel)
             for cloud in clouds:
                 log.write(channel.id, cloud.log_time_ns, cloud.publish_time_ns, cloud.sequence, cloud.data)
@@ -186,7 +186,7 @@ def many_records(folder: Path) -> Iterator[Case]:
         yield path, [["info", path, *topic], [*filtering(path), *topic], *whole]
     many = folder / "pairs.mcap"
     with many.open("wb") as stream:
-        log = McapWriter(stream, profile="ros2", library="benchmark", compression="zstd")
+        log = McapWriter(stream, profile="ros2", compression="zstd")
         log.add_channel(channel)
         for cloud in clouds:
             log.write(channel.id, cloud.log_time_ns, cloud.publish_time_ns, cloud.sequence, cloud.data)

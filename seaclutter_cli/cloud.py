@@ -70,15 +70,16 @@ def point_dtype(fields: tuple[PointField, ...], point_step: int, big_endian: boo
 
 
 def _next_name(name: str, taken: dict[str, int]) -> str:
-    """Return what `_free_name` does, in a time that does not depend on how often a name is repeated."""
+    """Return what `free_name` does, in a time that does not depend on how often a name is repeated."""
     name += "_" * (taken[name] - 1 if name in taken else 0)
-    start, name = name, _free_name(name, taken)
+    start, name = name, free_name(name, taken)
     if start != name:
         taken[start] = len(name) - len(start) + 1
     return name
 
 
-def _free_name(name: str, taken: Collection[str]) -> str:
+def free_name(name: str, taken: Collection[str]) -> str:
+    """Return a name with as many underscores after it as it takes to be a new one."""
     while name in taken:
         name += "_"
     return name
@@ -223,7 +224,7 @@ class Cloud:
     def with_field(self, name: str, values: NDArray[Any]) -> "Cloud":
         """Return an unorganised cloud with a further last field, shape (N,); a name that exists gets an underscore."""
         kind, opaque = _field_type(values.dtype), self._opaque
-        field = PointField(_free_name(name, [field.name for field in self.fields]), opaque.itemsize, kind)
+        field = PointField(free_name(name, [field.name for field in self.fields]), opaque.itemsize, kind)
         order = ">" if self.big_endian else "<"
         points = np.empty(self.size, [("point", opaque), ("value", order + kind)])
         points["point"] = self._as(opaque)

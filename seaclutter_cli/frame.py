@@ -197,15 +197,13 @@ class Frame:
     @cached_property
     def intensity_name(self) -> str | None:
         """Name of the intensity field; None if the cloud has none and `intensity_field` is None."""
-        names = self.cloud.dtype.names or ()
-        if self.intensity_field is not None:
-            if self.intensity_field not in names:
-                if not self.size:
-                    return None
-                raise FieldError(f"no field {self.intensity_field!r}; the cloud has {_listed(names)}")
-            return self.intensity_field
-        folded = {name.lower(): name for name in reversed(names)}
-        return next((folded[usual] for usual in INTENSITY_NAMES if usual in folded), None)
+        wanted, names = self.intensity_field, self.cloud.dtype.names or ()
+        if wanted is None:
+            folded = {name.lower(): name for name in reversed(names)}
+            return next((folded[usual] for usual in INTENSITY_NAMES if usual in folded), None)
+        if wanted not in names and self.size:
+            raise FieldError(f"no field {wanted!r}; the cloud has {_listed(names)}")
+        return wanted if wanted in names else None
 
     @cached_property
     def intensity(self) -> NDArray[np.float64]:

@@ -119,10 +119,6 @@ class RecordHolder:
         """Yield all records that are left, after the end of the log."""
         for topic in self._filters:
             self._flush(topic)
-            for number, method in enumerate(self._filters[topic]):
-                if self._waiting[topic][number]:
-                    with naming_method(method, topic):
-                        raise ArrayError(_IN_ORDER)
         yield from self._complete()
 
     def _filter(self, record: Record | None, frame: Frame) -> HeldRecord:
@@ -142,20 +138,22 @@ class RecordHolder:
             self._assign(frame.topic, number, results)
         return held
 
-    def _assign(self, topic: str, number: int, results: Sequence[FilterResult]) -> None:
+    def _assign(self, topic: str, number: int, results: Sequence[FilterResult], *, is_all: bool = False) -> None:
         waiting = self._waiting[topic][number]
         with naming_method(self._filters[topic][number], topic):
             for result in results:
                 if not waiting or result.frame is not waiting[0].frame or not len(result.counts):
                     raise ArrayError(_IN_ORDER)
                 waiting.popleft().results[number] = result
+            if is_all and waiting:
+                raise ArrayError(_IN_ORDER)
 
     def _flush(self, topic: str) -> None:
         for number, method in enumerate(self._filters[topic]):
             if self._waiting[topic][number]:
                 with naming_method(method, topic):
                     results = method.flush()
-                self._assign(topic, number, results)
+                self._assign(topic, number, results, is_all=True)
 
     def _flush_late(self, log_time_ns: int) -> bool:
         """Let a filter decide if later frames do not come or the wait takes too much memory; return whether it did."""

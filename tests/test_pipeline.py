@@ -10,7 +10,7 @@ import pytest
 import seaclutter
 from seaclutter_cli import pipeline
 from seaclutter_cli.cloud import from_array
-from seaclutter_cli.errors import FieldError
+from seaclutter_cli.errors import FieldError, MethodError
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.pipeline import RecordHolder, run, run_each
@@ -153,6 +153,12 @@ class TestHolder:
         assert len(failed) >= 2
         for one in failed:
             assert all(isinstance(result, FieldError) for result in one.results)
+
+    def test_a_method_that_never_decides(self):
+        method = Ahead()
+        method.flush = list
+        with pytest.raises(MethodError, match="one result for each frame"):
+            Held(RecordHolder({"/bow": [method]}), two_topics(range(0, 300, 100), aft=[]))
 
     def test_several_methods_with_and_without_look_ahead(self):
         methods = [Ahead(0.0), Ahead(0.3), Ahead(0.7)]

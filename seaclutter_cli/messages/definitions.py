@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import Any
 
-from seaclutter_cli.messages.serialisation import NANO
+from seaclutter_cli.messages.serialisation import NANO, Ros
 from seaclutter_cli.records import Channel, Schema
 
 _PACKET_MESSAGES = {
@@ -67,15 +67,10 @@ def ros2_schema(typename: str) -> Schema:
     from rosbags.typesys import TypesysError
 
     try:
-        definition, _ = _typestore().generate_msgdef(typename, ros_version=2)
+        definition, _ = typestore(2).generate_msgdef(typename, ros_version=2)
     except TypesysError as error:
         raise KeyError(typename) from error
     return Schema(typename, "ros2msg", definition.encode())
-
-
-def ros2_types() -> Any:
-    """Return constants and fields of the known ROS 2 messages by their full names, as rosbags describes them."""
-    return _typestore().fielddefs
 
 
 @cache
@@ -83,9 +78,7 @@ def _cloud_schema(encoding: str) -> Schema:
     """Return the schema of ``sensor_msgs/PointCloud2`` in the version of ROS of a message encoding."""
     if encoding != "ros1":
         return ros2_schema("sensor_msgs/msg/PointCloud2")
-    from rosbags.typesys import Stores, get_typestore
-
-    definition, _ = get_typestore(Stores.ROS1_NOETIC).generate_msgdef("sensor_msgs/msg/PointCloud2", ros_version=1)
+    definition, _ = typestore(1).generate_msgdef("sensor_msgs/msg/PointCloud2", ros_version=1)
     return Schema("sensor_msgs/PointCloud2", "ros1msg", definition.encode())
 
 
@@ -95,7 +88,10 @@ def points_channel(channel: Channel) -> Channel:
 
 
 @cache
-def _typestore() -> Any:
+def typestore(ros: Ros) -> Any:
+    """Return a type store of rosbags with the messages of the last release of ROS 1, or of ROS 2 and its drivers."""
+    if ros == 1:
+        return make_typestore({}, "ROS1_NOETIC")
     return make_typestore(_PACKET_MESSAGES | _CLOUD_MESSAGES | _LIVOX_MESSAGES)
 
 

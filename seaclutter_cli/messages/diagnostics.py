@@ -14,11 +14,10 @@ from seaclutter_cli.errors import InputError
 from seaclutter_cli.frame import WATER_COLUMNS, WATER_REASONS, FilterResult, Reason, Rings, WaterState
 from seaclutter_cli.messages.definitions import Content, Time, companion_format, make_typestore
 from seaclutter_cli.messages.serialisation import NANO
-from seaclutter_cli.records import Buffer, Schema
+from seaclutter_cli.records import Message, Schema
 
 TOPIC = "/seaclutter/diagnostics"
 
-_PACKAGE = "seaclutter_msgs/msg/"
 _REASONS = tuple(reason.name.lower() for reason in Reason if reason)
 _ARRAYS = {
     "thresholds": "float64",
@@ -40,7 +39,7 @@ class Layout:
     @property
     def type(self) -> str:
         """ROS name of the message type."""
-        return _PACKAGE + self.name
+        return f"seaclutter_msgs/msg/{self.name}"
 
 
 _SIZES = ("frame", "points_in", "points_out")
@@ -121,9 +120,10 @@ def diagnostics_format(cloud_encoding: str, layout: Layout = PLAIN) -> tuple[str
     return companion_format(cloud_encoding, layout.type, _typestore, lambda: _json_schema(layout))
 
 
-def read_diagnostics(data: Buffer, encoding: str, schema: str = PLAIN.name) -> Diagnostics:
-    """Return the statistics in a message, given the name of its schema; `InputError` if it is not valid."""
-    layout = WATER if schema.endswith(WATER.name) else PLAIN
+def read_diagnostics(message: Message) -> Diagnostics:
+    """Return the statistics in a message; `InputError` if it is not valid."""
+    data, encoding, schema = message.data, message.channel.message_encoding, message.channel.schema
+    layout = WATER if schema and schema.name.endswith(WATER.name) else PLAIN
     try:
         if encoding == "json":
             found = load_json(bytes(data))

@@ -7,7 +7,7 @@ used: they are Python code made from definitions, and nothing in a log should be
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg, get_typestore
 
 from seaclutter_cli.errors import SeaclutterError
-from seaclutter_cli.messages.definitions import full_name, ros2_types
+from seaclutter_cli.messages.definitions import full_name, typestore
 from seaclutter_cli.messages.serialisation import Reader, Ros, Writer
 from seaclutter_cli.records import Buffer, Schema
 
@@ -53,6 +53,13 @@ class ItemReader(Reader):
             raise TranslationError("the message declares more items than it has bytes")
 
 
+class _Zeros(ItemReader):
+    """Reader of a message that is all zeros, which has the values of fields that the other version of ROS lacks."""
+
+    def take(self, size: int, *, is_declared: bool = False) -> memoryview:  # noqa: ARG002
+        return memoryview(bytes(size))
+
+
 @dataclass(frozen=True, slots=True)
 class _Block:
     """A number, or an array of several, of some type and size."""
@@ -60,10 +67,6 @@ class _Block:
     kind: str
     size: int
     count: int = 1
-
-    @property
-    def default(self) -> bytes:
-        return bytes(self.size * self.count)
 
     def read(self, read: Reader, times: int = 1) -> Buffer:
         """Return the bytes of one or several such blocks, in little endian."""
@@ -93,8 +96,6 @@ class _Seconds(_Block):
 class _Text:
     """A string, which ends in a zero in ROS 2."""
 
-    default = b""
-
     def read(self, read: Reader) -> Buffer:
         data = read.take(read.number("I"))
         return data[:-1] if read.ros == 2 and len(data) and data[-1] == 0 else data
@@ -113,12 +114,8 @@ class _Absent:
     size: int
     ros: Ros
 
-    @property
-    def default(self) -> bytes:
-        return bytes(self.size)
-
     def read(self, read: Reader) -> Buffer:
-        return read.take(self.size) if read.ros == self.ros else self.default
+        return read.take(self.size) if read.ros == self.ros else bytes(self.size)
 
     def write(self, write: Writer, value: Buffer) -> None:
         if write.ros == self.ros:
@@ -131,11 +128,6 @@ class Struct:
 
     names: tuple[str, ...] = field(compare=False)
     nodes: "tuple[_Node, ...]"
-
-    @property
-    def default(self) -> list[Any]:
-        """Values of the fields that the other version of ROS lacks."""
-        return [node.default for node in self.nodes]
 
     def read(self, read: ItemReader) -> list[Any]:
         """Return the values of the fields."""
@@ -153,10 +145,6 @@ class _Items:
 
     item: "_Node"
     length: int | None = None
-
-    @property
-    def default(self) -> Any:
-        return b"" if isinstance(self.item, _Block) else [self.item.default for _ in range(self.length or 0)]
 
     def read(self, read: ItemReader) -> Any:
         length = read.number("I") if self.length is None else self.length
@@ -195,7 +183,7 @@ def change_between(source: Struct, target: Struct) -> tuple[Change, list[str]]:
     for name, node in zip(target.names, target.nodes, strict=True):
         place = places.get(name)
         found = None if place is None else _change(source.nodes[place], node)
-        parts.append((place, None, found[0]) if found else (None, node.default, as_is))
+        parts.append((place, None, found[0]) if found else (None, node.read(_Zeros(b"", 1)), as_is))
         nested |= {name: found[1]} if found else {}
     lost = [name for name in source.names if name not in nested]
     lost += [f"{name}.{inner}" for name in source.names for inner in nested.get(name, ())]
@@ -214,10 +202,9 @@ def _change(source: _Node, target: _Node) -> tuple[Change, list[str]] | None:
     return None
 
 
-@cache
 def known_types(ros: Ros) -> Types:
     """Return the types of the last release of ROS 1 or of ROS 2."""
-    types: Types = ros2_types() if ros == 2 else get_typestore(Stores.ROS1_NOETIC).fielddefs
+    types: Types = typestore(ros).fielddefs
     return types
 
 

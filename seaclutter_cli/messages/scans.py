@@ -145,7 +145,7 @@ _LIVOX_FIELDS = (
     *(PointField(axis, 4 + 4 * number, "f4") for number, axis in enumerate("xyz")),
     *(PointField(name, 16 + number, "u1") for number, name in enumerate(("reflectivity", "tag", "line"))),
 )
-_PACKED, _ALIGNED = 19, 20
+_PACKED = 19
 _RESERVED = "BBB"
 
 
@@ -165,9 +165,9 @@ class LivoxCustomMsg(RosCodec):
     def _read(self, read: Reader) -> Cloud:
         header, timebase_ns, _ = read.header(), read.number("Q"), read.number("I")
         extra = _CustomHeader(header, timebase_ns, read.number("B"), read.numbers(_RESERVED))
-        number, step = read.number("I"), self._step
-        data = read.structures(number, _PACKED, step)
-        shape, size = (1, number), number * step
+        number, step, padding = read.number("I"), _PACKED + self._padding, self._padding
+        data, shape, size = read.take(max(number * step - padding, 0), is_declared=True), (1, number), number * step
+        data = memoryview(bytes(data) + bytes(padding)) if number and padding else data
         return Cloud(
             header.stamp_ns, header.frame_id, *shape, _LIVOX_FIELDS, step, size, read.big_endian, True, data, extra
         )
@@ -177,15 +177,15 @@ class LivoxCustomMsg(RosCodec):
         names = [field.name for field in _LIVOX_FIELDS]
         if not isinstance(extra, _CustomHeader) or not set(names) <= {field.name for field in cloud.fields}:
             raise CloudError("only the points of a Livox message can be written as one")
-        points = np.zeros(cloud.size, point_dtype(_LIVOX_FIELDS, self._step, big_endian=False))
+        points = np.zeros(cloud.size, point_dtype(_LIVOX_FIELDS, _PACKED + self._padding, big_endian=False))
         for name in names:
             points[name] = cloud.points[name]
         write.header(extra.header)
         write.numbers("QI", (extra.timebase_ns, cloud.size))
         write.numbers("B" + _RESERVED, (extra.lidar_id, *extra.reserved))
         write.number("I", cloud.size)
-        write.raw(points.tobytes()[: max(cloud.size * self._step - (self._step - _PACKED), 0)])
+        write.raw(points.tobytes()[: max(points.nbytes - self._padding, 0)])
 
     @property
-    def _step(self) -> int:
-        return _PACKED if self._ros == 1 else _ALIGNED
+    def _padding(self) -> int:
+        return 0 if self._ros == 1 else 1

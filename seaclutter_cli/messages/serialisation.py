@@ -102,11 +102,6 @@ class Reader:
             found.append(PointField(name, offset, field_type(kind, name, types), number))
         return tuple(found)
 
-    def structures(self, number: int, size: int, step: int) -> Buffer:
-        """Return structures of ``step`` bytes: a view, or a copy if the padding of the last one is missing."""
-        data = self.take(max(number * step - (step - size), 0), is_declared=True)
-        return bytes(data) + bytes(step - size) if number and step > size else data
-
     def align(self, size: int) -> None:
         """Skip padding before values of a size."""
         if self.ros == 2:

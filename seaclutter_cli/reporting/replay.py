@@ -63,9 +63,8 @@ def replay(source: Source, topic: str, selection: Selection) -> Iterator[FilterR
         elif record.channel.topic == f"{topic}{_REMOVED}":
             removed = record
         elif record.channel.topic == diagnostics and removed is not None:
-            name = record.channel.schema.name if record.channel.schema else ""
             try:
-                found = read_diagnostics(record.data, record.channel.message_encoding, name)
+                found = read_diagnostics(record)
             except InputError as error:
                 source.report(str(error), len(record.data), 1)
                 continue

@@ -1,12 +1,12 @@
 """Conversion of recordings to other formats."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.frame import Reason
-from seaclutter_cli.interfaces import Source
+from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.reading import read
@@ -18,6 +18,7 @@ from seaclutter_cli.runs.recordings import expected_frames
 from seaclutter_cli.runs.resume import RunIdentity, identity_of
 from seaclutter_cli.selection import Selection, cloud_channels
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
+from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.text import count, printable
 
 if TYPE_CHECKING:
@@ -51,8 +52,6 @@ def convert_log(options: ConvertOptions) -> "ConvertSummary":
 class ConvertWork(LogWork["ConvertOutcome", ConvertOptions]):
     """Conversion of one recording."""
 
-    as_is = True
-
     def clouds(self, source: Source) -> list[Channel]:
         """Return the channels of the clouds that are converted as frames, and counted."""
         selection, has_topics = self.reading.selection, OUTPUT_FORMATS[self.form].has_topics
@@ -71,6 +70,10 @@ class ConvertWork(LogWork["ConvertOutcome", ConvertOptions]):
     def identity(self) -> RunIdentity:
         """Return what the output depends on."""
         return identity_of(self, self.options.written, None, convert_to=self.form)
+
+    def sink_options(self, options: McapOptions, labels: Labels | None) -> McapOptions:  # noqa: ARG002
+        """Return the options of an output to which nothing is added."""
+        return replace(options, as_is=True)
 
     def stream(
         self, source: Source, selection: Selection, outcome: "ConvertOutcome", sink: "OutputSink", observer: Observer

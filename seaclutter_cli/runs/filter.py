@@ -343,8 +343,7 @@ def _read_rows(complete: FilterOutcome, table: FrameTable) -> bool:
             for record in source.records():
                 if not isinstance(record, Message) or record.channel.topic != TOPIC:
                     continue
-                name = record.channel.schema.name if record.channel.schema else ""
-                one = read_diagnostics(record.data, record.channel.message_encoding, name)
+                one = read_diagnostics(record)
                 table.write_row(complete.recording, one)
                 found[one.topic] += 1
     except InputError:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
 from seaclutter_cli.buckets import mirror_of
 from seaclutter_cli.errors import UsageError
@@ -71,9 +71,6 @@ class LogWork(RecordingWork[L], RecordedWork[L], Generic[L, O]):
     outcome of an earlier run that is resumed.
     """
 
-    as_is: ClassVar[bool] = False
-    """Whether frames are written as they are."""
-
     options: O
     target: Path
     form: str
@@ -109,7 +106,7 @@ class LogWork(RecordingWork[L], RecordedWork[L], Generic[L, O]):
         with (
             same_output_accepted(self),
             OutputGroup(self.group, replace=self.options.replaces) as files,
-            made.make_sink(self.target, self.sink_options(common, labels), files, as_is=self.as_is) as sink,
+            made.make_sink(self.target, self.sink_options(common, labels), files) as sink,
         ):
             frames = self.stream(source, selection, outcome, sink, observer)
             require_frames(source, frames, selection)

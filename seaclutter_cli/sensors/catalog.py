@@ -138,20 +138,19 @@ def recognise(
     """
     if facts:
         return RecognisedSensor((facts.model,), frozenset({facts.model}), facts.details.get("intensity"), True)
-    fitting = [
-        (sensor.beams, abs(sensor.beams * sensor.columns - points), name)
+    names = {name.lower() for name in fields}
+    possible = {
+        name: sensor
         for name, sensor in SENSORS.items()
-        if _can_be(name, fields, rings)
-        and (not sensor.repeats or points <= _MOST_RETURNS * sensor.beams * sensor.columns)
-    ]
-    models = [name for beams, _, name in sorted(fitting) if beams == min(fitting)[0]]
-    possible = frozenset(model for model in SENSORS if _can_be(model, fields, rings))
-    return RecognisedSensor(tuple(models), possible if models else frozenset())
-
-
-def _can_be(model: str, fields: Collection[str], rings: int | None) -> bool:
-    sensor = SENSORS[model]
-    return rings is not None and rings <= sensor.beams and sensor.fields <= {name.lower() for name in fields}
+        if rings is not None and rings <= sensor.beams and sensor.fields <= names
+    }
+    fitting = sorted(
+        (sensor.beams, abs(sensor.beams * sensor.columns - points), name)
+        for name, sensor in possible.items()
+        if not sensor.repeats or points <= _MOST_RETURNS * sensor.beams * sensor.columns
+    )
+    models = tuple(name for beams, _, name in fitting if beams == fitting[0][0])
+    return RecognisedSensor(models, frozenset(possible if models else ()))
 
 
 ADVICE = "record the sensor_msgs/PointCloud2 of the maker's driver"

@@ -171,14 +171,12 @@ class SensorClock:
         """Return the corrections to add to the sensor's times of packets, given the recorder's, all in nanoseconds."""
         behind = recorded_ns - sensor_ns
         right = ((behind > -DAY_NS) & (behind < DAY_NS)) | (recorded_ns <= 0)
-        found = [
-            self._shift(one, right=is_right) for one, is_right in zip(behind.tolist(), right.tolist(), strict=True)
-        ]
+        found = [*map(self._shift, behind.tolist(), right.tolist())]
         if self._facts is not None and self._shift_ns is not None:
             self._facts.details["clock"] = "not synchronised, shifted to the recording time"
         return np.array(found, np.int64)
 
-    def _shift(self, behind_ns: int, *, right: bool) -> int:
+    def _shift(self, behind_ns: int, right: bool) -> int:
         """Return the correction of a packet: that of the one before, unless its clock is right or diverges from it."""
         if right:
             self._shift_ns = None

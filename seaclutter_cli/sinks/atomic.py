@@ -105,7 +105,8 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
             return
         try:
             _rename(self.part, self._target, replace=replace)
-            _flush_names(self._target.parent)
+            with suppress(OSError):  # not every system flushes the names in a folder
+                _sync(self._target.parent, os.O_RDONLY)
         except FileExistsError as error:
             raise OutputError(_appeared(self.path)) from error
         except OSError as error:
@@ -267,21 +268,15 @@ def _flush(part: Path) -> None:
         os.sync()
         return
     for file in inner or [part]:
-        number = os.open(file, os.O_RDWR)  # Windows flushes only what may be written
-        try:
-            os.fsync(number)
-        finally:
-            os.close(number)
+        _sync(file, os.O_RDWR)  # Windows flushes only what may be written
 
 
-def _flush_names(folder: Path) -> None:
-    """Let the disk have the names in a folder, where the system can."""
-    with suppress(OSError):
-        number = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(number)
-        finally:
-            os.close(number)
+def _sync(path: Path, access: int) -> None:
+    number = os.open(path, access)
+    try:
+        os.fsync(number)
+    finally:
+        os.close(number)
 
 
 def _note_removal(error: BaseException | None, path: Path) -> None:

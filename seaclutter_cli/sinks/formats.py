@@ -41,20 +41,18 @@ class OutputFormat:
         """Whether it is a log, not files that have one frame of one topic each."""
         return "." in self.writer if isinstance(self.writer, str) else isinstance(self.writer, type)
 
-    def make_sink(
-        self, path: Path, options: McapOptions, group: OutputGroup | None = None, *, as_is: bool = False
-    ) -> "LogSink | FrameSink":
+    def make_sink(self, path: Path, options: McapOptions, group: OutputGroup) -> "LogSink | FrameSink":
         """Return the sink, which is imported on demand, with the libraries for its format."""
         if not self.has_topics:
             from seaclutter_cli.sinks.frames import FrameSink
             from seaclutter_cli.sinks.point_files import FRAME_WRITERS
 
             write = FRAME_WRITERS[self.writer] if isinstance(self.writer, str) else self.writer
-            return FrameSink(path, options, group, write_frame=write, suffix=self.suffix, as_is=as_is)
+            return FrameSink(path, options, group, write, self.suffix)
         from seaclutter_cli.sinks.log import LogSink
 
         output = imported(f"sinks.{self.writer}") if isinstance(self.writer, str) else self.writer
-        return LogSink(path, options, group, output=output, as_is=as_is)
+        return LogSink(path, options, group, output)
 
 
 _MCAP = ("zstd", "lz4", "")

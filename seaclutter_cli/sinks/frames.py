@@ -1,32 +1,24 @@
 """Frames as files: a folder with a file for each frame, or a single file."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Sequence
+from contextlib import ExitStack, nullcontext
 from dataclasses import replace
 from decimal import Decimal
 from pathlib import Path
-from typing import BinaryIO
 
 from seaclutter_cli import __version__
 from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Sink, Source
-from seaclutter_cli.messages.metadata import (
-    FILTERED,
-    RAW,
-    SIDECAR,
-    RecordedTopic,
-    recorded_topics,
-    to_metadata,
-    to_text,
-)
+from seaclutter_cli.messages import metadata
+from seaclutter_cli.messages.metadata import SIDECAR, RecordedTopic, recorded_topics, to_metadata, to_text
 from seaclutter_cli.records import Attachment, Channel, Metadata, Record
 from seaclutter_cli.sinks.atomic import AtomicFile, AtomicFolder, OutputGroup
 from seaclutter_cli.sinks.log import filtered_cloud, message_of
 from seaclutter_cli.sinks.options import TIMES, McapOptions
-from seaclutter_cli.sinks.point_files import NAMES, NO_COORDINATES, TOO_FAR
+from seaclutter_cli.sinks.point_files import NAMES, NO_COORDINATES, TOO_FAR, FrameWriter
 from seaclutter_cli.text import count
 
 TOPIC = "/points"
@@ -36,22 +28,15 @@ TOPIC = "/points"
 class FrameSink(ExitStack, Sink):
     """Sink that writes each frame of one topic to a file: the target itself, or one named by its number in a folder.
 
-    ``write_frame`` writes a cloud to a file, and returns what it cannot contain, see `FRAME_WRITERS`. With ``as_is``,
-    frames are written with `keep` only.
+    ``write_frame`` writes a cloud to a file, and returns what it cannot contain, see `FRAME_WRITERS`. If the
+    recording is written as it is, frames are passed to `keep`.
     """
 
     def __init__(
-        self,
-        path: Path,
-        options: McapOptions,
-        group: OutputGroup | None = None,
-        *,
-        write_frame: Callable[[BinaryIO, Cloud], Counter[str] | None],
-        suffix: str,
-        as_is: bool = False,
+        self, path: Path, options: McapOptions, group: OutputGroup | None, write_frame: FrameWriter, suffix: str
     ) -> None:
         super().__init__()
-        self._path, self._options, self._as_is = path, options, as_is
+        self._path, self._options = path, options
         self._write_frame, self._suffix = write_frame, suffix
         is_file = path.suffix.lower() == suffix
         self._output = AtomicFile(path, group) if is_file else AtomicFolder(path, group, last=SIDECAR)
@@ -87,12 +72,12 @@ class FrameSink(ExitStack, Sink):
         if len(topics) > 1:
             choices = " or ".join(f"-t {topic}" for topic in topics)
             raise UsageError(f"{source.name}: files of frames are of one topic; choose one: {choices}")
-        known = recorded_topics(source.metadata).get(topics[0], RecordedTopic(RAW, topics[0]))
-        methods = known.methods if self._as_is else (*known.methods, self._options.method)
-        content = known.content if self._as_is else FILTERED
+        known = recorded_topics(source.metadata).get(topics[0], RecordedTopic(metadata.RAW, topics[0]))
+        methods = known.methods if self._options.as_is else (*known.methods, self._options.method)
+        content = known.content if self._options.as_is else metadata.FILTERED
         is_part = self._options.is_part or known.is_part
         self._known = RecordedTopic(content, TOPIC, methods, is_part=is_part)
-        if not self._as_is:
+        if not self._options.as_is:
             self._metadata.append(Metadata("seaclutter", {"version": __version__, "config": self._options.config}))
 
     def copy(self, record: Record) -> None:
@@ -123,11 +108,9 @@ class FrameSink(ExitStack, Sink):
                 f" -o {self._path.name.removesuffix(self._suffix)} --to {self._suffix[1:]}, or add -n 1"
             )
         self._stamps_ns.append(frame.stamp_ns)
-        if isinstance(self._output, AtomicFolder):
-            with self._output.open(f"{frame.index:06d}{self._suffix}") as stream:
-                self._lost += self._write_frame(stream, cloud.posed()) or Counter[str]()
-        else:
-            self._lost += self._write_frame(self._output.stream, cloud.posed()) or Counter[str]()
+        output, name = self._output, f"{frame.index:06d}{self._suffix}"
+        with output.open(name) if isinstance(output, AtomicFolder) else nullcontext(output.stream) as stream:
+            self._lost += self._write_frame(stream, cloud.posed()) or Counter[str]()
 
     def end(self) -> None:
         """Write times and metadata records."""

@@ -85,8 +85,6 @@ def _checked(laspy: Any, path: Path, header: Any) -> Any:
         header.global_encoding = laspy.header.GlobalEncoding()
     if str(header.version) not in laspy.supported_versions():
         raise OutputError(f"{path}: LAS {header.version} cannot be written; convert the source to LAS 1.4 or earlier")
-    if header.global_encoding.waveform_data_packets_internal:
-        raise OutputError(f"{path}: internal waveform packets cannot be copied; store them in a separate file")
     return header
 
 
@@ -102,7 +100,7 @@ def las_writer(
     written, its extents and counts are kept, even if they are wrong.
 
     `MissingExtraError` if laspy or its LAZ backend is not installed; `OutputError` if the file cannot be written, or
-    waveform packets of the source would be lost or changed.
+    waveform packets of the source would be changed.
     """
     packed = path.suffix.lower() == ".laz"
     laspy = import_laspy(packed=packed)

@@ -1,6 +1,5 @@
 """A recording as a log: filtered, a drop-in replacement for the input, or as it is."""
 
-import itertools
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
@@ -13,19 +12,11 @@ from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.errors import OutputError, UsageError
 from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import CloudCodec, Sink, Source
-from seaclutter_cli.messages import find_codec, has_fixed_fields
+from seaclutter_cli.messages import find_codec, has_fixed_fields, metadata
 from seaclutter_cli.messages.definitions import points_channel
 from seaclutter_cli.messages.diagnostics import PLAIN, WATER, Diagnostics, diagnostics_format
 from seaclutter_cli.messages.diagnostics import TOPIC as DIAGNOSTICS_TOPIC
-from seaclutter_cli.messages.metadata import (
-    DIAGNOSTICS,
-    FILTERED,
-    RAW,
-    REMOVED,
-    RecordedTopic,
-    recorded_topics,
-    to_metadata,
-)
+from seaclutter_cli.messages.metadata import RecordedTopic, recorded_topics, to_metadata
 from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata, Record
 from seaclutter_cli.registry import imported
 from seaclutter_cli.sinks.atomic import OutputGroup
@@ -44,26 +35,23 @@ _Output = tuple[int, Callable[[FilterResult], Buffer]]
 
 
 class LogSink(ExitStack, Sink):
-    """Sink that writes a recording to a log; with ``as_is``, frames are written with `keep`, and nothing is added."""
+    """Sink that writes a recording to a log; if it is written as it is, frames are passed to `keep`."""
 
     def __init__(
         self,
         path: Path,
         options: McapOptions,
         group: OutputGroup | None = None,
-        *,
         output: Callable[..., LogOutput] = McapOutput,
-        as_is: bool = False,
     ) -> None:
         super().__init__()
         self._output = output(path, group, split=options.split is not None)
         self.push(self._output)
         self.push(self._abort)
-        self._options, self._as_is = options, as_is
+        self._options = options
         self._layout = WATER if options.water else PLAIN
         self._parts = Parts(options.split)
         self._writers: list[LogWriter] = []  # of the first part, which is completed last, and of the current one
-        self._numbers = itertools.count()
         self._channels: dict[Channel, int] = {}
         self._declared: dict[int, Channel] = {}
         self._joined: dict[tuple[str, str], int] = {}
@@ -96,17 +84,16 @@ class LogSink(ExitStack, Sink):
         for channel in source.channels:
             if self._takes(channel):
                 self._declare(channel)
-        several = len({channel.topic for channel in clouds}) > 1
         before = recorded_topics(source.metadata)
-        self._topics |= before if self._as_is else {}
+        self._topics |= before if self._options.as_is else {}
         for channel in clouds:
-            earlier = before.get(channel.topic, RecordedTopic(RAW, channel.topic))
+            earlier = before.get(channel.topic, RecordedTopic(metadata.RAW, channel.topic))
             methods, is_part = (*earlier.methods, self._options.method), self._options.is_part or earlier.is_part
-            known = RecordedTopic(RAW, channel.topic, methods, is_part=is_part)
-            if self._as_is:
+            known = RecordedTopic(metadata.RAW, channel.topic, methods, is_part=is_part)
+            if self._options.as_is:
                 self._topics[channel.topic] = replace(earlier, is_part=is_part)
             else:
-                self._outputs[channel] = self._add_outputs(channel, taken, known, several=several)
+                self._outputs[channel] = self._add_outputs(channel, taken, known)
 
     def copy(self, record: Record) -> None:
         """Write a record unchanged."""
@@ -154,10 +141,10 @@ class LogSink(ExitStack, Sink):
                 self._add_channel(replace(channel, id=number))
 
     def _begin_part(self) -> None:
-        writer = self._output.part(next(self._numbers), self._source, self._options.compression)
+        writer = self._output.part(self._source, self._options.compression)
         self._writers = [*self._writers[:1], writer]
         self._first_frames = dict(self._next_frames)
-        if not self._as_is:
+        if not self._options.as_is:
             writer.add_metadata(Metadata("seaclutter", {"version": __version__, "config": self._options.config}))
 
     def _end_part(self) -> None:
@@ -183,25 +170,25 @@ class LogSink(ExitStack, Sink):
         self._next_frames[frame.topic] = frame.index + 1
         return message
 
-    def _add_outputs(self, channel: Channel, taken: set[str], known: RecordedTopic, *, several: bool) -> list[_Output]:
+    def _add_outputs(self, channel: Channel, taken: set[str], known: RecordedTopic) -> list[_Output]:
         codec, options, layout = find_codec(channel), self._options, self._layout
         if codec is None:
             raise UsageError(f"topic {channel.topic} contains no point clouds")
         text = self._output.encoding or channel.message_encoding
         filtered = self._channels[channel]
-        self._topics[channel.topic] = known if options.keep_raw else replace(known, content=FILTERED)
+        self._topics[channel.topic] = known if options.keep_raw else replace(known, content=metadata.FILTERED)
         if options.keep_raw:
-            filtered = self._add(channel, "/filtered", taken, replace(known, content=FILTERED))
+            filtered = self._add(channel, "/filtered", taken, replace(known, content=metadata.FILTERED))
         outputs: list[_Output] = [(filtered, partial(_filtered_message, codec, options))]
         if options.with_removed:
             points = points_channel(channel) if has_fixed_fields(channel) else channel
-            removed = self._add(points, "/removed", taken, replace(known, content=REMOVED))
+            removed = self._add(points, "/removed", taken, replace(known, content=metadata.REMOVED))
             outputs.append((removed, partial(_removed_message, find_codec(points) or codec)))
         if options.diagnostics:
-            name = DIAGNOSTICS_TOPIC + channel.topic * several
+            name = DIAGNOSTICS_TOPIC + channel.topic * (len(self._selected) > 1)
             encoding, schema, serialise = diagnostics_format(text, layout)
             number, name = self._shared_channel(Channel(_NEW, name, encoding, schema), taken)
-            self._topics[name] = replace(known, content=DIAGNOSTICS)
+            self._topics[name] = replace(known, content=metadata.DIAGNOSTICS)
             outputs.append((number, lambda result: serialise(Diagnostics.of(result).content(layout))))
         if options.scene or options.objects:
             from seaclutter_cli.messages import scene as boxes  # most runs write none

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, BinaryIO, ClassVar
 
 from seaclutter_cli.interfaces import Source
@@ -168,42 +167,38 @@ class LogOutput(AbstractContextManager["LogOutput"], ABC):
     """Whether the publishers of a topic become one channel."""
 
     @abstractmethod
-    def part(self, number: int, source: Source, compression: str | None) -> LogWriter:
-        """Return the writer of a part, which begins; parts before, but the first, must be finished."""
+    def part(self, source: Source, compression: str | None) -> LogWriter:
+        """Return the writer of the next part, which begins; parts before, but the first, must be finished."""
 
 
-class LogFiles(LogOutput):
+class LogFiles(ExitStack, LogOutput):
     """A file, or one for each part: ``NAME_0.SUFFIX`` and so on. The first one appears last."""
 
     def __init__(self, path: Path, group: OutputGroup | None = None, *, split: bool = False) -> None:
-        self._path, self._split, self._number = path, split, 0
-        self._group = OutputGroup(group)
-        self._files = [self._open()]  # the first and the current one
+        super().__init__()
+        self._path, self._split, self._parts = path, split, 0
+        self._group = self.enter_context(OutputGroup(group))
+        self.push(self._replace_leftovers)
+        self._file = self.enter_context(self._open(0))  # the first one, then the current one
+        self._later = self.enter_context(ExitStack())
 
-    def part(self, number: int, source: Source, compression: str | None) -> LogWriter:
-        """Return the writer of a part, which begins; parts before, but the first, must be finished."""
-        if number:
-            for file in self._files[1:]:
-                file.__exit__(None, None, None)
-            self._number = number
-            self._files[1:] = [self._open()]
-        return self.start(self._files[-1].stream, source, compression)
+    def part(self, source: Source, compression: str | None) -> LogWriter:
+        """Return the writer of the next part, which begins; parts before, but the first, must be finished."""
+        if self._parts:
+            self._later.close()
+            self._file = self._later.enter_context(self._open(self._parts))
+        self._parts += 1
+        return self.start(self._file.stream, source, compression)
 
-    def _open(self) -> AtomicFile:
-        return AtomicFile(part_path(self._path, self._number) if self._split else self._path, self._group)
+    def _open(self, number: int) -> AtomicFile:
+        return AtomicFile(part_path(self._path, number) if self._split else self._path, self._group)
 
     @staticmethod
     @abstractmethod
     def start(stream: BinaryIO, source: Source, compression: str | None) -> LogWriter:
         """Return the writer of a file, by default with the compression of the source if the format has it."""
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Complete the files under their names, and delete further parts of an earlier run; remove all on an error."""
-        with ExitStack() as stack:
-            for leftover in parts_after(self._path, self._number) if self._split and error is None else ():
-                self._group.replaces(leftover)
-            for output in (self._group, *self._files):
-                stack.push(output.__exit__)
-            stack.__exit__(kind, error, trace)
+    def _replace_leftovers(self, _: object, error: BaseException | None, __: object) -> None:
+        """Let the files, if all are complete, replace further parts of an earlier run."""
+        for leftover in parts_after(self._path, self._parts - 1) if self._split and error is None else ():
+            self._group.replaces(leftover)

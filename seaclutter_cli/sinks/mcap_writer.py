@@ -63,16 +63,14 @@ class McapWriter(ChunkedWriter):
     chunk_size = 1 << 20
     """As in other writers."""
 
-    def __init__(
-        self, stream: BinaryIO, *, profile: str, compression: str = "zstd", library: str = f"seaclutter {__version__}"
-    ) -> None:
+    def __init__(self, stream: BinaryIO, *, profile: str, compression: str = "zstd") -> None:
         super().__init__(stream)
         self._compression = compression
         self._schemas: dict[Schema, int] = {}
         self._indexes: dict[Opcode, bytearray] = defaultdict(bytearray)
         self._indexed: Counter[Opcode] = Counter()
         self.write_bytes(_MAGIC)
-        self._write_record(mcap_records.Header(profile=profile, library=library))
+        self._write_record(mcap_records.Header(profile=profile, library=f"seaclutter {__version__}"))
 
     def add_channel(self, channel: Channel) -> None:
         """Declare a channel under its own id, before its first message."""

@@ -210,3 +210,4 @@ class McapOptions(ContentOptions):
     )
     method: str = option("", "Name of the method.", default="")
     is_part: bool = option("", "Whether only a part of the recording is written.", default=False)
+    as_is: bool = option("", "Whether frames are written as they are, and nothing is added.", default=False)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Floats
-from seaclutter_cli.cloud import Cloud, from_array
+from seaclutter_cli.cloud import Cloud, free_name, from_array
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
@@ -27,7 +27,6 @@ from seaclutter_cli.text import count
 _TYPE = "sensor_msgs/msg/PointCloud2"
 _PLY = {"i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint", "f4": "float"}
 _PLY_NAMES = {**_PLY, "f8": "double"}
-_PCD_KINDS = {"i": "I", "u": "U", "f": "F"}
 _PACKED = ("X", "Y", "Z")
 """Dimensions of LAS with the whole numbers of the coordinates."""
 _LAS_SCALE, _LAS_STEPS, _LAS_NAME_BYTES = 1e-4, 4e9, 32
@@ -36,6 +35,8 @@ _LAS_POINT_BYTES, _LAS_DIMENSIONS = 2**16 - 1, (2**16 - 1) // 192
 NO_COORDINATES, TOO_FAR, NAMES = "without coordinates", "too far away", "full names of fields"
 Lost = Counter[str]
 """Number of points that a file cannot contain, by the reason; `NAMES` if names of fields had to be changed."""
+FrameWriter = Callable[[BinaryIO, Cloud], Lost | None]
+"""Function that writes a cloud to a file, and returns what that cannot contain."""
 _ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 
 
@@ -59,7 +60,7 @@ def _write_pcd(stream: BinaryIO, cloud: Cloud) -> Lost:
     rows = {
         "FIELDS": names,
         "SIZE": [field.type[1] for field in packed.fields],
-        "TYPE": [_PCD_KINDS[field.type[0]] for field in packed.fields],
+        "TYPE": [field.type[0].upper() for field in packed.fields],
         "COUNT": [str(max(field.count, 1)) for field in packed.fields],
     }
     lines = ["# .PCD v0.7 - Point Cloud Data file format", "VERSION 0.7"]
@@ -152,7 +153,7 @@ def _write_las(stream: BinaryIO, cloud: Cloud, *, packed: bool) -> Lost:
     header.creation_date = datetime.fromtimestamp(max(cloud.stamp_ns, 0) // 10**9, UTC).date()
     header.generating_software = "seaclutter"
     header.global_encoding.wkt = True  # LAS 1.4 requires it from point format 6, also without a reference system
-    header.scales, header.offsets = _grid(xyz)
+    header.scales, header.offsets = np.full(3, _LAS_SCALE), _offsets(xyz)
     columns, shortened = _las_columns(laspy, header, points)
     lost += Lost({NAMES: int(shortened)})
     las = laspy.LasData(header, laspy.ScaleAwarePointRecord.zeros(len(points), header=header))
@@ -174,12 +175,12 @@ def _require_room(cloud: Cloud) -> None:
         )
 
 
-def _grid(xyz: Floats) -> tuple[Floats, Floats]:
-    """Return scales, and offsets with which all coordinates fit into 32 bits: zero where possible."""
+def _offsets(xyz: Floats) -> Floats:
+    """Return offsets with which all coordinates fit into 32 bits: zero where possible."""
     if not xyz.size:
-        return np.full(3, _LAS_SCALE), np.zeros(3)
+        return np.zeros(3)
     is_far = np.abs(xyz).max(axis=1) > _LAS_SCALE * 2**30
-    return np.full(3, _LAS_SCALE), np.where(is_far, np.floor((xyz.min(axis=1) + xyz.max(axis=1)) / 2), 0.0)
+    return np.where(is_far, np.floor((xyz.min(axis=1) + xyz.max(axis=1)) / 2), 0.0)
 
 
 def _las_columns(laspy: Any, header: Any, points: NDArray[Any]) -> tuple[dict[str, NDArray[Any]], bool]:
@@ -243,14 +244,11 @@ def _words(names: Iterable[str]) -> list[str]:
     """Return names as distinct words; a single underscore is padding in PCD files."""
     words = {"_": None}
     for name in names:
-        word = "".join("_" if c.isspace() else c for c in name)
-        while word in words:
-            word += "_"
-        words[word] = None
+        words[free_name("".join("_" if c.isspace() else c for c in name), words)] = None
     return list(words)[1:]
 
 
-FRAME_WRITERS: Mapping[str, Callable[[BinaryIO, Cloud], Lost]] = {
+FRAME_WRITERS: Mapping[str, FrameWriter] = {
     "pcd": _write_pcd,
     "las": partial(_write_las, packed=False),
     "laz": partial(_write_las, packed=True),
@@ -258,7 +256,7 @@ FRAME_WRITERS: Mapping[str, Callable[[BinaryIO, Cloud], Lost]] = {
 }
 """Writers of frames by the name of the format; they return what a file cannot contain."""
 
-POINT_WRITERS: Mapping[str, Callable[[BinaryIO, Cloud], Lost]] = {
+POINT_WRITERS: Mapping[str, FrameWriter] = {
     ".pcd": _write_pcd,
     ".ply": _write_ply,
     ".mcap": _write_mcap,

@@ -55,9 +55,9 @@ class Db3Output(LogOutput):
         self._folder = AtomicFolder(path, group, last=ROSBAG2_METADATA)
         self._files: dict[str, _FileWriter] = {}
 
-    def part(self, number: int, source: Source, compression: str | None) -> LogWriter:
-        """Return the writer of a storage file."""
-        name = f"{self._folder.path.name}_{number}{self.suffix}"
+    def part(self, source: Source, compression: str | None) -> LogWriter:
+        """Return the writer of the next storage file."""
+        name = f"{self._folder.path.name}_{len(self._files)}{self.suffix}"
         writer = self._files[name] = self._start(name, source, compression)
         return writer
 

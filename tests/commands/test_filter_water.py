@@ -10,6 +10,7 @@ import pytest
 from seaclutter_cli.frame import WATER_COLUMNS
 from seaclutter_cli.messages import diagnostics
 from seaclutter_cli.messages.diagnostics import WATER, read_diagnostics
+from seaclutter_cli.records import Channel, Message, Schema
 from seaclutter_cli.water import Mounting
 from tests.commands.test_filter import POINT, invoke, messages, write_log
 from tests.filters.seas import Body, body_points, water
@@ -115,7 +116,8 @@ def test_a_log_without_water(tmp_path):
     for message in messages(tmp_path / "out.mcap", "/seaclutter/diagnostics"):
         found = diagnostics._typestore().deserialize_cdr(message.data, WATER.type)
         assert np.isnan([getattr(found, name) for name in WATER_COLUMNS]).all()
-        assert read_diagnostics(message.data, "cdr", WATER.name).water is None
+        channel = Channel(1, "", "cdr", Schema(WATER.name, "ros2msg", b""))
+        assert read_diagnostics(Message(channel, 0, 0, 0, message.data)).water is None
     shown = invoke(tmp_path / "log.mcap", "-m", "confirmed", "-o", tmp_path / "out.mcap", "--force")
     assert "  no water seen" in shown.stdout
 

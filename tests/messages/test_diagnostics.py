@@ -147,7 +147,7 @@ def test_messages_of_methods_that_estimate_the_water(cloud_encoding, encoding, n
     measures = MEASURES if state else dict.fromkeys(MEASURES, missing)
     texts = {"topic": "/points", "scene": ""}
     assert message == {"stamp": {"sec": 3, "nsec": 4}, **texts, **WATER_NUMBERS, **ARRAYS, **measures}
-    found = read_diagnostics(data, encoding, schema.name)
+    found = read_diagnostics(Message(Channel(1, "", encoding, schema), 0, 0, 0, data))
     assert found.counts.tolist() == result.counts.tolist()
     assert found.water == state
 
@@ -157,7 +157,8 @@ def test_both_layouts_are_read_back(encoding):
     for layout, of_water in ((PLAIN, (0, 0)), (WATER, (7, 8))):
         _, schema, serialise = diagnostics_format(encoding, layout)
         diagnostics = Diagnostics.of(result_of(1, of_water=of_water, water=WaterState(*MEASURES.values())))
-        found = read_diagnostics(serialise(diagnostics.content(layout)), encoding, schema.name)
+        data = serialise(diagnostics.content(layout))
+        found = read_diagnostics(Message(Channel(1, "", encoding, schema), 0, 0, 0, data))
         assert found.counts.tolist() == [7, 1, 2, 3, 4, 5, 6, *of_water]
         assert found.water == (diagnostics.water if layout is WATER else None)
 

@@ -31,7 +31,7 @@ def written(items, compression="zstd", chunk_size=1000):
     stream = io.BytesIO()
     before, McapWriter.chunk_size = McapWriter.chunk_size, chunk_size
     try:
-        writer = McapWriter(stream, profile="ros2", library="tests", compression=compression)
+        writer = McapWriter(stream, profile="ros2", compression=compression)
         for number, schema in ((1, NOTE), (2, NOTE), (3, None), (40_000, Schema("other", "ros2msg", b"int8 a\n"))):
             writer.add_channel(Channel(number, f"/{number}", "json", schema, (("key", "Ü"),)))
         for item in items:
@@ -220,7 +220,7 @@ def test_bytes_do_not_depend_on_the_number_of_threads(monkeypatch, compression, 
 def test_few_chunks_are_pending_and_abort_stops_the_threads():
     before = threading.active_count()
     stream = io.BytesIO()
-    writer = McapWriter(stream, profile="", library="", compression="zstd")
+    writer = McapWriter(stream, profile="", compression="zstd")
     writer.add_channel(Channel(1, "/a", "json", None))
     noise = os.urandom(2**20)
     for k in range(12):
@@ -244,7 +244,7 @@ def fill(writer):
 
 def test_abort_stops_the_threads_after_an_error():
     before = threading.active_count()
-    writer = McapWriter(FullStream(), profile="", library="", compression="")
+    writer = McapWriter(FullStream(), profile="", compression="")
     writer.add_channel(Channel(1, "/a", "json", None))
     with pytest.raises(OSError, match="No space left"):
         fill(writer)

@@ -112,9 +112,9 @@ signature.
 class HesaiModel:
     """A Hesai sensor with C channels. Each block in a packet contains one firing or one return.
 
-    Its name is that of the file with its nominal angles and firing times. Headers have its numbers of lasers and
-    blocks, the first numbers of a version, and a status version within bounds. ``block_ns`` is the time between two
-    firings of all channels, or twice that in packets without high resolution if it has paces; the packet's time is
+    Its name is that of the file with its nominal angles and firing times. Headers have the numbers of lasers and blocks
+    of its layouts, the first numbers of a version, and a status version within bounds. ``block_ns`` is the time between
+    two firings of all channels, or twice that in packets without high resolution if it has paces; the packet's time is
     ``last_block_ns`` before its last firing or, if there is one, ``first_block_ns`` before its first. Channels that do
     not always fire at the same times have ``states``, by block, shape (P, B). Distances below the least one are codes.
     If mirrors rotate instead of the lasers, directions are those of the unit, which has no nominal ones. Experimental
@@ -123,8 +123,6 @@ class HesaiModel:
 
     name: str
     layouts: Layouts
-    lasers: int
-    blocks: int
     block_ns: int
     version: tuple[int, ...] = ()
     status: tuple[int, int] = (0, 255)
@@ -151,7 +149,8 @@ class HesaiModel:
         if "start" not in (packets.dtype.names or ()):
             return np.asarray((packets["blocks"]["start"] == (0xFF, 0xEE)).all(axis=(1, 2)))
         found = (packets["start"] == (0xEE, 0xFF)).all(axis=1) & (packets["unit_mm"] > 0)
-        found &= (packets["lasers"] == self.lasers) & (packets["blocks_number"] == self.blocks)
+        blocks, lasers = packets["blocks"]["units"].shape[1:]
+        found &= (packets["lasers"] == lasers) & (packets["blocks_number"] == blocks)
         if self.version:
             found &= (packets["version"][:, : len(self.version)] == self.version).all(axis=1)
             found &= (packets["status_version"] >= self.status[0]) & (packets["status_version"] <= self.status[1])
@@ -209,7 +208,7 @@ def _states_of_128(packets: Rows) -> Ints:
 
 def _xt(name: str, blocks: int, lasers: int) -> HesaiModel:
     layouts = _layouts(_HEADER, _blocks(blocks, lasers, 4), [("status", "u1", 10)], _LATE_TAIL, _SEQUENCE)
-    return HesaiModel(name, layouts, lasers, blocks, 50_000, version=(6,), last_block_ns=5_632)
+    return HesaiModel(name, layouts, 50_000, version=(6,), last_block_ns=5_632)
 
 
 _P128: dict[str, Any] = {"version": (1, 4), "states": _states_of_128, "has_paces": True, "is_experimental": True}
@@ -219,15 +218,13 @@ MODELS = (
     _xt("PandarXT-32", 8, 32),
     _xt("PandarXT-16", 8, 16),
     _xt("PandarXT-32M2X", 6, 32),
-    HesaiModel("Pandar40P", _PANDAR40, 40, 10, 55_560, last_block_ns=-28_580),
-    HesaiModel("Pandar64", _PANDAR64, 64, 6, 55_560, last_block_ns=-42_580),
-    HesaiModel("PandarQT", _PANDARQT, 64, 4, 166_667, version=(3, 1), first_block_ns=25_710),
-    HesaiModel("PandarQT128", _FLAGGED, 128, 2, 111_110, version=(3, 2), first_block_ns=9_000, states=_states_of_qt128),
-    HesaiModel("Pandar128", _FLAGGED, 128, 2, 27_778, status=(0, 127), last_block_ns=3_148, **_P128),
-    HesaiModel("OT128", _FLAGGED, 128, 2, 27_778, status=(128, 136), least_distance=4, **_P128),
-    HesaiModel(
-        "AT128", _MIRRORS, 128, 2, 41_666, version=(4, 3), last_block_ns=-50_915, has_mirrors=True, is_experimental=True
-    ),
+    HesaiModel("Pandar40P", _PANDAR40, 55_560, last_block_ns=-28_580),
+    HesaiModel("Pandar64", _PANDAR64, 55_560, last_block_ns=-42_580),
+    HesaiModel("PandarQT", _PANDARQT, 166_667, version=(3, 1), first_block_ns=25_710),
+    HesaiModel("PandarQT128", _FLAGGED, 111_110, version=(3, 2), first_block_ns=9_000, states=_states_of_qt128),
+    HesaiModel("Pandar128", _FLAGGED, 27_778, status=(0, 127), last_block_ns=3_148, **_P128),
+    HesaiModel("OT128", _FLAGGED, 27_778, status=(128, 136), least_distance=4, **_P128),
+    HesaiModel("AT128", _MIRRORS, 41_666, (4, 3), last_block_ns=-50_915, has_mirrors=True, is_experimental=True),
 )
 """Supported sensors. Times and angles are from their manuals or from the files that Hesai's SDK contains."""
 

@@ -30,7 +30,6 @@ _VERSION, _KNOWN_VERSION = 3, 5
 _NODES = 180
 _STEP = 360 * _DEGREE // _NODES
 _MIRRORS = range(2, 17)
-_NOT_ANGLES = "{}: not a Hesai angle correction file (Laser id,Elevation,Azimuth): {}"
 
 Directions = tuple[Floats, Floats, Floats]
 """Azimuth in radians, cosine and sine of the elevation of N points."""
@@ -130,13 +129,8 @@ class MirrorScan:
         """Return the positions of the motor in blocks."""
         return np.asarray(blocks["azimuth"].astype(np.int64) * _FINE + blocks["fine"])
 
-    def count(
-        self,
-        positions: Ints,
-        times_ns: Ints,
-        rpm: Ints,  # noqa: ARG002 - the mirrors have one speed
-    ) -> Ints:
-        """Return the field of each firing and channel, as `RotorScan.count`."""
+    def count(self, positions: Ints, times_ns: Ints, _rpm: Ints) -> Ints:
+        """Return the field of each firing and channel, as `RotorScan.count`; the mirrors have one speed."""
         if self._first < 0:
             self._first = self._position = int(positions[0, 0])
             self._time_ns = int(times_ns[0, 0])
@@ -213,7 +207,7 @@ def parse_angles(data: bytes, name: str, channels: int) -> tuple[Floats, Floats]
         rows = [row for row in csv.reader(lines) if row and row[0].strip().isdecimal()]
         angles = {int(row[0]): (float(row[1]), float(row[2])) for row in rows}
     except (UnicodeDecodeError, ValueError, IndexError, csv.Error) as error:
-        raise InputError(_NOT_ANGLES.format(name, error)) from error
+        raise InputError(f"{name}: not a Hesai angle correction file (Laser id,Elevation,Azimuth): {error}") from error
     if sorted(angles) != list(range(1, channels + 1)) or not np.isfinite(list(angles.values())).all():
         raise InputError(
             f"{name}: expected finite angles of channels 1 to {channels}, got {count(len(angles), 'channel')}"

@@ -37,7 +37,6 @@ class Profile:
     intensities: tuple[str, ...]
     range_mask: int
     range_unit_mm: int = 1
-    has_signal: bool = True
 
 
 def _pixel(size: int, **fields: tuple[str, int]) -> np.dtype[Any]:
@@ -56,12 +55,7 @@ PROFILES = {
         0x7FFFF,
     ),
     "RNG15_RFL8_NIR8": Profile(
-        _pixel(4, range=("<u2", 0), reflectivity=("u1", 2)),
-        ("range",),
-        ("reflectivity",),
-        0x7FFF,
-        range_unit_mm=8,
-        has_signal=False,
+        _pixel(4, range=("<u2", 0), reflectivity=("u1", 2)), ("range",), ("reflectivity",), 0x7FFF, range_unit_mm=8
     ),
 }
 """Profiles by name."""
@@ -98,7 +92,7 @@ def valid_packets(packets: Rows, columns: int) -> Mask:
     count = ids.shape[1]
     valid = valid_columns(packets)
     valid |= ~valid.any(axis=1, keepdims=True)
-    first = (ids - np.arange(count))[np.arange(len(ids)), valid.argmax(axis=1)]
+    first = first_columns(packets)
     intact = (((ids - np.arange(count)) == first[:, None]) | ~valid).all(axis=1)
     intact &= (first >= 0) & (first % count == 0) & (first + count <= columns)
     times_ns = packets["columns"]["time_ns"]
@@ -266,7 +260,7 @@ def _is_damaged(place: int, after: int, *, before: int, per_revolution: int) -> 
 
 
 def _details(metadata: OusterMetadata) -> dict[str, str]:
-    signal = PROFILES[metadata.profile].has_signal
+    signal = "signal" in PROFILES[metadata.profile].intensities
     first, last = metadata.window
     details = {
         "serial number": metadata.serial,

@@ -23,17 +23,10 @@ from seaclutter_cli.sensors.packets import (
     point_dtype,
 )
 from seaclutter_cli.sensors.robosense import models
+from seaclutter_cli.sensors.robosense import packets as layouts
 from seaclutter_cli.sensors.robosense.device import Device, find_device, find_model
 from seaclutter_cli.sensors.robosense.models import RobosenseModel
-from seaclutter_cli.sensors.robosense.packets import (
-    INFO_ID,
-    Angles,
-    channels,
-    data_layout,
-    data_packets,
-    header_times,
-    temperature_degc,
-)
+from seaclutter_cli.sensors.robosense.packets import Angles, data_packets, header_times
 
 _WHOLE = 0xFFFF
 BLIND = 100
@@ -52,7 +45,8 @@ def block_dtype(model: RobosenseModel) -> np.dtype[Any]:
     in nanoseconds of Unix time, whether they contain second returns, and the raw bytes of distances and intensities.
     """
     numbers: list[Any] = [(name, np.int64) for name in ("azimuth", "step", "times_ns")]
-    return np.dtype([*numbers, ("second", np.bool_), ("channels", data_layout(model)["blocks"].base["channels"])])
+    channels = layouts.data_layout(model)["blocks"].base["channels"]
+    return np.dtype([*numbers, ("second", np.bool_), ("channels", channels)])
 
 
 def second_returns(azimuth: Ints, device: Device, before: int) -> Mask:
@@ -91,7 +85,6 @@ class Geometry:
         share = (channel_ns / device.step_ns).astype(np.float32)
         rotation = np.arange(max(BLIND, device.step) + 1, dtype=np.float32)[:, None] * share
         self._rotation = rotation.astype(np.int64)
-        self._reversed = device.reversed
         forward, up = np.array(model.lens_m, np.float32)
         self._directions = _directions()
         self._lens = self._directions * forward
@@ -107,14 +100,14 @@ class Geometry:
 
     def points(self, blocks: Rows) -> Rows:
         """Return the points of blocks, shape (N,), in firing order."""
-        distance, intensity = self._measured(channels(blocks["channels"]))
+        distance, intensity = self._measured(layouts.channels(blocks["channels"]))
         azimuth = blocks["azimuth"][:, None] + self._rotation[blocks["step"]] - _MIN_AZIMUTH
         range_m = distance * self._unit
         points = np.empty(distance.shape, self._packed)
         positions = self._directions.take(azimuth + self._horizontal, mode="clip")
         positions *= range_m * self._cos
         positions += self._lens.take(azimuth, mode="clip")
-        points["xy"] = positions.conj() if self._reversed else positions
+        points["xy"] = positions.conj() if self._device.reversed else positions
         points["z"] = range_m * self._sin + self._up
         points["intensity"] = intensity
         points["ring"] = self._rings
@@ -179,7 +172,7 @@ class RoboSense(PacketFamily):
 
     def is_calibration(self, payloads: Bytes) -> Mask:
         """Return which UDP payloads, shape (P, L), are device information packets, which contain the laser angles."""
-        return _are(payloads, [INFO_ID[:4]], {models.INFO_BYTES})
+        return _are(payloads, [layouts.INFO_ID[:4]], {models.INFO_BYTES})
 
     def decoder(self, packets: Packets, options: DecoderOptions) -> "RoboSenseDecoder":
         """Return a decoder for the sensor that sent these packets: data, and device information from anywhere.
@@ -217,7 +210,6 @@ class RoboSenseDecoder:
     def __init__(self, device: Device, angles: Angles, warnings: list[str], sample: Packets) -> None:
         self._device = device
         self._geometry = Geometry(device, angles)
-        self._is_utc = device.model.format.is_utc
         self._clock, self._losses = SensorClock(), LossCounter()
         self._parts: list[Rows] = []
         self._azimuth = -1
@@ -225,10 +217,10 @@ class RoboSenseDecoder:
         self._is_first = True
         self.facts = SensorFacts(device.model.name, dict(device.details), warnings=warnings)
         packets = data_packets(device.model, sample.payloads)
-        header_ns = header_times(packets, is_utc=self._is_utc)
+        header_ns = header_times(packets)
         wrong = bool(((abs(header_ns - sample.times_ns) > DAY_NS) & (sample.times_ns > 0)).mean() > 0.5)
         raw, big_endian = packets["temperature"][0].tolist(), device.model.format.temperature_big_endian
-        temperature = temperature_degc(*raw, big_endian=big_endian)
+        temperature = layouts.temperature_degc(*raw, big_endian=big_endian)
         self.facts.details["temperature"] = f"{temperature:.1f} °C at the start"
         self.facts.details["clock"] = "sensor time, shifted to the recording time" if wrong else "sensor time (UTC)"
         self.facts.details |= EXPERIMENTAL if device.model.name not in models.CHECKED else {}
@@ -240,7 +232,7 @@ class RoboSenseDecoder:
         is_data = self._are_data(packets)
         if not is_data.any():
             return np.full(len(packets), -1)
-        times_ns = header_times(data_packets(self._device.model, packets.payloads), is_utc=self._is_utc)
+        times_ns = header_times(data_packets(self._device.model, packets.payloads))
         return np.where(is_data, times_ns, -1)
 
     def _are_data(self, packets: Packets) -> Mask:
@@ -251,7 +243,7 @@ class RoboSenseDecoder:
         model = self._device.model
         is_data = self._are_data(packets)
         if not is_data.all():
-            is_info = _are(packets.payloads, [INFO_ID[:4]], {models.INFO_BYTES})
+            is_info = _are(packets.payloads, [layouts.INFO_ID[:4]], {models.INFO_BYTES})
             self.facts.bad_packets += int((~is_data & ~is_info).sum())
             packets = packets[is_data]
         if len(packets):
@@ -289,7 +281,7 @@ class RoboSenseDecoder:
         revolution = np.cumsum(np.diff(used, prepend=self._azimuth) < 0, dtype=np.int64)
         second = second_returns(azimuth, self._device, self._azimuth)
         step, after_ns = steps(azimuth, second, self._device)
-        header_ns = header_times(packets, is_utc=self._is_utc)
+        header_ns = header_times(packets)
         times_ns = header_ns + self._clock.shifts(header_ns, record_ns - self._device.model.packet_ns)
         self._count_lost(header_ns, azimuth)
         self._azimuth = int(used[-1])

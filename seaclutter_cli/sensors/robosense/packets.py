@@ -27,10 +27,10 @@ CLASSIC_TIME = np.dtype([("date", "u1", (6,)), ("milliseconds", ">u2"), ("micros
 HELIOS_TIME = np.dtype([("high", ">u2"), ("low", ">u4"), ("microseconds", ">u4")])
 
 
-def header_times(packets: NDArray[Any], *, is_utc: bool) -> Ints:
+def header_times(packets: NDArray[Any]) -> Ints:
     """Return the header times of data packets, shape (P,), in nanoseconds of UTC; 0 for invalid times."""
     time = packets["time"]
-    if is_utc:
+    if time.dtype == HELIOS_TIME:
         seconds = time["high"].astype(np.int64) << 32 | time["low"]
         return np.where(seconds < _MAX_S, seconds, 0) * 10**9 + time["microseconds"].astype(np.int64) * 1000
     year, month, day, hour, minute, second = time["date"].astype(np.int64).T

@@ -270,7 +270,7 @@ class VelodyneDecoder:
             self._losses.add(self._packets[:0], self._times_ns[:0], self._cut)
             yield from self._revolutions(self._cut)
         if len(self._packets):
-            yield self._frame(len(self._packets), 0, self._cut, ended=False)
+            yield self._frame(self._cut, len(self._packets), 0, ended=False)
 
     def _azimuths(self) -> Ints:
         """Return the azimuth of each block, shape (P, 12), in 0.01°; unused blocks repeat the last used one."""
@@ -279,9 +279,8 @@ class VelodyneDecoder:
         return np.where(used, azimuths, azimuths[:, 7:8])
 
     def _revolutions(self, cut: Cut) -> Iterator[PacketFrame]:
-        while (end := self._next_end(cut)) is not None:
-            packet, block, ended = end
-            yield self._frame(packet, block, cut, ended=ended)
+        while end := self._next_end(cut):
+            yield self._frame(cut, *end)
 
     def _next_end(self, cut: Cut) -> tuple[int, int, bool] | None:
         """Return the packet and block that start the next revolution, and whether they follow a cut, not a pause."""
@@ -298,7 +297,7 @@ class VelodyneDecoder:
                 return (packet + 1, 0, True) if whole else (packet, block, True)
         return (int(late[0]), 0, False) if len(late) else None
 
-    def _frame(self, packet: int, block: int, cut: Cut, *, ended: bool) -> PacketFrame:
+    def _frame(self, cut: Cut, packet: int, block: int, ended: bool) -> PacketFrame:
         """Return the revolution before a block of a packet, and keep the packets from there on."""
         if block:
             self._split_packet(packet, block)
