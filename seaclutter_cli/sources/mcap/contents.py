@@ -12,7 +12,7 @@ from mcap import records as mcap_records
 from mcap.opcode import Opcode
 
 from seaclutter_cli.limits import CHANNEL_BYTES, above, limits
-from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata, Schema
+from seaclutter_cli.records import Attachment, Buffer, Bytes, Channel, FilePart, Metadata, Schema
 from seaclutter_cli.sources.mcap.records import (
     MAGIC,
     MESSAGE,
@@ -27,7 +27,7 @@ from seaclutter_cli.sources.mcap.records import (
 )
 from seaclutter_cli.sources.shared import log_file
 from seaclutter_cli.sources.shared.chunked import Chunk
-from seaclutter_cli.sources.shared.log_file import Bytes, FilePart, LogFile
+from seaclutter_cli.sources.shared.log_file import LogFile
 
 _LOOSE_BYTES = 4 * 2**20
 _INDEX, _TIMES = struct.Struct("<HI"), struct.Struct("<QQ")
@@ -47,7 +47,7 @@ ReportDamage = Callable[..., object]
 """Receives offset and kind of damage, the number of lost bytes and, if known, of messages."""
 
 
-def index_counts(view: Bytes[Buffer], at: int) -> Counter[int]:
+def index_counts(view: Bytes, at: int) -> Counter[int]:
     """Return the number of messages per channel of a chunk that ends at an offset, from its message indexes."""
     counts = Counter[int]()
     while at + RECORD.size <= len(view):
