@@ -43,12 +43,11 @@ _MANY, _SMALL = 64, 16 * 2**20
 class Download:
     """Copies of objects, complete after `wait`.
 
-    Every range is requested with the version of the object, so a copy never mixes two of them. ``files`` are pairs of
-    an object and the file that becomes its copy.
+    Every range is requested with the version of the object, so a copy never mixes two of them. The files are pairs of
+    an object and what becomes its copy.
     """
 
     def __init__(self, files: list[tuple[StoredObject, Path]]) -> None:
-        self.files = files
         self._error: BaseException | None = None
         self._stopped = False
         for found, path in files:
@@ -152,16 +151,16 @@ class Mirror:
         """Return text with URLs in place of the paths that stand for them."""
         return self._shown.sub(r"\1://", text)
 
-    def find(self, pattern: str, *, with_siblings: bool, also: Sequence[str]) -> str:
+    def find(self, pattern: str, also: Sequence[str]) -> str:
         """List what the path or pattern of logs may refer to, and return it for `glob`.
 
-        ``with_siblings`` is whether what is beside a single object belongs to it, ``also`` are suffixes of objects that
-        belong to those that a pattern matches. Raise `UsageError` if there is no such object or folder.
+        ``also`` are suffixes of objects that belong to those that a pattern matches. Raise `UsageError` if there is no
+        such object or folder.
         """
         path = Path(pattern)
         url = self.url(path)
         if found := find_object(url):
-            self._add([found, *(list_folder(url.parent)[0] if with_siblings else ())], sized=False)
+            self._add([found], sized=False)
             return str(path)
         if url.scheme in WEB:
             raise UsageError(f"{url}: no such file; web servers list no folders, so name each file")
@@ -362,13 +361,9 @@ class Mirror:
         try:
             yield
         finally:
-            for path in self._complete - before:
-                self.remove(path)
-
-    def remove(self, path: Path) -> None:
-        """Remove the content of a copy."""
-        self._complete.discard(path)
-        self._reset([(self._objects[path], path)])
+            made = self._complete - before
+            self._complete -= made
+            self._reset((self._objects[path], path) for path in made)
 
     def _reset(self, files: Iterable[tuple[StoredObject, Path]]) -> None:
         for found, path in files:
