@@ -318,8 +318,8 @@ def read_chunks(path: Path, chunks: list[tuple[int, int, int]]) -> Iterator[Any]
     laspy = _laspy()
     with reading("COPC"), open_las(path) as reader, LazBackend(path) as laz:
         header = reader.header
-        points = laz.read_chunks(header, chunks)
         left = sum(number for *_, number in chunks)
+        points = laz.start(header, chunks, left)
         while left:
             number = min(left, CHUNK_POINTS)
             packed = laspy.PackedPointRecord.from_buffer(points.read_n_points(number), header.point_format)
