@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.airborne.objects import doubts_about_sea
 from seaclutter_cli.airborne.separation import Separation
 from seaclutter_cli.airborne.settings import TileSettings
-from seaclutter_cli.errors import InputError, UsageError, about
+from seaclutter_cli.errors import CloudError, InputError, UsageError, about
 from seaclutter_cli.interfaces import TilePoints
 from seaclutter_cli.jobs.processes import default_jobs
 from seaclutter_cli.runs.batch import Work, run_all
@@ -29,10 +29,9 @@ from seaclutter_cli.sources.extents import (
     Margin,
     PointsWithMargin,
     TileHead,
-    is_indexed,
+    TilePart,
     neighbors_of,
     read_head,
-    read_margin,
     region_of,
     windows_of,
 )
@@ -57,7 +56,7 @@ def tiles_of(paths: Sequence[Path], window_m: float | None, observer: Observer) 
     heads: list[TileHead] = []
     for path in paths:
         with about(path, InputError):
-            heads += windows_of(path, window_m) if is_indexed(path) else [read_head(path)]
+            heads += windows_of(path, window_m)
     whole = [head.path.name for head in heads if not head.window]
     if len(whole) == len(heads):
         raise UsageError("--window: only COPC files can be read by window, and no TILE is one")
@@ -87,9 +86,12 @@ def points_of(tile: LasTile | CloudTile, margin: Margin | None, observer: Observ
     """Return the points of a tile, followed by those in its margin; warn of neighbours that cannot be read."""
     if margin is None:
         return tile
-    found, failed = read_margin(tile.path, margin)
-    for path, reason in failed.items():
-        observer.warn(f"{tile.path.stem}: no margin from {path.name}, which cannot be read ({reason})")
+    found = []
+    for path in margin.neighbors:
+        try:
+            found.append(TilePart(path, margin.region, margin.window if path == tile.path else None))
+        except (CloudError, OSError) as error:
+            observer.warn(f"{tile.path.stem}: no margin from {path.name}, which cannot be read ({error})")
     return PointsWithMargin(tile, found)
 
 
