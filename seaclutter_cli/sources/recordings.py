@@ -3,7 +3,7 @@
 import os
 import re
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from glob import glob
@@ -62,11 +62,8 @@ class Recording:
         decoding = decoding or DecoderOptions()
         if self.parts:
             with ExitStack() as stack:
-                opened: list[Source] = []
-                for part in self.parts:
-                    opened.append(part.open(rate_hz=rate_hz, columns=columns, decoding=decoding))
-                    stack.callback(opened[-1].close)
-                merged = MergedSource(opened, self.name)
+                parts = (part.open(rate_hz=rate_hz, columns=columns, decoding=decoding) for part in self.parts)
+                merged = MergedSource([stack.enter_context(closing(part)) for part in parts], self.name)
                 stack.pop_all()
             return merged
         if len(self.paths) > 1:
