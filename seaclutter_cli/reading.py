@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seaclutter_cli.arrays import Bytes
-from seaclutter_cli.cloud import Cloud, from_array
+from seaclutter_cli.cloud import Cloud, from_array, structured
 from seaclutter_cli.errors import CloudError, MissingExtraError, UnsupportedCloudError
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Source
@@ -180,10 +180,8 @@ def rejoined(
     left = np.flatnonzero(frame.valid)  # organised clouds keep the places of what was removed
     kept, others = frame.cloud.points, removed.points
     common = [name for name in kept.dtype.names or () if name in (others.dtype.names or ())]
-    points = np.empty(len(left) + len(others), [(name, kept.dtype[name]) for name in common])
-    for name in common:
-        points[name] = np.concatenate((kept[name][left], others[name]))
-    cloud = from_array(points, stamp_ns=frame.cloud.stamp_ns, frame_id=frame.cloud.frame_id)
+    columns = {name: np.concatenate((kept[name][left], others[name].astype(kept[name].dtype))) for name in common}
+    cloud = from_array(structured(columns), stamp_ns=frame.cloud.stamp_ns, frame_id=frame.cloud.frame_id)
     whole = Frame(cloud, frame.topic, frame.stamp_ns, frame.index, frame.intensity_field, frame.message)
     return whole, [
         one and replace(one, frame=whole, reason=np.concatenate((one.reason[left], reasons))) for one in results

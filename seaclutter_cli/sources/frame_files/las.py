@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.cloud import Cloud, from_array
+from seaclutter_cli.cloud import Cloud, from_array, structured
 from seaclutter_cli.errors import CloudError, MissingExtraError, requiring
 from seaclutter_cli.limits import above, limits
 from seaclutter_cli.paths import open_regular
@@ -234,10 +234,7 @@ def _unpack(file: BinaryIO, at: int, layout: str) -> tuple[Any, ...]:
 
 def _structured(part: Any) -> NDArray[Any]:
     names = [name for name in part.point_format.dimension_names if name not in ("X", "Y", "Z")]
-    columns = {name: np.asarray(part[name]) for name in ("x", "y", "z", *names)}
-    points = np.empty(len(part), [(name, column.dtype, column.shape[1:]) for name, column in columns.items()])
-    for name, column in columns.items():
-        points[name] = column
+    points = structured({name: np.asarray(part[name]) for name in ("x", "y", "z", *names)})
     # NumPy makes this integer of NaN, and so do writers.
     nowhere = np.all([np.asarray(part[axis]) == _OF_NAN for axis in "XYZ"], axis=0)
     for axis in "xyz":
