@@ -2,7 +2,7 @@
 
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
@@ -19,6 +19,7 @@ from seaclutter_cli.sources.mcap.records import (
     RECORD,
     BrokenRecordError,
     ChunkHeader,
+    Gap,
     Span,
     is_other,
     name_of,
@@ -41,10 +42,6 @@ _END_OPS = (
     Opcode.SUMMARY_OFFSET,
     Opcode.FOOTER,
 )
-
-
-ReportDamage = Callable[..., object]
-"""Receives offset and kind of damage, the number of lost bytes and, if known, of messages."""
 
 
 def index_counts(view: Bytes, at: int) -> Counter[int]:
@@ -82,7 +79,7 @@ class Trust(IntEnum):
 class Declarations:
     """Schemas and channels of a file, declared in any order; of contradictory ones, the first most trusted applies."""
 
-    def __init__(self, report: ReportDamage) -> None:
+    def __init__(self, report: Gap) -> None:
         self._report = report
         self._schemas: dict[int, tuple[Trust, mcap_records.Schema]] = {}
         self._records: dict[int, tuple[Trust, mcap_records.Channel]] = {}
@@ -155,7 +152,7 @@ class McapContents:
     last data: the summary. ``first`` has the index of the first chunk with messages of each channel.
     """
 
-    def __init__(self, file: LogFile, declarations: Declarations, report: ReportDamage) -> None:
+    def __init__(self, file: LogFile, declarations: Declarations, report: Gap) -> None:
         self.profile = ""
         self.chunks: list[McapChunk] = []
         self.counts: Counter[int] = Counter()
