@@ -159,15 +159,10 @@ class Mirror:
         """
         path = Path(pattern)
         url = self.url(path)
-        if found := find_object(url):
-            self._add([found], sized=False)
+        if self.look_below(path, sized=False):
             return str(path)
         if url.scheme in WEB:
             raise UsageError(f"{url}: no such file; web servers list no folders, so name each file")
-        if objects := list(list_objects(url)):
-            self._add(objects, sized=False)
-            self._known_below.add(path)
-            return str(path)
         if not _MAGIC.search(url.key):
             raise UsageError(f"{url}: no such object or folder")
         parts = url.key.split("/")
@@ -218,12 +213,12 @@ class Mirror:
         if path not in self._objects and self._known_below.isdisjoint((path, *path.parents)):
             self.look_below(path)
 
-    def look_below(self, path: Path) -> list[StoredObject]:
+    def look_below(self, path: Path, *, sized: bool = True) -> list[StoredObject]:
         """Let a path be what there is: a file, or a folder with all that is below it; return the objects."""
         url = self.url(path)
         found = find_object(url)
         objects = [found] if found else list(list_objects(url))
-        self._add(objects)
+        self._add(objects, sized=sized)
         self._known_below.add(path)
         return objects
 
@@ -256,10 +251,9 @@ class Mirror:
         scratch folder.
         """
         files = self._missing(paths)
-        if at_most is not None:
-            for found, _ in files:
-                if found.size > at_most:
-                    raise InputError(f"{found.url}: {found.size:,} bytes are too many for this kind of file")
+        for found, _ in files:
+            if at_most is not None and found.size > at_most:
+                raise InputError(f"{found.url}: {found.size:,} bytes are too many for this kind of file")
         if files:
             self._copy(files)
         after = self._after.get(tuple(paths))

@@ -299,14 +299,6 @@ class _Ranges(io.RawIOBase):
         return len(data)
 
 
-def _send_pieces(file: Path, url: Url, writer: "WritableFile") -> None:
-    """Send a file in pieces. Unlike the last request, which lets an object appear, this may be interrupted."""
-    with file.open("rb") as stream:
-        while piece := stream.read(_PIECE):
-            with explained(url, OutputError):
-                writer.write(piece)
-
-
 class Upload:
     """A complete file, or folder of files, on its way to object storage; nobody sees it before `complete`.
 
@@ -333,7 +325,10 @@ class Upload:
 
             writer = open_writer(store_of(url), url.key, buffer_size=part, max_concurrency=_AT_ONCE)
         self._writers[url] = writer
-        _send_pieces(file, url, writer)
+        with file.open("rb") as stream:
+            while piece := stream.read(_PIECE):  # unlike `complete`, this may be interrupted
+                with explained(url, OutputError):
+                    writer.write(piece)
 
     def complete(self) -> None:
         """Let the files appear, and delete all others in their folder.
