@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.errors import InputError, opening
-from seaclutter_cli.sources.frame_files.las import is_copc, read_chunks, read_index
+from seaclutter_cli.sources.frame_files.las import read_chunks, read_index
 from seaclutter_cli.sources.tiles import CloudTile, Crs, LasTile, Tile, open_tile
 
 _REPEATED = 0.5
@@ -143,9 +143,9 @@ class TilePart(LasTile):
 
     def _within(self, window: Extent, without: Extent | None) -> Iterator[Any]:
         near = self.read()
-        if self.path.suffix.lower() == ".laz" and is_copc(self.header):
+        if index := read_index(self.path, self.header):
             low, high = (np.array(corner) / self.crs.unit_m for corner in (window.low, window.high))
-            near = read_chunks(self.path, read_index(self.path, self.header).within(low, high))
+            near = read_chunks(self.path, index.within(low, high))
         for part in near:
             xyz = self.xyz(part)
             inside = window.contains(xyz)
@@ -168,9 +168,12 @@ def windows_of(path: Path, side_m: float) -> list[TileHead]:
 
     Raise `CloudError` if the file is damaged.
     """
-    if path.suffix.lower() != ".laz" or not is_copc((tile := LasTile(path)).header):
+    if path.suffix.lower() != ".laz":
         return [read_head(path)]
+    tile = LasTile(path)
     extent, index = extent_of(tile), read_index(path, tile.header)
+    if index is None:
+        return [read_head(path)]
     if extent is None:
         return []
     first, last = (np.floor(np.array(corner) / side_m).astype(int).tolist() for corner in (extent.low, extent.high))

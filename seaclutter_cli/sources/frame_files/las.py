@@ -260,22 +260,15 @@ class CopcIndex:
         return [(offset, size, points) for offset, size, points in self.chunks[near].tolist()]
 
 
-def is_copc(header: Any) -> bool:
-    """Return whether a header has the record of a COPC file."""
-    return _copc_info(header) is not None
+def read_index(path: Path, header: Any) -> CopcIndex | None:
+    """Return the index of a file, given its header with unchanged records; `CloudError` if it does not fit.
 
-
-def _copc_info(header: Any) -> bytes | None:
+    None if it is not a COPC file.
+    """
     found = [one.record_data for one in header.vlrs if (one.user_id, one.record_id) == _COPC]
-    return bytes(found[0]) if found and len(found[0]) >= _COPC_INFO.size else None
-
-
-def read_index(path: Path, header: Any) -> CopcIndex:
-    """Return the index of a COPC file, given its header with unchanged records; `CloudError` if it does not fit."""
-    info = _copc_info(header)
-    if info is None:
-        raise CloudError("not a COPC file")
-    *center, half, _, offset, size = _COPC_INFO.unpack_from(info)
+    if path.suffix.lower() != ".laz" or not found or len(found[0]) < _COPC_INFO.size:
+        return None
+    *center, half, _, offset, size = _COPC_INFO.unpack_from(found[0])
     entries = _copc_entries(path, offset, size)
     entries = entries[entries["points"] > 0]
     entries = entries[np.argsort(entries["offset"], kind="stable")]
