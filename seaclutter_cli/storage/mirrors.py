@@ -13,7 +13,7 @@ from glob import escape
 from itertools import pairwise, takewhile
 from pathlib import Path
 from threading import Thread
-from typing import IO, BinaryIO
+from typing import BinaryIO
 
 from seaclutter_cli.errors import InputError, OutputError, SeaclutterError, UsageError, opening
 from seaclutter_cli.parts import SCRATCH, part_path, release, remove_stale
@@ -34,6 +34,7 @@ _HEAD_BYTES = 4096
 _END_BYTES = 2**20
 _RANGE = 4 * 2**20
 _AT_ONCE, _WAKE_SECONDS = 8, 0.5
+_FAILED = "the copy in the scratch folder failed"
 _TOLD_BY_CONTENT = (".csv", ".yaml")
 _WORTH_AN_EXCERPT = 16 * 2**20
 _MANY, _SMALL = 64, 16 * 2**20
@@ -51,8 +52,8 @@ class Download:
         self._error: BaseException | None = None
         self._stopped = False
         for found, path in files:
-            with _opened(found, path, "wb"):
-                pass
+            with opening(found.url, problem=_FAILED):
+                path.write_bytes(b"")
         ranges = [(*file, start) for file in files for start in range(0, file[0].size, _RANGE)]
         self._ranges = iter(ranges)
         self._threads = [Thread(target=self._run, daemon=True) for _ in ranges[:_AT_ONCE]]
@@ -85,15 +86,10 @@ class Download:
     def _fetch(self, found: StoredObject, path: Path, start: int) -> None:
         data = read_range(found, start, start + _RANGE)
         if not self._stopped:
-            with _opened(found, path, "r+b") as file:  # not while waiting: some systems do not remove open files
+            # It is not open while waiting: some systems do not remove open files.
+            with opening(found.url, problem=_FAILED), path.open("r+b") as file:
                 file.seek(start)
                 file.write(data)
-
-
-@contextmanager
-def _opened(found: StoredObject, path: Path, mode: str) -> Iterator[IO[bytes]]:
-    with opening(found.url, problem="the copy in the scratch folder failed"), path.open(mode) as file:
-        yield file
 
 
 class Mirror:

@@ -199,9 +199,8 @@ def find_object(url: Url) -> StoredObject | None:
         try:
             return _stored(url, _answer(url, lambda: store.head(url.key))) if url.key else None
         except FileNotFoundError:
-            if url.scheme in WEB:
-                return None
-            _answer(url, lambda: next(iter(store.list(url.key)), None))  # says if there is no bucket
+            if url.scheme not in WEB:
+                _answer(url, lambda: next(iter(store.list(url.key)), None))  # says if there is no bucket
             return None
 
 
