@@ -73,7 +73,6 @@ def open_source(
 ) -> Source:
     """Open a log file, a rosbag2 folder, a folder of frames or a single frame; `InputError` if it cannot be read."""
     keep_freed_memory()
-    decoding = decoding or DecoderOptions()
     if path.is_dir():
         if is_rosbag2_folder(path):
             return wrap_packets(open_rosbag2(path, partial(open_file, decoding=decoding)), decoding)

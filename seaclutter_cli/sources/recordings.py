@@ -59,7 +59,6 @@ class Recording:
         self, *, rate_hz: float = 10.0, columns: str | None = None, decoding: DecoderOptions | None = None
     ) -> Source:
         """Open the recording."""
-        decoding = decoding or DecoderOptions()
         if self.parts:
             with ExitStack() as stack:
                 parts = (part.open(rate_hz=rate_hz, columns=columns, decoding=decoding) for part in self.parts)

@@ -29,8 +29,6 @@ from seaclutter_cli.sources.shared.packet_streams import MAX_SAMPLES, CloudStrea
 
 _MAX_IDS = 65_535
 _DECODED_AT_ONCE, _DECODED_WITHIN_NS = 64, 50_000_000
-
-
 _MAX_TRIES = 10
 _IMU_BYTES = 48
 """Length of Ouster's IMU packets, which the driver publishes in messages of the same type."""
