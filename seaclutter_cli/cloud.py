@@ -1,6 +1,6 @@
 """Point clouds as views of message bytes, with operations that need no decoding."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -248,6 +248,15 @@ def _field_type(dtype: np.dtype[Any]) -> str:
     if _FALLBACK.get(code, code) not in FIELD_TYPES:
         raise FieldError(f"a point field cannot have the type {dtype}")
     return _FALLBACK.get(code, code)
+
+
+def structured(columns: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
+    """Return columns of N values, or of N rows of values, as a structured array, shape (N,)."""
+    layout = [(name, values.dtype, values.shape[1:]) for name, values in columns.items()]
+    points = np.empty(len(next(iter(columns.values()))), layout)
+    for name, values in columns.items():
+        points[name] = values
+    return points
 
 
 def from_array(points: NDArray[Any], *, stamp_ns: int = 0, frame_id: str = "lidar", height: int = 1) -> Cloud:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.cloud import INTENSITY_NAMES, Cloud, from_array
+from seaclutter_cli.cloud import INTENSITY_NAMES, Cloud, from_array, structured
 from seaclutter_cli.errors import ArrayError, FieldError
 from seaclutter_cli.records import Message
 from seaclutter_cli.text import printable
@@ -142,10 +142,7 @@ class Frame:
                 raise ArrayError(f"{name} must have the shape ({len(points_xyz)},), got {values.shape}")
             if values.dtype.kind not in "fiu":
                 raise ArrayError(f"{name} must contain numbers, got {values.dtype}")
-        points = np.empty(len(points_xyz), [(name, values.dtype) for name, values in columns.items()])
-        for name, values in columns.items():
-            points[name] = values
-        return cls(from_array(points, stamp_ns=stamp_ns), topic, stamp_ns, index)
+        return cls(from_array(structured(columns), stamp_ns=stamp_ns), topic, stamp_ns, index)
 
     @property
     def size(self) -> int:

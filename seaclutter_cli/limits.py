@@ -24,7 +24,6 @@ _UNITS = {
     "chunk_messages": "messages",
     "message_mib": "MiB",
     "file_gib": "GiB",
-    "whole_mib": "MiB",
     "file_ratio": "times the size of the file",
 }
 

@@ -5,6 +5,7 @@ import os
 import re
 import stat
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import BinaryIO
 
@@ -58,18 +59,16 @@ class Identities:
     """
 
     def __init__(self) -> None:
-        self._folders: dict[str, str] = {}
-        self._identities: dict[Path, Identity] = {}
-        self._ignoring: dict[Path, bool] = {}
+        self._real_folder, self._ignores_case = cache(os.path.realpath), cache(_ignores_case)
+        self.of_folder = cache(self.of)
+        """Returns the identity of a folder, which is looked at only once."""
 
     def __call__(self, path: Path) -> Path:
         """Return the absolute path of a file without links, as `Path.resolve` does."""
         folder, name = os.path.split(path)
         if name in ("", ".", ".."):
             return Path(os.path.realpath(path))
-        if folder not in self._folders:
-            self._folders[folder] = os.path.realpath(folder)
-        full = os.path.join(self._folders[folder], name)  # noqa: PTH118 - faster, for thousands of paths
+        full = os.path.join(self._real_folder(folder), name)  # noqa: PTH118 - faster, for thousands of paths
         return Path(os.path.realpath(full) if os.path.islink(full) else full)  # noqa: PTH114
 
     def of(self, path: Path) -> Identity:
@@ -80,16 +79,8 @@ class Identities:
             above = path.parent
             if above == path:
                 return (str(path),)
-            if above not in self._ignoring:
-                self._ignoring[above] = _ignores_case(above)
-            return (*self.of_folder(above), path.name.casefold() if self._ignoring[above] else path.name)
+            return (*self.of_folder(above), path.name.casefold() if self._ignores_case(above) else path.name)
         return (found.st_dev, found.st_ino) if found.st_ino else (os.path.normcase(path),)
-
-    def of_folder(self, folder: Path) -> Identity:
-        """Return the identity of a folder, which is looked at only once."""
-        if folder not in self._identities:
-            self._identities[folder] = self.of(folder)
-        return self._identities[folder]
 
 
 def _ignores_case(folder: Path) -> bool:

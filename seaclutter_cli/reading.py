@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from seaclutter_cli.arrays import Bytes
-from seaclutter_cli.cloud import Cloud, from_array
-from seaclutter_cli.errors import CloudError, MissingExtraError, UnsupportedCloudError
+from seaclutter_cli.cloud import Cloud, from_array, structured
+from seaclutter_cli.errors import CloudError, MissingExtraError, UnsupportedCloudError, about
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import declares_latched, find_codec
@@ -52,7 +52,7 @@ def read(
     codecs = {channel: codec for channel in clouds if (codec := find_codec(channel))}
     window, stamps = Window(source, clouds, selection), _Stamps()
     if with_latched and window.start_ns is not None:
-        yield from ((message, None) for message in _latched_before(source, window.start_ns, selection.latched))
+        yield from _latched_before(source, window.start_ns, selection.latched)
     for record in source.records(window.start_ns, window.end_ns):
         if not isinstance(record, Message):
             yield record, None
@@ -64,17 +64,20 @@ def read(
         if not window.contains(record):
             continue
         frame = None
-        if codec and record.channel.topic not in (unreadable or ()):
+        topic = record.channel.topic
+        if codec and topic not in (unreadable or ()):
             try:
-                cloud = codec.decode(record.data)
-            except (UnsupportedCloudError, MissingExtraError) as error:
-                _note_unreadable(error, source, record.channel.topic, unreadable)
-            except CloudError as error:
-                report_lost(source, record.channel.topic, index, len(record.data), error)
-                continue
-            else:
+                with about(f"{source.name}, {topic}", UnsupportedCloudError):
+                    cloud = codec.decode(record.data)
                 frame = stamps.checked(Frame.of_message(record, cloud, index, selection.intensity_field), source)
                 window.count_selected(record)
+            except (UnsupportedCloudError, MissingExtraError) as error:
+                if unreadable is None:
+                    raise
+                unreadable[topic] = str(error)
+            except CloudError as error:
+                report_lost(source, topic, index, len(record.data), error)
+                continue
         yield record, frame
 
 
@@ -143,17 +146,6 @@ def _with_attitude(frame: Frame | None, navigation: "Navigation") -> Frame | Non
     return frame and replace(frame, attitude=navigation.attitude(frame.cloud.frame_id, frame.stamp_ns))
 
 
-def _note_unreadable(
-    error: UnsupportedCloudError | MissingExtraError, source: Source, topic: str, unreadable: dict[str, str] | None
-) -> None:
-    of_topic = (
-        UnsupportedCloudError(f"{source.name}, {topic}: {error}") if isinstance(error, UnsupportedCloudError) else error
-    )
-    if unreadable is None:
-        raise of_topic from error
-    unreadable[topic] = str(of_topic)
-
-
 def removed_points(message: Message) -> tuple[Cloud, Bytes]:
     """Return the points that an earlier run removed from a frame, shape (N,), and their reasons, given its message."""
     codec = find_codec(message.channel)
@@ -180,18 +172,16 @@ def rejoined(
     left = np.flatnonzero(frame.valid)  # organised clouds keep the places of what was removed
     kept, others = frame.cloud.points, removed.points
     common = [name for name in kept.dtype.names or () if name in (others.dtype.names or ())]
-    points = np.empty(len(left) + len(others), [(name, kept.dtype[name]) for name in common])
-    for name in common:
-        points[name] = np.concatenate((kept[name][left], others[name]))
-    cloud = from_array(points, stamp_ns=frame.cloud.stamp_ns, frame_id=frame.cloud.frame_id)
+    columns = {name: np.concatenate((kept[name][left], others[name].astype(kept[name].dtype))) for name in common}
+    cloud = from_array(structured(columns), stamp_ns=frame.cloud.stamp_ns, frame_id=frame.cloud.frame_id)
     whole = Frame(cloud, frame.topic, frame.stamp_ns, frame.index, frame.intensity_field, frame.message)
     return whole, [
         one and replace(one, frame=whole, reason=np.concatenate((one.reason[left], reasons))) for one in results
     ]
 
 
-def _latched_before(source: Source, start_ns: int, topics: Collection[str]) -> Iterator[Message]:
-    """Yield the last message before a time of each latched channel and topic, with this time as log time.
+def _latched_before(source: Source, start_ns: int, topics: Collection[str]) -> Iterator[tuple[Message, None]]:
+    """Yield the last message before a time of each latched channel and topic, with this time as log time, and no frame.
 
     Subscribers that come late get the last message of channels with the ROS 1 connection header ``latching`` or the
     ROS 2 durability ``transient_local``, static transforms, descriptions of robots, and calibrations of cameras.
@@ -205,7 +195,7 @@ def _latched_before(source: Source, start_ns: int, topics: Collection[str]) -> I
     channels = [channel.id for channel in source.channels if is_latched(channel) and find_codec(channel) is None]
     damage = list(source.damage)
     for message in source.latest(channels, start_ns) if channels else ():
-        yield replace(message, log_time_ns=start_ns)
+        yield replace(message, log_time_ns=start_ns), None
     source.restore_damage(damage)  # parts that are not selected
 
 

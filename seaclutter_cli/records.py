@@ -4,6 +4,7 @@ Times are integer nanoseconds. Data of type ``Buffer`` are views where possible:
 its decompressed chunk.
 """
 
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,17 +13,40 @@ from typing import Protocol
 from seaclutter_cli.text import count, printable
 
 Buffer = bytes | memoryview
+_PIECE = 2**20
 
 
-class Stored(Protocol):
-    """Data in a file that are read piece by piece."""
+class Bytes(Protocol):
+    """Data that is read by slices without a step: a file, bytes or a memoryview."""
 
     def __len__(self) -> int: ...
 
-    def __bytes__(self) -> bytes: ...
+    def __getitem__(self, part: slice, /) -> Buffer: ...
+
+
+class FilePart:
+    """A part of a file that is read piece by piece, so that its size does not matter."""
+
+    def __init__(self, file: Bytes, start: int, stop: int) -> None:
+        self._file, self._start, self._stop = file, start, stop
+
+    def __len__(self) -> int:
+        return self._stop - self._start
+
+    def __bytes__(self) -> bytes:
+        return b"".join(self.pieces())
 
     def pieces(self) -> Iterator[Buffer]:
         """Yield the data in order."""
+        for at in range(self._start, self._stop, _PIECE):
+            yield self._file[at : min(at + _PIECE, self._stop)]
+
+    def crc32(self) -> int:
+        """Return the checksum of the data."""
+        crc = 0
+        for piece in self.pieces():
+            crc = zlib.crc32(piece, crc)
+        return crc
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +88,7 @@ class Attachment:
     create_time_ns: int
     name: str
     media_type: str
-    data: Buffer | Stored
+    data: Buffer | FilePart
 
     def pieces(self) -> Iterator[Buffer]:
         """Yield the data in order."""

@@ -17,7 +17,6 @@ _NANO = 1_000_000_000
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _LEAST_EPOCH_S = 1e8
 
-
 Moment = float | datetime
 """Seconds from the start of a recording, or a date and time; without a time zone, UTC."""
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Floats, Ints, Mask
-from seaclutter_cli.cloud import Cloud, PointField, from_array, point_dtype
+from seaclutter_cli.cloud import Cloud, PointField, from_array, point_dtype, structured
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.limits import above, limits
 from seaclutter_cli.messages.serialisation import Header, Reader, RosCodec, Writer
@@ -79,9 +79,8 @@ def _cloud(scan: _Scan) -> Cloud:
         columns |= {"intensity": scan.intensities} if intensities else {}
         columns["index"] = beam
         columns |= {} if scan.intensity_lists is None else {"echo": np.arange(ranges) - scan.starts[beam]}
-        points = np.zeros(ranges, [(name, "<u4" if name in ("index", "echo") else "<f4") for name in columns])
-        for name, values in columns.items():
-            points[name] = values
+        kinds = {name: "<u4" if name in ("index", "echo") else "<f4" for name in columns}
+        points = structured({name: values.astype(kinds[name]) for name, values in columns.items()})
     return replace(from_array(points, stamp_ns=scan.header.stamp_ns, frame_id=scan.header.frame_id), extra=scan)
 
 

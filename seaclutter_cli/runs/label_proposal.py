@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from seaclutter_cli.buckets import use_case_of
-from seaclutter_cli.cloud import Cloud, from_array
+from seaclutter_cli.cloud import Cloud, from_array, structured
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.interfaces import Labels, Source
@@ -113,9 +113,7 @@ def _viewed(frame: Frame) -> Cloud:
     columns = dict(zip("xyz", frame.coordinates, strict=True))
     if frame.intensity_name is not None:
         columns["intensity"] = frame.intensity
-    points = np.empty(frame.size, [(name, np.float32) for name in columns])
-    for name, values in columns.items():
-        points[name] = values
+    points = structured({name: values.astype(np.float32) for name, values in columns.items()})
     return replace(from_array(points), stamp_ns=frame.stamp_ns, frame_id=frame.cloud.frame_id)
 
 

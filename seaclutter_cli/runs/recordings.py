@@ -211,16 +211,15 @@ def expand(options: OfLogs, observer: Observer = SILENT, *, ahead: bool = True) 
     recordings = find_recordings([_found(os.fspath(name)) for name in paths], search, observer.note)
     mirrored = [recording for recording in recordings if mirror_of(recording.paths[0])]
     if mirrored and (mirror := mirror_of(mirrored[0].paths[0])):
-        mirror.settle([_files_of(recording) for recording in mirrored] if ahead else ())
+        files = [_files_of(recording) for recording in mirrored]
+        mirror.settle(files if ahead else ())
     return recordings
 
 
 def _found(name: str) -> str:
     """Let objects be there to which a name or pattern may refer; return it as `find_recordings` needs it."""
     mirror = mirror_of(Path(name))
-    if mirror is None:
-        return name
-    return mirror.find(name, with_siblings=has_metadata_beside(name), also=tuple(CALIBRATION_SUFFIXES.values()))
+    return mirror.find(name, tuple(CALIBRATION_SUFFIXES.values())) if mirror else name
 
 
 def _files_of(recording: Recording) -> list[Path]:

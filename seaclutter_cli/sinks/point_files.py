@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Floats
-from seaclutter_cli.cloud import Cloud, free_name, from_array
+from seaclutter_cli.cloud import Cloud, free_name, from_array, structured
 from seaclutter_cli.errors import OutputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
@@ -43,13 +43,8 @@ _ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 def with_columns(cloud: Cloud, columns: Mapping[str, NDArray[Any]]) -> Cloud:
     """Return an unorganised cloud with columns of shape (N,) added or, if fields of that name exist, replaced."""
     points = cloud.points
-    names = list(points.dtype.names or ())
-    layout: list[Any] = [(name, points.dtype[name]) for name in names if name not in columns]
-    layout += [(name, values.dtype) for name, values in columns.items()]
-    out = np.empty(len(points), layout)
-    for name in out.dtype.names or ():
-        out[name] = columns[name] if name in columns else points[name]
-    return replace(from_array(out), stamp_ns=cloud.stamp_ns, frame_id=cloud.frame_id)
+    kept = {name: points[name] for name in points.dtype.names or () if name not in columns}
+    return replace(from_array(structured({**kept, **columns})), stamp_ns=cloud.stamp_ns, frame_id=cloud.frame_id)
 
 
 def _write_pcd(stream: BinaryIO, cloud: Cloud) -> Lost:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.errors import CloudError, InputError, opening
-from seaclutter_cli.sources.frame_files.las import is_copc, read_chunks, read_index
+from seaclutter_cli.errors import InputError, opening
+from seaclutter_cli.sources.frame_files.las import read_chunks, read_index
 from seaclutter_cli.sources.tiles import LAS, CloudTile, Crs, LasTile, Tile, open_tile
 
 _REPEATED = 0.5
@@ -143,9 +143,9 @@ class TilePart(LasTile):
 
     def _within(self, window: Extent, without: Extent | None) -> Iterator[Any]:
         near = self.read()
-        if self.path.suffix.lower() == ".laz" and is_copc(self.header):
+        if index := read_index(self.path, self.header):
             low, high = (np.array(corner) / self.crs.unit_m for corner in (window.low, window.high))
-            near = read_chunks(self.path, read_index(self.path, self.header).within(low, high))
+            near = read_chunks(self.path, index.within(low, high))
         for part in near:
             xyz = self.xyz(part)
             inside = window.contains(xyz)
@@ -163,15 +163,17 @@ def open_tile_or_window(path: Path, window: Extent | None) -> LasTile | CloudTil
         return TilePart(path, window)
 
 
-def is_indexed(path: Path) -> bool:
-    """Return whether a tile is a COPC file; raise `CloudError` if it cannot be read."""
-    return path.suffix.lower() == ".laz" and is_copc(LasTile(path).header)
-
-
 def windows_of(path: Path, side_m: float) -> list[TileHead]:
-    """Return the windows of a COPC file with points: squares at multiples of their width; `CloudError` if damaged."""
+    """Return the windows of a COPC file with points: squares at multiples of their width; other tiles are whole.
+
+    Raise `CloudError` if the file is damaged.
+    """
+    if path.suffix.lower() != ".laz":
+        return [read_head(path)]
     tile = LasTile(path)
     extent, index = extent_of(tile), read_index(path, tile.header)
+    if index is None:
+        return [read_head(path)]
     if extent is None:
         return []
     first, last = (np.floor(np.array(corner) / side_m).astype(int).tolist() for corner in (extent.low, extent.high))
@@ -213,14 +215,3 @@ class PointsWithMargin:
         # NaN where a neighbour does not have the attribute.
         others = (tile.columns([name]).get(name, np.full(tile.size, np.nan)) for tile in self._margin)
         return np.concatenate([own, *others])
-
-
-def read_margin(path: Path, margin: Margin) -> tuple[list[TilePart], dict[Path, str]]:
-    """Return the points in the margin of a tile of a file, and why neighbours could not be read."""
-    found, failed = [], {}
-    for neighbor in margin.neighbors:
-        try:
-            found.append(TilePart(neighbor, margin.region, margin.window if neighbor == path else None))
-        except (CloudError, OSError) as error:
-            failed[neighbor] = str(error)
-    return found, failed

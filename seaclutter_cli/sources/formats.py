@@ -11,7 +11,7 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.paths import open_regular
 from seaclutter_cli.registry import Registry, imported
 from seaclutter_cli.sensors.catalog import ADVICE
-from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily
+from seaclutter_cli.sensors.packets import DecoderOptions
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.folder import FolderSource, is_frame_folder
 from seaclutter_cli.sources.pcap import CAPTURE_MAGICS
@@ -73,7 +73,6 @@ def open_source(
 ) -> Source:
     """Open a log file, a rosbag2 folder, a folder of frames or a single frame; `InputError` if it cannot be read."""
     keep_freed_memory()
-    decoding = decoding or DecoderOptions()
     if path.is_dir():
         if is_rosbag2_folder(path):
             return wrap_packets(open_rosbag2(path, partial(open_file, decoding=decoding)), decoding)
@@ -100,13 +99,10 @@ def _form_of(path: Path) -> Format | None:
     return next((form for form in SOURCES.values() if head.startswith(form.magics)), None)
 
 
-def wrap_packets(
-    source: Source, options: DecoderOptions | None = None, families: Mapping[str, PacketFamily] | None = None
-) -> Source:
+def wrap_packets(source: Source, options: DecoderOptions | None = None) -> Source:
     """Return a source with point clouds for its packet topics; a source without them is returned as it is.
 
-    The first messages of packet topics are read. Known topics that cannot be decoded become warnings. All families can
-    be decoded unless some are given.
+    The first messages of packet topics are read. Known topics that cannot be decoded become warnings.
     """
     source.warnings += [
         f"{channel.topic} is not decoded: {channel.schema.name} is not supported; {ADVICE}, or convert it to this"
@@ -117,12 +113,8 @@ def wrap_packets(
         return source
     from seaclutter_cli.sources.shared.packet_topics import PacketTopics
 
-    if families is None:
-        from seaclutter_cli.sensors.families import PACKET_FAMILIES
-
-        families = PACKET_FAMILIES
     try:
-        return PacketTopics(source, families, options or DecoderOptions())
+        return PacketTopics(source, options or DecoderOptions())
     except BaseException:
         source.close()
         raise

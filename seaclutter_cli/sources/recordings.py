@@ -3,7 +3,7 @@
 import os
 import re
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from glob import glob
@@ -59,14 +59,10 @@ class Recording:
         self, *, rate_hz: float = 10.0, columns: str | None = None, decoding: DecoderOptions | None = None
     ) -> Source:
         """Open the recording."""
-        decoding = decoding or DecoderOptions()
         if self.parts:
             with ExitStack() as stack:
-                opened: list[Source] = []
-                for part in self.parts:
-                    opened.append(part.open(rate_hz=rate_hz, columns=columns, decoding=decoding))
-                    stack.callback(opened[-1].close)
-                merged = MergedSource(opened, self.name)
+                parts = (part.open(rate_hz=rate_hz, columns=columns, decoding=decoding) for part in self.parts)
+                merged = MergedSource([stack.enter_context(closing(part)) for part in parts], self.name)
                 stack.pop_all()
             return merged
         if len(self.paths) > 1:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import INTENSITY_NAMES
-from seaclutter_cli.errors import CloudError, InputError, UsageError, requiring
+from seaclutter_cli.errors import CloudError, InputError, UsageError, opening, requiring
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.las import CHUNK_POINTS, open_las, parts_of, with_records
 from seaclutter_cli.sources.frame_files.reading import reading
@@ -205,12 +205,8 @@ class CloudTile(Tile):
 def open_tile(path: Path) -> LasTile | CloudTile:
     """Open a tile of any format in `FRAME_READERS`; `InputError` if it cannot be read."""
     make: Callable[[Path], LasTile | CloudTile] = LasTile if path.suffix.lower() in LAS else CloudTile
-    try:
+    with opening(path, problem="cannot be read"):
         return make(path)
-    except CloudError as error:
-        raise InputError(f"{path}: {error}") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
 
 
 def find_tiles(tiles: PathLike | Iterable[PathLike]) -> list[Path]:

@@ -13,7 +13,7 @@ from glob import escape
 from itertools import pairwise, takewhile
 from pathlib import Path
 from threading import Thread
-from typing import IO, BinaryIO
+from typing import BinaryIO
 
 from seaclutter_cli.errors import InputError, OutputError, SeaclutterError, UsageError, opening
 from seaclutter_cli.parts import SCRATCH, part_path, release, remove_stale
@@ -34,6 +34,7 @@ _HEAD_BYTES = 4096
 _END_BYTES = 2**20
 _RANGE = 4 * 2**20
 _AT_ONCE, _WAKE_SECONDS = 8, 0.5
+_FAILED = "the copy in the scratch folder failed"
 _TOLD_BY_CONTENT = (".csv", ".yaml")
 _WORTH_AN_EXCERPT = 16 * 2**20
 _MANY, _SMALL = 64, 16 * 2**20
@@ -43,17 +44,16 @@ _MANY, _SMALL = 64, 16 * 2**20
 class Download:
     """Copies of objects, complete after `wait`.
 
-    Every range is requested with the version of the object, so a copy never mixes two of them. ``files`` are pairs of
-    an object and the file that becomes its copy.
+    Every range is requested with the version of the object, so a copy never mixes two of them. The files are pairs of
+    an object and what becomes its copy.
     """
 
     def __init__(self, files: list[tuple[StoredObject, Path]]) -> None:
-        self.files = files
         self._error: BaseException | None = None
         self._stopped = False
         for found, path in files:
-            with _opened(found, path, "wb"):
-                pass
+            with opening(found.url, problem=_FAILED):
+                path.write_bytes(b"")
         ranges = [(*file, start) for file in files for start in range(0, file[0].size, _RANGE)]
         self._ranges = iter(ranges)
         self._threads = [Thread(target=self._run, daemon=True) for _ in ranges[:_AT_ONCE]]
@@ -86,15 +86,10 @@ class Download:
     def _fetch(self, found: StoredObject, path: Path, start: int) -> None:
         data = read_range(found, start, start + _RANGE)
         if not self._stopped:
-            with _opened(found, path, "r+b") as file:  # not while waiting: some systems do not remove open files
+            # It is not open while waiting: some systems do not remove open files.
+            with opening(found.url, problem=_FAILED), path.open("r+b") as file:
                 file.seek(start)
                 file.write(data)
-
-
-@contextmanager
-def _opened(found: StoredObject, path: Path, mode: str) -> Iterator[IO[bytes]]:
-    with opening(found.url, problem="the copy in the scratch folder failed"), path.open(mode) as file:
-        yield file
 
 
 class Mirror:
@@ -152,23 +147,18 @@ class Mirror:
         """Return text with URLs in place of the paths that stand for them."""
         return self._shown.sub(r"\1://", text)
 
-    def find(self, pattern: str, *, with_siblings: bool, also: Sequence[str]) -> str:
+    def find(self, pattern: str, also: Sequence[str]) -> str:
         """List what the path or pattern of logs may refer to, and return it for `glob`.
 
-        ``with_siblings`` is whether what is beside a single object belongs to it, ``also`` are suffixes of objects that
-        belong to those that a pattern matches. Raise `UsageError` if there is no such object or folder.
+        ``also`` are suffixes of objects that belong to those that a pattern matches. Raise `UsageError` if there is no
+        such object or folder.
         """
         path = Path(pattern)
         url = self.url(path)
-        if found := find_object(url):
-            self._add([found, *(list_folder(url.parent)[0] if with_siblings else ())], sized=False)
+        if self.look_below(path, sized=False):
             return str(path)
         if url.scheme in WEB:
             raise UsageError(f"{url}: no such file; web servers list no folders, so name each file")
-        if objects := list(list_objects(url)):
-            self._add(objects, sized=False)
-            self._known_below.add(path)
-            return str(path)
         if not _MAGIC.search(url.key):
             raise UsageError(f"{url}: no such object or folder")
         parts = url.key.split("/")
@@ -219,12 +209,12 @@ class Mirror:
         if path not in self._objects and self._known_below.isdisjoint((path, *path.parents)):
             self.look_below(path)
 
-    def look_below(self, path: Path) -> list[StoredObject]:
+    def look_below(self, path: Path, *, sized: bool = True) -> list[StoredObject]:
         """Let a path be what there is: a file, or a folder with all that is below it; return the objects."""
         url = self.url(path)
         found = find_object(url)
         objects = [found] if found else list(list_objects(url))
-        self._add(objects)
+        self._add(objects, sized=sized)
         self._known_below.add(path)
         return objects
 
@@ -257,10 +247,9 @@ class Mirror:
         scratch folder.
         """
         files = self._missing(paths)
-        if at_most is not None:
-            for found, _ in files:
-                if found.size > at_most:
-                    raise InputError(f"{found.url}: {found.size:,} bytes are too many for this kind of file")
+        for found, _ in files:
+            if at_most is not None and found.size > at_most:
+                raise InputError(f"{found.url}: {found.size:,} bytes are too many for this kind of file")
         if files:
             self._copy(files)
         after = self._after.get(tuple(paths))
@@ -362,13 +351,9 @@ class Mirror:
         try:
             yield
         finally:
-            for path in self._complete - before:
-                self.remove(path)
-
-    def remove(self, path: Path) -> None:
-        """Remove the content of a copy."""
-        self._complete.discard(path)
-        self._reset([(self._objects[path], path)])
+            made = self._complete - before
+            self._complete -= made
+            self._reset((self._objects[path], path) for path in made)
 
     def _reset(self, files: Iterable[tuple[StoredObject, Path]]) -> None:
         for found, path in files:

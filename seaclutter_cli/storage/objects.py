@@ -199,9 +199,8 @@ def find_object(url: Url) -> StoredObject | None:
         try:
             return _stored(url, _answer(url, lambda: store.head(url.key))) if url.key else None
         except FileNotFoundError:
-            if url.scheme in WEB:
-                return None
-            _answer(url, lambda: next(iter(store.list(url.key)), None))  # says if there is no bucket
+            if url.scheme not in WEB:
+                _answer(url, lambda: next(iter(store.list(url.key)), None))  # says if there is no bucket
             return None
 
 
@@ -299,14 +298,6 @@ class _Ranges(io.RawIOBase):
         return len(data)
 
 
-def _send_pieces(file: Path, url: Url, writer: "WritableFile") -> None:
-    """Send a file in pieces. Unlike the last request, which lets an object appear, this may be interrupted."""
-    with file.open("rb") as stream:
-        while piece := stream.read(_PIECE):
-            with explained(url, OutputError):
-                writer.write(piece)
-
-
 class Upload:
     """A complete file, or folder of files, on its way to object storage; nobody sees it before `complete`.
 
@@ -333,7 +324,10 @@ class Upload:
 
             writer = open_writer(store_of(url), url.key, buffer_size=part, max_concurrency=_AT_ONCE)
         self._writers[url] = writer
-        _send_pieces(file, url, writer)
+        with file.open("rb") as stream:
+            while piece := stream.read(_PIECE):  # unlike `complete`, this may be interrupted
+                with explained(url, OutputError):
+                    writer.write(piece)
 
     def complete(self) -> None:
         """Let the files appear, and delete all others in their folder.

@@ -131,8 +131,8 @@ def test_large_recordings_are_fetched_one_ahead(proxy, mirror, recordings, monke
 
 def test_a_copy_that_was_fetched_ahead_and_removed_is_fetched_again(mirror, recordings):
     mirror.fetch(recordings[:1])
-    mirror.fetch(recordings[1:2])
-    mirror.remove(recordings[1])
+    with mirror.copies_removed():
+        mirror.fetch(recordings[1:2])
     mirror.fetch(recordings[1:2])
     assert recordings[1].read_bytes() == b"b" * 600
 
@@ -150,9 +150,9 @@ def test_an_error_of_another_recording_that_is_fetched_ahead(mirror, recordings)
 def test_nothing_is_fetched_ahead_without_space(mirror, recordings, monkeypatch):
     free = property(lambda self: 1000 - 600 * len(mirror._complete))
     monkeypatch.setattr(mirrors.shutil, "disk_usage", lambda path: type("Usage", (), {"free": free})())
-    mirror.fetch(recordings[:1])
-    assert mirror._next is None
-    mirror.remove(recordings[0])
+    with mirror.copies_removed():
+        mirror.fetch(recordings[:1])
+        assert mirror._next is None
     mirror.fetch(recordings[1:2])
 
 
@@ -204,7 +204,7 @@ def test_what_was_found_has_names_and_sizes_and_no_content(bucket, mirror):
     def sizes():
         return [path.stat().st_size for path in sorted(Path(found).rglob("*.*"))]
 
-    found = mirror.find(str(mirror.local(bucket)), with_siblings=False, also=())
+    found = mirror.find(str(mirror.local(bucket)), ())
     assert sizes() == [0, 6, 0]  # the content of a table says what it is
     mirror.settle(())
     assert sizes() == [len(DATA), 6, 6]

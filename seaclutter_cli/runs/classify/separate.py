@@ -29,9 +29,9 @@ from seaclutter_cli.sources.extents import (
     Margin,
     PointsWithMargin,
     TileHead,
+    TilePart,
     neighbors_of,
     open_tile_or_window,
-    read_margin,
     region_of,
 )
 from seaclutter_cli.sources.tiles import LAS, CloudTile, LasTile
@@ -110,9 +110,12 @@ def _points_of(tile: LasTile | CloudTile, margin: Margin | None, observer: Obser
     """Return the points of a tile, followed by those in its margin; warn of neighbours that cannot be read."""
     if margin is None:
         return tile
-    found, failed = read_margin(tile.path, margin)
-    for path, reason in failed.items():
-        observer.warn(f"{tile.path.stem}: no margin from {path.name}, which cannot be read ({reason})")
+    found = []
+    for path in margin.neighbors:
+        try:
+            found.append(TilePart(path, margin.region, margin.window if path == tile.path else None))
+        except (CloudError, OSError) as error:
+            observer.warn(f"{tile.path.stem}: no margin from {path.name}, which cannot be read ({error})")
     return PointsWithMargin(tile, found)
 
 

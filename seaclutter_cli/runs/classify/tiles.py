@@ -24,7 +24,7 @@ from seaclutter_cli.runs.resume import same_output_accepted
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las
 from seaclutter_cli.sinks.point_files import POINT_WRITERS, with_columns, write_points
-from seaclutter_cli.sources.extents import TileHead, is_indexed, read_head, windows_of
+from seaclutter_cli.sources.extents import TileHead, read_head, windows_of
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.sources.tiles import LAS, CloudTile, Crs, LasTile, find_tiles
@@ -44,7 +44,7 @@ def _tiles_of(paths: Sequence[Path], window_m: float | None, observer: Observer)
     heads: list[TileHead] = []
     for path in paths:
         with about(path, InputError):
-            heads += windows_of(path, window_m) if is_indexed(path) else [read_head(path)]
+            heads += windows_of(path, window_m)
     whole = [head.path.name for head in heads if not head.window]
     if len(whole) == len(heads):
         raise UsageError("--window: only COPC files can be read by window, and no TILE is one")

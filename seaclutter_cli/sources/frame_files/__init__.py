@@ -34,9 +34,7 @@ FRAME_READERS: Mapping[str, Callable[..., Cloud]] = {
 """Readers by file suffix in lower case; they raise `CloudError` for a damaged file. Add a new format here."""
 
 
-def reader_of(
-    files: Sequence[Path], columns: str | None, warn: Callable[[str], object] = lambda _: None
-) -> Callable[[Path], Cloud]:
+def reader_of(files: Sequence[Path], columns: str | None, warn: Callable[[str], object]) -> Callable[[Path], Cloud]:
     """Return the reader of frame files of one format and layout; `CloudError` if they do not show their layout.
 
     ``columns`` describe it, if the files have no names of columns. ``warn`` receives a doubt about it, or what the

@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.cloud import Cloud, from_array
+from seaclutter_cli.cloud import Cloud, from_array, structured
 from seaclutter_cli.errors import CloudError, MissingExtraError, requiring
 from seaclutter_cli.limits import above, limits
 from seaclutter_cli.paths import open_regular
@@ -234,10 +234,7 @@ def _unpack(file: BinaryIO, at: int, layout: str) -> tuple[Any, ...]:
 
 def _structured(part: Any) -> NDArray[Any]:
     names = [name for name in part.point_format.dimension_names if name not in ("X", "Y", "Z")]
-    columns = {name: np.asarray(part[name]) for name in ("x", "y", "z", *names)}
-    points = np.empty(len(part), [(name, column.dtype, column.shape[1:]) for name, column in columns.items()])
-    for name, column in columns.items():
-        points[name] = column
+    points = structured({name: np.asarray(part[name]) for name in ("x", "y", "z", *names)})
     # NumPy makes this integer of NaN, and so do writers.
     nowhere = np.all([np.asarray(part[axis]) == _OF_NAN for axis in "XYZ"], axis=0)
     for axis in "xyz":
@@ -263,22 +260,15 @@ class CopcIndex:
         return [(offset, size, points) for offset, size, points in self.chunks[near].tolist()]
 
 
-def is_copc(header: Any) -> bool:
-    """Return whether a header has the record of a COPC file."""
-    return _copc_info(header) is not None
+def read_index(path: Path, header: Any) -> CopcIndex | None:
+    """Return the index of a file, given its header with unchanged records; `CloudError` if it does not fit.
 
-
-def _copc_info(header: Any) -> bytes | None:
+    None if it is not a COPC file.
+    """
     found = [one.record_data for one in header.vlrs if (one.user_id, one.record_id) == _COPC]
-    return bytes(found[0]) if found and len(found[0]) >= _COPC_INFO.size else None
-
-
-def read_index(path: Path, header: Any) -> CopcIndex:
-    """Return the index of a COPC file, given its header with unchanged records; `CloudError` if it does not fit."""
-    info = _copc_info(header)
-    if info is None:
-        raise CloudError("not a COPC file")
-    *center, half, _, offset, size = _COPC_INFO.unpack_from(info)
+    if path.suffix.lower() != ".laz" or not found or len(found[0]) < _COPC_INFO.size:
+        return None
+    *center, half, _, offset, size = _COPC_INFO.unpack_from(found[0])
     entries = _copc_entries(path, offset, size)
     entries = entries[entries["points"] > 0]
     entries = entries[np.argsort(entries["offset"], kind="stable")]
@@ -318,8 +308,8 @@ def read_chunks(path: Path, chunks: list[tuple[int, int, int]]) -> Iterator[Any]
     laspy = _laspy()
     with reading("COPC"), open_las(path) as reader, LazBackend(path) as laz:
         header = reader.header
-        points = laz.read_chunks(header, chunks)
         left = sum(number for *_, number in chunks)
+        points = laz.start(header, chunks, left)
         while left:
             number = min(left, CHUNK_POINTS)
             packed = laspy.PackedPointRecord.from_buffer(points.read_n_points(number), header.point_format)

@@ -37,13 +37,10 @@ class LazBackend(AbstractContextManager["LazBackend"]):
     def create_reader(self, source: BinaryIO, header: Any, decompression_selection: Any = None) -> "LazBackend":
         """Start to decompress all points of a file that is open at the first one."""
         del decompression_selection  # all dimensions
-        return self._start(header, source.tell(), header.point_count)
+        return self.start(header, source.tell(), header.point_count)
 
-    def read_chunks(self, header: Any, chunks: _Chunks) -> "LazBackend":
-        """Start to decompress some chunks."""
-        return self._start(header, chunks, sum(number for *_, number in chunks))
-
-    def _start(self, header: Any, place: int | _Chunks, points: int) -> "LazBackend":
+    def start(self, header: Any, place: int | _Chunks, points: int) -> "LazBackend":
+        """Start to decompress a number of points, which begin at an offset or are those of some chunks."""
         described, self._point_size = header.vlrs.get("LasZipVlr")[0].record_data, header.point_format.size
         self._left, self._read = points * self._point_size, bytearray()
         self._worker = _IDLE.pop() if _IDLE else _Worker()

@@ -1,11 +1,12 @@
 """PCD files of the Point Cloud Library: ascii, binary and binary_compressed."""
 
-import io
 import re
 import struct
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import lzf
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,9 +24,6 @@ _MAX_POINT_BYTES = 2**16
 _MAX_RATIO = 100  # LZF expands 3 bytes to at most 264.
 _NO_VIEWPOINT = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 _GAP = "_ "  # Field names cannot contain a space.
-_BYTES_HEADER = (
-    "VERSION 0.7\nFIELDS byte\nSIZE 1\nTYPE U\nCOUNT 1\nWIDTH {0}\nHEIGHT 1\nPOINTS {0}\nDATA binary_compressed\n"
-)
 
 
 def read_pcd(path: Path) -> Cloud:
@@ -102,36 +100,29 @@ def _decode(content: bytes, data_line: re.Match[bytes], dtype: np.dtype[np.void]
     raise CloudError(f"unknown PCD encoding {encoding!r}; supported: ascii, binary, binary_compressed")
 
 
-def _decompress(body: memoryview, size: int) -> NDArray[np.uint8]:
+def _decompress(body: memoryview, size: int) -> bytes:
     packed, unpacked = struct.unpack_from("<II", body)
     check_size(packed + 8, len(body))
     if unpacked != size or unpacked > packed * _MAX_RATIO:
         raise CloudError(f"the compressed points declare {count(unpacked, 'byte')}, the header {size:,}")
     if unpacked > limits().file_bytes(packed):
         raise CloudError(f"the points have {above(count(unpacked, 'byte'), 'file_ratio')}")
-    try:
-        return _lzf(body, size)
-    except Exception:
-        if packed != unpacked:
-            raise
-        return np.frombuffer(body[8 : 8 + size], np.uint8)  # stored, because compression would not make it smaller
+    content = bytes(body[8 : 8 + packed])
+    with suppress(ValueError):
+        points: bytes | None = lzf.decompress(content, size)
+        if points and len(points) == size:
+            return points
+    if packed != size:
+        raise CloudError("not a valid PCD file: error in compressed data")
+    return content  # stored, because compression would not make it smaller
 
 
-def _lzf(body: memoryview, size: int) -> NDArray[np.uint8]:
-    from pypcd4.pypcd4 import PointCloud  # slow: imports pydantic
-
-    # Read as single bytes: pypcd4 would misread fields of several values and headers of older versions.
-    header = _BYTES_HEADER.format(size).encode()
-    file: Any = io.BytesIO(b"".join((header, body)))
-    return np.asarray(PointCloud.from_fileobj(file).pc_data["byte"])
-
-
-def _from_columns(columns: NDArray[np.uint8], dtype: np.dtype[np.void], count: int) -> NDArray[Any]:
+def _from_columns(columns: bytes, dtype: np.dtype[np.void], count: int) -> NDArray[Any]:
     """Return points from data that is stored field by field."""
     points = np.empty(count, dtype)
     at = 0
     for name in dtype.names or ():
-        size = count * dtype[name].itemsize
-        points[name] = columns[at : at + size].view(dtype[name].base).reshape(points[name].shape)
-        at += size
+        values = points[name]
+        values[:] = np.frombuffer(columns, values.dtype, values.size, at).reshape(values.shape)
+        at += values.nbytes
     return points

@@ -18,7 +18,6 @@ MAX_LINE_BYTES = 1 << 16
 _OF_FILES = (IsADirectoryError, WrongFileError)
 _COLUMNS = ("x", "y", "z", "intensity", "ring")
 
-
 # As the C library of Windows writes them.
 _WINDOWS_NAN = re.compile(rb"[+-]?(?:nan\([a-z]*\)|1\.#(?:QNAN|SNAN|IND|NAN)\d*)", re.IGNORECASE)
 _WINDOWS_INF = re.compile(rb"([+-]?)1\.#INF\d*", re.IGNORECASE)

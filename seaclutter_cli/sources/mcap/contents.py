@@ -2,7 +2,7 @@
 
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any
@@ -12,13 +12,14 @@ from mcap import records as mcap_records
 from mcap.opcode import Opcode
 
 from seaclutter_cli.limits import CHANNEL_BYTES, above, limits
-from seaclutter_cli.records import Attachment, Buffer, Channel, Metadata, Schema
+from seaclutter_cli.records import Attachment, Buffer, Bytes, Channel, FilePart, Metadata, Schema
 from seaclutter_cli.sources.mcap.records import (
     MAGIC,
     MESSAGE,
     RECORD,
     BrokenRecordError,
     ChunkHeader,
+    Gap,
     Span,
     is_other,
     name_of,
@@ -27,7 +28,7 @@ from seaclutter_cli.sources.mcap.records import (
 )
 from seaclutter_cli.sources.shared import log_file
 from seaclutter_cli.sources.shared.chunked import Chunk
-from seaclutter_cli.sources.shared.log_file import Bytes, FilePart, LogFile
+from seaclutter_cli.sources.shared.log_file import LogFile
 
 _LOOSE_BYTES = 4 * 2**20
 _INDEX, _TIMES = struct.Struct("<HI"), struct.Struct("<QQ")
@@ -43,11 +44,7 @@ _END_OPS = (
 )
 
 
-ReportDamage = Callable[..., object]
-"""Receives offset and kind of damage, the number of lost bytes and, if known, of messages."""
-
-
-def index_counts(view: Bytes[Buffer], at: int) -> Counter[int]:
+def index_counts(view: Bytes, at: int) -> Counter[int]:
     """Return the number of messages per channel of a chunk that ends at an offset, from its message indexes."""
     counts = Counter[int]()
     while at + RECORD.size <= len(view):
@@ -82,7 +79,7 @@ class Trust(IntEnum):
 class Declarations:
     """Schemas and channels of a file, declared in any order; of contradictory ones, the first most trusted applies."""
 
-    def __init__(self, report: ReportDamage) -> None:
+    def __init__(self, report: Gap) -> None:
         self._report = report
         self._schemas: dict[int, tuple[Trust, mcap_records.Schema]] = {}
         self._records: dict[int, tuple[Trust, mcap_records.Channel]] = {}
@@ -155,7 +152,7 @@ class McapContents:
     last data: the summary. ``first`` has the index of the first chunk with messages of each channel.
     """
 
-    def __init__(self, file: LogFile, declarations: Declarations, report: ReportDamage) -> None:
+    def __init__(self, file: LogFile, declarations: Declarations, report: Gap) -> None:
         self.profile = ""
         self.chunks: list[McapChunk] = []
         self.counts: Counter[int] = Counter()

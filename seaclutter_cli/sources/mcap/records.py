@@ -17,9 +17,8 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 
 from seaclutter_cli.limits import above_in_file, limits
-from seaclutter_cli.records import Buffer
+from seaclutter_cli.records import Buffer, Bytes
 from seaclutter_cli.sources.shared import log_file
-from seaclutter_cli.sources.shared.log_file import Bytes
 from seaclutter_cli.sources.shared.unpacking import DECOMPRESSION_ERRORS, readable, unpacked
 from seaclutter_cli.text import count
 
@@ -95,7 +94,7 @@ class ChunkHeader:
     data_end: int
 
     @classmethod
-    def read(cls, data: Bytes[Buffer], span: Span) -> Self:
+    def read(cls, data: Bytes, span: Span) -> Self:
         """Return the header of a chunk found by `walk`; `BrokenRecordError` if its sizes are inconsistent."""
         name_start = span.start + CHUNK.size + _SHORT.size
         if name_start > len(data):
@@ -109,7 +108,7 @@ class ChunkHeader:
         return cls(start_ns, end_ns, size, crc, name, data_start, span.end)
 
 
-def walk(data: Bytes[Buffer], report: Gap, at: int = 0) -> Iterator[Span]:
+def walk(data: Bytes, report: Gap, at: int = 0) -> Iterator[Span]:
     """Yield the records of a file, or of an unpacked chunk, from an offset on; skipped damaged data is reported."""
     walker = _Walker(data, report)
     while not walker.is_end(at):
@@ -134,7 +133,7 @@ def walk(data: Bytes[Buffer], report: Gap, at: int = 0) -> Iterator[Span]:
 class _Walker:
     """Search for records in data that may be damaged."""
 
-    def __init__(self, data: Bytes[Buffer], report: Gap) -> None:
+    def __init__(self, data: Bytes, report: Gap) -> None:
         self._data = data
         self._report = report
         self.record = lru_cache(4)(partial(_record, data))
@@ -211,7 +210,7 @@ class _Walker:
         return stop
 
 
-def _record(data: Bytes[Buffer], at: int) -> Span | None:
+def _record(data: Bytes, at: int) -> Span | None:
     """Return the record at an offset; None if no record can be there."""
     if len(data) - at < RECORD.size:
         return None
@@ -231,7 +230,7 @@ def _record(data: Bytes[Buffer], at: int) -> Span | None:
     return None if known and end - extent > _MAX_GROWTH else Span(op, at, start, end, False)
 
 
-def _is_valid_chunk(data: Bytes[Buffer], span: Span) -> bool:
+def _is_valid_chunk(data: Bytes, span: Span) -> bool:
     """Return whether a chunk can be unpacked, and is compressed or has a checksum."""
     try:
         header = ChunkHeader.read(data, span)
@@ -241,7 +240,7 @@ def _is_valid_chunk(data: Bytes[Buffer], span: Span) -> bool:
     return header.crc != 0 or header.compression != ""
 
 
-def _extent(data: Bytes[Buffer], op: int, at: int, *, filled: bool = False) -> int:
+def _extent(data: Bytes, op: int, at: int, *, filled: bool = False) -> int:
     """Return where content ends by the sizes inside it; `_ENDLESS` beyond the data and, if ``filled``, for zeros."""
     inside = 0
     for part in _LAYOUTS.get(op, ()):
@@ -256,7 +255,7 @@ def _extent(data: Bytes[Buffer], op: int, at: int, *, filled: bool = False) -> i
     return at if inside or not filled else _ENDLESS
 
 
-def is_other(data: Bytes[Buffer], span: Span) -> bool:
+def is_other(data: Bytes, span: Span) -> bool:
     """Return whether a record exactly matches the layout of another kind of record."""
     kinds = (op for op, parts in _LAYOUTS.items() if op != span.op and not all(isinstance(part, int) for part in parts))
     return any(_extent(data, op, span.start) == span.end for op in kinds)
@@ -303,7 +302,7 @@ def parse(read: Callable[[ReadDataStream], R], content: Buffer) -> R:
         raise BrokenRecordError(str(error)) from error
 
 
-def unpack(header: ChunkHeader, data: Bytes[Buffer]) -> Buffer:
+def unpack(header: ChunkHeader, data: Bytes) -> Buffer:
     """Return the records of a chunk; `BrokenRecordError` if they are damaged, or exceed the limit of a chunk."""
     size = max(header.size, header.data_end - header.data_start)
     if size > limits().bytes_of("chunk", len(data)):
@@ -322,7 +321,7 @@ def unpack(header: ChunkHeader, data: Bytes[Buffer]) -> Buffer:
     return records
 
 
-def salvage(header: ChunkHeader, data: Bytes[Buffer]) -> Buffer:
+def salvage(header: ChunkHeader, data: Bytes) -> Buffer:
     """Return the records at the beginning of a truncated or damaged chunk, as far as they can be decompressed."""
     most = limits().bytes_of("chunk", len(data))
     packed = data[header.data_start : min(header.data_end, header.data_start + most, len(data))]

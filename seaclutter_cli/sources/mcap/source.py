@@ -15,7 +15,7 @@ from mcap.opcode import Opcode
 from seaclutter_cli.documents import DocumentError, load_json
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.limits import above, limits
-from seaclutter_cli.records import Attachment, Buffer, Channel, Message, Metadata, Record, SensorFacts
+from seaclutter_cli.records import Attachment, Buffer, Channel, FilePart, Message, Metadata, Record, SensorFacts
 from seaclutter_cli.sensors.catalog import SENSORS
 from seaclutter_cli.sources.mcap.contents import Declarations, McapChunk, McapContents, Trust, index_counts
 from seaclutter_cli.sources.mcap.records import (
@@ -31,7 +31,6 @@ from seaclutter_cli.sources.mcap.records import (
     walk,
 )
 from seaclutter_cli.sources.shared.chunked import ChunkedSource
-from seaclutter_cli.sources.shared.log_file import FilePart
 from seaclutter_cli.sources.shared.unpacking import ZSTD_MAGIC, unpack_message
 from seaclutter_cli.text import count
 

@@ -10,8 +10,8 @@ from enum import IntEnum
 from struct import Struct
 from typing import NamedTuple
 
-from seaclutter_cli.records import Buffer
-from seaclutter_cli.sources.shared.log_file import Bytes, unpack
+from seaclutter_cli.records import Bytes
+from seaclutter_cli.sources.shared.log_file import unpack
 
 MAGIC = b"#ROSBAG V2.0\n"
 U32 = Struct("<I")
@@ -94,7 +94,7 @@ def parse_fields(header: bytes) -> dict[bytes, bytes] | None:
     return fields
 
 
-def read_record(view: Bytes[Buffer], at: int) -> BagRecord | None:
+def read_record(view: Bytes, at: int) -> BagRecord | None:
     """Return the record at an offset; None if there is no record. Its end may be beyond the view."""
     head = view[at : at + 46]
     if len(head) == 46 and head[0] == 38:
@@ -105,7 +105,7 @@ def read_record(view: Bytes[Buffer], at: int) -> BagRecord | None:
     return _read_any_record(view, at)
 
 
-def _read_any_record(view: Bytes[Buffer], at: int) -> BagRecord | None:
+def _read_any_record(view: Bytes, at: int) -> BagRecord | None:
     if at + 8 > len(view):
         return None
     (size,) = unpack(U32, view, at)
@@ -121,7 +121,7 @@ def _read_any_record(view: Bytes[Buffer], at: int) -> BagRecord | None:
     return BagRecord(op, fields, at, data, data + unpack(U32, view, data - 4)[0])
 
 
-def find_record(view: Bytes[Buffer], at: int, ops: Collection[Op] = frozenset(Op)) -> int:
+def find_record(view: Bytes, at: int, ops: Collection[Op] = frozenset(Op)) -> int:
     """Return the offset of the first record of some kinds at or after an offset; the view's length without one."""
     at, window = at + 8, _FIRST_WINDOW
     while at < len(view):
@@ -133,7 +133,7 @@ def find_record(view: Bytes[Buffer], at: int, ops: Collection[Op] = frozenset(Op
     return len(view)
 
 
-def walk(view: Bytes[Buffer], at: int, gaps: list[tuple[int, int]]) -> Iterator[BagRecord]:
+def walk(view: Bytes, at: int, gaps: list[tuple[int, int]]) -> Iterator[BagRecord]:
     """Yield the records of a file, or of a chunk, from an offset on, one after another.
 
     The gaps receive start and end of every part that is skipped; empty ones mark records of wrong length, which end
@@ -157,7 +157,7 @@ def walk(view: Bytes[Buffer], at: int, gaps: list[tuple[int, int]]) -> Iterator[
         at, record = record.end, following
 
 
-def _repair(view: Bytes[Buffer], record: BagRecord) -> BagRecord | None:
+def _repair(view: Bytes, record: BagRecord) -> BagRecord | None:
     """Return a record that ends at the start of the next one if it overlaps it; None if it is incomplete."""
     if record.op == Op.CHUNK:
         resumed = find_record(view, record.data, BETWEEN_CHUNKS)

@@ -9,10 +9,9 @@ from struct import Struct
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
 from seaclutter_cli.messages.metadata import from_message, is_carrier
-from seaclutter_cli.records import Buffer, Channel, Message, Schema
+from seaclutter_cli.records import Bytes, Channel, Message, Schema
 from seaclutter_cli.sources.rosbag1.records import MAGIC, NANO, BagRecord, Op, parse_fields, read_record, walk
 from seaclutter_cli.sources.shared.chunked import MAX_AHEAD_BYTES, Chunk, ChunkedSource
-from seaclutter_cli.sources.shared.log_file import Bytes
 from seaclutter_cli.sources.shared.unpacking import readable
 from seaclutter_cli.text import count
 
@@ -254,7 +253,7 @@ def _describe(start: bytes) -> str:
     return "not a ROS 1 bag"
 
 
-def read_index(view: Bytes[Buffer], at: int) -> Index | None:
+def read_index(view: Bytes, at: int) -> Index | None:
     """Return the index from the index records at an offset; None if they are missing or damaged."""
     counts: Counter[int] = Counter()
     first, last = (2**32, 0), (0, 0)
@@ -295,7 +294,7 @@ def _unpacked(packed: memoryview, chunk: BagRecord, *, ends_bag: bool, bag_bytes
     return content, "a record of wrong length, or damage after it" if chunk.repaired else None
 
 
-def _channel_of(view: Bytes[Buffer], record: BagRecord) -> Channel:
+def _channel_of(view: Bytes, record: BagRecord) -> Channel:
     entries = parse_fields(bytes(view[record.data : record.end])) or {}
     definition = entries.pop(b"message_definition", b"")
     text = {name.decode("utf-8", "replace"): value.decode("utf-8", "replace") for name, value in entries.items()}

@@ -4,20 +4,16 @@ Files are read, not mapped: touching a mapped page that no longer exists ends th
 """
 
 import os
-import zlib
-from collections.abc import Iterator
 from pathlib import Path
 from struct import Struct
 from threading import Lock
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 from seaclutter_cli.errors import InputError, opening
 from seaclutter_cli.paths import open_regular
+from seaclutter_cli.records import Bytes
 
 _WINDOW = 16 * 2**10
-_PIECE = 2**20
-
-B_co = TypeVar("B_co", covariant=True, bound=bytes | memoryview)
 
 
 class LostDataError(InputError):
@@ -28,15 +24,7 @@ class LostDataError(InputError):
         self.problem = problem
 
 
-class Bytes(Protocol[B_co]):
-    """Data that is read by slices without a step: a `LogFile`, bytes or a memoryview."""
-
-    def __len__(self) -> int: ...
-
-    def __getitem__(self, part: slice, /) -> B_co: ...
-
-
-def unpack(layout: Struct, data: Bytes[bytes | memoryview], at: int) -> tuple[Any, ...]:
+def unpack(layout: Struct, data: Bytes, at: int) -> tuple[Any, ...]:
     """Return the values at an offset."""
     return layout.unpack(data[at : at + layout.size])
 
@@ -96,28 +84,3 @@ class LogFile:
     def close(self) -> None:
         """Close the file."""
         self._file.close()
-
-
-class FilePart:
-    """A part of a file that is read piece by piece, so that its size does not matter."""
-
-    def __init__(self, file: Bytes[bytes | memoryview], start: int, stop: int) -> None:
-        self._file, self._start, self._stop = file, start, stop
-
-    def __len__(self) -> int:
-        return self._stop - self._start
-
-    def __bytes__(self) -> bytes:
-        return b"".join(self.pieces())
-
-    def pieces(self) -> Iterator[bytes | memoryview]:
-        """Yield the data in order."""
-        for at in range(self._start, self._stop, _PIECE):
-            yield self._file[at : min(at + _PIECE, self._stop)]
-
-    def crc32(self) -> int:
-        """Return the checksum of the data."""
-        crc = 0
-        for piece in self.pieces():
-            crc = zlib.crc32(piece, crc)
-        return crc

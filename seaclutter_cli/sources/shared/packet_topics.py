@@ -2,7 +2,7 @@
 
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from os.path import commonprefix
@@ -13,6 +13,7 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages.definitions import points_channel
 from seaclutter_cli.records import Buffer, Channel, Message, Record, SensorFacts
 from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
+from seaclutter_cli.sensors.families import PACKET_FAMILIES
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketDecoder, PacketFamily, Packets
 from seaclutter_cli.sources.shared import SourceWrapper
 from seaclutter_cli.sources.shared.packet_messages import (
@@ -28,8 +29,6 @@ from seaclutter_cli.sources.shared.packet_streams import MAX_SAMPLES, CloudStrea
 
 _MAX_IDS = 65_535
 _DECODED_AT_ONCE, _DECODED_WITHIN_NS = 64, 50_000_000
-
-
 _MAX_TRIES = 10
 _IMU_BYTES = 48
 """Length of Ouster's IMU packets, which the driver publishes in messages of the same type."""
@@ -156,20 +155,17 @@ class _Candidate:
         self.problems.append(f"{self.channel.topic} is not decoded: {problem}")
 
 
-def _candidates(
-    channels: Collection[Channel], families: Mapping[str, PacketFamily], options: DecoderOptions
-) -> list[_Candidate]:
+def _candidates(channels: Collection[Channel], options: DecoderOptions) -> list[_Candidate]:
     """Return a candidate for each channel of packets; topics with only calibrations are left out."""
     found = []
     for channel in channels:
-        kind = DRIVER_MESSAGES.get(packet_type(channel) or "")
-        own = [families[name] for name in kind.families if name in families] if kind else []
-        if kind and own:
+        if kind := DRIVER_MESSAGES.get(packet_type(channel) or ""):
+            families = [PACKET_FAMILIES[name] for name in kind.families]
             typename, word = kind.companion or ("", "")
             beside = [one for one in channels if ros2_type(one) == typename and word in one.topic.lower()]
             # Of several, the one whose name begins most alike.
             nearest = max(beside, key=lambda one: len(commonprefix((one.topic, channel.topic))), default=None)  # noqa: RUF071
-            found.append(_Candidate(channel, own, options, nearest))
+            found.append(_Candidate(channel, families, options, nearest))
     companions = {candidate.companion.id for candidate in found if candidate.companion}
     return [candidate for candidate in found if candidate.channel.id not in companions]
 
@@ -189,7 +185,7 @@ class PacketTopics(SourceWrapper):
     are decoded 64 at once, or those of 50 ms. Topics that cannot be decoded are kept without clouds, with a warning.
     """
 
-    def __init__(self, inner: Source, families: Mapping[str, PacketFamily], options: DecoderOptions) -> None:
+    def __init__(self, inner: Source, options: DecoderOptions) -> None:
         super().__init__(inner)
         self.facts: dict[str, SensorFacts] = dict(inner.facts)
         self._topics: dict[int, tuple[Channel, Callable[[], PacketDecoder], int]] = {}
@@ -197,7 +193,7 @@ class PacketTopics(SourceWrapper):
         # Topics whose clouds were recorded too, as in the output of `filter`, are not decoded.
         undecoded = [channel for channel in inner.channels if _points_topic(channel) not in topics]
         undecoded = [channel for channel in undecoded if inner.counts.get(channel.id) != 0]
-        self._find_decodable(_candidates(undecoded, families, options))
+        self._find_decodable(_candidates(undecoded, options))
 
     @property
     def channels(self) -> Sequence[Channel]:

@@ -3,8 +3,9 @@
 import pytest
 
 from seaclutter_cli.errors import InputError
+from seaclutter_cli.records import FilePart
 from seaclutter_cli.sources.formats import open_source
-from seaclutter_cli.sources.shared.log_file import FilePart, LogFile, LostDataError
+from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
 from tests.pairs import covering
 from tests.paths import ROOT
 from tests.sources.pcap.captures import frames, pcap

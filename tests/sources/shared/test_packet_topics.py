@@ -13,9 +13,11 @@ from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS, find_codec
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Message, Metadata, Schema, SensorFacts
+from seaclutter_cli.sensors.families import PACKET_FAMILIES
 from seaclutter_cli.sensors.packets import DecoderOptions, PacketFamily, PacketFrame, point_dtype
 from seaclutter_cli.sensors.velodyne.decoder import Velodyne
 from seaclutter_cli.sources.formats import wrap_packets
+from seaclutter_cli.sources.shared import packet_topics
 from seaclutter_cli.sources.shared.split import SplitSource
 
 START = 1_600_000_000 * 10**9
@@ -131,8 +133,14 @@ def messages(chan, scans):
 
 
 def wrapped(records, channels, *, options=None, family=None, counts=None):
-    families = dict.fromkeys(("velodyne", "hesai"), family or Tens())
-    return wrap_packets(Log(records, channels, counts=counts), options, families)
+    return decoded(Log(records, channels, counts=counts), options, family)
+
+
+def decoded(log, options=None, family=None):
+    """Return a log with clouds, as if all packets were from one family."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(packet_topics, "PACKET_FAMILIES", dict.fromkeys(PACKET_FAMILIES, family or Tens()))
+        return wrap_packets(log, options)
 
 
 def clouds(source):
@@ -213,7 +221,7 @@ def test_state_is_kept_per_channel_and_passes_are_equal():
 def test_a_split_recording_is_one_stream():
     chan = channel()
     files = {Path(f"log_{n}.db3"): Log(messages(chan, [scan(numbered(n * 7, 7))]), [chan]) for n in range(3)}
-    source = wrap_packets(SplitSource(list(files), files.__getitem__), None, {"velodyne": Tens()})
+    source = decoded(SplitSource(list(files), files.__getitem__))
     assert [cloud.points["x"].tolist() for _, cloud in clouds(source)] == [[*range(10)], [*range(10, 20)], [20]]
 
 
@@ -243,8 +251,7 @@ def test_bad_and_lost_packets_are_reported():
 
 def test_a_log_without_packet_topics_is_returned_unchanged():
     log = Log([], [IMU, Channel(2, "/raw", "cdr", None), channel(encoding="json")])
-    assert wrap_packets(log, DecoderOptions(), {"velodyne": Tens()}) is log
-    assert wrap_packets(Log([], [channel()]), None, {}).channels == [channel()]
+    assert wrap_packets(log, DecoderOptions()) is log
 
 
 def test_an_empty_packet_topic_has_no_clouds():
