@@ -210,10 +210,6 @@ class LeveledTile:
         elevation[known] = level[known]
         return Surface(elevation, self.params.threshold_m, land, self._top if self.params.land == "class2" else None)
 
-    def _separated(self, surface: Surface, state: SeaState, *, is_doubtful: bool) -> Separation:
-        land = _land_cells(self.params.cell_m, [(self.points, surface.land)])
-        return Separation(*surface.classes(self.points), _cells(self.points), state, land, is_doubtful)
-
     def _rough(self, shores: Shores, waves: Waves) -> Separation:
         """Return the separation of rough water, look by look: where strips overlap, they show it at two moments."""
         intensity = self.column("intensity")
