@@ -160,7 +160,7 @@ def island_cells(
         land, high = land | also, high | also
     if not high.any():
         return high
-    number, group = joined_cells(land, grid.blocks)
+    number, group = joined_cells(grid, land)
     islands = np.zeros(len(group), np.bool_)
     islands[group[number[high]]] = True
     return islands[group[number]]
