@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Floats, Mask
-from seaclutter_cli.grids.elevation import BLOCK, Cells, ElevationGrid
+from seaclutter_cli.grids.elevation import BLOCK, Cells, ElevationGrid, near_known
 
 _WIDTHS, _BOXES = 3, 2.0
 _FEW_PAIRS = 1 << 20
@@ -68,31 +68,17 @@ def smoothed(grid: ElevationGrid, values: Cells, used: Mask, width: float) -> tu
         return np.asarray(found)
 
     mean, share = np.zeros(values.shape), np.zeros(values.shape)
+    inner = (slice(halo, halo + BLOCK),) * 2
     for slot, padded, _ in grid.padded(np.where(used, values, np.inf), halo):
         known = np.isfinite(padded)
         if known.any():
-            near, part, inner = _in_reach(known, halo)
-            weight = around(known[near].astype(np.float64))[inner]
-            some = weight > _LEAST_WEIGHT
-            np.divide(around(np.where(known, padded, 0)[near])[inner], weight, out=mean[slot][part], where=some)
-            share[slot][part][some] = weight[some]
+            weight, total = np.zeros((2, *padded.shape))
+            near = near_known(known, 2 * halo)  # sums of boxes leave traces behind their reach, by rounding
+            weight[near], total[near] = around(known[near].astype(np.float64)), around(np.where(known, padded, 0)[near])
+            some = weight[inner] > _LEAST_WEIGHT
+            np.divide(total[inner], weight[inner], out=mean[slot], where=some)
+            share[slot][some] = weight[inner][some]
     return mean, share
-
-
-def _in_reach(known: Mask, halo: int) -> tuple[tuple[slice, ...], ...]:
-    """Return slices: of a padded block, within reach of the known cells; of the block, and of the first, these cells.
-
-    Most blocks of a tile are nearly empty.
-    """
-    near, part, inner = [], [], []
-    for axis in range(2):
-        cells = np.flatnonzero(known.any(axis=1 - axis))
-        start, stop = max(int(cells[0]) - halo, 0), min(int(cells[-1]) + 2 * halo + 1, len(known))
-        low, high = max(start - halo, 0), min(stop - halo, BLOCK)
-        near.append(slice(start, stop))
-        part.append(slice(low, high))
-        inner.append(slice(low + halo - start, high + halo - start))
-    return tuple(near), tuple(part), tuple(inner)
 
 
 def touching(grid: ElevationGrid, mask: Mask) -> Mask:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seaclutter_cli.arrays import Floats, Mask
-from seaclutter_cli.grids.elevation import BLOCK, Cells, ElevationGrid
+from seaclutter_cli.grids.elevation import BLOCK, Cells, ElevationGrid, near_known
 from seaclutter_cli.params import Positive, key
 
 MAX_WINDOW_CELLS = 1000
@@ -87,14 +87,6 @@ def _nearest_in_row(values: Cells, gaps: Mask, reach: int) -> Cells:
     return found
 
 
-def _around_values(cells: Cells, inside: tuple[slice, slice], reach: int) -> tuple[slice, ...]:
-    """Return the part of ``inside`` that is at most ``reach`` cells from the rectangle around all values."""
-    known = np.isfinite(cells[inside])
-    rows = (np.flatnonzero(known.any(axis=1 - axis)) + part.start for axis, part in enumerate(inside))
-    ends = ((int(row[0]) - reach, int(row[-1]) + reach + 1) for row in rows)
-    return tuple(slice(max(a, p.start), min(b, p.stop)) for (a, b), p in zip(ends, inside, strict=True))
-
-
 def open_grid(grid: ElevationGrid, window_m: float, lowest: Cells | None = None) -> Cells:
     """Return the opened surface of a grid, shape (S, 256, 256); minus infinity where unknown.
 
@@ -107,9 +99,9 @@ def open_grid(grid: ElevationGrid, window_m: float, lowest: Cells | None = None)
     halo = 2 * half + reach
     out = np.full(grid.lowest.shape, -np.inf)
     for slot, cells, inside in grid.padded(grid.lowest if lowest is None else lowest, halo):
-        part = np.full(cells.shape, -np.inf)
-        near = _around_values(cells, inside, halo)
-        part[near] = opened(filled(cells[near], reach), half)
+        part, used = np.full(cells.shape, -np.inf), cells[inside]
+        near = near_known(np.isfinite(used), halo)
+        part[inside][near] = opened(filled(used[near], reach), half)
         out[slot] = part[halo : halo + BLOCK, halo : halo + BLOCK]
     return out
 
