@@ -71,18 +71,16 @@ class Echoes:
         self.reflectance[chosen] = reflectance[nearer]
         self.label[chosen] = label
 
-    def add_stronger(
-        self, shots: Ints, hits: tuple[Floats, Floats], label: int, loss: Callable[[Floats], Floats]
-    ) -> None:
-        """Update the shots whose new hits are received more strongly than their previous ones, however near these.
+    def add_stronger(self, shots: Ints, range_m: Floats, reflectance: Floats, loss: Callable[[Floats], Floats]) -> None:
+        """Let hits that are clutter replace previous ones that are received less strongly, however near these are.
 
-        ``hits`` are ranges and reflectances, and ``loss`` the share of a reflectance that is received from a range.
+        ``loss`` is the share of a reflectance that is received from a range.
         """
-        range_m, reflectance = hits
         stronger = reflectance * loss(range_m) > self.reflectance[shots] * loss(self.range_m[shots])
         chosen = shots[stronger]
-        self.range_m[chosen], self.reflectance[chosen] = range_m[stronger], reflectance[stronger]
-        self.label[chosen] = label
+        self.range_m[chosen] = range_m[stronger]
+        self.reflectance[chosen] = reflectance[stronger]
+        self.label[chosen] = CLUTTER
 
 
 @dataclass(frozen=True)

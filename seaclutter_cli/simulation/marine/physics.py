@@ -10,7 +10,6 @@ from seaclutter_cli.arrays import Floats, Rng
 from seaclutter_cli.params import NotNegative, Positive, Share, key
 from seaclutter_cli.simulation.lidar.echoes import Echoes
 from seaclutter_cli.simulation.lidar.models import Lidar
-from seaclutter_cli.truth import CLUTTER
 
 DIVERGENCE_RAD = 0.003
 """Full width of a beam."""
@@ -213,4 +212,4 @@ class Weather:
         nearer = range_m < echoes.range_m[hit]
         hit, range_m, power = hit[nearer], range_m[nearer], np.minimum(power[nearer], 255.0)
         reflectance = power / (self._gain * self.loss(range_m))
-        echoes.add_stronger(hit, (range_m, reflectance), CLUTTER, self.loss)
+        echoes.add_stronger(hit, range_m, reflectance, self.loss)

@@ -165,8 +165,8 @@ class WideWater(MarineWater):
         share = optics.fresnel(cosines, optics.refractive_index(self._wavelength_nm)) ** 2 * optics.mirror_share(
             cosines, variance
         )
-        whole = way + seen.range_m[shot], seen.reflectance[shot] * share
-        echoes.add_stronger(shot, whole, CLUTTER, self._wide.weather.loss)
+        whole_m, reflectance = way + seen.range_m[shot], seen.reflectance[shot] * share
+        echoes.add_stronger(shot, whole_m, reflectance, self._wide.weather.loss)
 
     def _add_blooming(self, shots: Shots, echoes: Echoes, track: int, rng: Rng) -> None:
         """Make the top of an object a retro-reflector, whose light leaks into the shots around it.
@@ -187,7 +187,7 @@ class WideWater(MarineWater):
         angle = np.arccos(np.clip(shots.directions[near] @ centre, -1.0, 1.0))
         range_m = float(np.median(echoes.range_m[retro])) + _BLOOM_M * rng.standard_normal(len(near))
         halo = _RETRO_REFLECTANCE * _BLOOM * np.exp(-angle / width) * rng.standard_exponential(len(near))
-        echoes.add_stronger(near, (range_m, halo), CLUTTER, self._wide.weather.loss)
+        echoes.add_stronger(near, range_m, halo, self._wide.weather.loss)
 
     def _add_sheets(self, shots: Shots, echoes: Echoes, rng: Rng) -> None:
         """Add the echoes of sheets of spray from the bow and from crests.
