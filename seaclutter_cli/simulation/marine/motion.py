@@ -54,6 +54,11 @@ class Track:
         along = speed * (times_s - start)
         return x + along * np.cos(heading), y + along * np.sin(heading), heading
 
+    def place(self, time_s: float) -> tuple[float, float, float]:
+        """Return x and y in metres and the heading in radians at a time."""
+        x, y, heading = (float(values[0]) for values in self.at(np.array([time_s])))
+        return x, y, heading
+
 
 class SmoothTrack(Track):
     """A path whose heading turns evenly from the middle of each leg to that of the next one, instead of at corners."""

@@ -116,7 +116,7 @@ class WideWater(MarineWater):
         x, y = (shots.origins[hits.shots] + distance[:, None] * hits.rays)[:, :2].T
         strength = np.zeros(len(x))
         if physics.wash_m:
-            own_x, own_y, heading = self._own(self.time_s)
+            own_x, own_y, heading = self._wide.own.track.place(self.time_s)
             half = self._wide.own.length_m / 2
             bow = own_x + half * float(np.cos(heading)), own_y + half * float(np.sin(heading))
             strength = np.exp(-((np.hypot(x - bow[0], y - bow[1]) / physics.wash_m) ** 2))
@@ -128,10 +128,6 @@ class WideWater(MarineWater):
         )
         echoes.add(hits.shots[met], distance[met], reflectance, CLUTTER)
         super()._add_wakes(shots, echoes, rng)
-
-    def _own(self, time_s: float) -> tuple[float, float, float]:
-        x, y, heading = (float(one[0]) for one in self._wide.own.track.at(np.array([time_s])))
-        return x, y, heading
 
     def add_effects(self, shots: Shots, echoes: Echoes, bodies: Sequence[PlacedBody], rng: Rng) -> None:
         """Add spray, mirrored echoes, blooming and weather to the echoes of water and bodies."""
@@ -208,8 +204,8 @@ class WideWater(MarineWater):
     def _sheet(self, start_s: float, age_s: float, draw: Rng) -> tuple[Pose, Floats]:
         """Return the pose and the corners of a sheet that was thrown up at a time."""
         wind, angle = self._physics.wind_ms, np.radians(self._physics.wind_deg)
-        x, y, heading = self._own(start_s)
         own = self._wide.own
+        x, y, heading = own.track.place(start_s)
         if draw.random() < 0.5:
             side = draw.choice((-1.0, 1.0))
             ahead, aside, speed = 0.5 * own.length_m, side * own.width_m * draw.uniform(0.4, 1.2), 3.5
