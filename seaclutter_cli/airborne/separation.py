@@ -203,7 +203,7 @@ class LeveledTile:
         island_m = self.params.island_m
         if not land.any() and island_m is not None:
             level = np.full(elevation.shape, commonest_level(grid, elevation, island_m / 4))
-            land = island_cells(grid, elevation, level, self.params.threshold_m, island_m)
+            land = island_cells(grid, elevation, level, self.params.threshold_m, island_m, land)
         elif land.any() and shores.water.any():
             land = land | island_cells(grid, elevation, level, shores.bank_m, island_m or np.inf, land)
         known = land & np.isfinite(level)
