@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Floats, Indices, Ints, Mask
-from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.structure.mask import Sector, StructureMask, azimuth_deg, elevation_deg
 from seaclutter_cli.water import Faces, Mounting, WaterSurface, WaterTracker
@@ -26,7 +25,6 @@ _MIN_FAR_CELLS = 20
 _AT_REST = 0.25
 _DECIMALS = 3
 _BESIDE_BINS = 13
-_DIAGONAL = 1.75
 _GOES_ON, _MOST_ONGOING = 0.15, 0.3
 """Share of the frames in which a wall returns beside a part of it, and share of a part's borders at which it may."""
 _AZIMUTH_STEP_DEG = 1.0
@@ -246,22 +244,19 @@ def _count(counts: NDArray[np.unsignedinteger], direction: Ints, depth: Floats) 
     counts.reshape(-1)[np.unique(np.concatenate((flat, before)))] += 1
 
 
-def _connected(strong: Mask, weak: Mask) -> Ints:
+def _connected(strong: Mask, weak: Mask) -> NDArray[np.int32]:
     """Return the part of each weak cell, (rows, columns, bins), from 1 if connected to strong ones; else 0."""
-    row, column, depth = cells = np.nonzero(weak)
-    parts = np.zeros(weak.shape, np.int64)
-    first = np.flatnonzero(column == 0)  # again behind the last column, because they touch at 180°
-    again = np.stack((row[first], np.full(len(first), weak.shape[1]), depth[first]))
-    label = euclidean_clusters(np.concatenate((cells, again), axis=1).astype(np.float64), _DIAGONAL, 1)
-    keep = np.zeros(len(label) + 1, np.bool_)
-    keep[label[: len(row)][_seeds(strong)[cells]]] = True
-    one, other = label[first], label[len(row) :]
+    from scipy import ndimage  # slow to import, not needed before
+
+    wide = np.concatenate((weak, weak[:, :1]), axis=1)  # the first column again behind the last: they touch at 180°
+    parts, number = ndimage.label(wide, np.ones((3, 3, 3)))
+    keep = np.zeros(number + 1, np.bool_)
+    keep[parts[:, :-1][_seeds(strong)]] = True
+    first, again = parts[:, 0], parts[:, -1]
     for _ in range(2):
-        keep[one] |= keep[other]
-        keep[other] |= keep[one]
-    own = label[: len(row)]
-    parts[cells] = np.where(keep[own], own + 1, 0)
-    return parts
+        keep[first] |= keep[again]
+        keep[again] |= keep[first]
+    return np.where(keep[parts], parts, 0)[:, :-1]
 
 
 def _seeds(strong: Mask) -> Mask:
@@ -276,14 +271,13 @@ def _seeds(strong: Mask) -> Mask:
     return strong & beside
 
 
-def _ends_within(parts: Ints, share: NDArray[np.float32]) -> Mask:
+def _ends_within(parts: NDArray[np.int32], share: NDArray[np.float32]) -> Mask:
     """Return for each part whether it ends at the directions beside it, instead of going on at changing ranges.
 
     Arrays have the shape (rows, columns, bins): the part of each cell, from 1, 0 for none, and its share of the frames.
     """
-    total = np.cumsum(
-        np.pad(share.astype(np.float64), ((0, 0), (0, 0), (_BESIDE_BINS // 2 + 1, _BESIDE_BINS // 2))), axis=2
-    )
+    half = _BESIDE_BINS // 2
+    total = np.cumsum(np.pad(share.astype(np.float64), ((0, 0), (0, 0), (half + 1, half))), axis=2)
     mean = (total[..., _BESIDE_BINS:] - total[..., :-_BESIDE_BINS]) / _BESIDE_BINS
     near = mean.astype(np.float32) * (_BESIDE_BINS / 2)
     occupied = (parts > 0).any(axis=2)
