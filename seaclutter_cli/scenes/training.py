@@ -74,9 +74,8 @@ class Examples:
         if rng is not None:
             kinds, quarters = rng.integers(4, size=(2, len(indices)))
             rotations = np.where(kinds < 2, rng.uniform(0, 2 * np.pi, len(indices)), quarters * np.pi / 2)
-            rotations += [
-                self.alignment_rad(int(index)) if kind == 3 else 0.0 for index, kind in zip(indices, kinds, strict=True)
-            ]
+            for number in np.flatnonzero(kinds == 3).tolist():
+                rotations[number] += self.alignment_rad(int(indices[number]))
         views = [self.image(int(index), angle) for index, angle in zip(indices, rotations.tolist(), strict=True)]
         return np.stack(views)[:, None]
 
