@@ -121,7 +121,7 @@ class Plan:
         """Add the objects of another scene, and reserve the water around them."""
         self.objects += objects
         for item in objects:
-            length, width = float(item.size_m[0]), float(item.size_m[1])
+            length, width, _ = item.size_m
             leg, pieces = item.track.legs[0], max(1, round(length / width))
             for along in (length / 2 * (np.arange(1, 2 * pieces, 2) / pieces - 1)).tolist():
                 x, y = leg.x_m + along * np.cos(leg.heading_rad), leg.y_m + along * np.sin(leg.heading_rad)

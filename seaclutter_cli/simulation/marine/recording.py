@@ -61,7 +61,7 @@ class Renderer:
         self._own = SHAPES["own_vessel"].scaled(vessel.length_m, vessel.width_m, vessel.lidar_height_m * 0.7)
         hulls = [(vessel.track, vessel.length_m, vessel.width_m)] if vessel.speed_ms else []
         moving = [item for item in scene.objects if item.speed_ms and item.shape != "bird"]
-        hulls += [(item.track, float(item.size_m[0]), float(item.size_m[1])) for item in moving]
+        hulls += [(item.track, item.size_m[0], item.size_m[1]) for item in moving]
         self._terrain = _terrain(scene, hulls)
         mast = np.array([vessel.lidar_forward_m, 0.0, vessel.lidar_height_m])
         track, rocking = vessel.track, None
