@@ -99,8 +99,8 @@ class Receiver:
     noise: NoiseParams
     extinction: float
     dropout: float
-    near_m: float = 0.0
-    response: tuple[float, float] = (0.0, 1.0)
+    near_m: float
+    response: tuple[float, float]
 
     def receive(self, echoes: Echoes, times_s: Floats, rng: Rng) -> tuple[Rows, Ints, Floats]:
         """Return the points of a frame, `POINT`, the shot of each, and its distance, shape (M,) each.
@@ -120,9 +120,7 @@ class Receiver:
         lidar = self.lidar
         reflecting = np.flatnonzero(echoes.reflectance > 0)
         range_m = echoes.range_m[reflecting]
-        power = (
-            lidar.gain * echoes.reflectance[reflecting] / np.maximum(range_m, max(lidar.min_range_m, self.near_m)) ** 2
-        )
+        power = lidar.gain * echoes.reflectance[reflecting] / np.maximum(range_m, self.near_m) ** 2
         power *= np.exp(-2 * self.extinction * range_m)
         power += 0.25 * rng.standard_normal(len(reflecting)) * np.sqrt(1 + 0.05 * power)
         kept = (power >= 1) & (range_m >= lidar.min_range_m) & (range_m <= lidar.max_range_m)
