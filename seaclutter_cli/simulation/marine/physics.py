@@ -173,8 +173,8 @@ class Weather:
     A shot reports the medium if its echo there is stronger than that of the surface that it hits.
     """
 
-    def __init__(self, lidar: Lidar, rain: tuple[float, float], fog_extinction: float, near_m: float) -> None:
-        rain_mm_h, drop_reflectivity = rain
+    def __init__(self, lidar: Lidar, physics: PhysicsParams, fog_extinction: float, near_m: float) -> None:
+        rain_mm_h = physics.rain_mm_h
         # Of rain, 1.076 R^0.67 dB/km (Carbonneau and Wisely 1998).
         self.extinction = fog_extinction + float(1.076 * rain_mm_h**0.67 * np.log(10) / 10 / 1000)
         self._near_m = near_m
@@ -186,7 +186,7 @@ class Weather:
         rain_rate = np.zeros_like(fog_rate)
         if rain_mm_h:
             beam_m, slope = _APERTURE_M + DIVERGENCE_RAD * self._range_m, 4.1 * rain_mm_h**-0.21
-            least_mm = 1000 * beam_m / np.sqrt(received * drop_reflectivity)
+            least_mm = 1000 * beam_m / np.sqrt(received * physics.drop_reflectivity)
             rain_rate = _DROPS_M3_MM / slope * np.exp(-slope * least_mm) * np.pi / 4 * beam_m**2
             self._spread = 1 / (slope * least_mm)
         self._rain_share = rain_rate / np.maximum(rain_rate + fog_rate, 1e-30)

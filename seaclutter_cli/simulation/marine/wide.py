@@ -43,8 +43,7 @@ class WideSea(SeaTerrain):
         self.foam = params.foam_reflectivity * optics.foam_share(self.lidar.wavelength_nm)
         # A surface of reflectivity 0.1 is detected at this range, so the least reflectivity is from there on.
         self.near_m = self.lidar.detection_m * float(np.sqrt(physics.least_reflectivity / 0.1))
-        rain = physics.rain_mm_h, physics.drop_reflectivity
-        self.weather = Weather(self.lidar, rain, extinction(params.visibility_km), self.near_m)
+        self.weather = Weather(self.lidar, physics, extinction(params.visibility_km), self.near_m)
         self._phases = np.random.default_rng([self.seed, 3]).uniform(0, 2 * np.pi, 2)
 
     def rocking(self, times_s: Floats) -> tuple[Floats, Floats]:
