@@ -128,17 +128,15 @@ class Receiver:
         measured = range_m[kept] + lidar.range_noise_m * rng.standard_normal(int(kept.sum()))
         return reflecting[kept], measured, power[kept]
 
-    def _points(
-        self, chosen: Ints, measured: Floats, power: Floats, label: NDArray[np.uint16], times_s: Floats
-    ) -> Rows:
+    def _points(self, shots: Ints, measured: Floats, power: Floats, label: NDArray[np.uint16], times_s: Floats) -> Rows:
         lidar = self.lidar
-        points = np.empty(len(chosen), POINT)
-        position = lidar.lenses.reshape(-1, 3)[chosen] + lidar.directions.reshape(-1, 3)[chosen] * measured[:, None]
+        points = np.empty(len(shots), POINT)
+        position = lidar.lenses.reshape(-1, 3)[shots] + lidar.directions.reshape(-1, 3)[shots] * measured[:, None]
         points["x"], points["y"], points["z"] = position.T
         offset, exponent = self.response
         points["intensity"] = np.minimum(np.floor(offset + power**exponent), 255.0)
-        points["ring"] = lidar.rings[chosen % len(lidar.elevations_deg)]
-        points["timestamp"] = times_s.reshape(-1)[chosen]
+        points["ring"] = lidar.rings[shots % len(lidar.elevations_deg)]
+        points["timestamp"] = times_s.reshape(-1)[shots]
         points["label"] = label
         return points
 

@@ -103,9 +103,8 @@ class Lidar:
     @cached_property
     def lenses(self) -> Floats:
         """Position of the lens at each shot in the lidar's frame, shape (C, K, 3), in metres."""
-        return self.lens_m * np.stack(
-            (np.cos(self._rotation), np.sin(self._rotation), np.zeros_like(self._rotation)), axis=-1
-        )
+        turn = self._rotation
+        return self.lens_m * np.stack((np.cos(turn), np.sin(turn), np.zeros_like(turn)), axis=-1)
 
     @cached_property
     def directions(self) -> Floats:

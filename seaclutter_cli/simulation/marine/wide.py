@@ -122,10 +122,8 @@ class WideWater(MarineWater):
         for wake in self._wakes if physics.wake_m else ():
             strength = np.maximum(strength, wake.churned(x, y, self.time_s, physics.wake_m))
         met = np.flatnonzero((physics.wake_cover * strength > patches(x, y, self._seed + 6)) & (distance > 1))
-        reflectance = (
-            physics.wake_reflectivity * optics.foam_share(self._wavelength_nm) * rng.standard_exponential(len(met))
-        )
-        echoes.add(hits.shots[met], distance[met], reflectance, CLUTTER)
+        froth = physics.wake_reflectivity * optics.foam_share(self._wavelength_nm)
+        echoes.add(hits.shots[met], distance[met], froth * rng.standard_exponential(len(met)), CLUTTER)
         super()._add_wakes(shots, echoes, rng)
 
     def add_effects(self, shots: Shots, echoes: Echoes, bodies: Sequence[PlacedBody], rng: Rng) -> None:
@@ -157,9 +155,8 @@ class WideWater(MarineWater):
         add_body_echoes(mirrored, seen, bodies, before=shots)
         met = np.isfinite(seen.range_m[shot])
         shot, way, cosines = shot[met], way[met], cosines[met]
-        share = optics.fresnel(cosines, optics.refractive_index(self._wavelength_nm)) ** 2 * optics.mirror_share(
-            cosines, variance
-        )
+        mirrored_once = optics.fresnel(cosines, optics.refractive_index(self._wavelength_nm))
+        share = mirrored_once**2 * optics.mirror_share(cosines, variance)
         whole_m, reflectance = way + seen.range_m[shot], seen.reflectance[shot] * share
         echoes.add_stronger(shot, whole_m, reflectance, self._wide.weather.loss)
 
