@@ -77,7 +77,7 @@ ALLOWED = {
     "evaluation": BASE | {"clustering"},
     "scenes": BASE | {"evaluation"},
     "water": BASE,
-    "structure": BASE | {"clustering", "water"},
+    "structure": BASE | {"water"},
     "suspects": BASE | {"clustering", "filters", "tracking", "water"},
     "filters": BASE | {"clustering", "grids", "neighbors", "scenes", "structure", "water"},
     "selection": BASE | {"messages"},

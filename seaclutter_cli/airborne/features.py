@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
@@ -104,39 +103,20 @@ def _tree(points: Floats) -> Any:
     return KDTree(points, balanced_tree=False, compact_nodes=False)
 
 
-@dataclass(frozen=True)
-class Levels:
-    """Grey levels of points and of their partners in the shifted clouds.
+def _level_pairs(near: Neighborhoods, height_m: Floats, params: "FeatureParams") -> Ints:
+    """Return the grey levels of each point and of its partner in each shifted cloud as one number, shape (4, N).
 
-    ``own``, shape (N,): level of each point, 0 to K - 1; ``partner``, shape (4, N): for each direction, the level of
-    the nearest point in the cloud shifted that way; ``count``: number of levels, K.
-    """
-
-    own: Ints
-    partner: Ints
-    count: int
-
-    @cached_property
-    def weights(self) -> Floats:
-        """Contribution of each pair of levels to homogeneity and dissimilarity, shape (2, K * K)."""
-        distance = np.abs(np.subtract.outer(np.arange(self.count), np.arange(self.count))).reshape(-1)
-        return np.stack((1 / (1 + distance**2), distance)).astype(np.float64)
-
-
-def _levels(near: Neighborhoods, height_m: Floats, params: "FeatureParams") -> Levels:
-    """Return the grey levels, of equal size, of points at heights above the sea, shape (N,), and of their partners.
-
-    Heights above the upper bound of the last level have that level, heights below 0 the first.
+    It is K times the level of the point, at a height above the sea, plus that of the nearest point in the cloud. Levels
+    are of equal size; heights above the upper bound of the last level have that level, heights below 0 the first.
     """
     steps = np.floor(height_m * (params.levels / params.max_height_m))
     own = np.clip(steps, 0, params.levels - 1).astype(np.int64)
     angles = np.radians(DIRECTIONS_DEG)
     shifts = params.shift_m * np.stack((np.cos(angles), np.sin(angles)), axis=1)
-    partner = np.stack([own[near.nearest((float(x), float(y)))] for x, y in shifts])
-    return Levels(own, partner, params.levels)
+    return np.stack([own * params.levels + own[near.nearest((float(x), float(y)))] for x, y in shifts])
 
 
-def texture(block: PointBlock, levels: Levels) -> Floats:
+def texture(block: PointBlock, level_pairs: Ints, levels: int) -> Floats:
     r"""Return the texture features of a block's points, shape (B, 3), in the order of `TEXTURE`.
 
     The cloud Y is the cloud X shifted by d along θ. Each neighbour of a point within r (itself included) is paired with
@@ -156,12 +136,14 @@ def texture(block: PointBlock, levels: Levels) -> Floats:
     .. [1] Shi Liang, Xing Junxin, Cai Yanjing (2022). "Classification of ship LIDAR point cloud data based on machine
        learning algorithm". Ship Science and Technology 44(17), 140-143. doi:10.3404/j.issn.1672-7649.2022.17.028
     """
+    step = np.abs(np.subtract.outer(np.arange(levels), np.arange(levels))).reshape(-1)
+    contributions = np.stack((1 / (1 + step**2), step))  # of each pair to homogeneity and dissimilarity
     out, total = np.zeros((len(block.points), 3)), block.count
-    for partner in levels.partner:
-        pair = (levels.own * levels.count + partner)[block.neighbor]
-        weighted = [block.total(weights[pair]) / total for weights in levels.weights]
-        out += np.stack((*weighted, _second_moment(block, pair, levels.count**2) / total**2), axis=1)
-    return out / len(levels.partner)
+    for pairs in level_pairs:
+        pair = pairs[block.neighbor]
+        weighted = [block.total(weights[pair]) / total for weights in contributions]
+        out += np.stack((*weighted, _second_moment(block, pair, levels**2) / total**2), axis=1)
+    return out / len(level_pairs)
 
 
 def _second_moment(block: PointBlock, pair: Ints, size: int) -> Ints:
@@ -226,14 +208,14 @@ def features_of(points: NonSeaPoints, params: FeatureParams) -> Floats:
     if not len(points.height_m):
         return np.empty((0, len(params.names)))
     near = Neighborhoods(points.xy)
-    levels = _levels(near, points.height_m, params)
+    pairs = _level_pairs(near, points.height_m, params)
     if params.features == "texture":
-        return near.apply(params.radius_m, lambda block: texture(block, levels))
-    own = near.apply(params.radius_m, lambda block: _full(block, levels, points, params.radius_m))
+        return near.apply(params.radius_m, lambda block: texture(block, pairs, params.levels))
+    own = near.apply(params.radius_m, lambda block: _full(block, pairs, points, params))
     return np.hstack((own, _context(points, params)))
 
 
-def _full(block: PointBlock, levels: Levels, points: NonSeaPoints, radius_m: float) -> Floats:
+def _full(block: PointBlock, level_pairs: Ints, points: NonSeaPoints, params: FeatureParams) -> Floats:
     count = block.count
     height, intensity = points.height_m[block.neighbor], points.intensity[block.neighbor]
     mean = block.total(height) / count
@@ -244,12 +226,12 @@ def _full(block: PointBlock, levels: Levels, points: NonSeaPoints, radius_m: flo
         points.height_m[block.points],
         mean,
         deviation,
-        count / (np.pi * radius_m**2 * points.points_per_m2),
+        count / (np.pi * params.radius_m**2 * points.points_per_m2),
         *_shape(block, points),
         brightness,
         spread / np.maximum(brightness, 1e-9),
     )
-    return np.column_stack((texture(block, levels), *columns))
+    return np.column_stack((texture(block, level_pairs, params.levels), *columns))
 
 
 def _context(points: NonSeaPoints, params: FeatureParams) -> Floats:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,24 +42,20 @@ class TileMap:
         A cell with an object shows it; otherwise water or land, whichever is more frequent.
         """
         step = max(1, round(cell_m / self.cell_m))
-        column, row = (np.arange(size) + at for size, at in zip(self.kind.shape, self.first, strict=True))
-        first = int(column[0] // step), int(row[0] // step)
-        i, j = column // step - first[0], row // step - first[1]
-        shape = int(i[-1]) + 1, int(j[-1]) + 1
-        cell = (i[:, None] * shape[1] + j).ravel()
-        number = {
-            kind: np.bincount(cell, (self.kind == kind).ravel(), shape[0] * shape[1])
-            for kind in (IS_WATER, IS_LAND, IS_OBJECT)
-        }
-        known = np.isfinite(self.level_m).ravel()
-        total = np.bincount(cell[known], self.level_m.ravel()[known], shape[0] * shape[1])
-        many = np.bincount(cell[known], minlength=shape[0] * shape[1])
-        kind = np.where(number[IS_LAND] > number[IS_WATER], IS_LAND, np.where(number[IS_WATER] > 0, IS_WATER, UNKNOWN))
-        kind[number[IS_OBJECT] > 0] = IS_OBJECT
-        level = np.divide(total, many, out=np.full(len(total), np.nan), where=many > 0)
-        return TileMap(
-            self.cell_m * step, first, kind.astype(np.uint8).reshape(shape), level.astype(np.float32).reshape(shape)
-        )
+        margins = [(at % step, -(at + size) % step) for at, size in zip(self.first, self.kind.shape, strict=True)]
+
+        def total(values: NDArray[Any]) -> NDArray[Any]:
+            wide = np.pad(values, margins)
+            return np.asarray(wide.reshape(len(wide) // step, step, -1, step).sum(axis=(1, 3)))
+
+        water, land, objects = (total(self.kind == kind) for kind in (IS_WATER, IS_LAND, IS_OBJECT))
+        kind = np.where(land > water, IS_LAND, np.where(water > 0, IS_WATER, UNKNOWN))
+        kind[objects > 0] = IS_OBJECT
+        known = np.isfinite(self.level_m)
+        sums, many = total(np.where(known, self.level_m, 0).astype(np.float64)), total(known)
+        level = np.divide(sums, many, out=np.full(kind.shape, np.nan), where=many > 0)
+        first = self.first[0] // step, self.first[1] // step
+        return TileMap(self.cell_m * step, first, kind.astype(np.uint8), level.astype(np.float32))
 
 
 def map_of(parts: Iterable[Floats], found: Separation, cell_m: float) -> TileMap:

@@ -34,21 +34,8 @@ _MAX_RATIO = 50
 _KEYS = {"format", "version", "settings", "features", "classes", "forest"}
 
 
-@dataclass(frozen=True)
-class TileFeatures:
-    """A separated tile and the features of its non-sea points.
-
-    ``separation``: sea and non-sea points; ``points``: the N non-sea points; ``features``, shape (N, F): features of
-    these points.
-    """
-
-    separation: Separation
-    points: NonSeaPoints
-    features: Floats
-
-
-def tile_features(tile: TilePoints, settings: TileSettings) -> TileFeatures:
-    """Return a separated tile with the features of its non-sea points; missing intensities count as 0.
+def tile_features(tile: TilePoints, settings: TileSettings) -> tuple[Separation, NonSeaPoints, Floats]:
+    """Return a separated tile, its N non-sea points, and their features, shape (N, F); missing intensities count as 0.
 
     Raise `InputError` if the tile cannot be separated.
     """
@@ -60,19 +47,21 @@ def tile_features(tile: TilePoints, settings: TileSettings) -> TileFeatures:
     density = separation.points_per_cell / settings.separation.cell_m**2
     least_m = separation.sea.object_height_m
     points = NonSeaPoints(xy, separation.height_m[other].astype(np.float64), bright, density, least_m)
-    return TileFeatures(separation, points, features_of(points, settings.features))
+    return separation, points, features_of(points, settings.features)
 
 
 @dataclass(frozen=True)
 class ClassifiedPoints:
     """Classes and objects of the N non-sea points of a tile.
 
-    ``tile``: the separated tile; ``code``, shape (N,): class of each point; ``probability``, shape (N,): probability of
-    that class; ``number``, shape (N,): object of each point; 0 for none; ``left_out``, shape (N,): cluster of each
-    point if it is too unlikely to be an object; 0 for none; ``objects``: objects found in the tile.
+    ``separation``: the separated tile; ``xy``, shape (2, N): positions of the points in metres; ``code``, shape (N,):
+    class of each point; ``probability``, shape (N,): probability of that class; ``number``, shape (N,): object of each
+    point; 0 for none; ``left_out``, shape (N,): cluster of each point if it is too unlikely to be an object; 0 for
+    none; ``objects``: objects found in the tile.
     """
 
-    tile: TileFeatures
+    separation: Separation
+    xy: Floats
     code: Ints
     probability: Floats
     number: Ints
@@ -82,12 +71,13 @@ class ClassifiedPoints:
 
 def classify_points(tile: TilePoints, model: "ObjectModel") -> ClassifiedPoints:
     """Return the classes and objects of a tile; raise `InputError` if it cannot be separated."""
-    found = tile_features(tile, model.settings)
-    probability = predict(model.forest, found.features)
+    separation, points, features = tile_features(tile, model.settings)
+    probability = predict(model.forest, features)
     classes = [int(code) for code in model.forest.classes_]
-    objects, number, left_out = find_objects(found.points, probability, classes, model.settings.objects)
+    objects, number, left_out = find_objects(points, probability, classes, model.settings.objects)
     code = np.array(classes)[probability.argmax(axis=1)] if len(probability) else np.empty(0, np.int64)
-    return ClassifiedPoints(found, code, probability.max(axis=1, initial=0.0), number, left_out, objects)
+    likely = probability.max(axis=1, initial=0.0)
+    return ClassifiedPoints(separation, points.xy, code, likely, number, left_out, objects)
 
 
 @dataclass(frozen=True)

@@ -110,11 +110,9 @@ def find_objects(
     for cluster, own in enumerate(_clusters(points.xy, params), 1):
         best = int(np.argmax(np.bincount(best_class[own], minlength=len(classes))))
         heights = points.height_m[own]
-        mean_probability = float(probability[own, best].mean()) * likely_object(heights, points.least_m)
-        if mean_probability >= params.min_probability:
-            found.append(
-                object_around(len(found) + 1, points.xy[:, own], heights, int(classes[best]), mean_probability)
-            )
+        likely = float(probability[own, best].mean()) * likely_object(heights, points.least_m)
+        if likely >= params.min_probability:
+            found.append(object_around(len(found) + 1, points.xy[:, own], heights, int(classes[best]), likely))
             numbers[own] = len(found)
         else:
             left_out[own] = cluster - len(found)

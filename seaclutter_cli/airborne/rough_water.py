@@ -193,7 +193,7 @@ def height_limits(
     both = np.hypot(np.maximum(high, 0), np.clip(sea.contrast, 0, _BRIGHTEST))
     sure = (low > _ALONE) & (low_m > _ALONE_M)
     sure |= bright & (both > _ALONE) & (high > _IF_BRIGHT) & (high_m > _IF_BRIGHT_M)
-    part, group = joined_cells((low > _BESIDE) | (bright & (high > 0)) | land, grid.blocks)
+    part, group = joined_cells(grid, (low > _BESIDE) | (bright & (high > 0)) | land)
     member, found = part > 0, group[part]
     certain = sure | land
     inside = member & _are_objects(found, member, certain, sea, low, grid.cell_m)[found]

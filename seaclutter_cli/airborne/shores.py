@@ -144,23 +144,21 @@ def island_cells(
     level_m: float | Cells,
     height_m: float | Cells,
     island_m: float | Cells,
-    also: Mask | None = None,
+    also: Mask,
 ) -> Mask:
     """Return a mask of the cells of islands, shape (S, 256, 256).
 
     ``grid``: the grid, in S blocks; ``opened``, shape (S, 256, 256): opened surface; ``level_m``, shape (S, 256, 256):
     level of the water; ``height_m``, ``island_m``, shape (S, 256, 256): height above that level from which a cell may
-    belong to an island, and that one cell of it must exceed; ``also``, shape (S, 256, 256), optional: cells that make
-    an island of those that touch them.
+    belong to an island, and that one cell of it must exceed; ``also``, shape (S, 256, 256): cells that make an
+    island of those that touch them.
     """
     highest = np.where(np.isfinite(grid.lowest), np.maximum(opened, grid.lowest), opened)
-    land = highest > level_m + height_m
-    high = (opened > level_m + height_m) & (highest > level_m + island_m)
-    if also is not None:
-        land, high = land | also, high | also
+    land = (highest > level_m + height_m) | also
+    high = ((opened > level_m + height_m) & (highest > level_m + island_m)) | also
     if not high.any():
         return high
-    number, group = joined_cells(land, grid.blocks)
+    number, group = joined_cells(grid, land)
     islands = np.zeros(len(group), np.bool_)
     islands[group[number[high]]] = True
     return islands[group[number]]

@@ -112,13 +112,10 @@ def positions(grid: ElevationGrid, index: Ints) -> Ints:
 
 def _neighbors(xy: Ints) -> Ints:
     key = (xy[0] << 32) + xy[1]
-    order = np.argsort(key)
     found = np.full((4, len(key)), -1, np.int64)
     for own, step in zip(found, (1 << 32, 1, -(1 << 32), -1), strict=True):
-        at = np.minimum(np.searchsorted(key[order], key + step), max(len(key) - 1, 0))
-        if len(key):
-            hit = key[order][at] == key + step
-            own[hit] = order[at[hit]]
+        _, known, beside = np.intersect1d(key + step, key, assume_unique=True, return_indices=True)
+        own[known] = beside
     return found
 
 

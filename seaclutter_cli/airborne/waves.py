@@ -1,6 +1,6 @@
 """Waves in windows of a tile, and of its water: height, length and oscillation of the lowest echo of each cell."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -12,8 +12,6 @@ from seaclutter_cli.grids.elevation import BLOCK, Cells
 
 SQUARES = BLOCK // 8
 """Number of squares along each side of a block."""
-WINDOW = BLOCK // 2
-"""Width of a window in cells."""
 _FEW_CELLS, _MANY_CELLS = 600, 4096
 _DEVIATIONS = 4.0
 _MOST_M = 1.5
@@ -71,12 +69,16 @@ def windows_of(looks: Iterable[Cells], cell_m: float) -> tuple[Floats, Ints]:
     for lowest in looks:
         if not most.size:
             found, most = np.full((7, 4 * len(lowest)), np.nan), np.zeros(4 * len(lowest), np.int64)
-        for number, (slot, row, column) in enumerate(np.ndindex(len(lowest), 2, 2)):
-            part = lowest[slot, row * WINDOW : (row + 1) * WINDOW, column * WINDOW : (column + 1) * WINDOW]
+        for number, part in enumerate(_quarters(lowest)):
             cells = int(np.isfinite(part).sum())
             if cells >= _FEW_CELLS and cells > most[number]:
                 most[number], found[:, number] = cells, _waves(part, cell_m)
     return found, most
+
+
+def _quarters(cells: Cells) -> Iterator[Cells]:
+    """Yield the quarters of blocks, windows of 128 by 128 cells, column by column."""
+    yield from (half for block in cells for side in np.split(block, 2) for half in np.split(side, 2, axis=1))
 
 
 def _waves(lowest: Cells, cell_m: float) -> tuple[float, ...]:
@@ -134,10 +136,9 @@ def estimate_waves(looks: Iterable[Cells], above: Cells, level_m: Cells, water: 
 
 def _crests(above: Cells) -> Floats:
     """Return the height of crests above the opened surface in each quarter of the blocks, and its number of cells."""
-    half, found = above.shape[1] // 2, []
-    for slot, row, column in np.ndindex(len(above), 2, 2):
-        part = above[slot, row * half : (row + 1) * half : 2, column * half : (column + 1) * half : 2]
-        part = part[np.isfinite(part)]
+    found = []
+    for cells in _quarters(above):
+        part = cells[::2, ::2][np.isfinite(cells[::2, ::2])]
         low, middle = np.quantile(part, (0.1587, 0.5)) if len(part) else (0.0, 0.0)
         found.append((middle + _CRESTS * (middle - low), len(part)))
     return np.array(found).T

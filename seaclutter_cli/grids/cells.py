@@ -1,34 +1,24 @@
 """Groups, neighbours and means of the cells of a grid, across its blocks."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Floats, Mask
-from seaclutter_cli.grids.elevation import BLOCK, Cells, ElevationGrid
+from seaclutter_cli.grids.elevation import BLOCK, Cells, ElevationGrid, near_known
 
 _WIDTHS, _BOXES = 3, 2.0
 _FEW_PAIRS = 1 << 20
 _STEP = 1 << 10
 _LEAST_WEIGHT = 1e-3
-_ALL, _FIRST, _LAST = slice(None), slice(0, 1), slice(-1, None)
-_EDGES = {
-    (1, 0): ((-1, _ALL), (0, _ALL)),
-    (0, 1): ((_ALL, -1), (_ALL, 0)),
-    (1, 1): ((-1, _LAST), (0, _FIRST)),
-    (1, -1): ((-1, _FIRST), (0, _LAST)),
-}
-"""Edge or corner of a block, and of the block that is these steps away along x and y, where they touch."""
 
 
-def joined_cells(mask: Mask, blocks: Mapping[tuple[int, int], int]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the groups of cells that touch each other, by side or corner, also across blocks.
+def joined_cells(grid: ElevationGrid, mask: Mask) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return the groups of cells of a mask that touch each other, by side or corner, also across blocks.
 
-    The result is the part of each cell, shape (S, B, B), 0 outside the mask, and the group of each part, shape (P,).
-    ``mask``, shape (S, B, B): the cells, in S blocks; ``blocks``: index of each block, by its block number along x and
-    y.
+    The result is the part of each cell, shape (S, 256, 256), 0 outside the mask, and the group of each part, shape
+    (P,). Parts are groups within a block.
     """
     from scipy import ndimage  # slow to import, not needed without islands
 
@@ -39,11 +29,11 @@ def joined_cells(mask: Mask, blocks: Mapping[tuple[int, int], int]) -> tuple[NDA
         own[cells] += parts - 1
         parts += found
     pairs = [np.zeros((2, 1), np.int32)]
-    for (column, row), slot in blocks.items():
-        for step, (edge, opposite) in _EDGES.items():
-            other = blocks.get((column + step[0], row + step[1]))
-            if other is not None:
-                pairs += _touching(part[slot][edge], part[other][opposite])
+    for _, wide, _ in grid.padded(part, 1, 0):
+        inner = wide[1:-1, 1:-1]
+        for beside in (wide[2:, 1:-1], wide[1:-1, 2:], wide[2:, 2:], wide[2:, :-2]):
+            touch = (inner != beside) & (inner > 0) & (beside > 0)
+            pairs.append(np.stack((inner[touch], beside[touch])))
     return part, joined(np.concatenate(pairs, axis=1), parts)
 
 
@@ -54,13 +44,6 @@ def joined(pairs: NDArray[Any], size: int) -> NDArray[np.int32]:
 
     graph = coo_array((np.ones(pairs.shape[1], np.bool_), (pairs[0], pairs[1])), shape=(size, size))
     return np.asarray(connected_components(graph, directed=False)[1], np.int32)
-
-
-def _touching(edge: NDArray[np.int32], opposite: NDArray[np.int32]) -> list[NDArray[np.int32]]:
-    """Return the pairs of parts, shape (2, n), that touch across the edge of two blocks."""
-    steps = ((edge, opposite), (edge[1:], opposite[:-1]), (edge[:-1], opposite[1:]))
-    found = [np.stack(pair) for pair in steps]
-    return [pairs[:, (pairs > 0).all(axis=0)] for pairs in found]
 
 
 def smoothed(grid: ElevationGrid, values: Cells, used: Mask, width: float) -> tuple[Cells, Floats]:
@@ -85,31 +68,17 @@ def smoothed(grid: ElevationGrid, values: Cells, used: Mask, width: float) -> tu
         return np.asarray(found)
 
     mean, share = np.zeros(values.shape), np.zeros(values.shape)
+    inner = (slice(halo, halo + BLOCK),) * 2
     for slot, padded, _ in grid.padded(np.where(used, values, np.inf), halo):
         known = np.isfinite(padded)
         if known.any():
-            near, part, inner = _in_reach(known, halo)
-            weight = around(known[near].astype(np.float64))[inner]
-            some = weight > _LEAST_WEIGHT
-            np.divide(around(np.where(known, padded, 0)[near])[inner], weight, out=mean[slot][part], where=some)
-            share[slot][part][some] = weight[some]
+            weight, total = np.zeros((2, *padded.shape))
+            near = near_known(known, 2 * halo)  # sums of boxes leave traces behind their reach, by rounding
+            weight[near], total[near] = around(known[near].astype(np.float64)), around(np.where(known, padded, 0)[near])
+            some = weight[inner] > _LEAST_WEIGHT
+            np.divide(total[inner], weight[inner], out=mean[slot], where=some)
+            share[slot][some] = weight[inner][some]
     return mean, share
-
-
-def _in_reach(known: Mask, halo: int) -> tuple[tuple[slice, ...], ...]:
-    """Return slices: of a padded block, within reach of the known cells; of the block, and of the first, these cells.
-
-    Most blocks of a tile are nearly empty.
-    """
-    near, part, inner = [], [], []
-    for axis in range(2):
-        cells = np.flatnonzero(known.any(axis=1 - axis))
-        start, stop = max(int(cells[0]) - halo, 0), min(int(cells[-1]) + 2 * halo + 1, len(known))
-        low, high = max(start - halo, 0), min(stop - halo, BLOCK)
-        near.append(slice(start, stop))
-        part.append(slice(low, high))
-        inner.append(slice(low + halo - start, high + halo - start))
-    return tuple(near), tuple(part), tuple(inner)
 
 
 def touching(grid: ElevationGrid, mask: Mask) -> Mask:

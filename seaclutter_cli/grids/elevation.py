@@ -116,6 +116,12 @@ class ElevationGrid:
             self._lowest = np.concatenate((self.lowest, np.full((more - len(self.lowest), BLOCK, BLOCK), np.inf)))
 
 
+def near_known(known: Mask, reach: int) -> tuple[slice, ...]:
+    """Return the part of an array up to ``reach`` cells from what is known: most blocks of a tile are nearly empty."""
+    ends = (np.flatnonzero(known.any(axis=1 - axis))[[0, -1]].tolist() for axis in range(2))
+    return tuple(slice(max(first - reach, 0), last + reach + 1) for first, last in ends)
+
+
 def _overlap(step: int, halo: int) -> tuple[slice, slice]:
     """Return the slice of a padded block that the block ``step`` blocks away fills, and the slice of the latter."""
     start = halo + step * BLOCK

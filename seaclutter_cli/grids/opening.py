@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seaclutter_cli.arrays import Floats, Mask
-from seaclutter_cli.grids.elevation import BLOCK, Cells, ElevationGrid
+from seaclutter_cli.arrays import Floats
+from seaclutter_cli.grids.elevation import BLOCK, Cells, ElevationGrid, near_known
 from seaclutter_cli.params import Positive, key
 
 MAX_WINDOW_CELLS = 1000
@@ -59,40 +59,18 @@ def filled(lowest: Cells, reach: int) -> Cells:
     A ship hides the water behind it from an oblique beam, and calm water often returns nothing. With the lowest value,
     such a gap is water if there is water on any side, and does not widen the ship.
     """
-    empty = np.isposinf(lowest)
-    if not empty.any():
+    gaps = np.isposinf(lowest)
+    if not gaps.any():
         return lowest
     out = lowest.copy()
-    for source, target in ((lowest, out), (lowest.T, out.T)):
-        gaps = np.isposinf(source)
-        target[gaps] = np.minimum(target[gaps], _nearest_in_row(source, gaps, reach))
+    for axis in (0, 1):
+        place = np.expand_dims(np.arange(lowest.shape[axis], dtype=np.int32), 1 - axis)
+        backwards = np.flip(lowest, axis), np.flip(out, axis), np.flip(gaps, axis)
+        for source, target, empty in ((lowest, out, gaps), backwards):
+            last = np.maximum.accumulate(np.where(empty, np.int32(-reach - 1), place), axis=axis)
+            value = np.take_along_axis(source, np.maximum(last, 0), axis)  # of the last cell that is not empty
+            np.minimum(target, value, out=target, where=place - last <= reach)
     return out
-
-
-def _nearest_in_row(values: Cells, gaps: Mask, reach: int) -> Cells:
-    """Return the lower of the last value before and the first after each gap in its row, shape (gaps,).
-
-    Values more than ``reach`` cells away, or none, are plus infinity.
-    """
-    columns = values.shape[1]
-    flat = np.concatenate(([np.inf], values[~gaps], [np.inf]))
-    far = -columns - reach
-    place = np.concatenate(([far], np.flatnonzero(~gaps), [values.size - far]))
-    gap = np.flatnonzero(gaps)
-    before = gap - np.arange(len(gap))  # number of values before each gap
-    found = np.full(len(gap), np.inf)
-    for near in (before, before + 1):
-        inside = (np.abs(place[near] - gap) <= reach) & (place[near] // columns == gap // columns)
-        np.minimum(found, flat[near], out=found, where=inside)
-    return found
-
-
-def _around_values(cells: Cells, inside: tuple[slice, slice], reach: int) -> tuple[slice, ...]:
-    """Return the part of ``inside`` that is at most ``reach`` cells from the rectangle around all values."""
-    known = np.isfinite(cells[inside])
-    rows = (np.flatnonzero(known.any(axis=1 - axis)) + part.start for axis, part in enumerate(inside))
-    ends = ((int(row[0]) - reach, int(row[-1]) + reach + 1) for row in rows)
-    return tuple(slice(max(a, p.start), min(b, p.stop)) for (a, b), p in zip(ends, inside, strict=True))
 
 
 def open_grid(grid: ElevationGrid, window_m: float, lowest: Cells | None = None) -> Cells:
@@ -107,9 +85,9 @@ def open_grid(grid: ElevationGrid, window_m: float, lowest: Cells | None = None)
     halo = 2 * half + reach
     out = np.full(grid.lowest.shape, -np.inf)
     for slot, cells, inside in grid.padded(grid.lowest if lowest is None else lowest, halo):
-        part = np.full(cells.shape, -np.inf)
-        near = _around_values(cells, inside, halo)
-        part[near] = opened(filled(cells[near], reach), half)
+        part, used = np.full(cells.shape, -np.inf), cells[inside]
+        near = near_known(np.isfinite(used), halo)
+        part[inside][near] = opened(filled(used[near], reach), half)
         out[slot] = part[halo : halo + BLOCK, halo : halo + BLOCK]
     return out
 

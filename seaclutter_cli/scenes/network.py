@@ -50,12 +50,10 @@ def make_network(classes: int) -> Any:
     return nn.Sequential(*layers, nn.AdaptiveAvgPool2d(1), nn.Flatten(), nn.Linear(maps, classes))
 
 
-def _convolution(
-    maps_in: int, maps: int, size: int, *, stride: int = 1, groups: int = 1, activated: bool = True
-) -> Any:
+def _convolution(before: int, maps: int, size: int, *, stride: int = 1, groups: int = 1, activated: bool = True) -> Any:
     from torch import nn
 
-    convolution = nn.Conv2d(maps_in, maps, size, stride, size // 2, groups=groups, bias=False)
+    convolution = nn.Conv2d(before, maps, size, stride, size // 2, groups=groups, bias=False)
     return nn.Sequential(convolution, nn.BatchNorm2d(maps), *([nn.ReLU6()] if activated else []))
 
 
@@ -78,9 +76,8 @@ def to_onnx(network: Any, classes: Sequence[str], extent_m: float) -> bytes:
             maps = writer.add("Add", [before, maps])
     pooled = writer.add("Flatten", [writer.add("GlobalAveragePool", [maps])])
     last = network[-1]
-    scores = writer.add(
-        "Gemm", [pooled, writer.weights(_array(last.weight)), writer.weights(_array(last.bias))], transB=1
-    )
+    weights = [writer.weights(_array(values)) for values in (last.weight, last.bias)]
+    scores = writer.add("Gemm", [pooled, *weights], transB=1)
     writer.nodes.append(helper.make_node("Softmax", [scores], ["probability"], axis=1))
     graph = helper.make_graph(
         writer.nodes,

@@ -1,7 +1,6 @@
 """Training of the scene classifier on labelled frames, which are stored as top views; scores of classifiers."""
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,6 +13,7 @@ from seaclutter_cli.scenes import TrainingParams
 from seaclutter_cli.scenes.model import IMAGE_SIZE, top_view
 from seaclutter_cli.scenes.network import make_network
 from seaclutter_cli.text import count, share, table
+from seaclutter_cli.threads import in_order
 
 _FINER = 4
 _WIDER = 1.5
@@ -74,9 +74,8 @@ class Examples:
         if rng is not None:
             kinds, quarters = rng.integers(4, size=(2, len(indices)))
             rotations = np.where(kinds < 2, rng.uniform(0, 2 * np.pi, len(indices)), quarters * np.pi / 2)
-            rotations += [
-                self.alignment_rad(int(index)) if kind == 3 else 0.0 for index, kind in zip(indices, kinds, strict=True)
-            ]
+            for number in np.flatnonzero(kinds == 3).tolist():
+                rotations[number] += self.alignment_rad(int(indices[number]))
         views = [self.image(int(index), angle) for index, angle in zip(indices, rotations.tolist(), strict=True)]
         return np.stack(views)[:, None]
 
@@ -262,12 +261,13 @@ class _Trainer:
         from torch.nn.functional import cross_entropy
 
         self._network.train(training)
-        order = self._rng.permutation(part) if training else part
+        order, rng = (self._rng.permutation(part), self._rng) if training else (part, None)
         batches = _batches(order, size)
+        views = in_order(lambda number: self._examples.images(batches[number], rng), len(batches), workers=1, ahead=2)
         losses, predicted = [], []
         with torch.set_grad_enabled(training):
-            for batch, images in zip(batches, self._prepared(batches, self._rng if training else None), strict=True):
-                scores = self._network(images)
+            for batch, images in zip(batches, views, strict=True):
+                scores = self._network(torch.from_numpy(images).float())
                 loss = cross_entropy(scores, torch.from_numpy(self._scenes[batch]))
                 if training:
                     self._optimiser.zero_grad()
@@ -278,18 +278,6 @@ class _Trainer:
                 predicted.append(scores.detach().argmax(1).numpy())
         confusion = SceneScores.count(self._examples.classes, self._scenes[order], np.concatenate(predicted))
         return sum(losses) / len(order), confusion
-
-    def _prepared(self, batches: Sequence[Ints], rng: Rng | None) -> Iterator[Any]:
-        """Yield the images of each batch, and prepare the next batch in the meantime."""
-        import torch
-
-        with ThreadPoolExecutor(1, thread_name_prefix="images") as pool:
-            pending = pool.submit(self._examples.images, batches[0], rng)
-            for following in (*batches[1:], None):
-                images = pending.result()
-                if following is not None:
-                    pending = pool.submit(self._examples.images, following, rng)
-                yield torch.from_numpy(images).float()
 
 
 def _batches(part: Ints, size: int) -> list[Ints]:

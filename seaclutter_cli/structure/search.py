@@ -1,13 +1,12 @@
 """Search for own ship's structure: what returns in the same direction at the same range while the scene changes."""
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Floats, Indices, Ints, Mask
-from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.structure.mask import Sector, StructureMask, azimuth_deg, elevation_deg
 from seaclutter_cli.water import Faces, Mounting, WaterSurface, WaterTracker
@@ -26,7 +25,6 @@ _MIN_FAR_CELLS = 20
 _AT_REST = 0.25
 _DECIMALS = 3
 _BESIDE_BINS = 13
-_DIAGONAL = 1.75
 _GOES_ON, _MOST_ONGOING = 0.15, 0.3
 """Share of the frames in which a wall returns beside a part of it, and share of a part's borders at which it may."""
 _AZIMUTH_STEP_DEG = 1.0
@@ -89,24 +87,6 @@ class BeamGrid:
         row = np.clip(np.searchsorted(self.edges_deg, elevation, "right") - 1, 0, self.rows - 1)
         column = np.clip(((azimuth_deg(xyz) + 180) / _AZIMUTH_STEP_DEG).astype(np.int64), 0, _COLUMNS - 1)
         return np.asarray(row * _COLUMNS + column, np.int64)
-
-    def unfolded(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return values by direction, shape (size, B) or (size,), as an array of shape (rows, columns, B)."""
-        return values.reshape(self.rows, _COLUMNS, -1)
-
-    def between(self, first: int, end: int) -> "BeamGrid":
-        """Return the grid of some rows."""
-        return BeamGrid(self.edges_deg[first : end + 1])
-
-    def of_rows(self, values: NDArray[Any], whole: "BeamGrid") -> NDArray[Any]:
-        """Return those of the values by direction of the whole grid, shape (size, B), that are of these rows."""
-        first = int(np.searchsorted(whole.edges_deg, self.edges_deg[0])) * _COLUMNS
-        return values[first : first + self.size]
-
-    def limits(self, row: int, column: int) -> tuple[float, float, float, float]:
-        """Return the limits of a direction: elevation, then azimuth, in degrees."""
-        left = -180 + column * _AZIMUTH_STEP_DEG
-        return float(self.edges_deg[row]), float(self.edges_deg[row + 1]), left, left + _AZIMUTH_STEP_DEG
 
 
 @dataclass(frozen=True)
@@ -220,15 +200,17 @@ class StructureSearch:
 
     def _sectors(self, grid: BeamGrid) -> list[Sector]:
         constant = self._counts.max(axis=1) >= _STRONG * self.frames
-        rows = np.flatnonzero(grid.unfolded(constant).any(axis=(1, 2)))
+        rows = np.flatnonzero(constant.reshape(grid.rows, _COLUMNS).any(axis=1))
         if not len(rows):
             return []
-        part = grid.between(max(int(rows[0]) - 1, 0), int(rows[-1]) + 2)
-        share = (part.of_rows(self._counts, grid) / np.float32(self.frames)).astype(np.float32)
-        share[self._height(part, (np.arange(self._bins) + 0.5) * _STEP_M) < _ABOVE_WATER_M] = 0
-        cells = part.unfolded(share)
-        parts = _connected(cells >= _STRONG, cells >= _WEAK)
-        parts[~_ends_within(parts, cells)[parts]] = 0
+        first, end = max(int(rows[0]) - 1, 0), int(rows[-1]) + 2
+        part = BeamGrid(grid.edges_deg[first : end + 1])
+        counts = self._counts.reshape(grid.rows, _COLUMNS, self._bins)[first:end]
+        share = (counts / np.float32(self.frames)).astype(np.float32)
+        height = self._height(part, (np.arange(self._bins) + 0.5) * _STEP_M)
+        share[height.reshape(share.shape) < _ABOVE_WATER_M] = 0
+        parts = _connected(share >= _STRONG, share >= _WEAK)
+        parts[~_ends_within(parts, share)[parts]] = 0
         return _sectors(part, parts > 0)
 
     def _height(self, grid: BeamGrid, range_m: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -262,22 +244,19 @@ def _count(counts: NDArray[np.unsignedinteger], direction: Ints, depth: Floats) 
     counts.reshape(-1)[np.unique(np.concatenate((flat, before)))] += 1
 
 
-def _connected(strong: Mask, weak: Mask) -> Ints:
+def _connected(strong: Mask, weak: Mask) -> NDArray[np.int32]:
     """Return the part of each weak cell, (rows, columns, bins), from 1 if connected to strong ones; else 0."""
-    row, column, depth = cells = np.nonzero(weak)
-    parts = np.zeros(weak.shape, np.int64)
-    first = np.flatnonzero(column == 0)  # again behind the last column, because they touch at 180°
-    again = np.stack((row[first], np.full(len(first), weak.shape[1]), depth[first]))
-    label = euclidean_clusters(np.concatenate((cells, again), axis=1).astype(np.float64), _DIAGONAL, 1)
-    keep = np.zeros(len(label) + 1, np.bool_)
-    keep[label[: len(row)][_seeds(strong)[cells]]] = True
-    one, other = label[first], label[len(row) :]
+    from scipy import ndimage  # slow to import, not needed before
+
+    wide = np.concatenate((weak, weak[:, :1]), axis=1)  # the first column again behind the last: they touch at 180°
+    parts, number = ndimage.label(wide, np.ones((3, 3, 3)))
+    keep = np.zeros(number + 1, np.bool_)
+    keep[parts[:, :-1][_seeds(strong)]] = True
+    first, again = parts[:, 0], parts[:, -1]
     for _ in range(2):
-        keep[one] |= keep[other]
-        keep[other] |= keep[one]
-    own = label[: len(row)]
-    parts[cells] = np.where(keep[own], own + 1, 0)
-    return parts
+        keep[first] |= keep[again]
+        keep[again] |= keep[first]
+    return np.where(keep[parts], parts, 0)[:, :-1]
 
 
 def _seeds(strong: Mask) -> Mask:
@@ -292,14 +271,13 @@ def _seeds(strong: Mask) -> Mask:
     return strong & beside
 
 
-def _ends_within(parts: Ints, share: NDArray[np.float32]) -> Mask:
+def _ends_within(parts: NDArray[np.int32], share: NDArray[np.float32]) -> Mask:
     """Return for each part whether it ends at the directions beside it, instead of going on at changing ranges.
 
     Arrays have the shape (rows, columns, bins): the part of each cell, from 1, 0 for none, and its share of the frames.
     """
-    total = np.cumsum(
-        np.pad(share.astype(np.float64), ((0, 0), (0, 0), (_BESIDE_BINS // 2 + 1, _BESIDE_BINS // 2))), axis=2
-    )
+    half = _BESIDE_BINS // 2
+    total = np.cumsum(np.pad(share.astype(np.float64), ((0, 0), (0, 0), (half + 1, half))), axis=2)
     mean = (total[..., _BESIDE_BINS:] - total[..., :-_BESIDE_BINS]) / _BESIDE_BINS
     near = mean.astype(np.float32) * (_BESIDE_BINS / 2)
     occupied = (parts > 0).any(axis=2)
@@ -315,17 +293,15 @@ def _ends_within(parts: Ints, share: NDArray[np.float32]) -> Mask:
 
 
 def _sectors(grid: BeamGrid, cells: Mask) -> list[Sector]:
-    """Return a sector for each run of ranges of each direction."""
+    """Return a sector for each direction, from its first to its last cell."""
     found = []
-    for row, column in zip(*np.nonzero(cells.any(axis=2)), strict=True):
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], cells[row, column], [False]))))
-        limits = grid.limits(int(row), int(column))
+    for row, column in np.argwhere(cells.any(axis=2)).tolist():
+        first, last = np.flatnonzero(cells[row, column])[[0, -1]].tolist()
+        left = -180 + column * _AZIMUTH_STEP_DEG
         # A cell counts the returns in the next one, too.
-        spans = [
-            (first * _STEP_M - _MARGIN_M, (last + 1) * _STEP_M + _MARGIN_M) for first, last in edges.reshape(-1, 2)
-        ]
-        near, far = max(spans[0][0], 0.0), spans[-1][1]
-        found.append(Sector(*(round(float(value), _DECIMALS) for value in (*limits, near, far))))
+        near, far = max(first * _STEP_M - _MARGIN_M, 0.0), (last + 2) * _STEP_M + _MARGIN_M
+        limits = (*grid.edges_deg[row : row + 2].tolist(), left, left + _AZIMUTH_STEP_DEG, near, far)
+        found.append(Sector(*(round(value, _DECIMALS) for value in limits)))
     return found
 
 

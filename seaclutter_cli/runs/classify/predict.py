@@ -133,10 +133,10 @@ class _PredictWork(TileWork["ClassifiedTile"]):
         warn_of_missing(tile, self.model.settings, observer)
         with about(self.tile.path, InputError):
             found = classify_points(tile, self.model)
-        warn_of_doubts(tile, found.tile.separation, observer)
+        warn_of_doubts(tile, found.separation, observer)
         for text in doubts_about_objects(found.objects):
             observer.warn(f"{tile.path.stem}: {text}")
-        separation, found_of = found.tile.separation, (found.code, found.probability, found.number)
+        separation, found_of = found.separation, (found.code, found.probability, found.number)
         columns = {"classification": separation.classification}
         for (name, (kind, _)), values in zip(_DIMENSIONS.items(), found_of, strict=True):
             columns[name] = np.zeros(tile.size, kind)
@@ -174,8 +174,7 @@ def _load(options: ClassifyTilesOptions, observer: Observer) -> ObjectModel:
 
 def _picture(tile: LasTile | CloudTile, found: ClassifiedPoints, suffix: str) -> bytes:
     positions = np.concatenate([xyz[:2] for xyz in tile], axis=1)
-    sea = positions[:, found.tile.separation.classification == WATER]
-    xy = found.tile.points.xy
+    sea, xy = positions[:, found.separation.classification == WATER], found.xy
     code = np.array([0, *(one.code for one in found.objects)])[found.number]
     points = {class_name(one): xy[:, code == one] for one in sorted(set(code.tolist()) - {0})}
     if found.left_out.any():

@@ -68,9 +68,9 @@ def _samples(number: int, path: Path, settings: TileSettings, options: TrainFore
         raise InputError(f"{path}: no field {class_field!r} with ground truth; the tile has {found}")
     warn_of_missing(tile, settings, options.observer)
     with about(path, InputError):
-        found_points = tile_features(tile, settings)
+        separation, points, features = tile_features(tile, settings)
     truth = tile.columns((class_field, object_field))
-    other = found_points.separation.other
+    other = separation.other
     code = truth[class_field][other].astype(np.int64)
     if ((code < 0) | (code > len(OBJECT_CLASSES))).any():
         raise InputError(
@@ -79,9 +79,9 @@ def _samples(number: int, path: Path, settings: TileSettings, options: TrainFore
     if object_field in truth:
         objects = truth[object_field][other].astype(np.int64)
     else:  # the offset by class separates touching clusters of different classes
-        flat = np.vstack((found_points.points.xy, 1000.0 * settings.objects.tolerance_m * code))
+        flat = np.vstack((points.xy, 1000.0 * settings.objects.tolerance_m * code))
         objects = euclidean_clusters(flat, settings.objects.tolerance_m, 1)
-    return Samples(found_points.features, code, np.full(len(code), number), objects)
+    return Samples(features, code, np.full(len(code), number), objects)
 
 
 def fit(samples: Samples, settings: TileSettings) -> "tuple[ObjectModel, TrainingReport]":

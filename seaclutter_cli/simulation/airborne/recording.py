@@ -154,10 +154,8 @@ class TileRenderer:
     def _hit_object(self, item: TileObject, patch: Patch, pulses: Pulses, sea: TileWater, hits: Rows, rng: Rng) -> None:
         highest = float(patch.top.max()) + 1.0 + abs(sea.heave(*item.position_m))
         reach = 0.5 * float(np.hypot(*item.size_m[:2])) + 2.0
-        near_y = reach + highest * np.abs(pulses.slope)
-        near = np.flatnonzero(
-            (np.abs(pulses.x - item.position_m[0]) < reach) & (np.abs(pulses.y - item.position_m[1]) < near_y)
-        )
+        along, across = np.abs(pulses.x - item.position_m[0]), np.abs(pulses.y - item.position_m[1])
+        near = np.flatnonzero((along < reach) & (across < reach + highest * np.abs(pulses.slope)))
         if not len(near):
             return
         x, y = _beams(pulses.x[near], pulses.y[near], self.scene.lidar)

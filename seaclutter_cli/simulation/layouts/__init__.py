@@ -51,16 +51,15 @@ def horizon(scene: Scene, time_s: float = 0.0) -> Mask:
     A bearing is closed if an object at least half a metre high is within `REACH_M` and reaches above the lowest beam. A
     single open bearing between two closed ones counts as closed, so a row of boats is one facade.
     """
-    x, y, heading = (float(value[0]) for value in scene.vessel.track.at(np.array([time_s])))
+    x, y, heading = scene.vessel.track.place(time_s)
     bearings = heading + 2 * np.pi / _BEARINGS * np.arange(_BEARINGS)
     rays = np.stack((np.cos(bearings), np.sin(bearings), np.zeros(_BEARINGS)), axis=1)
     down = -np.tan(np.radians(min(LIDARS[scene.recording.lidar].elevations_deg)))
     closed = np.zeros(_BEARINGS, bool)
     for item in scene.objects:
-        height = float(item.size_m[2])
-        if height >= _MIN_HEIGHT_M:
+        if item.size_m[2] >= _MIN_HEIGHT_M:
             distance = _distances(rays, (x, y), item, time_s)
-            closed |= (distance <= REACH_M) & (scene.vessel.lidar_height_m - down * distance < height)
+            closed |= (distance <= REACH_M) & (scene.vessel.lidar_height_m - down * distance < item.size_m[2])
     between = np.roll(closed, 1) & np.roll(closed, -1)
     return np.asarray(closed | between)
 
@@ -75,7 +74,7 @@ def scene_class(scene: Scene) -> str | None:
         trees = [item for item in scene.objects if not item.ignore]
         positions = np.array([item.path[0] for item in trees])
         distance, _ = cKDTree(positions).query(positions, k=2)
-        gap = float(np.median(distance[:, 1] - [float(item.size_m[0]) for item in trees]))
+        gap = float(np.median(distance[:, 1] - [item.size_m[0] for item in trees]))
         return "dense" if gap <= 0.1 else "sparse" if gap >= 1.5 else None
     seconds = scene.recording.frames / 10
     classes = {horizon_class(horizon(scene, time_s)) for time_s in np.linspace(0, seconds, 4).tolist()}
@@ -84,9 +83,9 @@ def scene_class(scene: Scene) -> str | None:
 
 def _distances(rays: Floats, origin: tuple[float, float], item: SceneObjectParams, time_s: float) -> Floats:
     """Return the distance along each horizontal ray to the footprint of an object, shape (120,); infinity for none."""
-    x, y, heading = (float(value[0]) for value in item.track.at(np.array([time_s])))
+    x, y, heading = item.track.place(time_s)
     offset, rotation = np.array([[origin[0] - x, origin[1] - y, 0.0]]), Pose.of(np.zeros(3), yaw=heading).rotation
-    half = np.array([float(item.size_m[0]) / 2, float(item.size_m[1]) / 2, 1.0])
+    half = np.array([item.size_m[0] / 2, item.size_m[1] / 2, 1.0])
     begin, end = intersect_box(offset @ rotation, rays @ rotation, -half, half)
     return np.where(end > begin, begin, np.inf)
 

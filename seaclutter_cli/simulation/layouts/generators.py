@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from seaclutter_cli.simulation.layouts.plan import Line, Plan, moor, rotated, shore
+from seaclutter_cli.simulation.layouts.plan import Extent, Line, Plan, moor, rotated, shore
 from seaclutter_cli.simulation.lidar.models import NoiseParams
 from seaclutter_cli.simulation.marine.scene import RecordingParams, Scene, VesselParams
 from seaclutter_cli.simulation.marine.terrain import GroundParams
@@ -123,7 +123,7 @@ def harbour_basin(plan: Plan) -> Scene:
     return plan.scene("A harbour basin.", speed_ms=plan.uniform(0, 1.5))
 
 
-def _quay(plan: Plan, line: Line, extent_m: tuple[float, float], height_m: float) -> None:
+def _quay(plan: Plan, line: Line, extent_m: Extent, height_m: float) -> None:
     """Add a quay along one side of a basin, sometimes with an entrance, and the boats moored at it."""
     start, end = extent_m
     parts = [extent_m]
@@ -155,16 +155,13 @@ def moored_rows(plan: Plan) -> Scene:
             plan.add_fixed("pontoon", position, (end - start, 1.8, 0.7), reflectivity=plan.log_uniform(0.1, 0.5))
     if plan.bernoulli(0.5):
         position = (start if plan.bernoulli(0.5) else end), 0.0
-        plan.add_fixed(
-            "quay_wall", position, (2 * lane, 2, plan.uniform(1, 3)), 90, reflectivity=plan.log_uniform(0.05, 0.5)
-        )
+        size = 2 * lane, 2, plan.uniform(1, 3)
+        plan.add_fixed("quay_wall", position, size, 90, reflectivity=plan.log_uniform(0.05, 0.5))
     heading = plan.uniform(-15, 15) + 180 * plan.integer(0, 1) if plan.bernoulli(0.8) else plan.uniform(-180, 180)
     return plan.scene("Boats side by side along jetties.", heading_deg=heading, speed_ms=plan.uniform(0, 1.2))
 
 
-def _row(
-    plan: Plan, line: Line, extent_m: tuple[float, float], berths: tuple[float, float, int], kinds: tuple[str, ...]
-) -> None:
+def _row(plan: Plan, line: Line, extent_m: Extent, berths: tuple[float, float, int], kinds: tuple[str, ...]) -> None:
     """Add boats side by side, bow or stern to the jetty, which is behind the first row and in front of the second."""
     longest, share, second = berths
     along = extent_m[0]

@@ -12,6 +12,8 @@ from seaclutter_cli.simulation.marine.scene import RecordingParams, Scene, Scene
 from seaclutter_cli.simulation.marine.sea import SeaParams
 
 Position = tuple[float, float]
+Extent = tuple[float, float]
+"""Start and end along the axis of a line."""
 
 FRAMES = 50
 _TRIES = 40
@@ -121,7 +123,7 @@ class Plan:
         """Add the objects of another scene, and reserve the water around them."""
         self.objects += objects
         for item in objects:
-            length, width = float(item.size_m[0]), float(item.size_m[1])
+            length, width, _ = item.size_m
             leg, pieces = item.track.legs[0], max(1, round(length / width))
             for along in (length / 2 * (np.arange(1, 2 * pieces, 2) / pieces - 1)).tolist():
                 x, y = leg.x_m + along * np.cos(leg.heading_rad), leg.y_m + along * np.sin(leg.heading_rad)
@@ -133,18 +135,16 @@ class Plan:
             shape = self.choice(shapes)
             speed = self.uniform(0.1, 1.0) * _BOATS[shape][3] if self.bernoulli(more.get("moving", 0.5)) else 0.0
             for _ in range(_TRIES):
-                if self.add_boat(
-                    [shape], self.position_around(nearest_m, farthest_m), self.uniform(-180, 180), speed_ms=speed
-                ):
+                position, heading = self.position_around(nearest_m, farthest_m), self.uniform(-180, 180)
+                if self.add_boat([shape], position, heading, speed_ms=speed):
                     break
 
     def add_buoy(self, position: Position) -> None:
         """Add a buoy if there is room."""
         wide = self.log_uniform(0.4, 2.5)
         if self.reserve(position, wide):
-            self.add(
-                "buoy", position, (wide, wide, wide * self.uniform(0.9, 2.2)), reflectivity=self.log_uniform(0.08, 0.8)
-            )
+            size = wide, wide, wide * self.uniform(0.9, 2.2)
+            self.add("buoy", position, size, reflectivity=self.log_uniform(0.08, 0.8))
 
     def scene(self, description: str, *, heading_deg: float = 0.0, speed_ms: float = 0.0, **sea: float) -> Scene:
         """Return the objects added so far as a scene, with a random lidar on a random vessel on a random sea."""
@@ -213,13 +213,8 @@ class Line:
         return (float(middle[0]), float(middle[1])), length, float(np.degrees(np.arctan2(ahead[1], ahead[0])))
 
 
-def shore(
-    plan: Plan, line: Line, extent_m: tuple[float, float], kind: str, height_m: float, *, houses: float = 0.0
-) -> None:
-    """Add walls or banks, by their shape, along the edge of the water; a share of the segments has a house behind it.
-
-    ``extent_m`` is start and end along the axis.
-    """
+def shore(plan: Plan, line: Line, extent_m: Extent, kind: str, height_m: float, *, houses: float = 0.0) -> None:
+    """Add walls or banks, by their shape, along the edge of the water; a share of segments has a house behind it."""
     # Near walls can be dark; otherwise the number of points would separate the classes. Dark far walls are invisible.
     reflectivity = plan.log_uniform(0.015 if line.offset_m < _FAR_M else 0.12, 0.6)
     step = 12.0 if kind == "bank" or not np.isinf(line.bend_m) else 40.0
@@ -231,14 +226,13 @@ def shore(
         height = height_m * (plan.uniform(0.8, 1.2) if kind == "bank" else 1.0)
         plan.add_fixed(kind, middle, (length + 0.6, depth, height), heading, reflectivity=reflectivity)
         if plan.bernoulli(houses):
-            position, wide, rotation = line.segment(
-                start, start + (end - start) * plan.uniform(0.3, 0.9), 2 * depth + 16
-            )
+            corner = start + (end - start) * plan.uniform(0.3, 0.9)
+            position, wide, rotation = line.segment(start, corner, 2 * depth + 16)
             size = wide, plan.uniform(6, 14), height_m + plan.uniform(3, 10)
             plan.add_fixed("building", position, size, rotation, reflectivity=plan.log_uniform(0.1, 0.5))
 
 
-def moor(plan: Plan, line: Line, extent_m: tuple[float, float], kinds: tuple[str, ...], occupancy: float) -> None:
+def moor(plan: Plan, line: Line, extent_m: Extent, kinds: tuple[str, ...], occupancy: float) -> None:
     """Add boats along the edge of the water, one at each berth with probability ``occupancy``."""
     along = extent_m[0] + plan.uniform(0, 5)
     while True:

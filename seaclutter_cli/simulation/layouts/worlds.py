@@ -283,7 +283,7 @@ def clearance_m(scene: Scene, item: SceneObjectParams) -> float:
     keel = x + 1j * y + np.exp(1j * heading) * scene.vessel.length_m * np.linspace(-0.5, 0.5, 5)[:, None]
     x, y, heading = item.track.at(times_s)
     offset = (keel - x - 1j * y) * np.exp(-1j * heading)
-    outside = np.abs(offset.real) - float(item.size_m[0]) / 2, np.abs(offset.imag) - float(item.size_m[1]) / 2
+    outside = np.abs(offset.real) - item.size_m[0] / 2, np.abs(offset.imag) - item.size_m[1] / 2
     return float(np.hypot(*np.maximum(outside, 0.0)).min() - scene.vessel.width_m / 2)
 
 

@@ -71,18 +71,16 @@ class Echoes:
         self.reflectance[chosen] = reflectance[nearer]
         self.label[chosen] = label
 
-    def add_stronger(
-        self, shots: Ints, hits: tuple[Floats, Floats], label: int, loss: Callable[[Floats], Floats]
-    ) -> None:
-        """Update the shots whose new hits are received more strongly than their previous ones, however near these.
+    def add_stronger(self, shots: Ints, range_m: Floats, reflectance: Floats, loss: Callable[[Floats], Floats]) -> None:
+        """Let hits that are clutter replace previous ones that are received less strongly, however near these are.
 
-        ``hits`` are ranges and reflectances, and ``loss`` the share of a reflectance that is received from a range.
+        ``loss`` is the share of a reflectance that is received from a range.
         """
-        range_m, reflectance = hits
         stronger = reflectance * loss(range_m) > self.reflectance[shots] * loss(self.range_m[shots])
         chosen = shots[stronger]
-        self.range_m[chosen], self.reflectance[chosen] = range_m[stronger], reflectance[stronger]
-        self.label[chosen] = label
+        self.range_m[chosen] = range_m[stronger]
+        self.reflectance[chosen] = reflectance[stronger]
+        self.label[chosen] = CLUTTER
 
 
 @dataclass(frozen=True)
@@ -101,8 +99,8 @@ class Receiver:
     noise: NoiseParams
     extinction: float
     dropout: float
-    near_m: float = 0.0
-    response: tuple[float, float] = (0.0, 1.0)
+    near_m: float
+    response: tuple[float, float]
 
     def receive(self, echoes: Echoes, times_s: Floats, rng: Rng) -> tuple[Rows, Ints, Floats]:
         """Return the points of a frame, `POINT`, the shot of each, and its distance, shape (M,) each.
@@ -122,9 +120,7 @@ class Receiver:
         lidar = self.lidar
         reflecting = np.flatnonzero(echoes.reflectance > 0)
         range_m = echoes.range_m[reflecting]
-        power = (
-            lidar.gain * echoes.reflectance[reflecting] / np.maximum(range_m, max(lidar.min_range_m, self.near_m)) ** 2
-        )
+        power = lidar.gain * echoes.reflectance[reflecting] / np.maximum(range_m, self.near_m) ** 2
         power *= np.exp(-2 * self.extinction * range_m)
         power += 0.25 * rng.standard_normal(len(reflecting)) * np.sqrt(1 + 0.05 * power)
         kept = (power >= 1) & (range_m >= lidar.min_range_m) & (range_m <= lidar.max_range_m)
@@ -132,17 +128,15 @@ class Receiver:
         measured = range_m[kept] + lidar.range_noise_m * rng.standard_normal(int(kept.sum()))
         return reflecting[kept], measured, power[kept]
 
-    def _points(
-        self, chosen: Ints, measured: Floats, power: Floats, label: NDArray[np.uint16], times_s: Floats
-    ) -> Rows:
+    def _points(self, shots: Ints, measured: Floats, power: Floats, label: NDArray[np.uint16], times_s: Floats) -> Rows:
         lidar = self.lidar
-        points = np.empty(len(chosen), POINT)
-        position = lidar.lenses.reshape(-1, 3)[chosen] + lidar.directions.reshape(-1, 3)[chosen] * measured[:, None]
+        points = np.empty(len(shots), POINT)
+        position = lidar.lenses.reshape(-1, 3)[shots] + lidar.directions.reshape(-1, 3)[shots] * measured[:, None]
         points["x"], points["y"], points["z"] = position.T
         offset, exponent = self.response
         points["intensity"] = np.minimum(np.floor(offset + power**exponent), 255.0)
-        points["ring"] = lidar.rings[chosen % len(lidar.elevations_deg)]
-        points["timestamp"] = times_s.reshape(-1)[chosen]
+        points["ring"] = lidar.rings[shots % len(lidar.elevations_deg)]
+        points["timestamp"] = times_s.reshape(-1)[shots]
         points["label"] = label
         return points
 

@@ -1,7 +1,7 @@
 """Lidars that can be simulated: direction and firing time of each beam, sensitivity and range."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -103,9 +103,8 @@ class Lidar:
     @cached_property
     def lenses(self) -> Floats:
         """Position of the lens at each shot in the lidar's frame, shape (C, K, 3), in metres."""
-        return self.lens_m * np.stack(
-            (np.cos(self._rotation), np.sin(self._rotation), np.zeros_like(self._rotation)), axis=-1
-        )
+        turn = self._rotation
+        return self.lens_m * np.stack((np.cos(turn), np.sin(turn), np.zeros_like(turn)), axis=-1)
 
     @cached_property
     def directions(self) -> Floats:
@@ -141,51 +140,49 @@ _VLP32_ELEVATIONS = (
 )
 
 
+def _plain(
+    elevations: tuple[float, ...], step_us: float, columns: int, detection_m: float, max_range_m: float, **more: Any
+) -> Lidar:
+    """Return a lidar whose beams are fired at even intervals in the azimuth of their column."""
+    offsets, firing = (0.0,) * len(elevations), tuple(step_us * beam for beam in range(len(elevations)))
+    return Lidar(elevations, offsets, firing, columns, detection_m, max_range_m, **more)
+
+
+def _even(beams: int, top: float, bottom: float, columns: int, detection_m: float, wavelength_nm: int = 905) -> Lidar:
+    elevations = tuple(np.linspace(top, bottom, beams).tolist())
+    return _plain(elevations, 0.0, columns, detection_m, 200.0, min_range_m=0.5, wavelength_nm=wavelength_nm)
+
+
 def _ouster(beams: int, half_deg: float = 22.5, detection_m: float = 90.0) -> Lidar:
     staggered = (4.23, 1.41, -1.41, -4.23) * (beams // 4)
-    return _even(beams, half_deg, -half_deg, 1024, detection_m, offsets=staggered, wavelength_nm=865)
+    return replace(_even(beams, half_deg, -half_deg, 1024, detection_m, 865), azimuth_offsets_deg=staggered)
 
-
-def _even(beams: int, top: float, bottom: float, columns: int, detection_m: float, **more: Any) -> Lidar:
-    offsets = more.pop("offsets", (0.0,) * beams)
-    elevations = tuple(np.linspace(top, bottom, beams).tolist())
-    return Lidar(elevations, offsets, (0.0,) * beams, columns, detection_m, 200.0, min_range_m=0.5, **more)
-
-
-_CE30_D = Lidar(
-    tuple(round(1.9 - 0.2 * row, 1) for row in range(20)),
-    (0.0,) * 20,
-    (0.0,) * 20,
-    columns=320,
-    detection_m=28 / 3,
-    max_range_m=28.0,
-    rate_hz=30.0,
-    field_deg=60.0,
-    noise=NoiseParams(false_return_share=0.15, mixed_pixel_share=0.5),
-)
 
 LIDARS: Mapping[str, Lidar] = {
     "RS-LiDAR-32": Lidar(_RS32_ELEVATIONS, _RS32_OFFSETS, _RS32_FIRING, 1800, 150.0, 200.0, lens_m=0.03997),
-    "RS-LiDAR-16": Lidar(
-        _RS16_ELEVATIONS, (0.0,) * 16, tuple(2.8 * c for c in range(16)), 1800, 100.0, 150.0, lens_m=0.03825
-    ),
-    "VLP-16": Lidar(
-        _VLP16_ELEVATIONS, (0.0,) * 16, tuple(2.304 * c for c in range(16)), 1808, 80.0, 100.0, min_range_m=0.5
-    ),
+    "RS-LiDAR-16": _plain(_RS16_ELEVATIONS, 2.8, 1800, 100.0, 150.0, lens_m=0.03825),
+    "VLP-16": _plain(_VLP16_ELEVATIONS, 2.304, 1808, 80.0, 100.0, min_range_m=0.5),
     "OS1-64": _ouster(64),
     "OS1-128": _ouster(128),
-    "CE30-D": _CE30_D,
+    "CE30-D": _plain(
+        tuple(round(1.9 - 0.2 * row, 1) for row in range(20)),
+        step_us=0.0,
+        columns=320,
+        detection_m=28 / 3,
+        max_range_m=28.0,
+        rate_hz=30.0,
+        field_deg=60.0,
+        noise=NoiseParams(false_return_share=0.15, mixed_pixel_share=0.5),
+    ),
     "OS1-16": _ouster(16, 16.6),
     "OS1-32": _ouster(32),
     "OS0-128": _ouster(128, 45.0, 45.0),
-    "VLP-32C": Lidar(
-        _VLP32_ELEVATIONS, (0.0,) * 32, tuple(1.152 * c for c in range(32)), 1800, 120.0, 200.0, min_range_m=0.5
-    ),
+    "VLP-32C": _plain(_VLP32_ELEVATIONS, 1.152, 1800, 120.0, 200.0, min_range_m=0.5),
     "PandarXT-32": _even(32, 15.0, -16.0, 2000, 80.0),
     "generic-64-905": _even(64, 10.0, -20.0, 1024, 120.0),
     "generic-128-905": _even(128, 15.0, -25.0, 1024, 150.0),
-    "generic-32-1550": _even(32, 10.0, -20.0, 1800, 200.0, wavelength_nm=1550),
-    "generic-64-1550": _even(64, 10.0, -20.0, 1024, 200.0, wavelength_nm=1550),
+    "generic-32-1550": _even(32, 10.0, -20.0, 1800, 200.0, 1550),
+    "generic-64-1550": _even(64, 10.0, -20.0, 1024, 200.0, 1550),
 }
 """Lidars by name; to add one, add a line here.
 

@@ -73,14 +73,12 @@ class Bodies:
     """The bodies of a scene, O of them."""
 
     def __init__(self, objects: Sequence[SceneObjectParams]) -> None:
-        meshes = (SHAPES[item.shape].scaled(*(float(size) for size in item.size_m)) for item in objects)
+        meshes = (SHAPES[item.shape].scaled(*item.size_m) for item in objects)
         labels = (IGNORED if item.ignore else item.track_id for item in objects)
         self._surfaces = list(zip(meshes, (item.reflectivity for item in objects), labels, strict=True))
         self._tracks = [item.track for item in objects]
         # Bodies longer than a wave follow it less.
-        self._follow = np.array(
-            [item.wave_response * min(1.0, _FOLLOW_LENGTH_M / float(item.size_m[0])) for item in objects]
-        )
+        self._follow = np.array([item.wave_response * min(1.0, _FOLLOW_LENGTH_M / item.size_m[0]) for item in objects])
 
     def locate(self, moment: Moment, ride: Ride, lidar: Lidar, start_s: float) -> list[PlacedBody]:
         """Return the pose of each body in the frame that starts at a time."""

@@ -9,6 +9,7 @@ import numpy as np
 from seaclutter_cli.arrays import Floats
 
 _KNOTS = 6
+Places = tuple[tuple[float, float], ...]
 
 
 class Leg(NamedTuple):
@@ -29,9 +30,7 @@ class Track:
     ``start_s``; before it, the first leg is extended backwards.
     """
 
-    def __init__(
-        self, path: tuple[tuple[float, float], ...], speed_ms: float, heading_deg: float, start_s: float
-    ) -> None:
+    def __init__(self, path: Places, speed_ms: float, heading_deg: float, start_s: float) -> None:
         positions = np.array(path, np.float64)
         steps = np.diff(positions, axis=0)
         lengths = np.hypot(steps[:, 0], steps[:, 1])
@@ -53,6 +52,11 @@ class Track:
         start, _, x, y, heading, speed = legs[which].T
         along = speed * (times_s - start)
         return x + along * np.cos(heading), y + along * np.sin(heading), heading
+
+    def place(self, time_s: float) -> tuple[float, float, float]:
+        """Return x and y in metres and the heading in radians at a time."""
+        x, y, heading = (float(values[0]) for values in self.at(np.array([time_s])))
+        return x, y, heading
 
 
 class SmoothTrack(Track):
@@ -131,10 +135,8 @@ class Ride:
         knots = np.linspace(times_s[0], times_s[-1] + 1e-9, _KNOTS)
         positions, rotation = self.at(knots)
         # Knots are 20 ms apart, close enough to interpolate linearly: matrices remain orthogonal to 1e-6.
-        columns = [
-            np.interp(times_s, knots, column) for column in np.concatenate((positions, rotation.reshape(-1, 9)), 1).T
-        ]
-        out = np.stack(columns, axis=1)
+        values = np.concatenate((positions, rotation.reshape(-1, 9)), axis=1)
+        out = np.stack([np.interp(times_s, knots, column) for column in values.T], axis=1)
         return out[:, :3], out[:, 3:].reshape(-1, 3, 3)
 
     def lidar(self, time_s: float) -> Pose:

@@ -10,7 +10,6 @@ from seaclutter_cli.arrays import Floats, Rng
 from seaclutter_cli.params import NotNegative, Positive, Share, key
 from seaclutter_cli.simulation.lidar.echoes import Echoes
 from seaclutter_cli.simulation.lidar.models import Lidar
-from seaclutter_cli.truth import CLUTTER
 
 DIVERGENCE_RAD = 0.003
 """Full width of a beam."""
@@ -174,8 +173,8 @@ class Weather:
     A shot reports the medium if its echo there is stronger than that of the surface that it hits.
     """
 
-    def __init__(self, lidar: Lidar, rain: tuple[float, float], fog_extinction: float, near_m: float) -> None:
-        rain_mm_h, drop_reflectivity = rain
+    def __init__(self, lidar: Lidar, physics: PhysicsParams, fog_extinction: float, near_m: float) -> None:
+        rain_mm_h = physics.rain_mm_h
         # Of rain, 1.076 R^0.67 dB/km (Carbonneau and Wisely 1998).
         self.extinction = fog_extinction + float(1.076 * rain_mm_h**0.67 * np.log(10) / 10 / 1000)
         self._near_m = near_m
@@ -187,7 +186,7 @@ class Weather:
         rain_rate = np.zeros_like(fog_rate)
         if rain_mm_h:
             beam_m, slope = _APERTURE_M + DIVERGENCE_RAD * self._range_m, 4.1 * rain_mm_h**-0.21
-            least_mm = 1000 * beam_m / np.sqrt(received * drop_reflectivity)
+            least_mm = 1000 * beam_m / np.sqrt(received * physics.drop_reflectivity)
             rain_rate = _DROPS_M3_MM / slope * np.exp(-slope * least_mm) * np.pi / 4 * beam_m**2
             self._spread = 1 / (slope * least_mm)
         self._rain_share = rain_rate / np.maximum(rain_rate + fog_rate, 1e-30)
@@ -213,4 +212,4 @@ class Weather:
         nearer = range_m < echoes.range_m[hit]
         hit, range_m, power = hit[nearer], range_m[nearer], np.minimum(power[nearer], 255.0)
         reflectance = power / (self._gain * self.loss(range_m))
-        echoes.add_stronger(hit, (range_m, reflectance), CLUTTER, self.loss)
+        echoes.add_stronger(hit, range_m, reflectance, self.loss)

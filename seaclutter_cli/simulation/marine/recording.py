@@ -61,15 +61,15 @@ class Renderer:
         self._own = SHAPES["own_vessel"].scaled(vessel.length_m, vessel.width_m, vessel.lidar_height_m * 0.7)
         hulls = [(vessel.track, vessel.length_m, vessel.width_m)] if vessel.speed_ms else []
         moving = [item for item in scene.objects if item.speed_ms and item.shape != "bird"]
-        hulls += [(item.track, float(item.size_m[0]), float(item.size_m[1])) for item in moving]
+        hulls += [(item.track, item.size_m[0], item.size_m[1]) for item in moving]
         self._terrain = _terrain(scene, hulls)
         mast = np.array([vessel.lidar_forward_m, 0.0, vessel.lidar_height_m])
         track, rocking = vessel.track, None
-        noise, near_m, response = scene.noise or self.lidar.noise, 0.0, (0.0, 1.0)
+        noise, near_m, response = scene.noise or self.lidar.noise, self.lidar.min_range_m, (0.0, 1.0)
         loss = extinction(scene.terrain.visibility_km)
         if isinstance(self._terrain, WideSea):
             physics, track, rocking = self._terrain.physics, vessel.smooth_track, self._terrain.rocking
-            loss, near_m = self._terrain.weather.extinction, self._terrain.near_m
+            loss, near_m = self._terrain.weather.extinction, max(near_m, self._terrain.near_m)
             response = physics.intensity_offset, physics.intensity_exponent
         self._ride = Ride(track, self._terrain.motion, vessel.wave_response, mast, rocking)
         self._receiver = Receiver(self.lidar, noise, loss, recording.dropout, near_m, response)

@@ -12,7 +12,7 @@ from seaclutter_cli import validation
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.params import NotNegative, OneOf, Positive, Share, key
 from seaclutter_cli.simulation.lidar.models import LIDARS, Lidar, NoiseParams
-from seaclutter_cli.simulation.marine.motion import SmoothTrack, Track
+from seaclutter_cli.simulation.marine.motion import Places, SmoothTrack, Track
 from seaclutter_cli.simulation.marine.physics import PhysicsParams
 from seaclutter_cli.simulation.marine.sea import SeaParams
 from seaclutter_cli.simulation.marine.shapes import SHAPES
@@ -22,7 +22,7 @@ from seaclutter_cli.sinks.atomic import OutputGroup
 
 _OPTIONAL = {"noise": NoiseParams, "physics": PhysicsParams}
 _SECTIONS = ("recording", *TERRAINS, "vessel", *_OPTIONAL, "objects")
-Path2 = Annotated[tuple[tuple[float, float], ...], Len(1)]
+Path2 = Annotated[Places, Len(1)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,10 +112,8 @@ class Scene:
     def with_recording(self, **changes: Any) -> "Scene":
         """Return the scene with other frames, seed or lidar; None keeps a value. Raises `ConfigError`."""
         given = {name: value for name, value in changes.items() if value is not None}
-        problems: list[str] = []
-        recording = validation.build(
-            RecordingParams, {**validation.plain(self.recording), **given}, "", "recording", problems
-        )
+        values, problems = {**validation.plain(self.recording), **given}, list[str]()
+        recording = validation.build(RecordingParams, values, "", "recording", problems)
         if problems:
             raise ConfigError(problems[0].removeprefix("."))
         return replace(self, recording=recording)

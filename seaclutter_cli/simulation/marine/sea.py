@@ -102,23 +102,19 @@ class WaveSurface:
     heights: NDArray[np.float32]
     cell_m: float
 
-    def _cells(self, x: Floats, y: Floats) -> Ints:
-        size = len(self.heights)
-        column = np.floor(x / self.cell_m + 0.5).astype(np.int64) % size
-        row = np.floor(y / self.cell_m + 0.5).astype(np.int64) % size
-        return np.asarray(column * size + row)
+    def _cells(self, x: Floats, y: Floats) -> tuple[Ints, Ints]:
+        column, row = (np.floor(axis / self.cell_m + 0.5).astype(np.int64) % len(self.heights) for axis in (x, y))
+        return column, row
 
     def height(self, x: Floats, y: Floats) -> NDArray[np.float32]:
         """Return the elevation of the nearest cells in metres."""
-        return np.asarray(self.heights.reshape(-1)[self._cells(x, y)])
+        return np.asarray(self.heights[self._cells(x, y)])
 
     def slope(self, x: Floats, y: Floats) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the slopes along x and y of the nearest cells, by central differences."""
-        size, flat = len(self.heights), self.heights.reshape(-1)
-        cells = self._cells(x, y)
-        column, row = cells // size, cells % size
-        along_x = flat[(column + 1) % size * size + row] - flat[(column - 1) % size * size + row]
-        along_y = flat[column * size + (row + 1) % size] - flat[column * size + (row - 1) % size]
+        (column, row), heights, size = self._cells(x, y), self.heights, len(self.heights)
+        along_x = heights[(column + 1) % size, row] - heights[column - 1, row]
+        along_y = heights[column, (row + 1) % size] - heights[column, row - 1]
         return along_x / (2 * self.cell_m), along_y / (2 * self.cell_m)
 
 
@@ -259,7 +255,7 @@ class Wake:
         """
         speed = next((leg.speed_ms for leg in reversed(self.track.legs) if leg.start_s <= time_s), 0.0)
         if speed >= _SPRAY_SPEED_MS:
-            x, y, heading = (float(value[0]) for value in self.track.at(np.array([time_s])))
+            x, y, heading = self.track.place(time_s)
             back = -self.length_m / 2 - 0.4 * speed
             corners = np.array([[back, -self.width_m, 0.0], [self.length_m / 2, self.width_m, 0.08 * speed + 0.2]])
             pose = Pose.of(np.array([x, y, 0.0]), yaw=heading)

@@ -9,7 +9,7 @@ import numpy as np
 from seaclutter_cli.arrays import Floats, Ints, Mask, Rng
 from seaclutter_cli.params import NotNegative, Positive, Share, key
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
-from seaclutter_cli.simulation.marine.motion import Pose
+from seaclutter_cli.simulation.marine.motion import Motion, Pose
 from seaclutter_cli.simulation.marine.physics import DIVERGENCE_RAD, PULSE_M, whitecap_share
 from seaclutter_cli.simulation.marine.sea import Sea, SeaParams, Wake, patches
 from seaclutter_cli.truth import CLUTTER, IGNORED
@@ -165,17 +165,13 @@ class Ground:
         self._kx, self._ky = wave * np.cos(bearing), wave * np.sin(bearing)
         self._phase = rng.uniform(0, 2 * np.pi, _WAVES)
         self._amplitude = params.roughness_m * np.sqrt(2 / _WAVES)
+        self.motion: Motion = lambda x, y, _: np.stack(self.height_and_slopes(x, y))
 
     def height_and_slopes(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
         """Return height in metres and slopes along x and y at given positions, shape (N,) each."""
         angle = np.outer(x, self._kx) + np.outer(y, self._ky) + self._phase
         steep = self._amplitude * np.cos(angle)
         return self._amplitude * np.sin(angle).sum(axis=1), steep @ self._kx, steep @ self._ky
-
-    def motion(self, x: Floats, y: Floats, times_s: Floats) -> Floats:
-        """Return the height in metres and the slopes along x and y that move the vehicle, shape (3, T)."""
-        del times_s
-        return np.stack(self.height_and_slopes(x, y))
 
     def at(self, time_s: float) -> "Ground":
         """Return the ground, which does not change over time."""

@@ -43,8 +43,7 @@ class WideSea(SeaTerrain):
         self.foam = params.foam_reflectivity * optics.foam_share(self.lidar.wavelength_nm)
         # A surface of reflectivity 0.1 is detected at this range, so the least reflectivity is from there on.
         self.near_m = self.lidar.detection_m * float(np.sqrt(physics.least_reflectivity / 0.1))
-        rain = physics.rain_mm_h, physics.drop_reflectivity
-        self.weather = Weather(self.lidar, rain, extinction(params.visibility_km), self.near_m)
+        self.weather = Weather(self.lidar, physics, extinction(params.visibility_km), self.near_m)
         self._phases = np.random.default_rng([self.seed, 3]).uniform(0, 2 * np.pi, 2)
 
     def rocking(self, times_s: Floats) -> tuple[Floats, Floats]:
@@ -116,22 +115,16 @@ class WideWater(MarineWater):
         x, y = (shots.origins[hits.shots] + distance[:, None] * hits.rays)[:, :2].T
         strength = np.zeros(len(x))
         if physics.wash_m:
-            own_x, own_y, heading = self._own(self.time_s)
+            own_x, own_y, heading = self._wide.own.track.place(self.time_s)
             half = self._wide.own.length_m / 2
             bow = own_x + half * float(np.cos(heading)), own_y + half * float(np.sin(heading))
             strength = np.exp(-((np.hypot(x - bow[0], y - bow[1]) / physics.wash_m) ** 2))
         for wake in self._wakes if physics.wake_m else ():
             strength = np.maximum(strength, wake.churned(x, y, self.time_s, physics.wake_m))
         met = np.flatnonzero((physics.wake_cover * strength > patches(x, y, self._seed + 6)) & (distance > 1))
-        reflectance = (
-            physics.wake_reflectivity * optics.foam_share(self._wavelength_nm) * rng.standard_exponential(len(met))
-        )
-        echoes.add(hits.shots[met], distance[met], reflectance, CLUTTER)
+        froth = physics.wake_reflectivity * optics.foam_share(self._wavelength_nm)
+        echoes.add(hits.shots[met], distance[met], froth * rng.standard_exponential(len(met)), CLUTTER)
         super()._add_wakes(shots, echoes, rng)
-
-    def _own(self, time_s: float) -> tuple[float, float, float]:
-        x, y, heading = (float(one[0]) for one in self._wide.own.track.at(np.array([time_s])))
-        return x, y, heading
 
     def add_effects(self, shots: Shots, echoes: Echoes, bodies: Sequence[PlacedBody], rng: Rng) -> None:
         """Add spray, mirrored echoes, blooming and weather to the echoes of water and bodies."""
@@ -162,11 +155,10 @@ class WideWater(MarineWater):
         add_body_echoes(mirrored, seen, bodies, before=shots)
         met = np.isfinite(seen.range_m[shot])
         shot, way, cosines = shot[met], way[met], cosines[met]
-        share = optics.fresnel(cosines, optics.refractive_index(self._wavelength_nm)) ** 2 * optics.mirror_share(
-            cosines, variance
-        )
-        whole = way + seen.range_m[shot], seen.reflectance[shot] * share
-        echoes.add_stronger(shot, whole, CLUTTER, self._wide.weather.loss)
+        mirrored_once = optics.fresnel(cosines, optics.refractive_index(self._wavelength_nm))
+        share = mirrored_once**2 * optics.mirror_share(cosines, variance)
+        whole_m, reflectance = way + seen.range_m[shot], seen.reflectance[shot] * share
+        echoes.add_stronger(shot, whole_m, reflectance, self._wide.weather.loss)
 
     def _add_blooming(self, shots: Shots, echoes: Echoes, track: int, rng: Rng) -> None:
         """Make the top of an object a retro-reflector, whose light leaks into the shots around it.
@@ -187,7 +179,7 @@ class WideWater(MarineWater):
         angle = np.arccos(np.clip(shots.directions[near] @ centre, -1.0, 1.0))
         range_m = float(np.median(echoes.range_m[retro])) + _BLOOM_M * rng.standard_normal(len(near))
         halo = _RETRO_REFLECTANCE * _BLOOM * np.exp(-angle / width) * rng.standard_exponential(len(near))
-        echoes.add_stronger(near, (range_m, halo), CLUTTER, self._wide.weather.loss)
+        echoes.add_stronger(near, range_m, halo, self._wide.weather.loss)
 
     def _add_sheets(self, shots: Shots, echoes: Echoes, rng: Rng) -> None:
         """Add the echoes of sheets of spray from the bow and from crests.
@@ -208,8 +200,8 @@ class WideWater(MarineWater):
     def _sheet(self, start_s: float, age_s: float, draw: Rng) -> tuple[Pose, Floats]:
         """Return the pose and the corners of a sheet that was thrown up at a time."""
         wind, angle = self._physics.wind_ms, np.radians(self._physics.wind_deg)
-        x, y, heading = self._own(start_s)
         own = self._wide.own
+        x, y, heading = own.track.place(start_s)
         if draw.random() < 0.5:
             side = draw.choice((-1.0, 1.0))
             ahead, aside, speed = 0.5 * own.length_m, side * own.width_m * draw.uniform(0.4, 1.2), 3.5
