@@ -34,7 +34,7 @@ from seaclutter_cli.airborne.separation import separate
 from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.airborne.surface import NEVER, OTHER, WATER
 from seaclutter_cli.evaluation.confusion import Confusion
-from seaclutter_cli.grids.opening import SurfaceParams, heights_above_opening
+from seaclutter_cli.grids.opening import SurfaceParams
 from seaclutter_cli.simulation.airborne.recording import simulate_strips
 from seaclutter_cli.simulation.airborne.scene import TileScene, load_tile_scene
 
@@ -101,10 +101,11 @@ Method = Callable[[Tile], Mask]
 Rows = Iterable[tuple[str, Iterable[Tile]]]
 
 
-OURS: Mapping[str, Method] = {
-    "as published": lambda tile: heights_above_opening(tile.xyz, SurfaceParams()) <= SurfaceParams().height_m,
-    "separate": lambda tile: separate([tile.xyz], TileSettings().separation, tile.columns.get).classification == WATER,
-}
+def ours(params: SurfaceParams) -> Method:
+    return lambda tile: separate([tile.xyz], params, tile.columns.get).classification == WATER
+
+
+OURS: Mapping[str, Method] = {"as published": ours(SurfaceParams()), "separate": ours(TileSettings().separation)}
 
 
 def pdal(command: str, name: str, params: Parameters) -> Method:

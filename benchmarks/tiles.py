@@ -22,7 +22,7 @@ from seaclutter_cli.airborne.separation import Separation, separate
 from seaclutter_cli.airborne.settings import TileSettings
 from seaclutter_cli.airborne.surface import OTHER, WATER, SeparationParams
 from seaclutter_cli.evaluation.confusion import Confusion
-from seaclutter_cli.grids.opening import SurfaceParams, heights_above_opening
+from seaclutter_cli.grids.opening import SurfaceParams
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.plots.tiles import COLORS, LEFT_OUT, draw_confusion, draw_tile
 from seaclutter_cli.runs.classify.train import TrainingReport, fit
@@ -52,13 +52,6 @@ def kappa(points: Any, classification: Any) -> float:
     return Confusion.of(points["classification"], classification, (OTHER, WATER)).kappa
 
 
-def classes_by(params: SurfaceParams, points: Any, xyz: Any) -> Any:
-    """Return the classes of points by the method of this version or, with the parameters of the paper only, by its."""
-    if isinstance(params, SeparationParams):
-        return separate([xyz], params, column_of(points)).classification
-    return np.where(heights_above_opening(xyz, params) > params.height_m, OTHER, WATER)
-
-
 def windows() -> None:
     """Print Table 1, kappa over the window: the method of the paper, and what was added to it step by step."""
     head("Table 1: kappa over the window (m)", "tile", "method", *map(str, WINDOWS_M))
@@ -76,7 +69,8 @@ def windows() -> None:
         points, xyz = points_of(scene)
         for method, params in methods.items():
             windows_m = [replace(params, window_m=float(window_m)) for window_m in WINDOWS_M]
-            row = [f"{kappa(points, classes_by(own, points, xyz)):.3f}" for own in windows_m]
+            found = [separate([xyz], own, column_of(points)) for own in windows_m]
+            row = [f"{kappa(points, one.classification):.3f}" for one in found]
             print(f"| {name} | {method} |", " | ".join(row), "|", flush=True)
 
 

@@ -17,7 +17,7 @@ from seaclutter_cli.airborne.waves import Waves, WindowWaves, estimate_waves, wi
 from seaclutter_cli.arrays import Bytes, Floats, Indices, Mask
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.grids.elevation import NOWHERE, Cells, GriddedPoints, LandCells
-from seaclutter_cli.grids.opening import open_grid, without_pits
+from seaclutter_cli.grids.opening import SurfaceParams, open_grid, without_pits
 
 _SAMPLE = 20_000
 _PIT, _ROUGH_M, _HIGHEST = 2.0, 0.4, 1.25
@@ -75,23 +75,29 @@ class Separation:
         return float(np.count_nonzero(self.classification != NEVER) / max(self.cells, 1))
 
 
-def separate(parts: Iterable[Floats], params: SeparationParams, column: Column = lambda _: None) -> Separation:
+def separate(parts: Iterable[Floats], params: SurfaceParams, column: Column = lambda _: None) -> Separation:
     """Return the separation of a tile into sea and non-sea points.
 
-    ``parts``, shape (3, n): coordinates in metres; iterated over repeatedly; ``params``: window and heights;
-    ``column``, optional: returns an attribute of all points by its LAS name, or None.
+    ``parts``, shape (3, n): coordinates in metres; iterated over repeatedly; ``params``: window and heights. With
+    `SeparationParams`, land and echoes from below the surface are handled, too; ``column``, optional: returns an
+    attribute of all points by its LAS name, or None.
 
     Raise `InputError` if no point has finite coordinates, or the points are too scattered for a grid in memory.
     """
     points = GriddedPoints.of(parts, params.cell_m)
     if not points.grid.blocks:
         raise InputError("no points with finite coordinates: the sea surface cannot be computed")
-    found = LeveledTile.of(points, params, column).separation()
-    given = column("classification") if params.trust_classes else None
-    if given is not None:
-        kept = np.isin(given, params.trust_classes) & (found.classification != NEVER)
-        found.classification[kept] = given[kept]
-    return found
+    if isinstance(params, SeparationParams):
+        found = LeveledTile.of(points, params, column).separation()
+        given = column("classification") if params.trust_classes else None
+        if given is not None:
+            kept = np.isin(given, params.trust_classes) & (found.classification != NEVER)
+            found.classification[kept] = given[kept]
+        return found
+    opened = open_grid(points.grid, params.window_m)
+    surface = Surface(opened, params.height_m, np.zeros(opened.shape, np.bool_))
+    state = SeaState("opened", None, None, None, round(params.height_m, 2))
+    return Separation(*surface.classes(points), _cells(points), state, LandCells(params.cell_m))
 
 
 def _cells(points: GriddedPoints) -> int:
@@ -134,17 +140,17 @@ class LeveledTile:
         waves = self._waves(shores) if self.params.follows_waves else None
         if self.params.land == "ignore":
             shores = replace(shores, land=np.zeros_like(shores.land))
-        surface, state = self._calm(shores), SeaState("opened", None, None, None, self.params.threshold_m)
-        if waves is not None:
-            middle, deviation = _water_heights(self.points, surface)
-            has_crests = middle + _CREST_DEVIATIONS * deviation > _ROUGH_M
-            # The opened surface, above which crests are this high, lies in the troughs.
-            if max(waves.crest_m, _HIGHEST * waves.height_m) > _ROUGH_M or has_crests:
-                return replace(self._rough(shores, waves), is_doubtful=doubtful)
-            height = float(np.clip(middle + _CALM_DEVIATIONS * deviation, _CALMEST_M, CALM_M))
-            surface, state = replace(surface, limit=height), _state("opened", waves, height)
-        land = _land_cells(self.params.cell_m, [(self.points, surface.land)])
-        return Separation(*surface.classes(self.points), _cells(self.points), state, land, doubtful)
+        surface = self._calm(shores)
+        if waves is None:
+            state = SeaState("opened", None, None, None, self.params.threshold_m)
+            return self._separated(surface, state, is_doubtful=doubtful)
+        middle, deviation = _water_heights(self.points, surface)
+        has_crests = middle + _CREST_DEVIATIONS * deviation > _ROUGH_M
+        # The opened surface, above which crests are this high, lies in the troughs.
+        if max(waves.crest_m, _HIGHEST * waves.height_m) > _ROUGH_M or has_crests:
+            return replace(self._rough(shores, waves), is_doubtful=doubtful)
+        height = float(np.clip(middle + _CALM_DEVIATIONS * deviation, _CALMEST_M, CALM_M))
+        return self._separated(replace(surface, limit=height), _state("opened", waves, height), is_doubtful=doubtful)
 
     @property
     def _top(self) -> Cells:
