@@ -140,17 +140,17 @@ class LeveledTile:
         waves = self._waves(shores) if self.params.follows_waves else None
         if self.params.land == "ignore":
             shores = replace(shores, land=np.zeros_like(shores.land))
-        surface = self._calm(shores)
-        if waves is None:
-            state = SeaState("opened", None, None, None, self.params.threshold_m)
-            return self._separated(surface, state, is_doubtful=doubtful)
-        middle, deviation = _water_heights(self.points, surface)
-        has_crests = middle + _CREST_DEVIATIONS * deviation > _ROUGH_M
-        # The opened surface, above which crests are this high, lies in the troughs.
-        if max(waves.crest_m, _HIGHEST * waves.height_m) > _ROUGH_M or has_crests:
-            return replace(self._rough(shores, waves), is_doubtful=doubtful)
-        height = float(np.clip(middle + _CALM_DEVIATIONS * deviation, _CALMEST_M, CALM_M))
-        return self._separated(replace(surface, limit=height), _state("opened", waves, height), is_doubtful=doubtful)
+        surface, state = self._calm(shores), SeaState("opened", None, None, None, self.params.threshold_m)
+        if waves is not None:
+            middle, deviation = _water_heights(self.points, surface)
+            has_crests = middle + _CREST_DEVIATIONS * deviation > _ROUGH_M
+            # The opened surface, above which crests are this high, lies in the troughs.
+            if max(waves.crest_m, _HIGHEST * waves.height_m) > _ROUGH_M or has_crests:
+                return replace(self._rough(shores, waves), is_doubtful=doubtful)
+            height = float(np.clip(middle + _CALM_DEVIATIONS * deviation, _CALMEST_M, CALM_M))
+            surface, state = replace(surface, limit=height), _state("opened", waves, height)
+        land = _land_cells(self.params.cell_m, [(self.points, surface.land)])
+        return Separation(*surface.classes(self.points), _cells(self.points), state, land, doubtful)
 
     @property
     def _top(self) -> Cells:
