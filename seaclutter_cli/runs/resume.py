@@ -108,7 +108,7 @@ def identity_of(work: RecordingWork[Any], written: McapOptions, config: "Config 
         "written": {
             k: v
             for k, v in vars(written).items()
-            if k not in ("config", "water", "scene", "objects", "record", "method") and (v or k not in _LATER)
+            if k not in ("as_is", "config", "water", "scene", "objects", "record", "method") and (v or k not in _LATER)
         },
         **others,
     }
