@@ -162,7 +162,7 @@ class Sea:
         if apart is not None and echoes.intensity is not None:
             bright &= ~_is_common(echoes.intensity, ring, bright & apart)
         unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
-        seen = self._background.share(echoes.xyz, of_water, time_s)
+        seen = self._background.share(echoes.xyz, faces.run, of_water, time_s)
         alone = np.maximum(unseen, 1 - seen / _COMMON)
         mirrored = deep if water is None else water.mirrored(x, y, deep, bodies)
         grows = height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)
