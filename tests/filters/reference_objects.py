@@ -65,6 +65,7 @@ class Echo:
     loose: int = 0
     high: bool = False
     upright: bool = False
+    lonely: bool = False
     mirrored: bool = False
     deep: bool = False
     awash: bool = False
@@ -124,12 +125,17 @@ class Background:
         }
         cells = now | self.seen.keys()
         self.seen = {cell: kept * self.seen.get(cell, 0.0) + (1 - kept) * (cell in now) for cell in cells}
-        shares = {cell: self.share(*cell) for cell in set(map(cell_of, echoes))}
+        here = set(map(cell_of, echoes))
+        shares = {cell: self.share(*cell) for cell in here | {(0, *place) for _, *place in here}}
         for echo in echoes:
             echo.elsewhere = shares[cell_of(echo)]
             echo.alone = max(echo.unseen, 1 - echo.elsewhere / heights._COMMON)
-            echo.grows |= echo.alone > heights.ALONE and not echo.deep
-            echo.awash = echo.bright and not (echo.high or echo.upright) and echo.alone <= heights.ALONE
+            around = shares[(0, *cell_of(echo)[1:])]
+            bare = max(echo.unseen, 1 - around / heights._COMMON) > heights._ALONE
+            is_row = echo.alone > heights._ALONE and echo.run >= heights._ROW
+            echo.grows |= bare and not echo.deep
+            echo.lonely = (bare or is_row) and not echo.deep
+            echo.awash = echo.bright and not (echo.high or echo.upright) and not bare
 
     def share(self, length: int, ring: int, sector: int) -> float:
         """Return how often the other sectors of a ring had runs of this length."""
@@ -239,11 +245,7 @@ def echo_of(number: int, point: Point, ring: int, water: Surface | None, params:
 
 def candidates_of(echoes: Sequence[Echo]) -> list[Echo]:
     """Return points in faces, high and bright ones, and those that grow where the water has no echoes."""
-    return [
-        echo
-        for echo in echoes
-        if echo.upright or echo.high or echo.bright or (echo.grows and echo.alone > heights.ALONE)
-    ]
+    return [echo for echo in echoes if echo.upright or echo.high or echo.bright or echo.lonely]
 
 
 @dataclass(eq=False)

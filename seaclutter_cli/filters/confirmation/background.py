@@ -1,4 +1,4 @@
-"""How often the water has as many echoes beside each other at the range of a point, in other directions."""
+"""How often the water has echoes at the range of a point, and rows of them, in other directions."""
 
 import math
 
@@ -17,12 +17,12 @@ _MEMORY_S = 6.0
 class Background:
     """A map of the water's echoes around a lidar.
 
-    Water has echoes all around at one range, a body in one direction, or longer rows of them. So what the water shows
-    at a point is learned from other directions at its range, as in radar detectors with a constant rate of false
+    Water has echoes all around at one range, a body in one direction, or longer rows of them there. So what the water
+    shows at a point is learned from other directions at its range, as in radar detectors with a constant rate of false
     alarms [1]_.
 
-    **State**: how often each cell of 5° and about a fifth of its range had runs of echoes of water in the last six
-    seconds, by the octave of their length.
+    **State**: how often each cell of 5° and about a fifth of its range had rows of echoes of water in the last six
+    seconds, for each octave of their length.
 
     References
     ----------
@@ -34,11 +34,12 @@ class Background:
         self._seen = np.zeros((_LENGTHS, _RINGS, _SECTORS))
         self._time_s = -math.inf
 
-    def share(self, xyz: Floats, run: NDArray[np.int32], of_water: Mask, time_s: float) -> Floats:
-        """Return the share of the other directions in which the water has runs as long as those of N points, shape (N,).
+    def shares(self, xyz: Floats, run: NDArray[np.int32], of_water: Mask, time_s: float) -> tuple[Floats, Floats]:
+        """Return the shares of the other directions in which the water has echoes, and rows of them, at N points, (N,).
 
-        The points of the next frame, shape (3, N), are in runs of ``run`` echoes beside each other, shape (N,). Some
-        may be echoes of the water, ``of_water``, shape (N,). Runs at nearly the same range count, of half the length.
+        The points of the next frame, shape (3, N), are in rows of ``run`` echoes, shape (N,). Some may be echoes of the
+        water, ``of_water``, shape (N,). The water's rows count that have as many echoes as the row of a point, rounded
+        down to a power of two.
         """
         kept = math.exp(-max(time_s - self._time_s, 0) / _MEMORY_S)
         self._time_s = time_s
@@ -55,4 +56,4 @@ class Background:
         self._seen = kept * self._seen + (1 - kept) * around
         beside = np.sum([np.roll(self._seen, shift, axis=2) for shift in range(-_BESIDE, _BESIDE + 1)], axis=0)
         others = (self._seen.sum(axis=2, keepdims=True) - beside) / (_SECTORS - 2 * _BESIDE - 1)
-        return np.asarray(others.reshape(-1)[cell])
+        return others[0].reshape(-1)[cell % others[0].size], others.reshape(-1)[cell]
