@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.echoes import ALONE, Echoes, Heights, Sea
+from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, Sea
 from seaclutter_cli.filters.confirmation.evidence import OF_VOLUME
 from seaclutter_cli.filters.confirmation.objects import DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
@@ -64,8 +64,9 @@ class Confirmed(Filter):
     2. *Band*: points higher above the water than :math:`\max(0.2\,\mathrm{m}, 4\sigma)` stand out.
     3. *Candidates*: points in faces, which are echoes above each other in one direction at nearly one range (`Faces`);
        points that stand out; bright ones in the band, which reach their thresholds or four times the mean intensity of
-       the water at their range; and all where the water has no echoes. Where much water is bright, only the brightest
-       at each range are candidates, as many as do not join.
+       the water at their range; and all where the water has no echoes, or in rows of eight or more longer than its own
+       at that range. Where much water is bright, only the brightest at each range are candidates, as many as do not
+       join.
     4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. What is beside no face is
        an object of its own, so that wash does not belong to the hull before it, and bright water joins only what it is
        near. The evidence of a frame is the logarithm of the odds that an object is a target: the sum of one curve for
@@ -224,8 +225,7 @@ class Confirmed(Filter):
         if own_ship:
             own_ship.see(frame, heights.water, echoes.index[heights.upright])
         # 3. Candidates
-        lonely = heights.grows & (heights.alone > ALONE)
-        candidates = heights.upright | heights.high | heights.bright | lonely
+        candidates = heights.upright | heights.high | heights.bright | heights.lonely
         # 4. Objects
         near = echoes.is_near
         objects = find_objects(echoes, candidates & ~near, heights, self._sea.beams, self._params, near=False)

@@ -65,6 +65,7 @@ class Echo:
     loose: int = 0
     high: bool = False
     upright: bool = False
+    lonely: bool = False
     mirrored: bool = False
     deep: bool = False
     awash: bool = False
@@ -105,10 +106,10 @@ def bin_of(z: float, place: XY) -> int:
 
 
 class Background:
-    """How often cells of ring and sector had echoes of water."""
+    """How often cells of length, ring and sector had runs of echoes of water, of at least this octave of length."""
 
     def __init__(self) -> None:
-        self.seen: dict[tuple[int, int], float] = {}
+        self.seen: dict[tuple[int, int, int], float] = {}
         self.time_s = -math.inf
 
     def mark(self, echoes: Sequence[Echo], time_s: float) -> None:
@@ -116,20 +117,30 @@ class Background:
         kept = math.exp(-max(time_s - self.time_s, 0) / background._MEMORY_S)
         self.time_s = time_s
         of_water = {cell_of(echo) for echo in echoes if abs(echo.height) <= echo.rise and not echo.upright}
-        now = {(ring + step, sector) for ring, sector in of_water for step in (-1, 0, 1)}
+        now = {
+            (shorter, ring + step, sector)
+            for length, ring, sector in of_water
+            for shorter in range(length + 1)
+            for step in (-1, 0, 1)
+        }
         cells = now | self.seen.keys()
         self.seen = {cell: kept * self.seen.get(cell, 0.0) + (1 - kept) * (cell in now) for cell in cells}
-        shares = {cell: self.share(*cell) for cell in set(map(cell_of, echoes))}
+        here = set(map(cell_of, echoes))
+        shares = {cell: self.share(*cell) for cell in here | {(0, *place) for _, *place in here}}
         for echo in echoes:
             echo.elsewhere = shares[cell_of(echo)]
             echo.alone = max(echo.unseen, 1 - echo.elsewhere / heights._COMMON)
-            echo.grows |= echo.alone > heights.ALONE and not echo.deep
-            echo.awash = echo.bright and not (echo.high or echo.upright) and echo.alone <= heights.ALONE
+            around = shares[(0, *cell_of(echo)[1:])]
+            bare = max(echo.unseen, 1 - around / heights._COMMON) > heights._ALONE
+            is_row = echo.alone > heights._ALONE and echo.run >= heights._ROW
+            echo.grows |= bare and not echo.deep
+            echo.lonely = (bare or is_row) and not echo.deep
+            echo.awash = echo.bright and not (echo.high or echo.upright) and not bare
 
-    def share(self, ring: int, sector: int) -> float:
-        """Return how often the other sectors of a ring had echoes of water."""
+    def share(self, length: int, ring: int, sector: int) -> float:
+        """Return how often the other sectors of a ring had runs of this length."""
         others = other_sectors(sector)
-        return sum(self.seen.get((ring, other), 0.0) for other in others) / len(others)
+        return sum(self.seen.get((length, ring, other), 0.0) for other in others) / len(others)
 
 
 @cache
@@ -139,11 +150,12 @@ def other_sectors(sector: int) -> set[int]:
     return set(range(background._SECTORS)) - own
 
 
-def cell_of(echo: Echo) -> tuple[int, int]:
-    """Return ring and sector of an echo."""
+def cell_of(echo: Echo) -> tuple[int, int, int]:
+    """Return octave of the run, ring and sector of an echo."""
     ring = background._PER_OCTAVE * math.log2(1 + math.hypot(*echo.xy) / background._NEAR_M)
     sector = (math.atan2(echo.point.y, echo.point.x) + math.pi) * background._SECTORS / (2 * math.pi)
-    return min(int(ring), background._RINGS - 1), int(sector) % background._SECTORS
+    length = min(echo.run.bit_length(), background._LENGTHS) - 1
+    return length, min(int(ring), background._RINGS - 1), int(sector) % background._SECTORS
 
 
 def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, faces: Faces, params: Any) -> list[Echo]:
@@ -233,11 +245,7 @@ def echo_of(number: int, point: Point, ring: int, water: Surface | None, params:
 
 def candidates_of(echoes: Sequence[Echo]) -> list[Echo]:
     """Return points in faces, high and bright ones, and those that grow where the water has no echoes."""
-    return [
-        echo
-        for echo in echoes
-        if echo.upright or echo.high or echo.bright or (echo.grows and echo.alone > heights.ALONE)
-    ]
+    return [echo for echo in echoes if echo.upright or echo.high or echo.bright or echo.lonely]
 
 
 @dataclass(eq=False)

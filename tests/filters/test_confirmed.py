@@ -84,10 +84,14 @@ class TestEnds:
 @pytest.mark.parametrize("back", [True, False])
 def test_a_row_where_a_confirmed_object_is_expected_is_kept_if_it_is_seen_again(back):
     log = sea_log(1, [replace(BOAT, seen=(-math.inf, 1.95, 2.05 if back else math.inf))], times(35))
-    bearing = math.atan2(BOAT.y, BOAT.x) + np.radians(np.arange(-4, 4) * 0.5)
-    row = np.stack([19.6 * np.cos(bearing), 19.6 * np.sin(bearing), np.full(8, -2.4), np.ones(8)], axis=1)
-    rows = np.stack([log[20].cloud.points[name] for name in ("x", "y", "z", "intensity")], axis=1)
-    log[20] = frame_at(2.0, np.concatenate((rows, row)), index=20)
+    around = math.atan2(BOAT.y, BOAT.x) + np.radians(np.arange(30, 331, 10))  # the water has such rows everywhere
+    for index in range(21):
+        bearing = np.append(around, math.atan2(BOAT.y, BOAT.x))[slice(None) if index == 20 else slice(-1)]
+        bearing = np.ravel(bearing[:, None] + np.radians(np.arange(-4, 4) * 0.5))
+        z, intensity = np.full((2, len(bearing)), [[-2.4], [1]])
+        row = np.stack([19.6 * np.cos(bearing), 19.6 * np.sin(bearing), z, intensity], axis=1)
+        rows = np.stack([log[index].cloud.points[name] for name in ("x", "y", "z", "intensity")], axis=1)
+        log[index] = frame_at(index / 10, np.concatenate((rows, row)), index=index)
     assert (run(log, start_m=10.0)[20].keep[-8:] == back).all()
 
 

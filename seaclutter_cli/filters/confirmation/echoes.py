@@ -21,7 +21,7 @@ _OWN, _SHOWN = 4.0, 12.0
 _COMMON = 0.25
 _NEIGHBORS = 2 / 3
 _RINGS, _MAX_RING, _LEAST_ECHOES, _BRIGHTER = 9, 1000, 3, 4.0
-ALONE = 0.75
+_ALONE, _ROW = 0.75, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,21 +73,22 @@ class Heights:
         Height of the face that a point belongs to.
     linked, loose : ndarray, int32
         Numbers of neighbours that stand out, too, and lie on one surface with a point, or do not.
-    high, bright, low, upright, grows, mirrored : ndarray, bool
+    high, bright, low, upright, grows, lonely, mirrored : ndarray, bool
         Whether a point stands out; is near the water, reaches its threshold or four times the intensity of the water,
         and is brighter than most water at its range; reaches neither; belongs to a face that water does not have; may
-        return to a confirmed object; is below the water under a body.
+        return to a confirmed object; is where the water has no echoes, or no rows as long as its own of eight or more;
+        is below the water under a body.
     brightness : ndarray, float64
         Intensity divided by the threshold, or by four times that of the water, if less; 0 without thresholds.
     unseen : ndarray, float64
         1 where the water has no echoes but those that an object itself may have, 0 where echoes show it all around.
     alone : ndarray, float64
-        The same, or 1 where the water has no echoes at the range of a point, 0 where it has them in a quarter of the
-        other directions.
+        The same, or 1 where the water has no rows as long as that of a point at its range, 0 where it has them in a
+        quarter of the other directions.
     seen : ndarray, float64
-        Share of the other directions in which the water has echoes at the range of a point.
+        Share of the other directions in which the water has rows as long as that of a point at its range.
     run : ndarray, int32
-        Number of echoes beside each other in one beam, at nearly one range.
+        Number of echoes in the row of a point: beside each other in one beam, at nearly one range.
     apart : ndarray or None, bool
         Whether a point is in no face and beside none, as wash behind a hull is; None without water.
     awash : ndarray, bool
@@ -106,6 +107,7 @@ class Heights:
     low: Mask
     upright: Mask
     grows: Mask
+    lonely: Mask
     mirrored: Mask
     brightness: Floats
     unseen: Floats
@@ -162,12 +164,14 @@ class Sea:
         if apart is not None and echoes.intensity is not None:
             bright &= ~_is_common(echoes.intensity, ring, bright & apart)
         unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
-        seen = self._background.share(echoes.xyz, of_water, time_s)
-        alone = np.maximum(unseen, 1 - seen / _COMMON)
+        around, seen = self._background.shares(echoes.xyz, faces.run, of_water, time_s)
+        bare, alone = (np.maximum(unseen, 1 - share / _COMMON) for share in (around, seen))
         mirrored = deep if water is None else water.mirrored(x, y, deep, bodies)
         grows = height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)
-        grows |= upright | (alone > ALONE) & ~deep
-        awash = bright & (alone <= ALONE) & ~bodies
+        lonely = (bare > _ALONE) & ~deep
+        grows |= upright | lonely
+        awash = bright & (bare <= _ALONE) & ~bodies
+        lonely |= (alone > _ALONE) & ~deep & (faces.run >= _ROW)
         return Heights(
             height,
             rise,
@@ -179,6 +183,7 @@ class Sea:
             ~reached,
             upright,
             grows,
+            lonely,
             mirrored,
             brightness,
             unseen,
