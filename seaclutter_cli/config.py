@@ -144,6 +144,11 @@ class UnnamedFile(type(Path())):  # type: ignore[misc]  # the class of paths of 
     """Configuration in the working folder, which no option names; filtered logs are still shown with their own."""
 
 
+def is_named(source: "ConfigSource | None") -> bool:
+    """Return whether an option names a configuration."""
+    return source is not None and not isinstance(source, UnnamedFile)
+
+
 @on_paths
 def load_config(
     source: ConfigSource | None = None,

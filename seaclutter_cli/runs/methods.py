@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from operator import getitem
 from typing import Any
 
-from seaclutter_cli.config import Config, ConfigSource, UnnamedFile, load_config
+from seaclutter_cli.config import Config, ConfigSource, is_named, load_config
 from seaclutter_cli.documents import DocumentError, load_yaml
 from seaclutter_cli.errors import ConfigError, UsageError
 from seaclutter_cli.evaluation import IDEAL
@@ -63,8 +63,7 @@ def configured(options: ConfigOptions, *, undetermined_thresholds: bool = False)
 
 def is_default(options: MethodOptions) -> bool:
     """Return whether no option names a method or a configuration."""
-    named = options.methods or options.compare or options.settings
-    return not named and (options.config is None or isinstance(options.config, UnnamedFile))
+    return not (options.methods or options.compare or options.settings or is_named(options.config))
 
 
 def is_installed(method: str) -> bool:

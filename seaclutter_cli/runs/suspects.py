@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from seaclutter_cli.buckets import use_case_of
-from seaclutter_cli.config import Config, load_config
+from seaclutter_cli.config import Config, is_named, load_config
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.messages.metadata import FILTERED
@@ -138,7 +138,7 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
 
     def study(self, source: Source, labels: Labels | None, outcome: RecordedSuspects, observer: Observer) -> None:
         options = self.options
-        is_given = bool(options.method or options.settings) or options.config is not None
+        is_given = bool(options.method or options.settings) or is_named(options.config)
         selection, removed, config = _part(source, self.reading.selection, self.config, is_given=is_given)
         clouds = cloud_channels(source, selection.topics)
         earlier = [name for one in recorded_of(source, [clouds[0].topic]) for name in one.methods]

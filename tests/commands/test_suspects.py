@@ -60,6 +60,13 @@ def test_a_filtered_log_has_the_same_suspects(raw, tmp_path):
     assert "only filters the remaining points" in run("suspects", tmp_path / "a.mcap", "-m", "sor").stderr
 
 
+def test_a_configuration_in_the_working_folder_does_not_filter_a_filtered_log_again(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "seaclutter.yaml").write_text("filter: {method: sor}")
+    assert run("filter", SEA, "-o", "a.mcap", "-m", "joint", "--with-removed", "-n", 20).exit_code == 0
+    assert [one["method"] for one in suspects("a.mcap")] == ["joint"]
+
+
 def test_the_text_names_the_rule(tmp_path):
     result = run("suspects", SEA, "-m", "joint", "-n", 40)
     assert result.exit_code == 0
