@@ -54,7 +54,7 @@ def propose_labels(options: ProposeOptions) -> "ProposalResult":
     >>> import seaclutter
     >>> done = seaclutter.propose_labels("samples/sea.mcap", folder / "sea.labels.csv")
     >>> done.outcomes[0].boxes, done.outcomes[0].doubtful
-    (130, 10)
+    (120, 0)
     """
     observer, config = options.watching, objects_config(options)
     targets = _targets(options, expand(options, ahead=False))

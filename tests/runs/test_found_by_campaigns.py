@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+import seaclutter
 from seaclutter_cli.errors import FieldError, InputError
 from seaclutter_cli.records import Message
-from seaclutter_cli.runs.classify.tiles import write_tile
 from seaclutter_cli.runs.observer import SILENT
 from seaclutter_cli.runs.recordings import Outcome, storing_errors
 from seaclutter_cli.sources.shared.packet_messages import read_packets
@@ -31,10 +31,9 @@ def test_an_error_about_a_field_names_its_recording(text):
 
 def test_a_tile_with_waveforms_is_named(tmp_path):
     pytest.importorskip("laspy")
-    from seaclutter_cli.sources.tiles import LasTile
-
-    tile = LasTile(SAMPLE)
-    tile.header.global_encoding.waveform_data_packets_internal = True
+    content = bytearray(SAMPLE.read_bytes())
+    content[6] |= 2  # global encoding: waveform data packets are internal
+    (tmp_path / "tile.laz").write_bytes(content)
     with pytest.raises(InputError, match=r"tile\.laz: internal waveform packets cannot be copied"):
-        write_tile(tile, tmp_path / "out.laz", {}, {})
-    assert not list(tmp_path.iterdir())
+        seaclutter.separate_tiles(tmp_path / "tile.laz", tmp_path / "out.laz")
+    assert [path.name for path in tmp_path.iterdir()] == ["tile.laz"]

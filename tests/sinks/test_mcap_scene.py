@@ -52,7 +52,7 @@ def test_boxes_and_clusters(log, tmp_path):
 def test_unconfirmed_clusters_are_named(tmp_path):
     filtered(ROOT / "samples" / "sea.mcap", tmp_path / "f.mcap", "-m", "confirmed", "-n", 16, "--with-scene")
     entities = [message.entities[0] for message in scenes(tmp_path / "f.mcap")]
-    assert [(len(one.cubes), [text.text for text in one.texts]) for one in entities][11] == (4, ["unconfirmed"] * 2)
+    assert [(len(one.cubes), [text.text for text in one.texts]) for one in entities][8] == (4, ["unconfirmed"] * 2)
 
 
 def test_without_labels_there_are_clusters(log, tmp_path):
