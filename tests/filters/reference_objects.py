@@ -128,11 +128,12 @@ class Background:
         here = set(map(cell_of, echoes))
         shares = {cell: self.share(*cell) for cell in here | {(0, *place) for _, *place in here}}
         for echo in echoes:
-            echo.elsewhere = shares[cell_of(echo)]
-            echo.alone = max(echo.unseen, 1 - echo.elsewhere / heights._COMMON)
-            around = shares[(0, *cell_of(echo)[1:])]
-            bare = max(echo.unseen, 1 - around / heights._COMMON) > heights._ALONE
-            is_row = echo.alone > heights._ALONE and echo.run >= heights._ROW
+            echo.elsewhere = shares[(0, *cell_of(echo)[1:])]
+            single = max(echo.unseen, 1 - echo.elsewhere / heights._COMMON)
+            of_row = max(echo.unseen, 1 - shares[cell_of(echo)] / heights._COMMON)
+            echo.alone = single if echo.high or echo.bright else of_row
+            bare = single > heights._ALONE
+            is_row = of_row > heights._ALONE and echo.run >= heights._ROW
             echo.grows |= bare and not echo.deep
             echo.lonely = (bare or is_row) and not echo.deep
             echo.awash = echo.bright and not (echo.high or echo.upright) and not bare

@@ -41,23 +41,6 @@ def test_spray_3_m_above_the_water_is_removed(size):
     assert kept(results) < 0.02
 
 
-@pytest.mark.parametrize("everywhere", [False, True])
-def test_a_low_row_of_echoes_is_kept_where_the_water_has_none_as_long(everywhere):
-    """As of an inflatable boat that one beam meets, lower and darker than what stands out."""
-
-    def row(rng, _):
-        starts = np.arange(0, 360, 15) if everywhere else np.zeros(1)
-        bearing = np.radians(starts[:, None] + np.arange(0, 8, 0.2)).ravel()
-        distance = 20 + rng.normal(0, 0.02, len(bearing))
-        x, y = distance * np.cos(bearing), distance * np.sin(bearing)
-        single = water(rng, 0, 3000, 0.03)
-        rows = np.column_stack((x, y, np.full(len(x), 0.18 - MAST_M), np.full(len(x), 25.0)))
-        return np.concatenate((single, rows))
-
-    share = kept(run(log_with(row)), first=3400)
-    assert (share < 0.02) if everywhere else (share > 0.95)
-
-
 def wall(rng, _):
     bearing, elevation = (axis.ravel() for axis in np.meshgrid(np.arange(0, 12, 0.4), np.arange(-5, 3, 0.5)))
     x = np.full(len(bearing), 18.0)

@@ -83,10 +83,10 @@ class Heights:
     unseen : ndarray, float64
         1 where the water has no echoes but those that an object itself may have, 0 where echoes show it all around.
     alone : ndarray, float64
-        The same, or 1 where the water has no rows as long as that of a point at its range, 0 where it has them in a
-        quarter of the other directions.
+        The same, or 1 where the water has no echoes at the range of a point, 0 where it has them in a quarter of the
+        other directions; for what neither stands out nor is bright, rows as long as its own instead of echoes.
     seen : ndarray, float64
-        Share of the other directions in which the water has rows as long as that of a point at its range.
+        Share of the other directions in which the water has echoes at the range of a point.
     run : ndarray, int32
         Number of echoes in the row of a point: beside each other in one beam, at nearly one range.
     apart : ndarray or None, bool
@@ -164,14 +164,15 @@ class Sea:
         if apart is not None and echoes.intensity is not None:
             bright &= ~_is_common(echoes.intensity, ring, bright & apart)
         unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
-        around, seen = self._background.shares(echoes.xyz, faces.run, of_water, time_s)
-        bare, alone = (np.maximum(unseen, 1 - share / _COMMON) for share in (around, seen))
+        seen, in_rows = self._background.shares(echoes.xyz, faces.run, of_water, time_s)
+        bare, of_row = (np.maximum(unseen, 1 - share / _COMMON) for share in (seen, in_rows))
         mirrored = deep if water is None else water.mirrored(x, y, deep, bodies)
         grows = height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)
         lonely = (bare > _ALONE) & ~deep
         grows |= upright | lonely
         awash = bright & (bare <= _ALONE) & ~bodies
-        lonely |= (alone > _ALONE) & ~deep & (faces.run >= _ROW)
+        lonely |= (of_row > _ALONE) & ~deep & (faces.run >= _ROW)
+        alone = np.where(high | bright, bare, of_row)
         return Heights(
             height,
             rise,

@@ -27,9 +27,9 @@ FEATURES = (
 Height of the top in metres; metres from the 10th percentile of the heights to the highest; logarithm of the number of
 echoes times the square of the range in tens of metres, and of the neighbours of each that stand out; the upright face
 in heights of the top; logarithm of the width across the line of sight by the extent and the distance to the next beam;
-where the water has no rows as long, logarithm of the number of echoes beside each other in one beam; logarithm of the
-share of the other directions in which the water has rows as long at that range. With intensities: the share of echoes
-that reach their thresholds, and the logarithm of the intensity in thresholds.
+where the water has no echoes, or no rows as long, logarithm of the number of echoes beside each other in one beam;
+logarithm of the share of the other directions in which the water has echoes at that range. With intensities: the share
+of echoes that reach their thresholds, and the logarithm of the intensity in thresholds.
 """
 OF_SHAPE = 8
 """Number of the features that need no intensities; without any, these have curves of their own."""
