@@ -64,9 +64,9 @@ class Confirmed(Filter):
     2. *Band*: points higher above the water than :math:`\max(0.2\,\mathrm{m}, 4\sigma)` stand out.
     3. *Candidates*: points in faces, which are echoes above each other in one direction at nearly one range (`Faces`);
        points that stand out; bright ones in the band, which reach their thresholds or four times the mean intensity of
-       the water at their range; and all where the water has no echoes, or in rows of eight or more longer than its own
-       at that range. Where much water is bright, only the brightest at each range are candidates, as many as do not
-       join.
+       the water at their range; all where the water has no echoes; and rows of eight or more that are longer than the
+       water's at their range. Where much water is bright, only the brightest at each range are candidates, as many as
+       do not join.
     4. *Objects*: Euclidean clusters, in which the echoes of neighbouring beams stay together. What is beside no face is
        an object of its own, so that wash does not belong to the hull before it, and bright water joins only what it is
        near. The evidence of a frame is the logarithm of the odds that an object is a target: the sum of one curve for
