@@ -254,8 +254,8 @@ def _connected(strong: Mask, weak: Mask) -> NDArray[np.int32]:
     keep[parts[:, :-1][_seeds(strong)]] = True
     first, again = parts[:, 0], parts[:, -1]
     for _ in range(2):
-        keep[first] |= keep[again]
-        keep[again] |= keep[first]
+        np.logical_or.at(keep, first, keep[again])  # one part may touch several
+        np.logical_or.at(keep, again, keep[first])
     return np.where(keep[parts], parts, 0)[:, :-1]
 
 

@@ -10,7 +10,7 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.simulation.marine.recording import Renderer
 from seaclutter_cli.simulation.marine.scene import load_scene
-from seaclutter_cli.structure.search import MIN_FRAMES, StructureSearch
+from seaclutter_cli.structure.search import MIN_FRAMES, StructureSearch, _connected
 from seaclutter_cli.truth import IGNORED
 
 FRAMES, EVERY = 20, 5
@@ -125,3 +125,12 @@ def test_a_rod_is_found_at_every_azimuth(azimuth_deg):
 def test_what_is_there_in_half_of_the_frames_or_moves_is_no_structure():
     assert searched(rod(30.5, every=2)).sectors == ()
     assert searched(rod(30.5, noise_m=1.0)).sectors == ()
+
+
+def test_a_part_that_touches_several_across_180_degrees_is_kept_with_any_of_them():
+    weak, strong = np.zeros((2, 3, 360, 12), np.bool_)
+    weak[1, 0, [4, 8]] = weak[1, 1, 4:9] = True  # one part, which touches the next two
+    weak[1, -2:, 4] = strong[1, -2:, 4] = weak[1, -1, 8] = True
+    parts = _connected(strong, weak)
+    assert (parts[1, 1, 4:9] > 0).all()
+    assert not _connected(np.zeros_like(strong), weak).any()
