@@ -225,7 +225,7 @@ class Confirmed(Filter):
         if own_ship:
             own_ship.see(frame, heights.water, echoes.index[heights.upright])
         # 3. Candidates
-        candidates = heights.upright | heights.high | heights.bright | heights.lonely
+        candidates = heights.upright | heights.high | heights.bright | heights.isolated
         # 4. Objects
         near = echoes.is_near
         objects = find_objects(echoes, candidates & ~near, heights, self._sea.beams, self._params, near=False)

@@ -65,7 +65,7 @@ class Echo:
     loose: int = 0
     high: bool = False
     upright: bool = False
-    lonely: bool = False
+    isolated: bool = False
     mirrored: bool = False
     deep: bool = False
     awash: bool = False
@@ -135,7 +135,7 @@ class Background:
             bare = single > heights._ALONE
             is_row = of_row > heights._ALONE and echo.run >= heights._ROW
             echo.grows |= bare and not echo.deep
-            echo.lonely = (bare or is_row) and not echo.deep
+            echo.isolated = (bare or is_row) and not echo.deep
             echo.awash = echo.bright and not (echo.high or echo.upright) and not bare
 
     def share(self, length: int, ring: int, sector: int) -> float:
@@ -246,7 +246,7 @@ def echo_of(number: int, point: Point, ring: int, water: Surface | None, params:
 
 def candidates_of(echoes: Sequence[Echo]) -> list[Echo]:
     """Return points in faces, high and bright ones, and those that grow where the water has no echoes."""
-    return [echo for echo in echoes if echo.upright or echo.high or echo.bright or echo.lonely]
+    return [echo for echo in echoes if echo.upright or echo.high or echo.bright or echo.isolated]
 
 
 @dataclass(eq=False)

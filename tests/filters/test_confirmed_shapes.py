@@ -41,6 +41,26 @@ def test_spray_3_m_above_the_water_is_removed(size):
     assert kept(results) < 0.02
 
 
+def row(rng, first_deg, end_deg, height_m, intensity):
+    """Return the echoes of one beam at 16 m."""
+    bearing = np.radians(np.arange(first_deg, end_deg, 0.25))
+    distance, z = 16 + rng.normal(0, 0.02, len(bearing)), np.full(len(bearing), height_m - MAST_M)
+    return np.column_stack((distance * np.cos(bearing), distance * np.sin(bearing), z, np.full(len(z), intensity)))
+
+
+@pytest.mark.parametrize("everywhere", [False, True])
+def test_a_dark_row_beside_a_cabin_is_its_hull_unless_the_water_has_rows_as_long(everywhere):
+    """A beam meets the hull at the height of the water, whose echoes are single at the same range."""
+
+    def boat(rng, time_s):
+        cabin = [row(rng, 0, 3, height_m, 20.0) for height_m in np.arange(0, 0.9, 0.15)]
+        rows = [row(rng, start, start + 15, 0.0, 3.0) for start in range(43, 320, 20)] if everywhere else []
+        return np.concatenate((water(rng, time_s, 3000, 0.03), *rows, *cabin, row(rng, 3, 18, 0.0, 3.0)))
+
+    share = np.mean([result.keep[-60:].mean() for result in run(log_with(boat))])
+    assert (share < 0.1) if everywhere else (share > 0.4)
+
+
 def wall(rng, _):
     bearing, elevation = (axis.ravel() for axis in np.meshgrid(np.arange(0, 12, 0.4), np.arange(-5, 3, 0.5)))
     x = np.full(len(bearing), 18.0)

@@ -73,18 +73,18 @@ class Heights:
         Height of the face that a point belongs to.
     linked, loose : ndarray, int32
         Numbers of neighbours that stand out, too, and lie on one surface with a point, or do not.
-    high, bright, low, upright, grows, lonely, mirrored : ndarray, bool
+    high, bright, low, upright, grows, isolated, mirrored : ndarray, bool
         Whether a point stands out; is near the water, reaches its threshold or four times the intensity of the water,
         and is brighter than most water at its range; reaches neither; belongs to a face that water does not have; may
-        return to a confirmed object; is where the water has no echoes, or no rows as long as its own of eight or more;
-        is below the water under a body.
+        return to a confirmed object; is where the water has no echoes, or in a row of eight or more where the water has
+        no rows as long; is below the water under a body.
     brightness : ndarray, float64
         Intensity divided by the threshold, or by four times that of the water, if less; 0 without thresholds.
     unseen : ndarray, float64
         1 where the water has no echoes but those that an object itself may have, 0 where echoes show it all around.
     alone : ndarray, float64
         The same, or 1 where the water has no echoes at the range of a point, 0 where it has them in a quarter of the
-        other directions; for what neither stands out nor is bright, rows as long as its own instead of echoes.
+        other directions; for points that neither stand out nor are bright, rows as long as theirs count, not echoes.
     seen : ndarray, float64
         Share of the other directions in which the water has echoes at the range of a point.
     run : ndarray, int32
@@ -107,7 +107,7 @@ class Heights:
     low: Mask
     upright: Mask
     grows: Mask
-    lonely: Mask
+    isolated: Mask
     mirrored: Mask
     brightness: Floats
     unseen: Floats
@@ -165,14 +165,14 @@ class Sea:
             bright &= ~_is_common(echoes.intensity, ring, bright & apart)
         unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
         seen, in_rows = self._background.shares(echoes.xyz, faces.run, of_water, time_s)
-        bare, of_row = (np.maximum(unseen, 1 - share / _COMMON) for share in (seen, in_rows))
+        by_echoes, by_rows = (np.maximum(unseen, 1 - share / _COMMON) for share in (seen, in_rows))
         mirrored = deep if water is None else water.mirrored(x, y, deep, bodies)
         grows = height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)
-        lonely = (bare > _ALONE) & ~deep
-        grows |= upright | lonely
-        awash = bright & (bare <= _ALONE) & ~bodies
-        lonely |= (of_row > _ALONE) & ~deep & (faces.run >= _ROW)
-        alone = np.where(high | bright, bare, of_row)
+        isolated = (by_echoes > _ALONE) & ~deep
+        grows |= upright | isolated
+        awash = bright & (by_echoes <= _ALONE) & ~bodies
+        isolated |= (by_rows > _ALONE) & ~deep & (faces.run >= _ROW)
+        alone = np.where(high | bright, by_echoes, by_rows)  # a bright crest in a row is no second sign
         return Heights(
             height,
             rise,
@@ -184,7 +184,7 @@ class Sea:
             ~reached,
             upright,
             grows,
-            lonely,
+            isolated,
             mirrored,
             brightness,
             unseen,
