@@ -20,6 +20,8 @@ _WEIGHTS = int(_TRUNCATION * _SMOOTHING_M / _CELL_M)
 _MAX_PER_CELL = 3
 _COARSE = 4
 _MIN_DEPTH_M, _DEPTH_SIGMAS = 0.3, 4.5
+
+_LONG_WAVES = 5.0
 _SHRINKAGE = 2.0
 _ROUGHNESS = 0.5
 RANGE_NOISE_M = 0.02
@@ -139,23 +141,23 @@ class WaterSurface:
         deviation = self.sigma_m * np.sqrt(_ROUGHNESS**2 + unknown) + RANGE_NOISE_M
         return z - self.plane.height(x, y) - swell, deviation, echoes
 
-    def deep(self, x: Floats, y: Floats, height: Floats, deviation: Floats) -> NDArray[np.bool_]:
-        """Return which of N echoes are below the water, as images and noise are, also if its plane is wrong, (N,)."""
+    def below(
+        self, x: Floats, y: Floats, height: Floats, deviation: Floats, bodies: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return which of N echoes are below the water, as images and noise are, and which are images, shape (N,) each.
+
+        An image is where a body is, as far below the water as that rises above it; ``bodies`` tells which echoes belong
+        to bodies. Where none is within 6 m, an echo counts as below the water only if it is far below. In simulated
+        swell longer than the view, errors of the plane are up to seven times those that independent cells leave.
+        """
         rows = np.stack((np.ones_like(x), x, y))
         of_plane = np.sum(rows * (self.covariance @ rows), axis=0)
-        return np.asarray(height < -np.maximum(_MIN_DEPTH_M, _DEPTH_SIGMAS * np.sqrt(deviation**2 + of_plane)))
-
-    def mirrored(self, x: Floats, y: Floats, deep: NDArray[np.bool_], bodies: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return which of N echoes are mirrored: `deep`, with a body above, shape (N,).
-
-        ``bodies`` tells which of them belong to bodies. An image is where the body is, as far below the water as that
-        rises above it. Beyond the grid, cells are four times as large.
-        """
-        beside = self.cells.beside(bodies)
-        far = self.cells.number == BEYOND
-        if (deep & far).any():
-            beside[far] = GridCells.of(x[far] / _COARSE, y[far] / _COARSE).beside(bodies[far])
-        return np.asarray(deep & beside)
+        below, far_below = (
+            height < -np.maximum(_MIN_DEPTH_M, _DEPTH_SIGMAS * np.sqrt(deviation**2 + factor**2 * of_plane))
+            for factor in (1, _LONG_WAVES)
+        )
+        mirrored = below & GridCells.of(x / _COARSE, y / _COARSE).beside(bodies & ~below)
+        return far_below | mirrored, mirrored
 
     def height(self, x: Floats, y: Floats) -> Floats:
         """Return z of the water at given positions, in metres."""

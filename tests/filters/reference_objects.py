@@ -171,18 +171,16 @@ def echoes_of(used: Sequence[tuple[int, Point, int]], water: Surface | None, fac
         one.linked, one.loose = joined, apart
     sigma = 0.0 if water is None else water.sigma
     for one in echoes:
-        one.deep = water is not None and water.is_deep(*one.point.xyz)
         one.high = one.height > one.rise
-        one.upright = one.face > LEAST_M + sigma and not one.deep
-        one.grows = one.grows or one.upright
-    bodies = {grid_cell(*one.xy) for one in echoes if one.high or one.upright} - {None}
-    around = {(x + i, y + j) for x, y in bodies for i in (-1, 0, 1) for j in (-1, 0, 1)}
-    bodies = {far_cell(*one.xy) for one in echoes if one.high or one.upright} - {None}
-    far_around = {(x + i, y + j) for x, y in bodies for i in (-1, 0, 1) for j in (-1, 0, 1)} | {None}
+        one.upright = one.face > LEAST_M + sigma
+        one.deep = water is not None and water.is_below(*one.point.xyz)
+    bodies = {coarse_cell(*one.xy) for one in echoes if (one.high or one.upright) and not one.deep} - {None}
+    around = {(x + i, y + j) for x, y in bodies for i in (-1, 0, 1) for j in (-1, 0, 1)} | {None}
     for one in echoes:
-        cell = grid_cell(*one.xy)
-        beside = far_cell(*one.xy) in far_around if cell is None else cell in around
-        one.mirrored = one.deep and beside
+        one.mirrored = one.deep and coarse_cell(*one.xy) in around
+        one.deep = one.mirrored or (water is not None and water.is_below(*one.point.xyz, water_surface._LONG_WAVES))
+        one.upright &= not one.deep
+        one.grows = one.grows or one.upright
     bodies = {grid_cell(*one.xy) for one in echoes if one.upright} - {None}
     around = {(x + i, y + j) for x, y in bodies for i in (-1, 0, 1) for j in (-1, 0, 1)} | {None}
     for one in echoes:
@@ -218,10 +216,9 @@ def mark_bright(echoes: Sequence[Echo], water: Surface | None, tolerance_m: floa
             one.bright = False
 
 
-def far_cell(x: float, y: float) -> tuple[int, int] | None:
-    """Return the cell of a position beyond the grid on one of four times its size; none beyond that or in the grid."""
-    coarse = water_surface._COARSE
-    return None if grid_cell(x, y) else grid_cell(x / coarse, y / coarse)
+def coarse_cell(x: float, y: float) -> tuple[int, int] | None:
+    """Return the cell of a position on a grid of four times the size; None beyond that."""
+    return grid_cell(x / water_surface._COARSE, y / water_surface._COARSE)
 
 
 def echo_of(number: int, point: Point, ring: int, water: Surface | None, params: Any) -> Echo:

@@ -48,12 +48,12 @@ class Surface:
         deviation = math.sqrt(variance) + surface.RANGE_NOISE_M
         return self.plane.height_of(x, y, z) - swell, deviation, echoes
 
-    def is_deep(self, x: float, y: float, z: float) -> bool:
-        """Return whether a point is below the water, also if the plane is wrong."""
+    def is_below(self, x: float, y: float, z: float, factor: float = 1.0) -> bool:
+        """Return whether a point is below the water, also if the plane is wrong, by a factor more than it says."""
         height, deviation, _ = self.above(x, y, z)
         row = (1.0, x, y)
         variance = sum(row[i] * self.covariance[i][j] * row[j] for i in range(3) for j in range(3))
-        return height < -max(surface._MIN_DEPTH_M, surface._DEPTH_SIGMAS * math.sqrt(deviation**2 + variance))
+        return height < -max(surface._MIN_DEPTH_M, surface._DEPTH_SIGMAS * math.sqrt(deviation**2 + factor**2 * variance))
 
     def level(self, x: float, y: float) -> float:
         """Return z of the water at a position."""

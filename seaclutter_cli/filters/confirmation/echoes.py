@@ -152,8 +152,11 @@ class Sea:
         rise = np.maximum(self._params.min_rise_m, self._params.rise_sigmas * deviation)
         high = height > rise
         linked, loose = faces.neighbors(high)
-        deep = np.zeros(echoes.size, np.bool_) if water is None else water.deep(x, y, height, deviation)
-        upright = faces.stands(level, sigma) & ~deep
+        upright, deep = faces.stands(level, sigma), np.zeros(echoes.size, np.bool_)
+        mirrored = deep
+        if water is not None:
+            deep, mirrored = water.below(x, y, height, deviation, high | upright)
+            upright &= ~deep
         bodies = high | upright
         beside_water = np.abs(height) <= rise
         of_water = beside_water & ~upright
@@ -166,7 +169,6 @@ class Sea:
         unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
         seen, in_rows = self._background.shares(echoes.xyz, faces.run, of_water, time_s)
         by_echoes, by_rows = (np.maximum(unseen, 1 - share / _COMMON) for share in (seen, in_rows))
-        mirrored = deep if water is None else water.mirrored(x, y, deep, bodies)
         grows = height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)
         isolated = (by_echoes > _ALONE) & ~deep
         grows |= upright | isolated
