@@ -157,7 +157,7 @@ class Tracks:
     def turn(self, things: Sequence[Thing], time_s: float) -> None:
         """Turn all tracks by the angle that the well-known ones have in common."""
         elapsed = 0.0 if self.time_s is None else time_s - self.time_s
-        known = [track.expected(time_s) for track in self.tracks if track.memory > 0]
+        known = [(track.memory, track.expected(time_s)) for track in self.tracks if track.memory > 0]
         cells = [cell for thing in things for cell in thing.cells]
         if not known or elapsed <= 0:
             return
@@ -277,38 +277,34 @@ def turned(place: XY, angle: float) -> XY:
     return x * math.cos(angle) - y * math.sin(angle), x * math.sin(angle) + y * math.cos(angle)
 
 
-def common_turn(known: Sequence[Sequence[XY]], cells: Sequence[XY], guess: float) -> float:
-    """Return the angle for which most tracks vote if more of them meet objects at it than at the guess, else the guess.
+def common_turn(known: Sequence[tuple[float, Sequence[XY]]], cells: Sequence[XY], guess: float) -> float:
+    """Return the angle for which most tracks vote if more of them meet objects at it than at the guess, or without one.
 
-    Every cell that a track expects votes with every cell seen at about its range; each track has one vote.
+    Every cell that a track expects votes with every cell seen at about its range; a track has votes by its memory.
     """
     seen = places_of(cells)
-    places = [(number, place) for number, own in enumerate(known) for place in own]
+    places = [(memory / len(own), place) for memory, own in known for place in own]
     places = places[:: len(places) // tracks._MAX_CELLS + 1]
     cells = cells[:: len(cells) // tracks._MAX_CELLS + 1]
-    count: dict[int, int] = {}
-    for number, _ in places:
-        count[number] = count.get(number, 0) + 1
     most = tracks._TURN_BINS
     votes = dict.fromkeys(range(-most - 1, most + 2), 0.0)
-    for number, (x, y) in places:
+    for weight, (x, y) in places:
         for cell_x, cell_y in cells:
             if abs(math.hypot(x, y) - math.hypot(cell_x, cell_y)) < tracks._SAME_RANGE_M:
                 angle = math.atan2(cell_y, cell_x) - math.atan2(y, x) - guess
                 vote = round(((angle + math.pi) % (2 * math.pi) - math.pi) / tracks._TURN_BIN_RAD)
                 if abs(vote) <= most:
-                    votes[vote] += 1 / count[number]
+                    votes[vote] += weight
     smooth = {one: votes[one - 1] + 2 * votes[one] + votes[one + 1] for one in range(-most, most + 1)}
     best = max(smooth, key=lambda one: smooth[one])
 
     def met(angle: float) -> float:
-        shares = [
-            (distances(turned(place, angle), seen).min() <= tracks._MET_M) / count[number] for number, place in places
-        ]
-        return sum(shares) / len(count)
+        reached = [weight for weight, place in places if distances(turned(place, angle), seen).min() <= tracks._MET_M]
+        return sum(reached) / sum(weight for weight, _ in places)
 
+    likely = guess if met(guess) >= met(0.0) else 0.0
     other = guess + best * tracks._TURN_BIN_RAD
-    return other if met(other) > met(guess) + tracks._TURN_GAIN else guess
+    return other if met(other) > met(likely) + tracks._TURN_GAIN else likely
 
 
 def begun(thing: Thing, time_s: float) -> Track:

@@ -85,6 +85,32 @@ def test_one_object_that_moves_is_no_turn():
             np.testing.assert_allclose(track.center, place, atol=1e-9)
 
 
+def test_spray_is_no_turn():
+    """Three buoys are known for long, six splashes that move all at once hardly."""
+    tracker, splashes = Tracker(ConfirmedParams()), turned_by(40, np.concatenate((BUOYS, 0.8 * BUOYS[:1])))
+    for number, time_s in enumerate((0.1 * np.arange(45)).tolist()):
+        places = BUOYS[:3]
+        if number >= 35:
+            places = np.concatenate((places, turned_by(5 if number == 44 else 0, splashes)))
+        objects = [DetectedObject(np.arange(3), 2.0, place[None], place) for place in places]
+        tracker.turn(objects, time_s)
+        tracker.step(tracker.associate(objects, time_s), time_s, 0.0)
+        assert tracker._yaw_rate == 0
+
+
+def test_a_turn_that_ends():
+    """Own ship stops at once, so no later frame agrees with the turn before."""
+    tracker, angle = Tracker(ConfirmedParams()), 0.0
+    for number, time_s in enumerate((0.1 * np.arange(40)).tolist()):
+        angle += 2.0 if 10 <= number < 20 else 0.0
+        objects = [DetectedObject(np.arange(3), 0.6, place[None], place) for place in turned_by(-angle, BUOYS)]
+        tracker.turn(objects, time_s)
+        tracks = tracker.step(tracker.associate(objects, time_s), time_s, 0.0)
+        assert tracker._yaw_rate == pytest.approx(-np.radians(20.0) if 10 <= number < 20 else 0.0, abs=0.06)
+        first = tracks if not number else first
+        assert all(one is other for one, other in zip(tracks, first, strict=True))
+
+
 def test_the_best_known_track_continues():
     """A new track that expects more cells of an object does not take over."""
     tracker, old = Tracker(ConfirmedParams()), np.array([[20.0, 0.0], [20.0, 0.6]])

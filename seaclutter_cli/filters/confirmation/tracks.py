@@ -171,7 +171,8 @@ class Tracker:
         angle = self._yaw_rate * elapsed_s
         if objects:
             expected, track_of = _expected_cells(known, time_s)
-            angle = _turn_rad(expected, track_of, np.concatenate([one.cells for one in objects]), angle)
+            votes = np.array([track.memory for track in known])[track_of] / np.bincount(track_of)[track_of]
+            angle = _turn_rad(expected, votes, np.concatenate([one.cells for one in objects]), angle)
             self._yaw_rate = angle / elapsed_s
         turned = _rotation(angle)
         for track in self._tracks:
@@ -347,15 +348,15 @@ def _by_track(votes: NDArray[np.int64], known: Floats) -> dict[int, list[int]]:
     return chosen
 
 
-def _turn_rad(expected: Floats, track_of: NDArray[np.int64], cells: Floats, guess_rad: float) -> float:
-    """Return the angle by which most tracks, of expected cells of shape (m, 2), turned to cells seen, shape (n, 2).
+def _turn_rad(expected: Floats, weight: Floats, cells: Floats, guess_rad: float) -> float:
+    """Return the angle by which tracks, of expected cells of shape (m, 2), turned to cells seen, shape (n, 2).
 
-    Pairs of nearly one range vote for the angle between them; each track has one vote. Walls vote for many angles, so
-    the first is taken only if, turned by it, more tracks are where objects are than turned by the guess.
+    Pairs of nearly one range vote for the angle between them, with the ``weight`` of the expected cell, shape (m,).
+    Walls vote for many angles, and spray for any, so the first is taken only if, turned by it, more weight is where
+    objects are than turned by the guess, and that only if it meets no less than no turn.
     """
     step = len(expected) // _MAX_CELLS + 1
-    expected, track_of, some = expected[::step], track_of[::step], cells[:: len(cells) // _MAX_CELLS + 1]
-    weight = 1 / np.bincount(track_of)[track_of]
+    expected, weight, some = expected[::step], weight[::step], cells[:: len(cells) // _MAX_CELLS + 1]
     apart = np.abs(np.hypot(*expected.T)[:, None] - np.hypot(*some.T)) < _SAME_RANGE_M
     angles = np.arctan2(some[:, 1], some[:, 0]) - np.arctan2(expected[:, 1], expected[:, 0])[:, None]
     angles = (angles[apart] - guess_rad + np.pi) % (2 * np.pi) - np.pi
@@ -370,7 +371,8 @@ def _turn_rad(expected: Floats, track_of: NDArray[np.int64], cells: Floats, gues
         _, distance = nearest(cells, expected @ _rotation(angle_rad))
         return float(weight[distance <= _MET_M].sum() / weight.sum())
 
-    return best_rad if met(best_rad) > met(guess_rad) + _TURN_GAIN else guess_rad
+    likely_rad = max(guess_rad, 0.0, key=met)
+    return best_rad if met(best_rad) > met(likely_rad) + _TURN_GAIN else likely_rad
 
 
 def _rotation(angle_rad: float) -> Floats:
