@@ -72,15 +72,15 @@ class Confirmed(Filter):
        near. The evidence of a frame is the logarithm of the odds that an object is a target: the sum of one curve for
        each of ten features (`FEATURES`), learned from logs of four simulators; without intensities, of eight.
     5. *Confirmation*: objects are followed over time, in a frame that turns with own ship: the turn is the angle that
-       most tracks have in common. Two more curves count in the evidence of a frame: how far an object is from where it
-       was expected, since crests and foam have no steady course, and how many objects like it appeared in a second
-       (`Arrivals`). The score of a track is the evidence that it collected before, that within ``look_ahead_s`` after
-       the frame, and 0.35 times that of the frame, less 1. As in the track score of Sittler [1]_, independent looks
-       add up, one in the time in which the water becomes independent of what it was, about a second. Evidence is
-       forgotten over ``memory_s`` and lies between -1 and 3. That an object was not there before counts as evidence
-       against it, so what is soon gone is not kept. Without later frames, as with ``causal``, evidence is at least
-       -0.35. An object is missed only where a beam would have met it. One that fills a volume in a frame, such as
-       spray, rain and fog, of which few neighbours lie on one surface, is not kept in it.
+       most tracks have in common, by their evidence. Two more curves count in the evidence of a frame: how far an
+       object is from where it was expected, since crests and foam have no steady course, and how many objects like it
+       appeared in a second (`Arrivals`). The score of a track is the evidence that it collected before, that within
+       ``look_ahead_s`` after the frame, and 0.35 times that of the frame, less 1. As in the track score of Sittler
+       [1]_, independent looks add up, one in the time in which the water becomes independent of what it was, about a
+       second. Evidence is forgotten over ``memory_s`` and lies between -1 and 3. That an object was not there before
+       counts as evidence against it, so what is soon gone is not kept. Without later frames, as with ``causal``,
+       evidence is at least -0.35. An object is missed only where a beam would have met it. One that fills a volume in a
+       frame, such as spray, rain and fog, of which few neighbours lie on one surface, is not kept in it.
     6. *Growth*: points near a confirmed object return to it, so that hulls keep their shape: those above the water,
        and all where the water has no echoes. If a frame does not show the object, but a later one does, so do rows of
        echoes where it is expected.

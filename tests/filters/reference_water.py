@@ -53,7 +53,8 @@ class Surface:
         height, deviation, _ = self.above(x, y, z)
         row = (1.0, x, y)
         variance = sum(row[i] * self.covariance[i][j] * row[j] for i in range(3) for j in range(3))
-        return height < -max(surface._MIN_DEPTH_M, surface._DEPTH_SIGMAS * math.sqrt(deviation**2 + factor**2 * variance))
+        error = math.sqrt(deviation**2 + factor**2 * variance)
+        return height < -max(surface._MIN_DEPTH_M, surface._DEPTH_SIGMAS * error)
 
     def level(self, x: float, y: float) -> float:
         """Return z of the water at a position."""

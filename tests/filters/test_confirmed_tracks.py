@@ -100,15 +100,14 @@ def test_spray_is_no_turn():
 
 def test_a_turn_that_ends():
     """Own ship stops at once, so no later frame agrees with the turn before."""
-    tracker, angle = Tracker(ConfirmedParams()), 0.0
+    tracker, angle, rows = Tracker(ConfirmedParams()), 0.0, []
     for number, time_s in enumerate((0.1 * np.arange(40)).tolist()):
         angle += 2.0 if 10 <= number < 20 else 0.0
         objects = [DetectedObject(np.arange(3), 0.6, place[None], place) for place in turned_by(-angle, BUOYS)]
         tracker.turn(objects, time_s)
-        tracks = tracker.step(tracker.associate(objects, time_s), time_s, 0.0)
+        rows.append(tracker.step(tracker.associate(objects, time_s), time_s, 0.0))
         assert tracker._yaw_rate == pytest.approx(-np.radians(20.0) if 10 <= number < 20 else 0.0, abs=0.06)
-        first = tracks if not number else first
-        assert all(one is other for one, other in zip(tracks, first, strict=True))
+        assert all(one is other for one, other in zip(rows[-1], rows[0], strict=True))
 
 
 def test_the_best_known_track_continues():

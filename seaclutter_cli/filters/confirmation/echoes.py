@@ -152,11 +152,12 @@ class Sea:
         rise = np.maximum(self._params.min_rise_m, self._params.rise_sigmas * deviation)
         high = height > rise
         linked, loose = faces.neighbors(high)
-        upright, deep = faces.stands(level, sigma), np.zeros(echoes.size, np.bool_)
-        mirrored = deep
-        if water is not None:
+        upright = faces.stands(level, sigma)
+        if water is None:
+            deep = mirrored = np.zeros(echoes.size, np.bool_)
+        else:
             deep, mirrored = water.below(x, y, height, deviation, high | upright)
-            upright &= ~deep
+        upright &= ~deep
         bodies = high | upright
         beside_water = np.abs(height) <= rise
         of_water = beside_water & ~upright
