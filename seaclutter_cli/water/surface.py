@@ -25,6 +25,7 @@ _LONG_WAVES = 5.0
 _SHRINKAGE = 2.0
 _ROUGHNESS = 0.5
 RANGE_NOISE_M = 0.02
+_DECIMALS = 9
 
 
 @dataclass(frozen=True)
@@ -165,6 +166,7 @@ class WaterSurface:
 
     @property
     def state(self) -> WaterState:
-        """Level, attitude, wave height and deviation of the level as numbers."""
+        """Level, attitude, wave height and deviation of the level, without the digits in which processors differ."""
         roll, pitch = np.degrees(np.arctan((-self.plane.slope_y, self.plane.slope_x))).tolist()
-        return WaterState(self.plane.level_m, roll, pitch, 4 * self.sigma_m, self.level_deviation_m)
+        values = self.plane.level_m, roll, pitch, 4 * self.sigma_m, self.level_deviation_m
+        return WaterState(*(round(value, _DECIMALS) for value in values))

@@ -2,7 +2,10 @@
 
 import csv
 import json
+import os
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -142,3 +145,13 @@ def test_evaluate_reports_another_mounting_as_well():
     arguments = ["evaluate", log, "--labels", labels, "-m", "confirmed", "-s", "filter.mounting_roll_deg=180"]
     result = execute(*arguments, code=0)
     assert result.stderr.count("the lidar seems to be mounted upside down") == 1
+
+
+def test_another_processor_gives_the_same_bytes(tmp_path):
+    """The products of matrices of another one differ in their last digits."""
+    outputs = []
+    for processor in ("Nehalem", "Haswell"):
+        outputs.append(tmp_path / f"{processor}.mcap")
+        command = [sys.executable, "-m", "seaclutter_cli", "filter", SAMPLE, "-m", "confirmed", "-o", outputs[-1], "-q"]
+        subprocess.run(command, check=True, env=os.environ | {"OPENBLAS_CORETYPE": processor})
+    assert outputs[0].read_bytes() == outputs[1].read_bytes()
