@@ -20,7 +20,6 @@ _WEIGHTS = int(_TRUNCATION * _SMOOTHING_M / _CELL_M)
 _MAX_PER_CELL = 3
 _COARSE = 4
 _MIN_DEPTH_M, _DEPTH_SIGMAS = 0.3, 4.5
-
 _LONG_WAVES = 5.0
 _SHRINKAGE = 2.0
 _ROUGHNESS = 0.5
@@ -147,8 +146,8 @@ class WaterSurface:
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return which of N echoes are below the water, as images and noise are, and which are images, shape (N,) each.
 
-        An image is where a body is, as far below the water as that rises above it; ``bodies`` tells which echoes belong
-        to bodies. Where none is within 6 m, an echo counts as below the water only if it is far below. In simulated
+        The image of a body lies under it, as deep as the body is high; ``bodies``, shape (N,), are the echoes of
+        bodies. If there are none in its cell of 6 m or beside it, only an echo far below the water counts: in simulated
         swell longer than the view, errors of the plane are up to seven times those that independent cells leave.
         """
         rows = np.stack((np.ones_like(x), x, y))

@@ -148,7 +148,7 @@ def test_evaluate_reports_another_mounting_as_well():
 
 
 def test_another_processor_gives_the_same_bytes(tmp_path):
-    """The products of matrices of another one differ in their last digits."""
+    """The last digits of products of matrices depend on the processor."""
     outputs = []
     for processor in ("Nehalem", "Haswell"):
         outputs.append(tmp_path / f"{processor}.mcap")
