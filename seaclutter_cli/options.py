@@ -245,6 +245,11 @@ def option(  # noqa: PLR0913 - what there is to say about an option
     return Option(text, help, default, kind, repeatable or default == (), required, of_command, kw_only)
 
 
+def optional(text: str, help: str, *, kind: Kind | None = None, required: bool = False) -> Any:  # noqa: A002
+    """Declare an option with the default False if it is a flag, and None otherwise; see `option`."""
+    return option(text, help, default=None, kind=kind, required=required)
+
+
 def _kind_of(annotation: str, *, remote: bool) -> Kind:
     """Return the kind of values with an annotation: flags, names, files that are written, or else text."""
     if found := re.search(r"Literal(\[.*?\])", annotation):
@@ -290,6 +295,7 @@ class Options:
         for name, value in own.items():
             value.name, value.annotation = name, inspect.get_annotations(cls)[name]
             value.place = vars(cls).get("place", 0)
+            value.default = False if value.annotation == "bool" and value.default is None else value.default
             value.kind = value.kind or _kind_of(value.annotation, remote=cls.writes_remotely)
             setattr(cls, name, field(default=value.default, kw_only=value.kw_only, metadata={Option: value}))
         dataclasses.dataclass(frozen=True, repr=False)(cls)

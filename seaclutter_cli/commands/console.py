@@ -14,7 +14,7 @@ import click
 
 from seaclutter_cli.commands.printer import show, show_error, show_exactly, show_line
 from seaclutter_cli.errors import OWN_WARNINGS, OutputError, SeaclutterError, opening
-from seaclutter_cli.options import OptionalPath, Options, Place, option
+from seaclutter_cli.options import OptionalPath, Options, Place, optional
 from seaclutter_cli.text import json_text, printable, shortened
 
 if TYPE_CHECKING:
@@ -43,14 +43,12 @@ _LOG_HEAD = b"# seaclutter log\n"
 class Console(Options):
     """Observer that prints to the terminal, and prints results at the end."""
 
-    dry_run: bool = option("--dry-run", "Show what would be done with each recording, and do nothing.", default=False)
-    as_json: bool = option("--json", "Print results as JSON.", default=False)
-    quiet: bool = option(
-        "-q --quiet", "Show no progress, no warnings, and no summary of what was written.", default=False
-    )
-    verbose: bool = option("-v --verbose", "Show details.", default=False)
-    log_file: OptionalPath = option(
-        "--log-file", "Append all messages to FILE, with times and details.", default=None, kind=Place()
+    dry_run: bool = optional("--dry-run", "Show what would be done with each recording, and do nothing.")
+    as_json: bool = optional("--json", "Print results as JSON.")
+    quiet: bool = optional("-q --quiet", "Show no progress, no warnings, and no summary of what was written.")
+    verbose: bool = optional("-v --verbose", "Show details.")
+    log_file: OptionalPath = optional(
+        "--log-file", "Append all messages to FILE, with times and details.", kind=Place()
     )
 
     def __post_init__(self) -> None:

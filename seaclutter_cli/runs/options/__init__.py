@@ -18,6 +18,7 @@ from seaclutter_cli.options import (
     Place,
     Whole,
     option,
+    optional,
 )
 from seaclutter_cli.runs.observer import SILENT, Observer, raising
 from seaclutter_cli.urls import PathLike, is_url, place
@@ -61,26 +62,23 @@ class Decoding(Options):
     rate_hz: float = option(
         "--rate HZ", "Frames per second of recordings without time stamps.", default=10.0, kind=Number(0, above=True)
     )
-    calibration: OptionalPath = option(
-        "--calibration", "Angles or metadata of the sensor, for packets that lack them.", default=None, kind=Place()
+    calibration: OptionalPath = optional(
+        "--calibration", "Angles or metadata of the sensor, for packets that lack them.", kind=Place()
     )
-    sensor: str | None = option(
+    sensor: str | None = optional(
         "--sensor MODEL",
         "Sensor model, for packets that do not identify it.",
-        default=None,
         kind=Parsed("sensors.catalog.known_sensor"),
     )
-    columns: str | None = option(
+    columns: str | None = optional(
         "--columns NAMES",
         "Columns of files that do not name theirs (BIN, NPY, CSV), such as x,y,z,intensity,ring; types after colons, "
         "as in x,y,z:f8,intensity:u2. [default: of BIN, the only known layout that fits]",
-        default=None,
         kind=Parsed("sources.frame_files.headerless.known_columns"),
     )
-    integrate_ms: float | None = option(
+    integrate_ms: float | None = optional(
         "--integrate MS",
         "Join the clouds of each MS milliseconds into one frame, for lidars whose scans do not repeat.",
-        default=None,
         kind=Number(1, 2000),
     )
 
@@ -97,29 +95,24 @@ class ReadOptions(Decoding):
     topics: Converted[str | Sequence[str], tuple[str, ...]] = option(
         "-t --topic NAME", "Point-cloud topic, if there are several; repeatable.", default=()
     )
-    start_s: Moment | None = option(
+    start_s: Moment | None = optional(
         "--start TIME",
         "Start at TIME: seconds from the start of the recording, ISO 8601 (UTC), or seconds since 1970.",
-        default=None,
         kind=_TIME,
     )
-    end_s: Moment | None = option("--end TIME", "Stop before TIME.", default=None, kind=_TIME)
-    frames: int | None = option("-n --frames", "Stop after N frames of each topic.", default=None, kind=Whole(1))
-    intensity_field: str | None = option(
-        "--intensity-field NAME", "Intensity field, if it has no usual name.", default=None
-    )
-    join: bool | None = option(
+    end_s: Moment | None = optional("--end TIME", "Stop before TIME.", kind=_TIME)
+    frames: int | None = optional("-n --frames", "Stop after N frames of each topic.", kind=Whole(1))
+    intensity_field: str | None = optional("--intensity-field NAME", "Intensity field, if it has no usual name.")
+    join: bool | None = optional(
         "--join/--no-join",
         "Read the numbered files of a folder as one recording, or one by one. "
         "[default: as one if each begins where the one before ends]",
-        default=None,
     )
-    merge: bool = option(
+    merge: bool = optional(
         "--merge",
         "Read all logs as one recording, by time; a topic that several have gets the name of its log before its own.",
-        default=False,
     )
-    recursive: bool = option("--recursive", "Also search subfolders for recordings.", default=False)
+    recursive: bool = optional("--recursive", "Also search subfolders for recordings.")
 
     @property
     def reading(self) -> ReadOptions:
@@ -158,10 +151,8 @@ class OfLogs(ReadOptions, Observed):
     logs: PathLike | Sequence[PathLike] = option(
         "LOGS...", "Files, folders or globs of logs, or URLs of objects.", kind=Places(is_place=True), kw_only=False
     )
-    keep_going: bool = option(
-        "",
-        "Store the error of a recording in its outcome and continue with the others, instead of raising it.",
-        default=False,
+    keep_going: bool = optional(
+        "", "Store the error of a recording in its outcome and continue with the others, instead of raising it."
     )
 
     @property
@@ -193,23 +184,16 @@ class BatchOptions(Options):
         of_command=None,
         kind=Parsed(_jobs, Whole(1)),
     )
-    fail_fast: bool = option("--fail-fast", "Stop after the first recording with an error.", default=False)
-    resume: bool = option(
-        "--resume",
-        "Skip recordings whose output of the same run is complete; replace outputs of other runs.",
-        default=False,
+    fail_fast: bool = optional("--fail-fast", "Stop after the first recording with an error.")
+    resume: bool = optional(
+        "--resume", "Skip recordings whose output of the same run is complete; replace outputs of other runs."
     )
-    manifest: OptionalPath = option(
-        "--manifest", "Write a table with a row for each recording (CSV or JSON).", default=None
-    )
-    cluster: str | None = option(
+    manifest: OptionalPath = optional("--manifest", "Write a table with a row for each recording (CSV or JSON).")
+    cluster: str | None = optional(
         "--cluster ADDRESS",
         "Process recordings on the workers of a Dask cluster: tls://HOST:PORT, or slurm to start -j N workers.",
-        default=None,
     )
-    cluster_insecure: bool = option(
-        "--cluster-insecure", "Allow a cluster without encryption, tcp://HOST:PORT.", default=False
-    )
+    cluster_insecure: bool = optional("--cluster-insecure", "Allow a cluster without encryption, tcp://HOST:PORT.")
 
     def runs_here(self, recordings: int) -> bool:
         """Return whether the work is on a single recording, in this process."""
@@ -219,7 +203,7 @@ class BatchOptions(Options):
 class Replacing(Options):
     """Whether outputs may replace files."""
 
-    force: bool = option("--force", "Replace existing output files.", default=False)
+    force: bool = optional("--force", "Replace existing output files.")
 
     @property
     def replaces(self) -> bool:
@@ -249,14 +233,11 @@ class LabelSources(Options):
     labels: Converted[PathLike | Sequence[PathLike] | None, tuple[Path, ...]] = option(
         "--labels LABELS", LABELS_HELP, default=(), kind=Place(remote=True)
     )
-    clutter_ids: Converted[Sequence[int] | None, tuple[int, ...] | None] = option(
-        "--clutter-ids IDS",
-        "Class ids of clutter in point labels, such as 110,111. [default: 110]",
-        default=None,
-        kind=_Ids(),
+    clutter_ids: Converted[Sequence[int] | None, tuple[int, ...] | None] = optional(
+        "--clutter-ids IDS", "Class ids of clutter in point labels, such as 110,111. [default: 110]", kind=_Ids()
     )
-    ignore_ids: Converted[Sequence[int] | None, tuple[int, ...] | None] = option(
-        "--ignore-ids IDS", "Class ids to ignore in point labels. [default: 0,99]", default=None, kind=_Ids()
+    ignore_ids: Converted[Sequence[int] | None, tuple[int, ...] | None] = optional(
+        "--ignore-ids IDS", "Class ids to ignore in point labels. [default: 0,99]", kind=_Ids()
     )
 
 
@@ -304,11 +285,10 @@ def _as_yaml(value: Any, key: str) -> str:
 
 
 class _Configured(Options):
-    config: Converted[PathLike | Mapping[str, Any] | Config | None, ConfigSource | None] = option(
+    config: Converted[PathLike | Mapping[str, Any] | Config | None, ConfigSource | None] = optional(
         "-c --config FILE",
         "Configuration file, or the name of a built-in one. "
         f"[default: {WORKING_CONFIG} in the working folder, if there is one; - is standard input]",
-        default=None,
         kind=ConfigFile(),
     )
     settings: Converted[Sequence[str] | Mapping[str, Any], tuple[str, ...]] = option(
@@ -329,10 +309,9 @@ class MethodName(Kind):
 class ConfigOptions(_Configured):
     """Sources of the configuration of a run, in ascending precedence: file, method, single keys."""
 
-    method: Converted[MethodLike | None, str | None] = option(
+    method: Converted[MethodLike | None, str | None] = optional(
         "-m --method NAME",
         "Filter method, or FILE.py:CLASS for one of your own; overrides the configuration.",
-        default=None,
         kind=MethodName(),
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.options import Converted, Kind, Number, OptionalPath, Place, UseCase, Whole, option
+from seaclutter_cli.options import Converted, Kind, Number, OptionalPath, Place, UseCase, Whole, option, optional
 from seaclutter_cli.runs.options import BatchOptions, Observed, OfLogs, Places, ReadOptions, Replacing, Settings
 from seaclutter_cli.scenes import TrainingParams
 
@@ -45,7 +45,7 @@ class ClassifierOptions(Replacing):
         default=1,
         kind=Whole(1),
     )
-    csv_file: OptionalPath = option("--csv", "Write a CSV table with a line for each frame.", default=None)
+    csv_file: OptionalPath = optional("--csv", "Write a CSV table with a line for each frame.")
 
 
 class TrainScenesOptions(Replacing, TrainingParams, LabelledLogs):
@@ -62,7 +62,7 @@ class TrainScenesOptions(Replacing, TrainingParams, LabelledLogs):
     )
 
     output: Converted[PathLike, Path] = option("-o --output MODEL.onnx", "Model file to write.")
-    plot_file: OptionalPath = option("--plot", "Draw loss and precision over the epochs, as PNG or SVG.", default=None)
+    plot_file: OptionalPath = optional("--plot", "Draw loss and precision over the epochs, as PNG or SVG.")
     extent_m: float = option(
         "--extent METRES", "Half the side of the square in the top view.", default=60.0, kind=Number(0, above=True)
     )
@@ -105,7 +105,7 @@ class OfTiles(Replacing, Observed):
     tiles: PathLike | Sequence[PathLike] = option(
         "TILE...", "Files, folders or globs of tiles.", kind=Places(), kw_only=False
     )
-    config: OptionalPath = option("-c --config", "Settings file.", default=None, kind=Place())
+    config: OptionalPath = optional("-c --config", "Settings file.", kind=Place())
     settings: Converted[Sequence[str] | Mapping[str, Any], tuple[str, ...]] = option(
         "-s --set KEY=VALUE", "Set a key, such as separation.window_m=30; repeatable.", default=(), kind=Settings()
     )
@@ -158,12 +158,11 @@ class SeparateTilesOptions(BatchOptions, WritingTiles):
         short_help="Separate tiles into sea and non-sea points.",
     )
 
-    with_height: bool = option("--with-height", "Also write each point's height above the sea surface.", default=False)
-    land: Literal["keep", "class2", "ignore"] | None = option(
+    with_height: bool = optional("--with-height", "Also write each point's height above the sea surface.")
+    land: Literal["keep", "class2", "ignore"] | None = optional(
         "--land",
         "Low and flat land: non-sea points; ASPRS class 2 on the ground; or not looked for, so that it is sea."
         " [default: keep]",
-        default=None,
     )
     margin_m: float = option(
         "--margin METRES",
@@ -171,25 +170,19 @@ class SeparateTilesOptions(BatchOptions, WritingTiles):
         default=100.0,
         kind=Number(0, 1000),
     )
-    trust_classes: tuple[Literal[2, 9], ...] | None = option(
+    trust_classes: tuple[Literal[2, 9], ...] | None = optional(
         "--trust-classes CLASSES",
         "Classes of the input that are right: 2 (ground), 9 (water), or 2,9. Their points keep them, and show"
         " where land and water are. [default: none]",
-        default=None,
         kind=_Classes(),
     )
-    window_m: float | None = option(
+    window_m: float | None = optional(
         "--window METRES",
         "Read COPC files in windows of this width, and write a tile for each; for files larger than memory.",
-        default=None,
         kind=Number(50, 100_000),
     )
-    plot_file: OptionalPath = option(
-        "--plot", "Draw a map with water level, land and objects, as PNG or SVG.", default=None
-    )
-    geojson_file: OptionalPath = option(
-        "--geojson", "Also write the shoreline and the boxes of objects as GeoJSON.", default=None
-    )
+    plot_file: OptionalPath = optional("--plot", "Draw a map with water level, land and objects, as PNG or SVG.")
+    geojson_file: OptionalPath = optional("--geojson", "Also write the shoreline and the boxes of objects as GeoJSON.")
 
 
 class TrainForestOptions(OfTiles):
@@ -213,7 +206,7 @@ class TrainForestOptions(OfTiles):
         "Field with object numbers; without it, clusters of a class are objects.",
         default="object_id",
     )
-    plot_file: OptionalPath = option("--plot", "Draw the confusion matrix, as PNG or SVG.", default=None)
+    plot_file: OptionalPath = optional("--plot", "Draw the confusion matrix, as PNG or SVG.")
 
 
 class ClassifyTilesOptions(BatchOptions, WritingTiles):
@@ -232,6 +225,6 @@ class ClassifyTilesOptions(BatchOptions, WritingTiles):
     left_out = ("fail_fast", "resume", "manifest", "cluster", "cluster_insecure")
 
     model: Converted[PathLike, Path] = option("--model MODEL", "Model file from classify train.", kind=Place())
-    csv_file: OptionalPath = option("--csv", "Also write a CSV table with a line for each object.", default=None)
-    geojson_file: OptionalPath = option("--geojson", "Also write the boxes of the objects as GeoJSON.", default=None)
-    plot_file: OptionalPath = option("--plot", "Draw a top view of the tile, as PNG or SVG.", default=None)
+    csv_file: OptionalPath = optional("--csv", "Also write a CSV table with a line for each object.")
+    geojson_file: OptionalPath = optional("--geojson", "Also write the boxes of the objects as GeoJSON.")
+    plot_file: OptionalPath = optional("--plot", "Draw a top view of the tile, as PNG or SVG.")

@@ -7,7 +7,18 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.options import Anything, Converted, Number, OptionalPath, Parsed, Place, UseCase, Whole, option
+from seaclutter_cli.options import (
+    Anything,
+    Converted,
+    Number,
+    OptionalPath,
+    Parsed,
+    Place,
+    UseCase,
+    Whole,
+    option,
+    optional,
+)
 from seaclutter_cli.runs.options import (
     LABELS_HELP,
     BatchOptions,
@@ -40,12 +51,7 @@ class WritingLogs(Replacing, ContentOptions, BatchOptions, OfLogs):
         kind=Place(remote=True, output=True, or_folder=True),
         kw_only=False,
     )
-    to: str | None = option(
-        "--to",
-        "Format of the output. [default: by the suffix of OUT, or mcap]",
-        default=None,
-        kind=FORMAT,
-    )
+    to: str | None = optional("--to", "Format of the output. [default: by the suffix of OUT, or mcap]", kind=FORMAT)
 
 
 class FilterOptions(WritingLogs, LabelSources, ConfigOptions):
@@ -59,20 +65,18 @@ class FilterOptions(WritingLogs, LabelSources, ConfigOptions):
 
     use_case = UseCase("filter", "runs.filter.filter_log", plan="runs.plan.plan_filter")
 
-    csv_file: OptionalPath = option("--csv", "Also write a table with a row for each frame.", default=None)
-    objects_file: OptionalPath = option(
-        "--objects FILE", "Also write a table of objects over time, as the command `objects` does.", default=None
+    csv_file: OptionalPath = optional("--csv", "Also write a table with a row for each frame.")
+    objects_file: OptionalPath = optional(
+        "--objects FILE", "Also write a table of objects over time, as the command `objects` does."
     )
-    with_scene: bool = option(
+    with_scene: bool = optional(
         "--with-scene",
         "Write boxes around clusters, objects with their ids, and the boxes of --labels to /seaclutter/scene, for 3D "
         "panels; objects also to /seaclutter/objects.",
-        default=False,
     )
-    suspects: bool = option(
+    suspects: bool = optional(
         "--suspects",
         "Say in the summary how much was removed that may have been a target, as the command `suspects` finds it.",
-        default=False,
     )
 
 
@@ -116,7 +120,7 @@ class MaskOptions(Replacing, OfLogs):
     output: OptionalPath = option(
         "-o --output MASK.csv", "Write the mask, for the configuration key filter.mask.", default=None, kw_only=False
     )
-    plot_file: OptionalPath = option("--plot", "Draw the mask (.png or .svg).", default=None)
+    plot_file: OptionalPath = optional("--plot", "Draw the mask (.png or .svg).")
     reach_m: float = option(
         "--reach METRES",
         "Range up to which structure is searched; somewhat more than own ship's length.",
@@ -134,10 +138,9 @@ class ViewOptions(Replacing, OfLogs, LabelSources, ConfigOptions):
 
     use_case = UseCase("view", "runs.report.view_logs", messages=("quiet", "verbose", "log_file"))
 
-    target: OptionalPath = option(
+    target: OptionalPath = optional(
         "--save FILE.rrd",
         "Write a file for the viewer instead of opening it; needs no display.",
-        default=None,
         kind=Place(output=True),
     )
     port: int = option("--port", "Port of the viewer.", default=9876, kind=Whole(1, 65535))
@@ -154,36 +157,28 @@ class CalibrateOptions(Replacing, BatchOptions, OfLogs, LabelSources, ConfigOpti
     use_case = UseCase("calibrate", "runs.calibrate.calibrate")
     left_out = ("fail_fast", "resume", "manifest")
 
-    output: OptionalPath = option(
-        "-o --output CONFIG", "Configuration to write, for filter -c.", default=None, required=True
-    )
+    output: OptionalPath = optional("-o --output CONFIG", "Configuration to write, for filter -c.", required=True)
     filter_rate: float = option(
         "--filter-rate SHARE",
         "Share of the clutter points in each range ring that its threshold must remove.",
         default=0.8,
         kind=Number(0, 1, above=True),
     )
-    max_left: float | None = option(
+    max_left: float | None = optional(
         "--max-left POINTS",
         "Raise the filter rate of a range ring until at most POINTS clutter points per frame are left.",
-        default=None,
         kind=Number(0, above=True),
     )
-    choose: bool = option(
+    choose: bool = optional(
         "--choose",
         "With --labels: compare values of --filter-rate and --max-left on held-out frames, and use the one with "
         "the fewest frames with an error.",
-        default=False,
     )
-    trade_off: bool = option(
-        "--trade-off", "With --labels: show what these values cost and gain, without choosing.", default=False
+    trade_off: bool = optional("--trade-off", "With --labels: show what these values cost and gain, without choosing.")
+    keep_end: bool = optional(
+        "--keep-end", "Keep the far limit end_m of the configuration; implied by -s filter.end_m=METRES."
     )
-    keep_end: bool = option(
-        "--keep-end", "Keep the far limit end_m of the configuration; implied by -s filter.end_m=METRES.", default=False
-    )
-    plot_file: OptionalPath = option(
-        "--plot", "Also plot clutter and thresholds over range (.png or .svg).", default=None
-    )
+    plot_file: OptionalPath = optional("--plot", "Also plot clutter and thresholds over range (.png or .svg).")
 
 
 class EvaluateOptions(Replacing, BatchOptions, OfLabelledLogs, MethodOptions):
@@ -199,17 +194,16 @@ class EvaluateOptions(Replacing, BatchOptions, OfLabelledLogs, MethodOptions):
     labels: Converted[PathLike | Sequence[PathLike] | None, tuple[Path, ...]] = option(
         "--labels LABELS", LABELS_HELP, default=(), kind=Place(remote=True), kw_only=False
     )
-    without_labels: bool = option(
-        "--without-labels", "Show indications of the quality of methods that need no labels.", default=False
+    without_labels: bool = optional(
+        "--without-labels", "Show indications of the quality of methods that need no labels."
     )
-    frames_file: OptionalPath = option(
-        "-o --output FRAMES.csv", "Write a table with a row for each frame and method.", default=None
+    frames_file: OptionalPath = optional(
+        "-o --output FRAMES.csv", "Write a table with a row for each frame and method."
     )
-    summary_file: OptionalPath = option("--summary FILE.json", "Write all results as JSON.", default=None)
-    clustering: Literal["euclidean", "dbscan"] | None = option(
+    summary_file: OptionalPath = optional("--summary FILE.json", "Write all results as JSON.")
+    clustering: Literal["euclidean", "dbscan"] | None = optional(
         "--clustering",
         "Clustering algorithm; by default that of the configuration. With dbscan, also show its measures.",
-        default=None,
     )
 
 
@@ -268,17 +262,12 @@ class TuneOptions(Replacing, BatchOptions, OfLabelledLogs, MethodOptions):
         default=0.25,
         kind=Number(0, 1, below=True),
     )
-    output: OptionalPath = option(
-        "-o --output CONFIG.yaml", "Write the configuration with the best values.", default=None
-    )
-    csv_file: OptionalPath = option("--csv", "Write a table with a row for each combination.", default=None)
-    curve_file: OptionalPath = option(
-        "--plot", "Plot the rates over the values of a single --sweep (.png or .svg).", default=None
-    )
-    thresholds_file: OptionalPath = option(
+    output: OptionalPath = optional("-o --output CONFIG.yaml", "Write the configuration with the best values.")
+    csv_file: OptionalPath = optional("--csv", "Write a table with a row for each combination.")
+    curve_file: OptionalPath = optional("--plot", "Plot the rates over the values of a single --sweep (.png or .svg).")
+    thresholds_file: OptionalPath = optional(
         "--plot-thresholds",
         "Plot the threshold of a range ring over the frames for each combination and the ideal one (.png, .svg).",
-        default=None,
     )
     ring: int = option("--ring K", "Range ring of --plot-thresholds, from 1.", default=2, kind=Whole(1))
 
@@ -296,8 +285,8 @@ class ReportOptions(Replacing, OfLogs, LabelSources, MethodOptions):
     output: Converted[PathLike, Path] = option(
         "-o --output REPORT.html", "HTML page to write; one file that opens offline in any browser.", kw_only=False
     )
-    figure_folder: OptionalPath = option(
-        "--figures DIR", "Also write every figure as a separate file for print.", default=None, kind=Place(remote=True)
+    figure_folder: OptionalPath = optional(
+        "--figures DIR", "Also write every figure as a separate file for print.", kind=Place(remote=True)
     )
     figure_format: Literal["svg", "png"] = option("--figure-format", "Format of --figures.", default="svg")
     shown: int = option(
@@ -306,7 +295,7 @@ class ReportOptions(Replacing, OfLogs, LabelSources, MethodOptions):
     picks: Converted[int | Sequence[int], tuple[int, ...]] = option(
         "--pick K", "Also show frame K; repeatable.", default=(), kind=Whole(0)
     )
-    command: str | None = option("", "Command line that the page shows.", default=None)
+    command: str | None = optional("", "Command line that the page shows.")
 
 
 class ObjectsOptions(Replacing, BatchOptions, OfLogs, ConfigOptions):
@@ -393,10 +382,9 @@ class SuspectsOptions(Replacing, BatchOptions, OfLogs, ConfigOptions):
     output: OptionalPath = option(
         "-o --output SUSPECTS.csv", "Write a table with a row for each suspect.", default=None, kw_only=False
     )
-    picture_folder: OptionalPath = option(
+    picture_folder: OptionalPath = optional(
         "--pictures DIR",
         "Draw each suspect that is shown, before and after the filter; reads the logs twice.",
-        default=None,
         kind=Place(remote=True),
     )
     shown: int = option("--show", "Number of suspects of each kind to show.", default=10, kind=Whole(1, 500))
@@ -441,27 +429,19 @@ class SimulateOptions(Replacing, BatchOptions, Observed):
         kind=Place(output=True, or_folder=True),
         kw_only=False,
     )
-    frames: int | None = option("-n --frames", "Number of frames; overrides the scene.", default=None, kind=Whole(1))
-    seed: int | None = option(
-        "--seed", "Random seed; overrides the scene. 1 by default for a layout.", default=None, kind=Whole(0)
-    )
-    physics: Literal["wide"] | None = option(
+    frames: int | None = optional("-n --frames", "Number of frames; overrides the scene.", kind=Whole(1))
+    seed: int | None = optional("--seed", "Random seed; overrides the scene. 1 by default for a layout.", kind=Whole(0))
+    physics: Literal["wide"] | None = optional(
         "--physics",
         "Draw water, weather, lidar and own ship from ranges of published physics; with SCENE random, all of it.",
-        default=None,
     )
-    lidar: str | None = option("--lidar NAME", "Lidar model; overrides the scene.", default=None)
-    form: Literal["mcap", "pcap"] | None = option(
-        "--format",
-        "MCAP with PointCloud2, or packets of a RoboSense lidar; by default from the suffix of LOG.",
-        default=None,
+    lidar: str | None = optional("--lidar NAME", "Lidar model; overrides the scene.")
+    form: Literal["mcap", "pcap"] | None = optional(
+        "--format", "MCAP with PointCloud2, or packets of a RoboSense lidar; by default from the suffix of LOG."
     )
-    scene_file: OptionalPath = option(
-        "--scene-file YAML", "Save the scene with all defaults and comments, for editing.", default=None
+    scene_file: OptionalPath = optional(
+        "--scene-file YAML", "Save the scene with all defaults and comments, for editing."
     )
-    seeds: Converted[str | Sequence[int] | None, tuple[int, ...] | None] = option(
-        "--seeds SEEDS",
-        "Simulate a recording for each seed, such as 1..5 or 1,2,7.",
-        default=None,
-        kind=Parsed(parse_seeds),
+    seeds: Converted[str | Sequence[int] | None, tuple[int, ...] | None] = optional(
+        "--seeds SEEDS", "Simulate a recording for each seed, such as 1..5 or 1,2,7.", kind=Parsed(parse_seeds)
     )
