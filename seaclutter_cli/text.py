@@ -87,11 +87,6 @@ def legend(meanings: Mapping[str, str]) -> str:
     return "\n".join(lines)
 
 
-def indented(text: str) -> str:
-    """Return text with every line indented by two spaces."""
-    return "\n".join("  " + line for line in text.splitlines())
-
-
 def count(number: int, noun: str) -> str:
     """Return a number with its noun in the singular or plural: ``1,200 points``, ``2 boxes``."""
     plural = "es" if noun.endswith("x") else "s"

@@ -3,7 +3,7 @@
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
 from functools import cache
 from pathlib import Path
 from threading import Thread
@@ -32,24 +32,18 @@ _QUOTA = Path("/sys/fs/cgroup/cpu.max")
 
 def waited(work: Callable[[], R], most_s: float) -> R:
     """Return the result of work in a thread, or its error; interrupts end the wait. `TimeoutError` if it takes long."""
-    results: list[R] = []
-    errors: list[BaseException] = []
+    future, end = Future[R](), monotonic() + most_s
 
     def run() -> None:
         try:
-            results.append(work())
+            future.set_result(work())
         except BaseException as error:  # noqa: BLE001 - raised in the thread that waits
-            errors.append(error)
+            future.set_exception(error)
 
-    thread, end = Thread(target=run, daemon=True), monotonic() + most_s
-    thread.start()
-    while thread.is_alive() and monotonic() < end:
-        thread.join(min(_WAKE_S, most_s))
-    for error in errors:
-        raise error
-    if not results:
-        raise TimeoutError
-    return results[0]
+    Thread(target=run, daemon=True).start()
+    while not future.done() and monotonic() < end:
+        wait([future], min(_WAKE_S, most_s))
+    return future.result(0)
 
 
 def threads() -> int:

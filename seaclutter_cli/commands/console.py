@@ -7,7 +7,7 @@ import sys
 import time
 from collections import Counter
 from contextlib import closing, contextmanager, suppress
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
@@ -160,15 +160,12 @@ class _PlainProgress:
 
 def show_each_warning_once() -> Callable[..., None]:
     """Return a handler for Python's warnings, in place of `warnings.showwarning`."""
-    shown: set[str] = set()
+    show_once = cache(show_line)
 
     def show_warning(message: Warning | str, category: type[Warning], filename: str, line: int, *_: Any) -> None:
         own = issubclass(category, OWN_WARNINGS)
         origin = "" if own else f" ({category.__name__}, {filename}:{line})"
-        text = f"Warning: {message}{origin}"
-        if text not in shown:
-            shown.add(text)
-            show_line(text)
+        show_once(f"Warning: {message}{origin}")
 
     return show_warning
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -254,11 +254,9 @@ class EvaluateWork(RecordingWork[Evaluated]):
 
 def warn_once(observer: Observer, outcome: Evaluated, texts: Iterable[str]) -> None:
     """Warn of each text when it comes first."""
-    warned = set[str]()
+    warn = cache(observer.warn)
     for text in texts:
-        if text not in warned:
-            warned.add(text)
-            observer.warn(f"{outcome.recording}: {text}")
+        warn(f"{outcome.recording}: {text}")
 
 
 @dataclass(frozen=True)

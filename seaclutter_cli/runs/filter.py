@@ -6,6 +6,7 @@ from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from itertools import chain
+from textwrap import indent
 from time import perf_counter
 from typing import IO, TYPE_CHECKING, Any
 
@@ -33,7 +34,7 @@ from seaclutter_cli.sinks.csv import FrameTable
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sinks.options import McapOptions
 from seaclutter_cli.sources.recordings import Recording
-from seaclutter_cli.text import count, data_size, indented, printable, share, table
+from seaclutter_cli.text import count, data_size, printable, share, table
 
 if TYPE_CHECKING:
     from seaclutter_cli.suspects.finder import Suspect, SuspectFinder
@@ -188,7 +189,7 @@ class FilterOutcome(LogOutcome):
                 place = f"{count(found[0].points, 'point')} at {found[0].range_m:.0f} m in frame {found[0].frame}"
                 number = f"removed, and may have been targets: {count(len(found), 'suspect')}"
                 blocks[-1] = f"{number}; first {place} (see: seaclutter suspects)"
-        return indented("\n".join(blocks))
+        return indent("\n".join(blocks), "  ")
 
 
 def _ring_table(rings: Sequence[Mapping[str, float]], beyond: Mapping[str, float], others: str) -> str:

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from textwrap import indent
 from time import perf_counter
 from typing import Any
 
@@ -22,7 +23,7 @@ from seaclutter_cli.simulation.marine.recording import SimulatedFrame
 from seaclutter_cli.simulation.marine.scene import Scene, save_scene
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sources.recordings import Recording
-from seaclutter_cli.text import count, indented, named_folder, printable, table
+from seaclutter_cli.text import count, named_folder, printable, table
 from seaclutter_cli.truth import CLUTTER, IGNORED, OBJECT_CLASSES
 
 _TILE_SUFFIXES = (".las", ".laz")
@@ -152,7 +153,7 @@ class SimulationResult(Result):
         rows = [(one["label"], f"{one['points'] / self.frames:,.0f}") for one in self.listed()]
         pace = f"{count(self.frames, 'frame')} in {self.seconds:.1f} s ({self.frames / self.seconds:.0f} frames/s)"
         files = printable(f"{self.output}, {self.labels}")
-        return f"{files}\n{indented(table(('label', 'points per frame'), rows))}\n{pace}"
+        return f"{files}\n{indent(table(('label', 'points per frame'), rows), '  ')}\n{pace}"
 
 
 @dataclass(frozen=True)
@@ -185,7 +186,7 @@ class TileSimulationResult(Result):
         land = [("land", "", f"{self.land:,}")] if self.scene.land else []
         shown = table(("class", "objects", "points"), [("sea", "", f"{self.sea:,}"), *land, *rows])
         output, total = printable(str(self.output)), self.points.total() + self.land
-        return f"{output}\n{indented(shown)}\n{count(total, 'point')} in {self.seconds:.1f} s"
+        return f"{output}\n{indent(shown, '  ')}\n{count(total, 'point')} in {self.seconds:.1f} s"
 
 
 def _simulate_seeds(options: SimulateOptions, seeds: Sequence[int]) -> "SeedsResult":
