@@ -8,9 +8,10 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
+from types import SimpleNamespace
 from typing import Any
 
-from seaclutter_cli.messages.serialisation import NANO, Ros
+from seaclutter_cli.messages.serialisation import NANO, Ros, version_of
 from seaclutter_cli.records import Channel, Schema
 
 _PACKET_MESSAGES = {
@@ -62,29 +63,26 @@ def full_name(name: str) -> str:
 
 
 @lru_cache(maxsize=64)
+def _schema(store: Any, typename: str, ros: Ros) -> Schema:
+    """Return the schema of a message in a type store, with those of nested messages, for a version of ROS."""
+    definition, _ = store.generate_msgdef(typename, ros_version=ros)
+    return Schema(typename if ros == 2 else typename.replace("/msg/", "/"), f"ros{ros}msg", definition.encode())
+
+
 def ros2_schema(typename: str) -> Schema:
     """Return the schema of a known ROS 2 message with those of nested messages; `KeyError` if it is unknown."""
     from rosbags.typesys import TypesysError
 
     try:
-        definition, _ = typestore(2).generate_msgdef(typename, ros_version=2)
+        return _schema(typestore(2), typename, 2)
     except TypesysError as error:
         raise KeyError(typename) from error
-    return Schema(typename, "ros2msg", definition.encode())
-
-
-@cache
-def _cloud_schema(encoding: str) -> Schema:
-    """Return the schema of ``sensor_msgs/PointCloud2`` in the version of ROS of a message encoding."""
-    if encoding != "ros1":
-        return ros2_schema("sensor_msgs/msg/PointCloud2")
-    definition, _ = typestore(1).generate_msgdef("sensor_msgs/msg/PointCloud2", ros_version=1)
-    return Schema("sensor_msgs/PointCloud2", "ros1msg", definition.encode())
 
 
 def points_channel(channel: Channel) -> Channel:
     """Return a channel of ``sensor_msgs/PointCloud2`` in place of one of other ROS messages."""
-    return replace(channel, schema=_cloud_schema(channel.message_encoding))
+    ros = version_of(channel.message_encoding)
+    return replace(channel, schema=_schema(typestore(ros), "sensor_msgs/msg/PointCloud2", ros))
 
 
 @cache
@@ -128,15 +126,13 @@ def companion_format(
     if cloud_encoding not in ("cdr", "ros1"):
         schema = json_schema()
         return "json", Schema(schema["title"], "jsonschema", json.dumps(schema).encode()), _json
-    store, version = typestore(), 2 if cloud_encoding == "cdr" else 1
-    text = store.generate_msgdef(kind, ros_version=version)[0].encode()
-    schema_name = kind if version == 2 else kind.replace("/msg", "")
+    store, version = typestore(), version_of(cloud_encoding)
     serialise, least_s = (store.serialize_cdr, -(2**31)) if version == 2 else (store.serialize_ros1, 0)
 
     def ros(content: Content) -> bytes:
-        return bytes(serialise(_message(store, content, kind, least_s), kind))
+        return bytes(serialise(_object(content, least_s), kind))
 
-    return cloud_encoding, Schema(schema_name, f"ros{version}msg", text), ros
+    return cloud_encoding, _schema(store, kind, version), ros
 
 
 def _json(content: Content) -> bytes:
@@ -153,20 +149,13 @@ def _plain(value: Any) -> Any:
     return value.tolist()
 
 
-def _message(store: Any, content: Any, kind: str, least_s: int) -> Any:
-    from rosbags.interfaces import Nodetype
-
+def _object(content: Any, least_s: int) -> Any:
+    """Return values as what rosbags serialises: objects with the fields as attributes."""
     if isinstance(content, Time):
         seconds, nanoseconds = divmod(content.ns, NANO)
         seconds = min(max(seconds, least_s), least_s + 2**32 - 1)
         # The type store has only the signed time of ROS 2; the bytes are the same.
-        return store.types[kind](seconds - 2**32 if seconds >= 2**31 else seconds, nanoseconds)
-    values = {}
-    for field, (base, detail) in store.fielddefs[kind][1]:
-        value = content[field]
-        if base == Nodetype.NAME:
-            value = _message(store, value, detail, least_s)
-        elif base == Nodetype.SEQUENCE and detail[0][0] == Nodetype.NAME:
-            value = [_message(store, item, detail[0][1], least_s) for item in value]
-        values[field] = value
-    return store.types[kind](**values)
+        return SimpleNamespace(sec=seconds - 2**32 if seconds >= 2**31 else seconds, nanosec=nanoseconds)
+    if isinstance(content, Mapping):
+        return SimpleNamespace(**{field: _object(value, least_s) for field, value in content.items()})
+    return [_object(item, least_s) for item in content] if isinstance(content, list) else content

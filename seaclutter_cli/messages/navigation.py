@@ -15,7 +15,7 @@ from seaclutter_cli.cloud import rotation
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.frame import Attitude
 from seaclutter_cli.messages.definitions import full_name
-from seaclutter_cli.messages.serialisation import Reader
+from seaclutter_cli.messages.serialisation import Reader, reader_of
 from seaclutter_cli.records import Channel, Message, Record
 
 _MAX_TRANSFORMS = 1000
@@ -167,7 +167,7 @@ class Navigation:
         read = _READERS.get(full_name(record.channel.schema.name)) if record.channel.schema else None
         if read is not None:
             with suppress(CloudError):
-                read(self, Reader(record.data, 1 if record.channel.message_encoding == "ros1" else 2), record)
+                read(self, reader_of(record), record)
 
     def pose(self, frame_id: str, stamp_ns: int) -> tuple[float, float, float] | None:
         """Return position and yaw of a frame in one that is fixed, in metres and radians; None if it is not known."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.cloud import FIELD_TYPES, MAX_FIELDS, Cloud, PointField
 from seaclutter_cli.errors import CloudError
-from seaclutter_cli.records import Buffer
+from seaclutter_cli.records import Buffer, Message
 from seaclutter_cli.text import count
 
 Ros = Literal[1, 2]
@@ -19,6 +19,11 @@ Ros = Literal[1, 2]
 
 NANO = 1_000_000_000
 _CDR_BIG_ENDIAN, _CDR_LITTLE_ENDIAN = 0, 1
+
+
+def version_of(encoding: str) -> Ros:
+    """Return the version of ROS whose messages have an encoding, ``ros1`` or ``cdr``."""
+    return 1 if encoding == "ros1" else 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +131,11 @@ class Reader:
     def left(self) -> int:
         """Number of bytes that are not read yet."""
         return len(self._data) - self._at
+
+
+def reader_of(message: Message) -> Reader:
+    """Return a reader of a ROS message."""
+    return Reader(message.data, version_of(message.channel.message_encoding))
 
 
 class Writer:

@@ -10,7 +10,7 @@ from seaclutter_cli.errors import CloudError, FieldError
 from seaclutter_cli.messages import CODECS, declares_latched, find_codec, layouts
 from seaclutter_cli.messages.definitions import full_name
 from seaclutter_cli.messages.layouts import Struct, TranslationError
-from seaclutter_cli.messages.serialisation import Ros, Writer
+from seaclutter_cli.messages.serialisation import Ros, Writer, version_of
 from seaclutter_cli.records import Buffer, Channel, Schema
 
 CDR, ROS1 = "cdr", "ros1"
@@ -98,7 +98,7 @@ def translator(channel: Channel, encoding: str) -> Translator:
         raise TranslationError("its messages have no definition")
     if channel.message_encoding not in (CDR, ROS1):
         return _cloud_translator(channel, encoding)
-    ros, name = _version(encoding), full_name(channel.schema.name)
+    ros, name = version_of(encoding), full_name(channel.schema.name)
     known, before = layouts.known_types(ros), layouts.known_types(1 if ros == 2 else 2)
     # Clouds are read as they are known, whatever the log says about them.
     types = before if find_codec(channel) and name in before else layouts.types_of(channel.schema)
@@ -108,10 +108,6 @@ def translator(channel: Channel, encoding: str) -> Translator:
     target = layouts.Layouts(known).struct(name) if name in known else source
     change, lost = (layouts.as_is, []) if source == target else layouts.change_between(source, target)
     return Translator(out, partial(_convert, ros, source, target, change), tuple(lost))
-
-
-def _version(encoding: str) -> Ros:
-    return 2 if encoding == CDR else 1
 
 
 def _channel(channel: Channel, encoding: str, schema: Schema, checksum: str) -> Channel:
@@ -131,7 +127,7 @@ def _with_checksum(channel: Channel, encoding: str) -> Channel:
         return channel
     try:
         _, checksum = layouts.definition_of(
-            layouts.types_of(channel.schema), full_name(channel.schema.name), _version(encoding)
+            layouts.types_of(channel.schema), full_name(channel.schema.name), version_of(encoding)
         )
     except TranslationError:
         return channel
@@ -153,7 +149,7 @@ def _convert(ros: Ros, source: Struct, target: Struct, change: Callable[[Any], A
 
 
 def _cloud_translator(channel: Channel, encoding: str) -> Translator:
-    codec, ros = find_codec(channel), _version(encoding)
+    codec, ros = find_codec(channel), version_of(encoding)
     if codec is None:
         raise TranslationError(f"its messages are encoded as {channel.message_encoding}")
     schema, checksum = layouts.definition_of(layouts.known_types(ros), _CLOUD, ros)

@@ -8,7 +8,7 @@ import numpy as np
 
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.messages.definitions import full_name
-from seaclutter_cli.messages.serialisation import Reader
+from seaclutter_cli.messages.serialisation import reader_of
 from seaclutter_cli.records import Buffer, Channel, Message
 from seaclutter_cli.sensors.packets import Packets
 from seaclutter_cli.text import count
@@ -173,8 +173,3 @@ def read_recorded(message: Message) -> bytes:
         read.numbers("II")
     read.number("I")
     return bytes(read.blob())
-
-
-def reader_of(message: Message) -> Reader:
-    """Return a reader of a ROS message."""
-    return Reader(message.data, 1 if message.channel.message_encoding == "ros1" else 2)
