@@ -267,7 +267,7 @@ class CaptureSource(Source):
             for number, packets in udp.packets(self._reader(), kinds.get):
                 for frame in streams[number].add(packets):
                     yield from merge.add(number, frame)
-                if end_ns is not None and merge.latest_ns >= end_ns:
+                if end_ns is not None and min(merge.latest_ns) >= end_ns:
                     yield from merge.finish()
                     return
         except LostDataError as error:
@@ -298,18 +298,14 @@ class _Merge:
     def __init__(self, streams: Sequence[CloudStream]) -> None:
         self._streams = streams
         self._waiting: list[deque[PacketFrame]] = [deque() for _ in streams]
-        self._latest_ns = [0] * len(streams)
+        self.latest_ns = [0] * len(streams)
+        """Times up to which the frames of the sensors have been added."""
 
     def add(self, number: int, frame: PacketFrame) -> Iterator[Message]:
         self._waiting[number].append(frame)
-        self._latest_ns[number] = frame.stamp_ns
+        self.latest_ns[number] = frame.stamp_ns
         while all(self._waiting) or max(map(len, self._waiting)) > _MAX_WAITING:
             yield from self._next()
-
-    @property
-    def latest_ns(self) -> int:
-        """Time up to which the frames of every sensor have been added."""
-        return min(self._latest_ns)
 
     def finish(self) -> Iterator[Message]:
         while any(self._waiting):

@@ -146,13 +146,7 @@ class Udp:
 
     def _heads(self, records: Records) -> NDArray[np.uint8]:
         """Return the first bytes of each record, shape (R, 128), padded with zeros after its end."""
-        heads = np.zeros((len(records.offsets), _HEAD), np.uint8)
-        inside = records.offsets + _HEAD <= len(self._file)
-        if inside.any():
-            heads[inside] = _gather(self._file, records.offsets[inside], _HEAD)
-        for row in np.flatnonzero(~inside).tolist():
-            rest = self._file[int(records.offsets[row]) : len(self._file)]
-            heads[row, : len(rest)] = np.frombuffer(rest, np.uint8)
+        heads = _gather(self._file, records.offsets, _HEAD)
         short = np.flatnonzero(records.lengths < _HEAD)
         heads[short] *= np.arange(_HEAD) < records.lengths[short, None]
         return heads
@@ -199,8 +193,9 @@ class Udp:
 
 
 def _gather(file: LogFile, offsets: NDArray[np.int64], size: int) -> _Payloads:
+    """Return bytes of a file from some offsets on, shape (R, size); those after its end are zeros."""
     start, stop = int(offsets.min()), int(offsets.max()) + size
-    block = file[start:stop]
+    block = file[start:stop] if stop <= len(file) else bytes(file[start:stop]).ljust(stop - start, b"\0")
     return np.ndarray((stop - start - size + 1, size), np.uint8, block, strides=(1, 1))[offsets - start]
 
 
