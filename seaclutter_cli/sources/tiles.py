@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.cloud import INTENSITY_NAMES
 from seaclutter_cli.errors import CloudError, InputError, UsageError, opening, requiring
+from seaclutter_cli.frame import Frame
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.las import CHUNK_POINTS, open_las, parts_of, with_records
 from seaclutter_cli.sources.frame_files.reading import reading
@@ -107,6 +107,8 @@ class Tile(ABC):
     path: Path
     size: int
     crs = Crs()
+    intensity_name: str | None = "intensity"
+    """Name of the intensity field, by default that of LAS; None without."""
 
     @property
     @abstractmethod
@@ -140,12 +142,6 @@ class Tile(ABC):
         """Return an attribute of all points by its LAS name, shape (N,); None if the tile does not have it."""
         own = self.intensity_name if name == "intensity" else name
         return self.columns([own]).get(own) if own else None
-
-    @property
-    def intensity_name(self) -> str | None:
-        """Name of the intensity field; None without."""
-        folded = {name.lower(): name for name in reversed(self.names)}
-        return next((folded[usual] for usual in INTENSITY_NAMES if usual in folded), None)
 
 
 class LasTile(Tile):
@@ -186,7 +182,7 @@ class CloudTile(Tile):
     def __init__(self, path: Path) -> None:
         self.path = path
         self.cloud: Cloud = FRAME_READERS[path.suffix.lower()](path)
-        self.size = self.cloud.size
+        self.size, self.intensity_name = self.cloud.size, Frame(self.cloud).intensity_name
         missing = [axis for axis in "xyz" if axis not in self.names]
         if missing:
             raise CloudError(f"no field {missing[0]!r}")

@@ -7,6 +7,7 @@ fit none, or several, are not read.
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -89,13 +90,9 @@ def parse_columns(text: str) -> np.dtype[np.void]:
 
 def title(layout: np.dtype[np.void]) -> str:
     """Return a layout as `parse_columns` reads it."""
-    names = [name.partition(" ")[0] for name in layout.names or ()]
-    kinds = [layout[name].str.removeprefix("<").removeprefix("|") for name in layout.names or ()]
-    last = max((index for index, kind in enumerate(kinds) if kind != "f4"), default=-1)
-    ends = [
-        index <= last and kind != after for index, (kind, after) in enumerate(zip(kinds, [*kinds[1:], ""], strict=True))
-    ]
-    return ",".join(f"{name}:{kind}" if end else name for name, kind, end in zip(names, kinds, ends, strict=True))
+    alike = groupby(layout.names or (), lambda name: layout[name].str.removeprefix("<").removeprefix("|"))
+    parts = [f"{','.join(name.partition(' ')[0] for name in names)}:{kind}" for kind, names in alike]
+    return ",".join(parts).removesuffix(":f4")
 
 
 def known_columns(text: str) -> str:
@@ -217,10 +214,9 @@ def _odd_axis(xyz: NDArray[np.float64], points: Points) -> str | None:
         return f"{odd[0]} has whole numbers only"
     if xyz.shape[1] >= MANY_POINTS:
         spans = np.ptp(xyz, axis=1)
-        if spans.any() and (
-            constant := next((name for name, span in zip("xy", spans[:2], strict=True) if not span), None)
-        ):
-            return f"{constant} is always the same"
+        constant = [name for name, span in zip("xy", spans[:2], strict=True) if not span]
+        if constant and spans.any():
+            return f"{constant[0]} is always the same"
         if points.dtype.names == ("x", "y", "z") and xyz[2].min() >= 0 and spans[2]:
             return "z is never negative"
     return None
