@@ -1,7 +1,6 @@
 """LAS and LAZ files that preserve everything in their source file."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
@@ -88,13 +87,18 @@ def _checked(laspy: Any, path: Path, header: Any) -> Any:
     return header
 
 
-@contextmanager
-def las_writer(
-    path: Path, header: Any, extra: ExtraDims, *, whole: bool, group: OutputGroup | None
-) -> Iterator[Callable[[Any, Mapping[str, Column]], None]]:
-    """Yield a function that writes points of a LAS or LAZ file with some dimensions changed or added.
+def write_las(
+    path: Path,
+    header: Any,
+    parts: Iterable[tuple[Any, Mapping[str, Column]]],
+    extra: ExtraDims,
+    *,
+    whole: bool = False,
+    group: OutputGroup | None = None,
+) -> None:
+    """Write points of a LAS or LAZ file, part by part, with some dimensions changed or added.
 
-    It takes n points of the source, which are not modified, and new values, shape (n,), for some dimensions. Scale,
+    A part is n points of the source, which are not modified, and new values, shape (n,), for some dimensions. Scale,
     offset and all other dimensions are preserved, as are the packed coordinates, the header and its records (VLR and
     EVLR). The file extension of the target selects LAZ or LAS. LAS 1.0 becomes LAS 1.2. If the ``whole`` source is
     written, its extents and counts are kept, even if they are wrong.
@@ -112,8 +116,7 @@ def las_writer(
     with AtomicFile(path, group) as file:
         writer = _start(laspy, file, own, packed=packed)
         has_layers, channels = packed and own.point_format.id in _LAYERED_WAVEFORMS, set[int]()
-
-        def write(points: Any, columns: Mapping[str, Column]) -> None:
+        for points, columns in parts:
             if has_layers:
                 channels.update(np.unique(np.asarray(points["scanner_channel"])).tolist())
             if len(channels) > 1:  # from the second channel on, lazrs compresses wrong values
@@ -126,8 +129,6 @@ def las_writer(
             for name, values in columns.items():
                 record[name] = values
             writer.write_points(record)
-
-        yield write
         if evlrs := getattr(own, "evlrs", None):
             writer.write_evlrs(evlrs)
         for name in _KEPT if whole else ():
@@ -147,21 +148,3 @@ def _start(laspy: Any, file: AtomicFile, header: Any, *, packed: bool) -> Any:
         )
     except Exception as error:
         raise OutputError(f"{file.path}: cannot be written as LAS ({error})") from error
-
-
-def write_las(
-    path: Path,
-    header: Any,
-    points: Iterable[Any],
-    columns: Mapping[str, Column],
-    extra: ExtraDims,
-    group: OutputGroup | None = None,
-) -> None:
-    """Write the points of a source, or of a part of it, chunk by chunk; each column has one value per point."""
-    start = 0
-    whole = all(len(values) == header.point_count for values in columns.values())
-    with las_writer(path, header, extra, whole=whole, group=group) as write:
-        for part in points:
-            end = start + len(part)
-            write(part, {name: values[start:end] for name, values in columns.items()})
-            start = end

@@ -2,12 +2,10 @@
 
 import zipfile
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
-from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -19,7 +17,6 @@ from seaclutter_cli.errors import OutputError
 from seaclutter_cli.messages import CODECS
 from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.records import Channel, Metadata
-from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.las import import_laspy
 from seaclutter_cli.sinks.mcap_writer import McapWriter
 from seaclutter_cli.text import count
@@ -67,7 +64,7 @@ def _write_pcd(stream: BinaryIO, cloud: Cloud) -> Lost:
     return lost
 
 
-def _write_ply(stream: BinaryIO, cloud: Cloud) -> Lost:
+def _write_ply(stream: BinaryIO, cloud: Cloud) -> None:
     """Write a binary PLY file of a packed cloud; each value of a field with several values becomes a property."""
     lines = ["ply", "format binary_little_endian 1.0", f"element vertex {cloud.size}"]
     for name, field in zip(_words(field.name for field in cloud.fields), cloud.fields, strict=True):
@@ -75,29 +72,22 @@ def _write_ply(stream: BinaryIO, cloud: Cloud) -> Lost:
         lines += [f"property {_PLY_NAMES[field.type]} {each}" for each in names]
     stream.write("\n".join([*lines, "end_header", ""]).encode(errors="replace"))
     stream.write(cloud.data)
-    return Lost()
 
 
-@contextmanager
-def cloud_log(stream: BinaryIO, *metadata: Metadata) -> Iterator[Callable[[int, Cloud], None]]:
-    """Yield a function that writes a cloud, with its number, as ROS 2 PointCloud2 on ``/points`` of an MCAP file."""
+def write_mcap(stream: BinaryIO, clouds: Iterable[Cloud], *metadata: Metadata) -> None:
+    """Write clouds, numbered from 0, as ROS 2 PointCloud2 on ``/points`` of an MCAP file."""
     writer = McapWriter(stream, profile="ros2")
     try:
         for record in metadata:
             writer.add_metadata(record)
         writer.add_channel(Channel(1, "/points", "cdr", ros2_schema(_TYPE)))
         encode = CODECS[_TYPE, "cdr"].encode
-        yield lambda number, one: writer.write(1, one.stamp_ns, one.stamp_ns, number, encode(one))
+        for number, one in enumerate(clouds):
+            writer.write(1, one.stamp_ns, one.stamp_ns, number, encode(one))
         writer.finish()
     except BaseException:
         writer.abort()
         raise
-
-
-def _write_mcap(stream: BinaryIO, cloud: Cloud) -> Lost:
-    with cloud_log(stream) as write:
-        write(0, cloud)
-    return Lost()
 
 
 def _write_npz(stream: BinaryIO, cloud: Cloud) -> Lost:
@@ -254,12 +244,6 @@ FRAME_WRITERS: Mapping[str, FrameWriter] = {
 POINT_WRITERS: Mapping[str, FrameWriter] = {
     ".pcd": _write_pcd,
     ".ply": _write_ply,
-    ".mcap": _write_mcap,
+    ".mcap": lambda stream, cloud: write_mcap(stream, [cloud]),
 }
 """Writers of tiles, as unorganised, packed clouds, by file extension. To add a format, add a line here."""
-
-
-def write_points(path: Path, cloud: Cloud, group: OutputGroup | None = None) -> None:
-    """Write an unorganised, packed cloud in the format of the file extension, a key of `POINT_WRITERS`."""
-    with AtomicFile(path, group) as file:
-        POINT_WRITERS[path.suffix.lower()](file.stream, cloud)

@@ -1,7 +1,7 @@
 """What all commands for tiles share: tiles, warnings, output files, and work on each tile."""
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
@@ -21,9 +21,9 @@ from seaclutter_cli.runs.options.classifiers import ClassifyTilesOptions, Separa
 from seaclutter_cli.runs.outputs import Paths, is_folder, outputs_in, prepare_outputs
 from seaclutter_cli.runs.recordings import O
 from seaclutter_cli.runs.resume import same_output_accepted
-from seaclutter_cli.sinks.atomic import OutputGroup
+from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.las import ExtraDims, TextRecord, with_texts, write_las
-from seaclutter_cli.sinks.point_files import POINT_WRITERS, with_columns, write_points
+from seaclutter_cli.sinks.point_files import POINT_WRITERS, with_columns
 from seaclutter_cli.sources.extents import TileHead, read_head, windows_of
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.recordings import Recording
@@ -160,15 +160,26 @@ class TileWork(Work[O]):
                 text = "internal waveform packets cannot be copied; store them in a separate file"
                 raise InputError(f"{tile.path}: {text}")
             header = with_texts(tile.header, texts) if texts else tile.header
-            write_las(self.target, header, tile.parts(), columns, extra, files)
+            whole = all(len(values) == tile.header.point_count for values in columns.values())
+            write_las(self.target, header, _changed(tile, columns), extra, whole=whole, group=files)
             return
         cloud = FRAME_READERS[tile.path.suffix.lower()](tile.path) if isinstance(tile, LasTile) else tile.cloud
-        write_points(self.target, with_columns(cloud, columns), files)
+        with AtomicFile(self.target, files) as file:
+            POINT_WRITERS[self.target.suffix.lower()](file.stream, with_columns(cloud, columns))
 
     @property
     def recording(self) -> Recording:  # type: ignore[override]
         """The tile."""
         return _Window((self.tile.path,), tile=self.tile) if self.tile.window else Recording((self.tile.path,))
+
+
+def _changed(tile: LasTile, columns: Mapping[str, NDArray[Any]]) -> Iterator[tuple[Any, dict[str, NDArray[Any]]]]:
+    """Yield the points of a tile in parts, with their values of the columns."""
+    start = 0
+    for part in tile.parts():
+        end = start + len(part)
+        yield part, {name: values[start:end] for name, values in columns.items()}
+        start = end
 
 
 def run_tiles(works: Sequence[TileWork[O]], files: OutputGroup, earlier: list[O | None] | None = None) -> list[O]:

@@ -5,16 +5,18 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
+from typing import Any
 from uuid import UUID
 
 import numpy as np
+from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Bytes, Floats, Indices, Rng, Rows
 from seaclutter_cli.simulation.airborne.coast import VEGETATION, Coast, TileWater, leaves, make_coast, water
 from seaclutter_cli.simulation.airborne.scene import AirborneParams, TileObject, TileScene, WaterParams
 from seaclutter_cli.simulation.airborne.shapes import KINDS, STEP_M, Patch
 from seaclutter_cli.sinks.atomic import OutputGroup
-from seaclutter_cli.sinks.las import import_laspy, las_writer
+from seaclutter_cli.sinks.las import import_laspy, write_las
 from seaclutter_cli.threads import in_order, threads
 
 _BEAMS = 7
@@ -322,10 +324,13 @@ def record_tile(
     header.creation_date = _CREATION_DATE
     header.uuid = UUID(int=0)
     header.global_encoding.wkt = True  # LAS 1.4 requires it from point format 6; some readers check
-    with las_writer(path, header, TRUTH, whole=False, group=group) as write:
+
+    def parts() -> Iterator[tuple[Any, dict[str, NDArray[Any]]]]:
         for points in simulate_strips(scene):
             record = laspy.ScaleAwarePointRecord.zeros(len(points), header=header)
             for name in (name for name in POINT.names or () if name not in TRUTH):
                 record[name] = points[name] / _ANGLE_UNIT_DEG if name == "scan_angle" else points[name]
-            write(record, {name: points[name] for name in TRUTH})
+            yield record, {name: points[name] for name in TRUTH}
             on_strip(points)
+
+    write_las(path, header, parts(), TRUTH, group=group)

@@ -2,8 +2,7 @@
 
 import json
 import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -12,7 +11,7 @@ import numpy as np
 
 from seaclutter_cli import __version__
 from seaclutter_cli.arrays import Floats, Ints, Rows
-from seaclutter_cli.cloud import from_array
+from seaclutter_cli.cloud import Cloud, from_array
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.records import Metadata
 from seaclutter_cli.sensors.robosense.models import BLOCKS, CHANNELS, MODELS
@@ -27,7 +26,7 @@ from seaclutter_cli.simulation.marine.terrain import Ground, GroundParams, SeaTe
 from seaclutter_cli.simulation.marine.wide import WideSea, WideWater
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import csv_line
-from seaclutter_cli.sinks.point_files import cloud_log
+from seaclutter_cli.sinks.point_files import write_mcap
 from seaclutter_cli.threads import in_order, threads
 from seaclutter_cli.truth import IGNORED, Boxes
 
@@ -154,27 +153,23 @@ START_NS = 1_700_000_000 * 10**9
 """Start of every simulated recording, in nanoseconds of Unix time."""
 
 _COLUMNS = ("frame", "track_id", "class", "x", "y", "z", "length", "width", "height", "yaw")
-_Write = Callable[[SimulatedFrame], None]
 
 
-@contextmanager
-def _mcap_log(scene: Scene, stream: BinaryIO) -> Iterator[_Write]:
-    """Yield a writer of PointCloud2 messages, stamped with the end of a frame, to an MCAP file with the scene."""
+def _write_log(scene: Scene, stream: BinaryIO, frames: Iterable[SimulatedFrame]) -> None:
+    """Write PointCloud2 messages, stamped with the end of a frame, to an MCAP file with the scene."""
     period_ns = round(10**9 / scene.lidar.rate_hz)
     entries = {"version": __version__, "scene": json.dumps(scene.as_dict())}
-    with cloud_log(stream, Metadata("scene", entries)) as write:
 
-        def add(frame: SimulatedFrame) -> None:
-            points = frame.points.copy()
-            points["timestamp"] += START_NS / 10**9
-            write(frame.index, from_array(points, stamp_ns=START_NS + (frame.index + 1) * period_ns))
+    def cloud(frame: SimulatedFrame) -> Cloud:
+        points = frame.points.copy()
+        points["timestamp"] += START_NS / 10**9
+        return from_array(points, stamp_ns=START_NS + (frame.index + 1) * period_ns)
 
-        yield add
+    write_mcap(stream, map(cloud, frames), Metadata("scene", entries))
 
 
-@contextmanager
-def _capture(scene: Scene, stream: BinaryIO) -> Iterator[_Write]:
-    """Yield a writer of packets of a RoboSense lidar, with its angles, to a PCAP file, which has no labels."""
+def _write_capture(scene: Scene, stream: BinaryIO, frames: Iterable[SimulatedFrame]) -> None:
+    """Write packets of a RoboSense lidar, with its angles, to a PCAP file, which has no labels."""
     name, lidar = scene.recording.lidar, scene.lidar
     if name not in MODELS:
         known = ", ".join(name for name in LIDARS if name in MODELS)
@@ -182,15 +177,12 @@ def _capture(scene: Scene, stream: BinaryIO) -> Iterator[_Write]:
     degrees = np.array((lidar.elevations_deg, lidar.azimuth_offsets_deg))
     info = write_info(MODELS[name], Angles(*np.round(100 * degrees).astype(np.int64))).tobytes()
     stream.write(pcap_header())
-
-    def add(frame: SimulatedFrame) -> None:
+    for frame in frames:
         columns = _columns(lidar, frame)
         stream.write(pcap_record(int(columns.times_ns[0]), ethernet_udp(INFO_PORT, info)))
         arrivals = (columns.times_ns + MODELS[name].packet_ns).tolist()
         payloads = (ethernet_udp(DATA_PORT, payload.tobytes()) for payload in write_data(MODELS[name], columns))
         stream.writelines(map(pcap_record, arrivals, payloads))
-
-    yield add
 
 
 def _columns(lidar: Lidar, frame: SimulatedFrame) -> Columns:
@@ -207,9 +199,9 @@ def _columns(lidar: Lidar, frame: SimulatedFrame) -> Columns:
     )
 
 
-FORMATS: Mapping[str, Callable[[Scene, BinaryIO], AbstractContextManager[_Write]]] = {
-    "mcap": _mcap_log,
-    "pcap": _capture,
+FORMATS: Mapping[str, Callable[[Scene, BinaryIO, Iterable[SimulatedFrame]], None]] = {
+    "mcap": _write_log,
+    "pcap": _write_capture,
 }
 """Writers of simulated recordings by file extension; to add a format, add a line here."""
 
@@ -232,18 +224,17 @@ def record(
     The files appear together, and with those of the group, when they are complete. Raise `OutputError` if a file cannot
     be written, `UsageError` if the format does not support the lidar.
     """
-    with (
-        OutputGroup(group) as files,
-        AtomicFile(log, files) as log_file,
-        AtomicFile(labels, files) as label_file,
-        FORMATS[log.suffix[1:]](scene, log_file.stream) as write,
-    ):
-        label_file.stream.write(csv_line(_COLUMNS))
+
+    def frames() -> Iterator[SimulatedFrame]:
         for frame in simulate_frames(scene):
-            write(frame)
+            yield frame
             boxes = frame.boxes
             rows = zip(boxes.tracks, boxes.classes, boxes.centers, boxes.sizes, boxes.yaws, strict=True)
             for track, kind, center, size, yaw in rows:
                 numbers = (f"{value:.3f}" for value in (*center, *size))
                 label_file.stream.write(csv_line((frame.index, track, kind, *numbers, f"{yaw:.4f}")))
             on_frame(frame)
+
+    with OutputGroup(group) as files, AtomicFile(log, files) as log_file, AtomicFile(labels, files) as label_file:
+        label_file.stream.write(csv_line(_COLUMNS))
+        FORMATS[log.suffix[1:]](scene, log_file.stream, frames())
