@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Indices, Ints, Mask
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.echoes import Echoes, Sea
 from seaclutter_cli.filters.confirmation.objects import Clusters
@@ -12,10 +13,6 @@ from seaclutter_cli.filters.zones import LEAST_M
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.tracking.detections import Detections
 from seaclutter_cli.water import Mounting
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 _MAX_BODIES = 1000
 _MAX_RISE = 4.0
@@ -34,7 +31,7 @@ class Bodies:
     """
 
     points: Indices
-    start: NDArray[np.int64]
+    start: Ints
     found: Detections
     top_m: Floats
     rise: Floats
@@ -47,7 +44,7 @@ class Bodies:
     def __len__(self) -> int:
         return len(self.start)
 
-    def sums(self, values: NDArray[np.generic]) -> NDArray[np.int64]:
+    def sums(self, values: NDArray[np.generic]) -> Ints:
         """Return the sums of whole numbers or truth values of the points of the frame over each body, shape (K,)."""
         return np.add.reduceat(values[self.points].astype(np.int64), self.start) if len(self) else np.empty(0, np.int64)
 

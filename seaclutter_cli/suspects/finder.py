@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Bytes, Floats, Ints, Mask
 from seaclutter_cli.clustering import ClusterFinder
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.suspects.bodies import Bodies, BodyFinder
@@ -18,8 +18,6 @@ from seaclutter_cli.tracking.detections import Detections
 from seaclutter_cli.tracking.tracker import Track, Tracker
 from seaclutter_cli.water import Mounting
 
-Floats = NDArray[np.float64]
-Counts = NDArray[np.int64]
 Moment = tuple[int, int, float]
 """Number of a frame, its stamp, and its time in seconds."""
 
@@ -38,10 +36,6 @@ _MAX_STEPS = 256
 _MAX_LISTED = 500
 LIKELY, UNLIKELY = 0.15, 0.05
 """Score from which what was removed is listed, and up to which what was kept is."""
-
-
-def _zeros(methods: int) -> Counts:
-    return np.zeros(methods, np.int64)
 
 
 @dataclass(frozen=True)
@@ -96,10 +90,10 @@ class Body:
 
     first: Moment
     last: Moment
-    was_kept: NDArray[np.bool_]
-    lost: Counts
-    kept: Counts
-    changes: Counts
+    was_kept: Mask
+    lost: Ints
+    kept: Ints
+    changes: Ints
     looks: int = 0
     rise: float = 0.0
     alone: float = 0.0
@@ -108,19 +102,13 @@ class Body:
     size_m: float = 0.0
     is_flat: bool = False
     top_m: float = -math.inf
-    reasons: Counts = field(default_factory=lambda: np.zeros(len(Reason), np.int64))
+    reasons: Ints = field(default_factory=lambda: np.zeros(len(Reason), np.int64))
     points_kept: int = 0
     best: dict[str, tuple[int, int, int, Floats]] = field(default_factory=dict)
     """Of the looks in which it was removed or kept, the most points, frame, stamp, and centre, shape (3,)."""
     speed_ms: float = 0.0
     _steps: deque[float] = field(default_factory=lambda: deque(maxlen=_MAX_STEPS))
     _before: deque[tuple[float, Floats]] = field(default_factory=lambda: deque(maxlen=2))
-
-    @classmethod
-    def begun(cls, moment: Moment, was_kept: NDArray[np.bool_], *, is_flat: bool = False) -> Self:
-        """Return a body that is seen for the first time."""
-        lost, kept, changes = (_zeros(len(was_kept)) for _ in range(3))
-        return cls(moment, moment, was_kept, lost, kept, changes, is_flat=is_flat)
 
     @property
     def score(self) -> float:
@@ -196,12 +184,12 @@ class Tally:
     in which they are kept or lost.
     """
 
-    lost: Counts
-    found: Counts
-    changes: Counts
-    doubtful: Counts
-    kept_looks: Counts
-    lost_looks: Counts
+    lost: Ints
+    found: Ints
+    changes: Ints
+    doubtful: Ints
+    kept_looks: Ints
+    lost_looks: Ints
     kept_score: Floats
     lost_score: Floats
     seconds: Floats
@@ -209,9 +197,8 @@ class Tally:
     @classmethod
     def of(cls, methods: int) -> Self:
         """Return the sums over no body."""
-        lost, found, changes, doubtful, kept_looks, lost_looks = (_zeros(methods) for _ in range(6))
-        scores_and_seconds = (np.zeros(methods) for _ in range(3))
-        return cls(lost, found, changes, doubtful, kept_looks, lost_looks, *scores_and_seconds)
+        counts = np.zeros((6, methods), np.int64)
+        return cls(*counts, *np.zeros((3, methods)))
 
 
 class SuspectFinder:
@@ -253,9 +240,7 @@ class SuspectFinder:
     def _begin(self) -> None:
         self._finder, self._tracker, self._flat_tracker = BodyFinder(self._mounting), Tracker(), Tracker()
 
-    def _count(
-        self, frame: Frame, bodies: Bodies, tracks: Sequence[Track | None], reasons: Sequence[NDArray[np.uint8]]
-    ) -> None:
+    def _count(self, frame: Frame, bodies: Bodies, tracks: Sequence[Track | None], reasons: Sequence[Bytes]) -> None:
         kept = np.array([bodies.sums(one == Reason.KEPT) for one in reasons]).reshape(len(reasons), -1)
         removed = np.array([bodies.sums(np.isin(one, _JUDGED)) for one in reasons]).reshape(kept.shape)
         is_kept = kept >= _LEAST_POINTS
@@ -269,10 +254,7 @@ class SuspectFinder:
         for k, track in enumerate(tracks):
             if track is None:
                 continue
-            body = self._bodies.get(track)
-            if body is None:
-                body = self._bodies[track] = Body.begun(moment, is_kept[:, k])
-            body.last, body.looks = moment, body.looks + 1
+            body = self._seen(track, is_kept[:, k], moment)
             body.rise += float(bodies.rise[k])
             body.alone += float(bodies.alone[k])
             body.linked += float(bodies.linked[k])
@@ -297,7 +279,7 @@ class SuspectFinder:
         self.tally.doubtful += [one.max(initial=-1) + 1 for one in flat]
         self._follow_flat(frame, flat[0], moment)
 
-    def _follow_flat(self, frame: Frame, cluster: Counts, moment: Moment) -> None:
+    def _follow_flat(self, frame: Frame, cluster: Ints, moment: Moment) -> None:
         """Follow clusters of kept points near the water: what stays in one place is one suspect."""
         order = np.argsort(cluster, kind="stable")[np.count_nonzero(cluster < 0) :]
         xyz = frame.coordinates.take(order, axis=1)
@@ -305,13 +287,19 @@ class SuspectFinder:
         for k, track in enumerate(self._flat_tracker.step(found, moment[2])):
             if track is None:
                 continue
-            body = self._bodies.get(track)
-            if body is None:
-                body = self._bodies[track] = Body.begun(moment, np.ones(1, np.bool_), is_flat=True)
-            body.last, body.looks = moment, body.looks + 1
+            body = self._seen(track, np.ones(1, np.bool_), moment, is_flat=True)
             points, height = int(found.points[k]), found.spans[k].mean()
             body.points_kept += points
             body.looked_at("kept", points, moment, np.append(found.centers[k], height))
+
+    def _seen(self, track: Track, is_kept: Mask, moment: Moment, *, is_flat: bool = False) -> Body:
+        """Return the body of a track, which is seen again, or for the first time."""
+        if track not in self._bodies:
+            lost, kept, changes = np.zeros((3, len(is_kept)), np.int64)
+            self._bodies[track] = Body(moment, moment, is_kept, lost, kept, changes, is_flat=is_flat)
+        body = self._bodies[track]
+        body.last, body.looks = moment, body.looks + 1
+        return body
 
     def _end(self, tracks: Sequence[Track]) -> None:
         """Count bodies that are not seen any more, and list those that are suspects."""
@@ -347,7 +335,7 @@ class SuspectFinder:
         (heapq.heappush if len(found) < _MAX_LISTED else heapq.heappushpop)(found, entry)
 
 
-def _flat_clusters(frame: Frame, bodies: Bodies, reason: NDArray[np.uint8]) -> Counts:
+def _flat_clusters(frame: Frame, bodies: Bodies, reason: Bytes) -> Ints:
     """Return the cluster of kept points near the water that touches no body for each point, shape (N,); -1 if none."""
     among = (reason == Reason.KEPT) & frame.valid
     cluster = ClusterFinder(frame.coordinates, among, _TOLERANCE_M).clusters(among, _LEAST_POINTS)
@@ -357,7 +345,7 @@ def _flat_clusters(frame: Frame, bodies: Bodies, reason: NDArray[np.uint8]) -> C
     return np.where(touches, -1, np.cumsum(~touches) - 1)[cluster + 1]
 
 
-def _is_part(frame: Frame, bodies: Bodies, reason: NDArray[np.uint8], asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _is_part(frame: Frame, bodies: Bodies, reason: Bytes, asked: Mask) -> Mask:
     """Return which of some bodies, shape (K,), have five kept points within 2.5 m: they are parts of what was kept."""
     kept = np.flatnonzero((reason == Reason.KEPT) & frame.valid)
     near = np.zeros(len(bodies), np.bool_)

@@ -5,13 +5,11 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Ints
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.suspects.finder import SuspectFinder, Tally
 from seaclutter_cli.water import Mounting
-
-Counts = NDArray[np.int64]
 
 RANGES_M = (0.0, 15.0, 30.0, 60.0, np.inf)
 HEIGHTS_M = (-np.inf, 0.0, 0.25, 0.5)
@@ -29,9 +27,9 @@ class Indications(Tally):
 
     frames: int = 0
     points: int = 0
-    water: Counts = field(default_factory=lambda: np.zeros(_SHAPE, np.int64))
-    water_kept: Counts = field(default_factory=lambda: np.zeros((0, *_SHAPE), np.int64))
-    same: Counts = field(default_factory=lambda: np.zeros((0, 0), np.int64))
+    water: Ints = field(default_factory=lambda: np.zeros(_SHAPE, np.int64))
+    water_kept: Ints = field(default_factory=lambda: np.zeros((0, *_SHAPE), np.int64))
+    same: Ints = field(default_factory=lambda: np.zeros((0, 0), np.int64))
 
     @classmethod
     def of(cls, methods: int) -> Self:
