@@ -6,7 +6,7 @@ The output bytes do not depend on the number of threads.
 
 import struct
 import zlib
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Sequence
 from threading import local
 from typing import BinaryIO
@@ -67,19 +67,28 @@ class McapWriter(ChunkedWriter):
         super().__init__(stream)
         self._compression = compression
         self._schemas: dict[Schema, int] = {}
-        self._indexes: dict[Opcode, bytearray] = defaultdict(bytearray)
-        self._indexed: Counter[Opcode] = Counter()
+        self._summary = {opcode: bytearray() for opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS)}
+        self._kept: Counter[Opcode] = Counter()
         self.write_bytes(_MAGIC)
         self._write_record(mcap_records.Header(profile=profile, library=f"seaclutter {__version__}"))
 
     def add_channel(self, channel: Channel) -> None:
         """Declare a channel under its own id, before its first message."""
         self.drain()  # so that the place of the record does not depend on the number of threads
-        if channel.schema is not None and channel.schema not in self._schemas:
-            self._schemas[channel.schema] = len(self._schemas) + 1
-            self._write_record(_schema_record(self._schemas[channel.schema], channel.schema))
+        schema = channel.schema
+        if schema is not None and schema not in self._schemas:
+            self._schemas[schema] = number = len(self._schemas) + 1
+            record = mcap_records.Schema(id=number, name=schema.name, encoding=schema.encoding, data=schema.data)
+            self.write_bytes(self._keep(Opcode.SCHEMA, record))
         self.channels[channel.id] = channel
-        self._write_record(self._channel_record(channel))
+        declared = mcap_records.Channel(
+            id=channel.id,
+            topic=channel.topic,
+            message_encoding=channel.message_encoding,
+            metadata=dict(channel.metadata),
+            schema_id=self._schemas[schema] if schema else 0,
+        )
+        self.write_bytes(self._keep(Opcode.CHANNEL, declared))
 
     @property
     def lost(self) -> Sequence[str]:
@@ -114,7 +123,7 @@ class McapWriter(ChunkedWriter):
             name=attachment.name,
             media_type=attachment.media_type,
         )
-        self._add_index_entry(Opcode.ATTACHMENT_INDEX, entry)
+        self._keep(Opcode.ATTACHMENT_INDEX, entry)
 
     def add_metadata(self, metadata: Metadata) -> None:
         """Write a metadata record."""
@@ -123,7 +132,7 @@ class McapWriter(ChunkedWriter):
         offset = self._offset
         self._write_record(mcap_records.Metadata(name=metadata.name, metadata=metadata.entries))
         entry = mcap_records.MetadataIndex(offset=offset, length=self._offset - offset, name=metadata.name)
-        self._add_index_entry(Opcode.METADATA_INDEX, entry)
+        self._keep(Opcode.METADATA_INDEX, entry)
 
     def finish(self) -> None:
         """Write pending chunks, the summary and the footer."""
@@ -160,60 +169,41 @@ class McapWriter(ChunkedWriter):
             message_start_time=chunk.start_ns,
             uncompressed_size=len(chunk.data),
         )
-        self._add_index_entry(Opcode.CHUNK_INDEX, entry)
+        self._keep(Opcode.CHUNK_INDEX, entry)
 
-    def _add_index_entry(self, opcode: Opcode, entry: mcap_records.McapRecord) -> None:
-        """Store an index entry for the summary, serialised to save memory."""
-        self._indexes[opcode] += _serialise(entry)
-        self._indexed[opcode] += 1
+    def _keep(self, opcode: Opcode, record: mcap_records.McapRecord) -> bytes:
+        """Store a record for the summary, serialised to save memory, and return its bytes."""
+        data = _serialise(record)
+        self._summary.setdefault(opcode, bytearray()).extend(data)
+        self._kept[opcode] += 1
+        return data
 
     def _write_summary(self) -> None:
         """Write schemas, channels, statistics and indexes, the offsets of these groups, and the footer."""
-        schemas = (_schema_record(number, schema) for schema, number in self._schemas.items())
-        channels = map(self._channel_record, self.channels.values())
-        groups: dict[Opcode, Buffer | bytearray] = {
-            Opcode.SCHEMA: _serialise(*schemas),
-            Opcode.CHANNEL: _serialise(*channels),
-            Opcode.STATISTICS: _serialise(self._statistics()),
-            **self._indexes,
-        }
+        self._keep(Opcode.STATISTICS, self._statistics())
         start, crc, offsets = self._offset, 0, []
-        for opcode, data in groups.items():
+        for opcode, data in self._summary.items():
             if data:
                 offsets.append((opcode, self._offset, len(data)))
                 crc = zlib.crc32(data, crc)
                 self.write_bytes(data)
         offset_start = self._offset
-        data = _serialise(
-            *(
-                mcap_records.SummaryOffset(group_opcode=opcode, group_start=offset, group_length=length)
-                for opcode, offset, length in offsets
-            )
-        )
+        groups = _serialise(*(mcap_records.SummaryOffset(*offset) for offset in offsets))
         footer = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start)
-        crc = zlib.crc32(footer, zlib.crc32(data, crc))
-        self.write_bytes(data, footer, struct.pack("<I", crc))
+        crc = zlib.crc32(footer, zlib.crc32(groups, crc))
+        self.write_bytes(groups, footer, struct.pack("<I", crc))
 
     def _statistics(self) -> mcap_records.Statistics:
         return mcap_records.Statistics(
-            attachment_count=self._indexed[Opcode.ATTACHMENT_INDEX],
+            attachment_count=self._kept[Opcode.ATTACHMENT_INDEX],
             channel_count=len(self.channels),
             channel_message_counts=dict(self.counts),
-            chunk_count=self._indexed[Opcode.CHUNK_INDEX],
+            chunk_count=self._kept[Opcode.CHUNK_INDEX],
             message_count=self.messages,
             message_end_time=self.end_ns,
             message_start_time=self.start_ns if self.messages else 0,
-            metadata_count=self._indexed[Opcode.METADATA_INDEX],
+            metadata_count=self._kept[Opcode.METADATA_INDEX],
             schema_count=len(self._schemas),
-        )
-
-    def _channel_record(self, channel: Channel) -> mcap_records.Channel:
-        return mcap_records.Channel(
-            id=channel.id,
-            topic=channel.topic,
-            message_encoding=channel.message_encoding,
-            metadata=dict(channel.metadata),
-            schema_id=self._schemas[channel.schema] if channel.schema else 0,
         )
 
     def _write_record(self, record: mcap_records.McapRecord) -> None:
@@ -230,7 +220,3 @@ def _serialise(*records: mcap_records.McapRecord) -> bytes:
 def _prefixed(text: str) -> bytes:
     raw = text.encode()
     return struct.pack("<I", len(raw)) + raw
-
-
-def _schema_record(number: int, schema: Schema) -> mcap_records.Schema:
-    return mcap_records.Schema(id=number, name=schema.name, encoding=schema.encoding, data=schema.data)

@@ -91,7 +91,7 @@ class _McapFileWriter(McapWriter):
     def finish(self) -> None:
         super().finish()
         self._stream.close()
-        self._indexes.clear()  # this object is kept for what it counted
+        self._summary.clear()  # this object is kept for what it counted
 
     def abort(self) -> None:
         super().abort()
