@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.squares import Column, square_of, squares_in
-from seaclutter_cli.arrays import Bytes, Floats, Indices, Ints, Mask
+from seaclutter_cli.arrays import Bytes, Floats, Indices, Mask
 from seaclutter_cli.grids.elevation import NOWHERE, GriddedPoints, sliced
 
 _TURN_S = 30.0
@@ -167,13 +167,19 @@ def strip_levels(points: GriddedPoints, strip: Bytes) -> StripLevels | None:
     strips, squares = int(strip.max()) + 1, squares_in(points.grid)
     if strips < 2 or strips * squares > len(strip):
         return None
-    flat = np.zeros(strips * squares, np.int64)
-    for part, _, cell in points:
+    middle = np.median(points.grid.lowest[np.isfinite(points.grid.lowest)])  # keeps the sums of squares precise
+    count, mean, power = np.zeros((3, strips * squares))
+    for part, z, cell in points:
         located = np.flatnonzero(cell != NOWHERE)
         own = strip[part][located].astype(np.int64) * squares + square_of(cell[located])
-        flat += np.bincount(own, minlength=len(flat))
-    count = flat.reshape(strips, squares)
-    mean, seen = _levels_of(points, strip, count)
+        above = z[located] - middle
+        count += np.bincount(own, minlength=len(count))
+        mean += np.bincount(own, above, len(mean))
+        power += np.bincount(own, above**2, len(power))
+    count, mean, power = (sums.reshape(strips, squares) for sums in (count, mean, power))
+    mean, power = (sums / np.maximum(count, 1) for sums in (mean, power))
+    seen = count >= _LEAST_ECHOES
+    seen &= (seen.sum(axis=0) > 1) & (power - mean**2 <= _FLAT_M**2)
     tide = np.full(strips, np.nan)
     tide[np.argmax(count.sum(axis=1))] = 0
     for _ in range(strips):
@@ -196,24 +202,3 @@ def _step(difference_m: Floats) -> float:
         return 0.0
     step = float(np.median(apart))
     return step if np.mean(np.sign(apart) == np.sign(step)) >= _AGREEING else 0.0
-
-
-def _levels_of(points: GriddedPoints, strip: Bytes, count: Ints) -> tuple[Floats, Mask]:
-    """Return the mean elevation of each strip in each square, and where to compare it, both of shape (K, S).
-
-    Strips are compared where two have enough of the points that ``count`` has, and are flat.
-    """
-    squares = count.shape[1]
-    mean, power = np.zeros(count.size), np.zeros(count.size)
-    seen = count >= _LEAST_ECHOES
-    shared = seen.sum(axis=0) > 1
-    middle = np.median(points.grid.lowest[np.isfinite(points.grid.lowest)])  # keeps the sums of squares precise
-    for part, z, cell in points if shared.any() else ():
-        square = square_of(cell)
-        used = np.flatnonzero((cell != NOWHERE) & shared[square])
-        own = strip[part][used].astype(np.int64) * squares + square[used]
-        above = z[used] - middle
-        mean += np.bincount(own, above, len(mean))
-        power += np.bincount(own, above**2, len(mean))
-    mean, power = (sums.reshape(count.shape) / np.maximum(count, 1) for sums in (mean, power))
-    return mean, seen & shared & (power - mean**2 <= _FLAT_M**2)
