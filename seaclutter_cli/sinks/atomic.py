@@ -26,8 +26,6 @@ _MANY = 100
 """Files that are not flushed one by one."""
 _FRAME = re.compile(r"\d{6,}\.(pcd|las|laz|npz)")
 
-_Content = tuple[Sequence[Metadata], Callable[[str], object]]
-
 
 class PartFile(io.FileIO):
     """A new incomplete file; its errors are `OutputError` and name the target."""
@@ -304,7 +302,7 @@ def why_kept(folder: Path, marker: str) -> str:
         look(folder)
         with copies_removed():
             fetch(folder / marker, *([folder / TIMES] if marker == SIDECAR else []))
-            metadata, is_own = _CONTENTS[marker](folder, read_document(folder / marker))
+            metadata, is_own = _content(folder, marker)
         names = sorted(file.name for file in folder.iterdir() if file.name != marker)
     except (InputError, DocumentError, OSError, LookupError, TypeError, ValueError):
         metadata, is_own, names = [], bool, []
@@ -314,17 +312,12 @@ def why_kept(folder: Path, marker: str) -> str:
     return foreign and f"is a folder with a file that is not of the run that wrote it, {foreign}"
 
 
-def _recording(_: Path, text: bytes) -> _Content:
-    """Return the records of a ROS 2 recording, and which files it has."""
-    found: Any = load_yaml(text.decode())["rosbag2_bagfile_information"]
-    return from_custom_data(found["custom_data"]), set(found["relative_file_paths"]).__contains__
-
-
-def _frames(folder: Path, text: bytes) -> _Content:
-    """Return the records of a folder of frames, and which files it has: as many frames as there are times."""
+def _content(folder: Path, marker: str) -> tuple[Sequence[Metadata], Callable[[str], object]]:
+    """Return the records of a folder, and which files a ROS 2 recording has, or as many frames as there are times."""
+    text = read_document(folder / marker)
+    if marker == ROSBAG2_METADATA:
+        found: Any = load_yaml(text.decode())["rosbag2_bagfile_information"]
+        return from_custom_data(found["custom_data"]), set(found["relative_file_paths"]).__contains__
     frames = sum(1 for file in folder.iterdir() if _FRAME.fullmatch(file.name))
     fits = frames == (folder / TIMES).read_bytes().count(b"\n")
     return from_text(text), lambda name: name == TIMES or (fits and _FRAME.fullmatch(name))
-
-
-_CONTENTS: dict[str, Callable[[Path, bytes], _Content]] = {ROSBAG2_METADATA: _recording, SIDECAR: _frames}

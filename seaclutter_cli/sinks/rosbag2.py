@@ -53,7 +53,7 @@ class Db3Output(LogOutput):
 
     def __init__(self, path: Path, group: OutputGroup | None = None, *, split: bool = False) -> None:  # noqa: ARG002
         self._folder = AtomicFolder(path, group, last=ROSBAG2_METADATA)
-        self._files: dict[str, _FileWriter] = {}
+        self._files: dict[str, LogWriter] = {}
 
     def part(self, source: Source, compression: str | None) -> LogWriter:
         """Return the writer of the next storage file."""
@@ -61,7 +61,7 @@ class Db3Output(LogOutput):
         writer = self._files[name] = self._start(name, source, compression)
         return writer
 
-    def _start(self, name: str, source: Source, compression: str | None) -> "_FileWriter":  # noqa: ARG002
+    def _start(self, name: str, source: Source, compression: str | None) -> LogWriter:  # noqa: ARG002
         return _Db3Writer(self._folder.part / name, self._folder.path)
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
@@ -77,7 +77,7 @@ class McapFolderOutput(Db3Output):
 
     storage, suffix = "mcap", ".mcap"
 
-    def _start(self, name: str, source: Source, compression: str | None) -> "_FileWriter":
+    def _start(self, name: str, source: Source, compression: str | None) -> LogWriter:
         return _McapFileWriter(self._folder.open(name), mcap_compression(source, compression))
 
 
@@ -120,12 +120,9 @@ class _Db3Writer(LogWriter):
         self._run("INSERT INTO topics VALUES (?, ?, ?, ?, ?, ?)", (channel.id, *topic.values()))
         if schema.name not in self._types:
             self._types.add(schema.name)
-            columns = "(topic_type, encoding, encoded_message_definition, type_description_hash)"
-            text = schema.data.decode("utf-8", "replace")
-            self._run(
-                f"INSERT INTO message_definitions {columns} VALUES (?, ?, ?, ?)",  # noqa: S608 - no values
-                (schema.name, schema.encoding, text, topic["type_description_hash"]),
-            )
+            values = schema.name, schema.encoding, schema.data.decode("utf-8", "replace")
+            hashed = topic["type_description_hash"]
+            self._run("INSERT INTO message_definitions VALUES (NULL, ?, ?, ?, ?)", (*values, hashed))
 
     def put(self, channel: int, times_ns: tuple[int, int], sequence: int, data: Buffer) -> None:  # noqa: ARG002
         log_time_ns = times_ns[0]
@@ -150,9 +147,6 @@ class _Db3Writer(LogWriter):
             raise OutputError(f"{self._target}: writing failed ({error}); the incomplete folder was removed") from error
 
 
-_FileWriter = _Db3Writer | _McapFileWriter
-
-
 def _with_numbers(channel: Channel) -> Channel:
     """Return a channel whose quality of service has numbers instead of names."""
 
@@ -167,7 +161,7 @@ def _with_numbers(channel: Channel) -> Channel:
     return replace(channel, metadata=tuple({**kept, "offered_qos_profiles": profiles}.items()))
 
 
-def _description(storage: str, files: Mapping[str, _FileWriter]) -> str:
+def _description(storage: str, files: Mapping[str, LogWriter]) -> str:
     """Return the content of ``metadata.yaml``, given the writers of the storage files by name."""
     writers = list(files.values())
     counts = sum((writer.counts for writer in writers), Counter[int]())
