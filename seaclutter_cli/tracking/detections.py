@@ -28,6 +28,7 @@ _CRAFT_M, _CRAFT_WIDE_M = 15.0, 3.5
 _STERN_M, _BROADEST = 2.5, 0.45
 _CLOSE, _CLOSE_ACROSS, _NEAR = 0.45, 0.2, 0.8
 _LEAST_SHARE = 0.4
+_FEW, _AROUND = 0.1, np.add.outer((-2 * _MAX_CELL, 0, 2 * _MAX_CELL), (-1, 0, 1)).reshape(-1)
 _SPREAD, _APART = 0.015, 2e3
 _UP = np.array([0.0, 0.0, 1.0])
 _TOWARDS = np.array([part(np.arange(2 * YAWS) * (np.pi / 2 / YAWS)) for part in (np.cos, np.sin)], np.float32)
@@ -68,8 +69,8 @@ class Detections:
     of points of objects that were not confirmed. ``cells``, shape (m, 2), are the mean positions in cells of 0.5 m,
     detection by detection, ``owner``, shape (m,), the detection of each. ``ends``, shape (K, 2, 2), are the outermost
     points to the left and to the right, seen from the lidar; one is ``hidden``, shape (K, 2), if a nearer detection is
-    beside it, behind which more of the object may be. ``outlines``, shape (K, 36, 2), are the hulls, extended
-    on both sides by half an angular step, because the edges of an object lie between two directions.
+    beside it, behind which more of the object may be. ``outlines``, shape (K, 36, 2), are the hulls without wash,
+    extended on both sides by half an angular step, because the edges of an object lie between two directions.
     """
 
     hulls: Floats
@@ -159,18 +160,49 @@ class Detections:
             for z in (xyz[2], up[0] * xyz[0] + up[1] * xyz[1] + up[2] * xyz[2])
         )
         centers = (np.add.reduceat(xy, starts, axis=1) / count).T
-        across, farthest = _across(xy), np.empty((len(count), DIRECTIONS), np.int64)
-        for row, start, end in zip(farthest, starts.tolist(), (starts + count).tolist(), strict=True):
-            own = across[:, start:end]
-            row[:_HALF], row[_HALF:] = own.argmax(axis=1), own.argmin(axis=1)
-        hulls, every = xy.T[farthest + starts[:, None]], np.arange(len(count))
+        every = np.arange(len(count))
         number = np.repeat(every, count)
-        cells, owner = _cells(xy, number)
+        cells, owner, cell, key = _cells(xy, number)
+        body = _are_of_bodies(cell, owner, key)[cell]
+        outlines = _outlines(xy[:, body], number[body], centers)
+        hulls = _hulls(xy, number)
         bearings = _bearings(hulls, centers)
-        outlines = hulls + np.sign(bearings)[:, :, None] * _half_steps(xy, number, bearings, centers)[:, None]
         ends = hulls[every[:, None], np.stack((bearings.argmax(axis=1), bearings.argmin(axis=1)), axis=1)]
         hidden = _are_hidden(ends, cells, owner)
         return cls(hulls, outlines, ends, hidden, centers, heights, rises, count, every < kept, cells, owner)
+
+
+def _hulls(xy: Floats, number: Indices) -> Floats:
+    """Return the outermost points of each cluster in 36 directions, shape (K, 36, 2)."""
+    starts = group_starts(number)
+    ends = [*starts.tolist(), len(number)][1:]
+    across, farthest = _across(xy), np.empty((len(starts), DIRECTIONS), np.int64)
+    for row, start, end in zip(farthest, starts.tolist(), ends, strict=True):
+        own = across[:, start:end]
+        row[:_HALF], row[_HALF:] = own.argmax(axis=1), own.argmin(axis=1)
+    return np.asarray(xy.T[farthest + starts[:, None]])
+
+
+def _outlines(xy: Floats, number: Indices, centers: Floats) -> Floats:
+    """Return the hulls of clusters, extended on both sides by half an angular step, shape (K, 36, 2)."""
+    hulls = _hulls(xy, number)
+    bearings = _bearings(hulls, centers)
+    steps = _half_steps(xy, number, bearings, centers)
+    return np.asarray(hulls + np.sign(bearings)[:, :, None] * steps[:, None])
+
+
+def _are_of_bodies(cell: Indices, owner: Indices, key: Indices) -> Mask:
+    """Return which cells are of the bodies of their owners, given the cell of each point, and their owners and keys.
+
+    Cells with less than a tenth of the points that are usual in those of an owner, which are not beside others, are of
+    wash or spray.
+    """
+    count = np.bincount(cell)
+    usual = np.bincount(owner, count**2) / np.bincount(owner, count)
+    dense = count >= _FEW * usual[owner]
+    if not dense.all():
+        dense |= np.isin(key, key[dense][:, None] + _AROUND)
+    return np.asarray(dense)
 
 
 def _bearing(points: Floats) -> Floats:
@@ -264,7 +296,7 @@ def _joined(xy: Floats, part: Indices, doubtful: Mask, tolerance_m: float) -> In
     So boats beside each other, too wide together, or beside a quay are apart, and a boat that is seen in pieces is one.
     What is small beside the largest part is of none, -1, because it may be of a pontoon or a neighbour.
     """
-    cells, owner = _cells(xy, part)
+    cells, owner, *_ = _cells(xy, part)
     low, high = _widths(xy, part)
     small = np.flatnonzero(_are_small(low, high)[owner])
     level = np.zeros(low.shape[1])
@@ -314,12 +346,16 @@ def _are_small(low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[n
     return np.asarray((widths.max(axis=0) <= _CRAFT_M) & (widths.min(axis=0) <= _CRAFT_WIDE_M))
 
 
-def _cells(xy: Floats, owner: Indices) -> tuple[Floats, Indices]:
-    """Return the mean positions of points in cells of 0.5 m of each owner, and the owner of each cell."""
+def _cells(xy: Floats, owner: Indices) -> tuple[Floats, Indices, Indices, Indices]:
+    """Return the mean positions of points in cells of 0.5 m of each owner, and the owner of each cell.
+
+    The third array has the cell of each point, the fourth a key of each cell, to which `_AROUND` adds its neighbours.
+    """
     column, row = np.clip(np.floor(xy / _CELL_M), -_MAX_CELL, _MAX_CELL - 1).astype(np.int64) + _MAX_CELL
-    first, cell = _unique((owner * (2 * _MAX_CELL) + column) * (2 * _MAX_CELL) + row)
+    keys = (owner * (2 * _MAX_CELL) + column) * (2 * _MAX_CELL) + row
+    first, cell = _unique(keys)
     count = np.bincount(cell)
-    return np.stack([np.bincount(cell, values) / count for values in xy], axis=1), owner[first]
+    return np.stack([np.bincount(cell, values) / count for values in xy], axis=1), owner[first], cell, keys[first]
 
 
 def _unique(keys: Indices) -> tuple[Indices, Indices]:

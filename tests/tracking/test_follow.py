@@ -142,6 +142,13 @@ def test_walls_are_straight_and_hulls_curve(curve_m, kind):
     assert followed([frame_of(k, face) for k in range(20)])[10].kinds == [kind]
 
 
+def test_a_few_echoes_of_wash_beside_a_boat_do_not_make_it_larger():
+    boat = np.vstack([line((-3, 20), (3, 20), FINE_M), line((3, 20), (3, 22), FINE_M)])
+    wash = np.vstack([line((-4.8, 20), (-3.8, 20), 0.5), line((-3, 21.3), (2, 21.3), 0.5)])
+    found = followed([frame_of(k, np.vstack((boat, wash))) for k in range(20)])
+    assert np.allclose(found[10].sizes[0, :2], (6, 2), atol=0.1)
+
+
 @pytest.mark.parametrize("beside_m", [1.2, 1.9])
 def test_an_echo_beside_a_buoy_in_some_frames_does_not_make_it_longer(beside_m):
     angles = np.linspace(np.pi / 2, 3 * np.pi / 2, 15)
