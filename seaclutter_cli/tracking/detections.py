@@ -163,9 +163,8 @@ class Detections:
         every = np.arange(len(count))
         number = np.repeat(every, count)
         cells, owner, cell, key = _cells(xy, number)
-        body = _are_of_bodies(cell, owner, key)[cell]
-        outlines = _outlines(xy[:, body], number[body], centers)
-        hulls = _hulls(xy, number)
+        hulls, is_wash = _hulls(xy, number), _are_of_wash(cell, owner, key)
+        outlines = _outlines(hulls, xy, number, is_wash[cell], centers)
         bearings = _bearings(hulls, centers)
         ends = hulls[every[:, None], np.stack((bearings.argmax(axis=1), bearings.argmin(axis=1)), axis=1)]
         hidden = _are_hidden(ends, cells, owner)
@@ -183,26 +182,29 @@ def _hulls(xy: Floats, number: Indices) -> Floats:
     return np.asarray(xy.T[farthest + starts[:, None]])
 
 
-def _outlines(xy: Floats, number: Indices, centers: Floats) -> Floats:
-    """Return the hulls of clusters, extended on both sides by half an angular step, shape (K, 36, 2)."""
-    hulls = _hulls(xy, number)
+def _outlines(hulls: Floats, xy: Floats, number: Indices, is_wash: Mask, centers: Floats) -> Floats:
+    """Return the hulls of clusters without points of wash, extended on both sides by half an angular step."""
+    washed = np.bincount(number, is_wash) > 0
+    body = np.flatnonzero(~is_wash & washed[number])
+    hulls = hulls.copy()
+    if len(body):
+        hulls[washed] = _hulls(xy[:, body], number[body])
     bearings = _bearings(hulls, centers)
-    steps = _half_steps(xy, number, bearings, centers)
+    steps = _half_steps(xy[:, ~is_wash], number[~is_wash], bearings, centers)
     return np.asarray(hulls + np.sign(bearings)[:, :, None] * steps[:, None])
 
 
-def _are_of_bodies(cell: Indices, owner: Indices, key: Indices) -> Mask:
-    """Return which cells are of the bodies of their owners, given the cell of each point, and their owners and keys.
+def _are_of_wash(cell: Indices, owner: Indices, key: Indices) -> Mask:
+    """Return which cells are of wash or spray beside bodies, given the cell of each point, and their owners and keys.
 
-    Cells with less than a tenth of the points that are usual in those of an owner, which are not beside others, are of
-    wash or spray.
+    They have less than a tenth of the points that are usual in the cells of their owner, and are beside none with more.
     """
     count = np.bincount(cell)
     usual = np.bincount(owner, count**2) / np.bincount(owner, count)
-    dense = count >= _FEW * usual[owner]
-    if not dense.all():
-        dense |= np.isin(key, key[dense][:, None] + _AROUND)
-    return np.asarray(dense)
+    few = count < _FEW * usual[owner]
+    if few.any():
+        few &= ~np.isin(key, key[~few][:, None] + _AROUND)
+    return np.asarray(few)
 
 
 def _bearing(points: Floats) -> Floats:
