@@ -245,9 +245,9 @@ def option(  # noqa: PLR0913 - what there is to say about an option
     return Option(text, help, default, kind, repeatable or default == (), required, of_command, kw_only)
 
 
-def optional(text: str, help: str, *, kind: Kind | None = None, required: bool = False) -> Any:  # noqa: A002
+def optional(text: str, help: str, *, kind: Kind | None = None) -> Any:  # noqa: A002
     """Declare an option with the default False if it is a flag, and None otherwise; see `option`."""
-    return option(text, help, default=None, kind=kind, required=required)
+    return option(text, help, default=None, kind=kind)
 
 
 def _kind_of(annotation: str, *, remote: bool) -> Kind:
@@ -295,7 +295,8 @@ class Options:
         for name, value in own.items():
             value.name, value.annotation = name, inspect.get_annotations(cls)[name]
             value.place = vars(cls).get("place", 0)
-            value.default = False if value.annotation == "bool" and value.default is None else value.default
+            if value.annotation == "bool" and value.default is None:
+                value.default = False
             value.kind = value.kind or _kind_of(value.annotation, remote=cls.writes_remotely)
             setattr(cls, name, field(default=value.default, kw_only=value.kw_only, metadata={Option: value}))
         dataclasses.dataclass(frozen=True, repr=False)(cls)

@@ -147,7 +147,7 @@ class WaterSurface:
         """Return which of N echoes are below the water, as images and noise are, and which are images, shape (N,) each.
 
         The image of a body lies under it, as deep as the body is high; ``bodies``, shape (N,), are the echoes of
-        bodies. If there are none in its cell of 6 m or beside it, only an echo far below the water counts: in simulated
+        bodies. An echo with no body in its cell of 6 m or a neighbouring one must be far below the water: in simulated
         swell longer than the view, errors of the plane are up to seven times those that independent cells leave.
         """
         rows = np.stack((np.ones_like(x), x, y))

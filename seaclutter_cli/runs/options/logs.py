@@ -157,7 +157,9 @@ class CalibrateOptions(Replacing, BatchOptions, OfLogs, LabelSources, ConfigOpti
     use_case = UseCase("calibrate", "runs.calibrate.calibrate")
     left_out = ("fail_fast", "resume", "manifest")
 
-    output: OptionalPath = optional("-o --output CONFIG", "Configuration to write, for filter -c.", required=True)
+    output: OptionalPath = option(
+        "-o --output CONFIG", "Configuration to write, for filter -c.", default=None, required=True
+    )
     filter_rate: float = option(
         "--filter-rate SHARE",
         "Share of the clutter points in each range ring that its threshold must remove.",
