@@ -154,6 +154,7 @@ def load_config(
     source: ConfigSource | None = None,
     *,
     method: str | None = None,
+    default_method: str = DEFAULT_METHOD,
     overrides: Sequence[str] = (),
     origin: str = "command line",
     undetermined_thresholds: bool = False,
@@ -161,17 +162,21 @@ def load_config(
     """Return the effective configuration; raise `ConfigError` with all problems if it is not valid.
 
     The ``source`` is a YAML file or the name of a built-in one, the content of a file, or a configuration; by default
-    all defaults. Keys that a ``method`` of the command line does not have are ignored. ``overrides`` are
-    ``section.key=value`` with YAML values, or ``key=value`` for keys of the method; if they change the number of range
-    rings and not the thresholds, each range ring gets that of the nearest one before, and `AdaptedThresholdsWarning`
-    says so. ``origin`` is where these come from, for errors. With ``undetermined_thresholds``, that of every range ring
-    is 0, because it is not yet known.
+    all defaults. Keys that a ``method`` of the command line does not have are ignored; ``default_method`` is that of a
+    source that names none. ``overrides`` are ``section.key=value`` with YAML values, or ``key=value`` for keys of the
+    method; if they change the number of range rings and not the thresholds, each range ring gets that of the nearest
+    one before, and `AdaptedThresholdsWarning` says so. ``origin`` is where these come from, for errors. With
+    ``undetermined_thresholds``, that of every range ring is 0, because it is not yet known.
     """
     prepare = _with_open_thresholds if undetermined_thresholds else dict
     where, raw = _read(source)
     section = raw.get("filter")
-    if isinstance(method, Method) and isinstance(section, Mapping) and section.get("method") == method:
-        raw = {**raw, "filter": {**section, "method": method}}  # a file names it, and the command line says where it is
+    section = {} if section is None else section
+    if isinstance(section, Mapping):
+        named = section.get("method", default_method)
+        if isinstance(method, Method) and named == method:
+            named = method  # a file names it, and the command line says where it is
+        raw = {**raw, "filter": {**section, "method": named}}
     config = _validate(prepare(raw), where)
     if not method and not overrides:
         return config

@@ -51,14 +51,9 @@ class Variant:
     values: Mapping[str, Any] = field(default_factory=dict)
 
 
-def configured(options: ConfigOptions, *, undetermined_thresholds: bool = False) -> Config:
+def configured(options: ConfigOptions, **more: Any) -> Config:
     """Return the configuration of a run; see `load_config` for parameters and errors."""
-    return load_config(
-        options.config,
-        method=options.method,
-        overrides=options.settings,
-        undetermined_thresholds=undetermined_thresholds,
-    )
+    return load_config(options.config, method=options.method, overrides=options.settings, **more)
 
 
 def is_default(options: MethodOptions) -> bool:

@@ -1,7 +1,7 @@
 """Objects of recordings: what was there, where, how large, and how it moved."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -152,9 +152,8 @@ def follower_of(config: Config) -> "partial[Follower]":
 
 
 def objects_config(options: ConfigOptions) -> Config:
-    """Return the configuration of a run, by default that of ``confirmed``."""
-    is_given = options.method or options.config is not None or any("method" in text for text in options.settings)
-    return configured(options if is_given else replace(options, method="confirmed"))
+    """Return the configuration of a run, with ``confirmed`` where nothing names a method."""
+    return configured(options, default_method="confirmed")
 
 
 class ObjectsResult(RecordingsResult[RecordedObjects]):

@@ -109,6 +109,18 @@ def test_the_method_is_that_of_the_options():
     assert len(tracks) == 2
 
 
+@pytest.mark.parametrize(
+    ("text", "method"), [("{memory_s: 5.0}", "confirmed"), ("{method: joint}", "joint"), ("", "confirmed")]
+)
+def test_a_configuration_that_names_no_method_is_one_of_confirmed(tmp_path, text, method):
+    (tmp_path / "own.yaml").write_text(f"filter: {text}\n")
+    found, expected = (
+        json.loads(run("objects", SEA, *given, "-n", 20, "--json").stdout)["recordings"][0]["tracks"]
+        for given in (("-c", tmp_path / "own.yaml"), ("-m", method))
+    )
+    assert found == expected
+
+
 def test_filter_writes_the_same_table(tmp_path, table):
     run("filter", SEA, "-m", "confirmed", "-o", tmp_path / "f.mcap", "--objects", tmp_path / "o.csv", "-q")
     with (tmp_path / "o.csv").open(newline="") as file:

@@ -303,7 +303,7 @@ class ReportOptions(Replacing, OfLogs, LabelSources, MethodOptions):
 class ObjectsOptions(Replacing, BatchOptions, OfLogs, ConfigOptions):
     """Follow the objects in LOGS over time: where they are, how large, and how they move.
 
-    LOGS are filtered with the method `confirmed`, unless another one or a configuration is given. Clusters of the
+    LOGS are filtered with the method `confirmed`, unless an option or a configuration names another. Clusters of the
     points that are left become tracks; a track survives if its object is hidden for up to eight seconds. Sizes are
     those of rectangles fitted over many frames. Velocities are over ground if the log has odometry or /tf,
     otherwise relative to own ship, as the column `velocity` says. The state is `confirmed`, `candidate` (seen for a
