@@ -16,17 +16,18 @@ from seaclutter_cli.sources.mcap.source import McapSource
 from seaclutter_cli.sources.shared import chunked
 from seaclutter_cli.text import count
 from tests.logs import LAYOUTS, MAGIC, join, records_of
+from tests.pairs import turns
 from tests.sources.damaged import MOST_SECONDS, damage_texts, flip, message_blocks, read, small_log
 
 SMALL = ("zstd", "lz4", "none", "unchunked", "no summary", "bare", "unchunked, bare", "no message index", "no index")
 
 
-TURNS = pytest.mark.parametrize("turn", [0, *(pytest.param(turn, marks=pytest.mark.slow) for turn in (1, 2, 3))])
-"""A quarter of all offsets, another one for each layout, as these resemble each other; the other quarters are slow."""
+TURNS = 12
+"""Each test takes a twelfth of all offsets, another one for each layout, as these resemble each other."""
 
 
 def offsets(name, size, turn):
-    return range((SMALL.index(name) + turn) % 4, size, 4)
+    return range((SMALL.index(name) + turn) % TURNS, size, TURNS)
 
 
 @pytest.fixture
@@ -42,7 +43,7 @@ def path(tmp_path, monkeypatch):
     return path
 
 
-@TURNS
+@turns(TURNS)
 @pytest.mark.parametrize("name", SMALL)
 def test_cut_at_every_byte(path, name, turn):
     data = small_log(name)
@@ -78,7 +79,7 @@ def declares(name, at):
     return at < (first.end if LAYOUTS[name].chunked else first.start)
 
 
-@TURNS
+@turns(TURNS)
 @pytest.mark.parametrize("name", SMALL)
 def test_a_byte_flipped_at_every_offset(path, name, turn):
     data, noise = small_log(name), random.Random(1)
@@ -103,7 +104,7 @@ def test_a_byte_flipped_at_every_offset(path, name, turn):
         assert times == sorted(times) or not LAYOUTS[name].message_index, at
 
 
-@TURNS
+@turns(TURNS)
 @pytest.mark.parametrize("name", ["zstd", "unchunked"])
 @pytest.mark.parametrize("kind", ["missing", "added"])
 def test_a_byte_missing_or_added_at_every_offset(path, name, kind, turn):

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sources.rosbag1.records import MAGIC, Op, find_record, read_record, walk
 from seaclutter_cli.sources.rosbag1.source import BagSource
+from tests.pairs import turns
 from tests.sources.rosbag1.bags import BZ2, COMPRESSIONS, LZ4, chunk_spans, read, reference, write_bag
 
 
@@ -105,15 +106,15 @@ def check_cut(path, whole, cut, messages, chunks):
     return check_survivors(path, expected, safe, changed=False)
 
 
-@pytest.mark.parametrize("turn", [0, *(pytest.param(turn, marks=pytest.mark.slow) for turn in (1, 2))])
+@turns(9)
 @pytest.mark.parametrize("compression", COMPRESSIONS)
 def test_cut_at_every_byte_of_the_end(tmp_path, compression, turn):
-    """A third of the bytes, in turn by compression; the other two thirds are slow."""
+    """A ninth of the bytes, another one for each compression."""
     path = write_bag(tmp_path / "x.bag", compression, messages=14, size=150, chunk=700)
     messages, chunks, whole = reference(path), chunk_spans(path), path.read_bytes()
     cut_path = tmp_path / "cut.bag"
-    start = len(whole) - 2000 + (COMPRESSIONS.index(compression) + turn) % 3
-    for cut in range(start, len(whole), 3):
+    start = len(whole) - 2000 + (COMPRESSIONS.index(compression) + turn) % 9
+    for cut in range(start, len(whole), 9):
         check_cut(cut_path, whole, cut, messages, chunks)
 
 
@@ -133,7 +134,7 @@ def flip(data, at, bits):
 
 
 @pytest.mark.parametrize("compression", COMPRESSIONS)
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(where=st.floats(0, 1, exclude_max=True), bits=st.integers(1, 255))
 def test_flipped_bytes_cost_at_most_their_chunk(tmp_path, compression, where, bits):
     path = tmp_path / "x.bag"
