@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 _NEAR_M, _FARTHEST_M = 1.0, 10_000.0  # a lidar on a vessel measures farther than the one, not than the other
 _FRAMES = 20
 _MIN_POINTS, _MIN_RING_POINTS = 200, 500
+_FASTEST_HZ = 30.0
 _UPRIGHT = 8.0  # a lock chamber has 3, and other water less than 1
 _REMEDY = "find suitable thresholds with: seaclutter calibrate"
 _FEW_WATER = 0.05
@@ -61,7 +62,7 @@ class Checks:
         thresholds: list[_Check] = [_SensorCheck(sensor, facts)] if sensor else []
         if not filtered:
             thresholds.append(_ThresholdCheck(config, sensor.model if sensor else None))
-        self._waiting: list[list[_Check]] = [thresholds, [_RangeCheck(config.ring_edges)]]
+        self._waiting: list[list[_Check]] = [thresholds, [_RangeCheck(config.ring_edges)], [_ScanCheck()]]
         if config.kind.needs_height:
             self._waiting.append([_PlaneCheck(config)])
         if config.kind.has_water:
@@ -236,6 +237,26 @@ class _RangeCheck:
             return why
         text = f"no point is in range: the nearest is {self._least_m:,.0f} m away, the limit {self._end_m:,.0f} m"
         return f"{text}; {why}" if why else f"{text} (filter.end_m)"
+
+
+class _ScanCheck:
+    """Check whether frames are whole scans, of which no lidar makes more than 30 per second."""
+
+    def __init__(self) -> None:
+        self._frames, self._first_ns = 0, 0
+
+    def add(self, result: FilterResult) -> str | None:
+        self._frames += 1
+        if self._frames == 1:
+            self._first_ns = result.frame.stamp_ns
+        span_s = (result.frame.stamp_ns - self._first_ns) / 1e9
+        if self._frames != _FRAMES or not 0 < span_s * _FASTEST_HZ < _FRAMES - 1:
+            return None
+        rate = f"{(_FRAMES - 1) / span_s:.0f} frames per second are more than a lidar scans"
+        return f"{rate}; if they are parts of scans, join them with --integrate 100"
+
+    def warning(self) -> None:
+        return None
 
 
 class _PlaneCheck:

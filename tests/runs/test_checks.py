@@ -1,5 +1,6 @@
 """Warnings about thresholds that are for another sensor, or have no effect in a range ring."""
 
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -129,3 +130,10 @@ def test_intensities_that_are_always_zero_let_bodies_on_water_pass():
     dark = Frame(from_array(points, stamp_ns=10**9))
     found = warnings([dark], overrides=("filter.method=confirmed",))
     assert "no point reaches its threshold: the intensities are always 0" in found
+
+
+@pytest.mark.parametrize(("interval_s", "count", "warns"), [(0.01, 20, True), (0.01, 19, False), (0.04, 60, False)])
+def test_more_frames_per_second_than_a_lidar_scans_may_be_parts_of_scans(interval_s, count, warns):
+    frames = [replace(frame(seed=k), stamp_ns=round(1e9 * (1 + k * interval_s))) for k in range(count)]
+    expected = ["100 frames per second are more than a lidar scans; if they are parts of scans, join them with "]
+    assert [text.partition("--")[0] for text in warnings(frames)] == expected * warns
