@@ -28,6 +28,7 @@ _CONTEXT_S = 2.0
 _COLORS = {CONFIRMED: "#f4a261", CANDIDATE: "#8d99ae", LOST: "#8d99ae"}
 _ROWS_AT_ONCE = 20_000
 _STEP_NS = 1_000_000_000
+_FEWEST, _FEWEST_FRAMES, _MOVES_MS, _APART = 4, 20, 1.0, 0.3
 _PROPERTIES = ("recording", "topic", "track_id", "class", "length_m", "width_m", "height_m")
 
 COLUMNS = {
@@ -72,6 +73,36 @@ class TrackSummary:
     over_ground: bool = False
 
 
+class _CommonMotion:
+    """In how many frames the objects move alike over ground, as they do where own ship's pose is wrong.
+
+    These are frames in which most of at least four objects are faster than 1 m/s, and a rigid motion of all leaves less
+    than a third of that.
+    """
+
+    def __init__(self) -> None:
+        self._frames = self._alike = 0
+
+    @property
+    def is_usual(self) -> bool:
+        """Whether it is so in most frames."""
+        return self._frames >= _FEWEST_FRAMES and 2 * self._alike > self._frames
+
+    def add(self, frame: FrameObjects) -> None:
+        """Add the objects of a frame."""
+        seen = np.flatnonzero([state == CONFIRMED for state in frame.states])
+        seen = seen[np.isfinite(frame.velocities[seen, 0])]
+        if not frame.over_ground or len(seen) < _FEWEST:
+            return
+        (x, y, _), velocity = frame.centers[seen].T, frame.velocities[seen].T
+        one, none = np.ones_like(x), np.zeros_like(x)
+        motion = np.array([(one, none), (none, one), (-y, x)]).reshape(3, -1).T
+        fitted = motion @ np.linalg.lstsq(motion, velocity.ravel(), rcond=None)[0]
+        speed_ms, left_ms = (float(np.median(np.hypot(*v))) for v in (velocity, velocity - fitted.reshape(2, -1)))
+        self._frames += 1
+        self._alike += speed_ms > _MOVES_MS and left_ms < _APART * speed_ms
+
+
 class ObjectTable(Sink):
     """Sink that passes the lines of each frame, one for each object, to a function."""
 
@@ -86,6 +117,7 @@ class ObjectTable(Sink):
         self._source, self._navigation, self._unplaced, self._unmoved = source, Navigation(), 0, 0
         self._followers = {channel.topic: self._new() for channel in clouds}
         self._fixes: dict[str, deque[Fix | None]] = {channel.topic: deque() for channel in clouds}
+        self._common = _CommonMotion()
 
     def copy(self, record: Record) -> None:
         """Receive messages about own ship's motion."""
@@ -113,12 +145,18 @@ class ObjectTable(Sink):
         ):
             if missing and why:
                 self._source.warn(f"{what} for {missing:,} of {len(self.indices):,} frames: {why}")
+        if self._common.is_usual:
+            self._source.warn(
+                "speeds over ground are doubtful: all objects seem to move alike; check that own ship's odometry or "
+                "/tf has its axes forward, left and up, a heading, and a transform to the lidar"
+            )
 
     def _write_all(self, topic: str, frames: Iterable[FrameObjects]) -> None:
         for frame in frames:
             rows = rows_of(frame, self._fixes[topic].popleft())
             self._write(csv_lines((self._source.name, topic, *row) for row in rows))
             self._sum_up(topic, frame)
+            self._common.add(frame)
 
     def _sum_up(self, topic: str, frame: FrameObjects) -> None:
         self.states.update((topic, state) for state in frame.states)

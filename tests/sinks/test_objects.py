@@ -4,6 +4,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from seaclutter_cli.frame import FilterResult, Frame
@@ -63,6 +64,23 @@ def test_the_greatest_speed_is_that_over_ground_if_it_was_measured_so():
     for tracks, text in (([track], "; speeds are over"), ([track, other], "; some speeds are relative to own ship")):
         found = RecordedObjects(recording="trial", tracks={("/points", one.track_id): one for one in tracks})
         assert text in found.as_text()
+
+
+@pytest.mark.parametrize(("axis", "warns"), [(0, False), (1, True)])
+def test_objects_that_all_move_alike_show_that_own_ships_pose_is_wrong(axis, warns):
+    """Own ship moves along x as its odometry says, or along y."""
+    table, warnings = ObjectTable(PackedRows().write, lambda: Follower(1.5, 5)), []
+    table.begin(SimpleNamespace(name="trial", warn=warnings.append), [SimpleNamespace(topic="/points")])
+    boats = np.concatenate([BOAT + offset for offset in ((0, 0, 0), (0, 20, 0), (-50, 10, 0), (0, -30, 0))])
+    for k in range(40):
+        stamp_ns = 10**9 + k * 10**8
+        table.copy(odometry(stamp_ns, 0.3 * k))
+        xyz = boats.copy()
+        xyz[:, axis] -= 0.3 * k
+        frame = Frame.of_arrays(xyz, np.full(len(xyz), 50.0), stamp_ns=stamp_ns, index=k)
+        table.write(FilterResult(frame, np.zeros(len(xyz), np.uint8)))
+    table.end()
+    assert [text.partition(":")[0] for text in warnings] == ["speeds over ground are doubtful"] * warns
 
 
 def test_one_place_shows_no_velocity():
