@@ -20,7 +20,7 @@ from seaclutter_cli.records import Channel, Message, Record
 
 _MAX_TRANSFORMS = 1000
 _KEPT, _MAX_EDGES, _MAX_DEPTH = 256, 256, 32
-_STALE_NS = 1_000_000_000
+STALE_NS = 1_000_000_000
 _KEPT_TURNS, _GAP_NS = 2048, 500_000_000
 _LASTING_NS = 500_000_000
 _STEP_M, _FASTEST_MS, _STEP_RAD, _FASTEST_RAD_S = 0.5, 30.0, math.radians(5), math.radians(90)
@@ -76,7 +76,7 @@ class _Edge:
             self.samples.append(sample)
             self._apart.clear()
             return
-        if -_STALE_NS < elapsed_ns <= 0:
+        if -STALE_NS < elapsed_ns <= 0:
             return
         if not self._apart or not self._apart[-1].leads_to(sample):
             self._apart.clear()
@@ -86,7 +86,7 @@ class _Edge:
             self.samples, self._apart, self.moves = self._apart, self.samples, True
             self._apart.clear()
 
-    def at(self, stamp_ns: int, late_ns: int = _STALE_NS) -> _Sample | None:
+    def at(self, stamp_ns: int, late_ns: int = STALE_NS) -> _Sample | None:
         """Return the transform at a time, between samples or within a time of them, or the fixed one."""
         known = self.samples
         if not self.moves:
@@ -169,9 +169,12 @@ class Navigation:
             with suppress(CloudError):
                 read(self, reader_of(record), record)
 
-    def pose(self, frame_id: str, stamp_ns: int) -> tuple[float, float, float] | None:
-        """Return position and yaw of a frame in one that is fixed, in metres and radians; None if it is not known."""
-        found = self._in_fixed(frame_id, stamp_ns, _CONTINUOUS)
+    def pose(self, frame_id: str, stamp_ns: int, late_ns: int = STALE_NS) -> tuple[float, float, float] | None:
+        """Return position and yaw of a frame in one that is fixed, in metres and radians; None if it is not known.
+
+        It is known between two messages, and for some time before the first and behind the last.
+        """
+        found = self._in_fixed(frame_id, stamp_ns, _CONTINUOUS, late_ns)
         if isinstance(found, str):
             self._unmoved = found
             return None
@@ -244,12 +247,12 @@ class Navigation:
         for known, name in (place, _POSITION), (self._imu, _HEADING):
             if known is None:
                 return f"no {name}"
-            if abs(stamp_ns - known[0]) > 2 * _STALE_NS:
+            if abs(stamp_ns - known[0]) > 2 * STALE_NS:
                 return f"no {name}, within two seconds"
         return ""
 
     def _in_fixed(
-        self, frame_id: str, stamp_ns: int, preferred: str, late_ns: int = _STALE_NS
+        self, frame_id: str, stamp_ns: int, preferred: str, late_ns: int = STALE_NS
     ) -> tuple[Floats, Floats, str] | str:
         """Return position and orientation in the fixed frame, and its name; or why they are not known."""
         at, turn, name, moves = np.zeros(3), np.array([0.0, 0, 0, 1]), frame_id, False

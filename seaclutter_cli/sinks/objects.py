@@ -17,7 +17,7 @@ from seaclutter_cli.errors import InputError, UsageError, requiring
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Sink, Source
 from seaclutter_cli.messages.definitions import Content
-from seaclutter_cli.messages.navigation import Fix, Navigation, on_earth
+from seaclutter_cli.messages.navigation import STALE_NS, Fix, Navigation, on_earth
 from seaclutter_cli.messages.scene import SceneBox, SceneTrack, detections
 from seaclutter_cli.records import Channel, Record
 from seaclutter_cli.sinks.csv import csv_line, csv_lines
@@ -28,6 +28,7 @@ _CONTEXT_S = 2.0
 _COLORS = {CONFIRMED: "#f4a261", CANDIDATE: "#8d99ae", LOST: "#8d99ae"}
 _ROWS_AT_ONCE = 20_000
 _STEP_NS = 1_000_000_000
+_WAIT_NS, _MOST_HELD = 1_000_000_000, 32
 _FEWEST, _FEWEST_FRAMES, _MOVES_MS, _APART = 4, 20, 1.0, 0.3
 _PROPERTIES = ("recording", "topic", "track_id", "class", "length_m", "width_m", "height_m")
 
@@ -117,6 +118,7 @@ class ObjectTable(Sink):
         self._source, self._navigation, self._unplaced, self._unmoved = source, Navigation(), 0, 0
         self._followers = {channel.topic: self._new() for channel in clouds}
         self._fixes: dict[str, deque[Fix | None]] = {channel.topic: deque() for channel in clouds}
+        self._held: deque[FilterResult] = deque()
         self._common = _CommonMotion()
 
     def copy(self, record: Record) -> None:
@@ -131,12 +133,26 @@ class ObjectTable(Sink):
         fix = self._navigation.fix(frame.cloud.frame_id.lstrip("/"), frame.stamp_ns)
         self._fixes[frame.topic].append(fix)
         self._unplaced += fix is None
-        pose = pose_of(self._navigation, result)
+        self._held.append(result)
+        while self._held and not self._waits(frame.log_time_ns):
+            self._follow(self._held.popleft())
+
+    def _waits(self, now_ns: int) -> bool:
+        """Return whether the first frame that is held waits for the pose of own ship that follows it."""
+        first = self._held[0]
+        if now_ns - first.frame.log_time_ns > _WAIT_NS or len(self._held) > _MOST_HELD:
+            return False
+        return pose_of(self._navigation, first, 0) is None and pose_of(self._navigation, first) is not None
+
+    def _follow(self, result: FilterResult) -> None:
+        pose, topic = pose_of(self._navigation, result), result.frame.topic
         self._unmoved += pose is None and bool(self._navigation.unmoved)
-        self._write_all(frame.topic, self._followers[frame.topic].add(result, pose))
+        self._write_all(topic, self._followers[topic].add(result, pose))
 
     def end(self) -> None:
         """Write the rows of all frames that are left."""
+        for result in self._held:
+            self._follow(result)
         for topic, follower in self._followers.items():
             self._write_all(topic, follower.finish())
         for missing, what, why in (
@@ -174,10 +190,10 @@ class ObjectTable(Sink):
                 one.speed_ms, one.over_ground = round(speed_ms, 2), frame.over_ground
 
 
-def pose_of(navigation: Navigation, result: FilterResult) -> Pose | None:
-    """Return the pose of the lidar in a frame; None if it is not known."""
+def pose_of(navigation: Navigation, result: FilterResult, late_ns: int = STALE_NS) -> Pose | None:
+    """Return the pose of the lidar in a frame; None if it is not known within a time."""
     frame = result.frame
-    pose = navigation.pose(frame.cloud.frame_id.lstrip("/"), frame.stamp_ns)
+    pose = navigation.pose(frame.cloud.frame_id.lstrip("/"), frame.stamp_ns, late_ns)
     return Pose(*pose) if pose else None
 
 
@@ -200,7 +216,10 @@ def rows_of(frame: FrameObjects, fix: Fix | None) -> Iterable[Sequence[object]]:
 
 
 class LiveObjects:
-    """Objects of each frame, known without later frames; ids are those of `ObjectTable`, other values less exact."""
+    """Objects of each frame, known without later frames.
+
+    Ids are those of `ObjectTable` where own ship's pose is known at once; other values are less exact.
+    """
 
     def __init__(self, new: Callable[..., Follower]) -> None:
         self._new = partial(new, context_s=_CONTEXT_S, live=True)

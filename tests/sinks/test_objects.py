@@ -66,6 +66,24 @@ def test_the_greatest_speed_is_that_over_ground_if_it_was_measured_so():
         assert text in found.as_text()
 
 
+def test_frames_wait_for_the_pose_that_follows_them():
+    """Own ship goes back and forth at 3 m/s beside a boat that lies still; its pose is known where it turns back."""
+    lines = PackedRows()
+    table = ObjectTable(lines.write, lambda: Follower(1.5, 5))
+    table.begin(SimpleNamespace(name="trial"), [SimpleNamespace(topic="/points")])
+    for k in range(61):
+        stamp_ns, x_m = 10**9 + k * 10**8, 0.3 * abs((k + 10) % 20 - 10)
+        if k % 10 == 0:
+            table.copy(odometry(stamp_ns, x_m))
+        frame = Frame.of_arrays(BOAT - (x_m, 0, 0), np.full(len(BOAT), 50.0), stamp_ns=stamp_ns, index=k)
+        table.write(FilterResult(frame, np.zeros(len(BOAT), np.uint8)))
+    table.end()
+    rows = list(rows_as_mappings(lines))
+    assert [row["frame"] for row in rows] == list(range(61))
+    assert {row["velocity"] for row in rows[1:]} == {"ground"}
+    assert max(row["speed_ms"] for row in rows[1:]) < 0.3
+
+
 @pytest.mark.parametrize(("axis", "warns"), [(0, False), (1, True)])
 def test_objects_that_all_move_alike_show_that_own_ships_pose_is_wrong(axis, warns):
     """Own ship moves along x as its odometry says, or along y."""
