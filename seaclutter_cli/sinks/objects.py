@@ -13,6 +13,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from seaclutter_cli.arrays import Floats
 from seaclutter_cli.errors import InputError, UsageError, requiring
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Sink, Source
@@ -29,6 +30,7 @@ _COLORS = {CONFIRMED: "#f4a261", CANDIDATE: "#8d99ae", LOST: "#8d99ae"}
 _ROWS_AT_ONCE = 20_000
 _STEP_NS = 1_000_000_000
 _WAIT_NS, _MOST_HELD = 1_000_000_000, 32
+_SPAN_NS, _METRES = 5_000_000_000, 111_320.0  # of a degree of latitude
 _FEWEST, _FEWEST_FRAMES, _MOVES_MS, _APART = 4, 20, 1.0, 0.3
 _PROPERTIES = ("recording", "topic", "track_id", "class", "length_m", "width_m", "height_m")
 
@@ -75,7 +77,7 @@ class TrackSummary:
 
 
 class _CommonMotion:
-    """In how many frames the objects move alike over ground, as they do where own ship's pose is wrong.
+    """In how many frames the objects move alike, as they do where own ship's pose, or heading, is wrong.
 
     These are frames in which most of at least four objects are faster than 1 m/s, and a rigid motion of all leaves less
     than a third of that.
@@ -89,13 +91,11 @@ class _CommonMotion:
         """Whether it is so in most frames."""
         return self._frames >= _FEWEST_FRAMES and 2 * self._alike > self._frames
 
-    def add(self, frame: FrameObjects) -> None:
-        """Add the objects of a frame."""
-        seen = np.flatnonzero([state == CONFIRMED for state in frame.states])
-        seen = seen[np.isfinite(frame.velocities[seen, 0])]
-        if not frame.over_ground or len(seen) < _FEWEST:
+    def add(self, places: Floats, velocities: Floats) -> None:
+        """Add the places and velocities of the objects of a frame, shape (N, 2)."""
+        if len(places) < _FEWEST:
             return
-        (x, y, _), velocity = frame.centers[seen].T, frame.velocities[seen].T
+        (x, y), velocity = places.T, velocities.T
         one, none = np.ones_like(x), np.zeros_like(x)
         motion = np.array([(one, none), (none, one), (-y, x)]).reshape(3, -1).T
         fitted = motion @ np.linalg.lstsq(motion, velocity.ravel(), rcond=None)[0]
@@ -119,7 +119,8 @@ class ObjectTable(Sink):
         self._followers = {channel.topic: self._new() for channel in clouds}
         self._fixes: dict[str, deque[Fix | None]] = {channel.topic: deque() for channel in clouds}
         self._held: deque[FilterResult] = deque()
-        self._common = _CommonMotion()
+        self._past: dict[str, deque[tuple[int, Mapping[int, Floats]]]] = {one: deque() for one in self._followers}
+        self._over_ground, self._on_earth = _CommonMotion(), _CommonMotion()
 
     def copy(self, record: Record) -> None:
         """Receive messages about own ship's motion."""
@@ -161,18 +162,38 @@ class ObjectTable(Sink):
         ):
             if missing and why:
                 self._source.warn(f"{what} for {missing:,} of {len(self.indices):,} frames: {why}")
-        if self._common.is_usual:
-            self._source.warn(
-                "speeds over ground are doubtful: all objects seem to move alike; check that own ship's odometry or "
-                "/tf has its axes forward, left and up, a heading, and a transform to the lidar"
-            )
+        alike, turned = "are doubtful: all objects seem to move alike; check that", "a transform to the lidar"
+        if self._over_ground.is_usual:
+            axes = "own ship's odometry or /tf has its axes forward, left and up, a heading"
+            self._source.warn(f"speeds over ground {alike} {axes}, and {turned}")
+        if self._on_earth.is_usual:
+            axes = "yaw counts from east, counter-clockwise (REP 145)"
+            self._source.warn(f"places on earth {alike} {axes}, and that there is {turned}")
 
     def _write_all(self, topic: str, frames: Iterable[FrameObjects]) -> None:
         for frame in frames:
-            rows = rows_of(frame, self._fixes[topic].popleft())
+            fix = self._fixes[topic].popleft()
+            rows = rows_of(frame, fix)
             self._write(csv_lines((self._source.name, topic, *row) for row in rows))
             self._sum_up(topic, frame)
-            self._common.add(frame)
+            self._see_motion(topic, frame, fix)
+
+    def _see_motion(self, topic: str, frame: FrameObjects, fix: Fix | None) -> None:
+        """Compare the motions of confirmed objects with each other, and their places on earth with earlier ones."""
+        seen = np.flatnonzero([state == CONFIRMED for state in frame.states])
+        moving = seen[np.isfinite(frame.velocities[seen, 0])] if frame.over_ground else seen[:0]
+        self._over_ground.add(frame.centers[moving, :2], frame.velocities[moving])
+        if fix is None:
+            return
+        metres = _METRES * np.array((1, math.cos(math.radians(fix.latitude_deg))))
+        places = on_earth(fix, frame.centers[seen, :2]) * metres
+        now, past = dict(zip([frame.tracks[n] for n in seen.tolist()], places, strict=True)), self._past[topic]
+        past.append((frame.stamp_ns, now))
+        while past and (elapsed_ns := frame.stamp_ns - past[0][0]) >= _SPAN_NS:
+            _, old = past.popleft()
+            both = [track for track in now if track in old]
+            at, before = (np.array([one[track] for track in both]).reshape(-1, 2) for one in (now, old))
+            self._on_earth.add(at - at.mean(axis=0), (at - before) / (elapsed_ns / 1e9))
 
     def _sum_up(self, topic: str, frame: FrameObjects) -> None:
         self.states.update((topic, state) for state in frame.states)
