@@ -24,6 +24,7 @@ _LATCHED_TOPICS = re.compile(r"(^|/)(tf_static|robot_description)$")
 _LATCHED_TYPES = re.compile(r"(^|/|\.)(CameraInfo|CameraCalibration)$")
 
 _MAX_SENSORS = 64
+_FIXED_FRAMES = ("odom", "map", "earth", "world", "camera_init")  # of REP 105, and of usual programs for registration
 _ATTITUDE_NS, _MOST_FRAMES, _MOST_RECORDS = 200_000_000, 16, 4096
 
 
@@ -96,6 +97,11 @@ class _Stamps:
         cloud, message, topic = frame.cloud, frame.message, frame.topic
         if cloud.has_wrong_rows:
             source.warn(f"{topic} has a wrong row_step: rows are read as {cloud.width} x {cloud.point_step} bytes")
+        if cloud.frame_id.rpartition("/")[2] in _FIXED_FRAMES:
+            source.warn(
+                f"{topic} has clouds in the fixed frame {cloud.frame_id!r}, not in that of the lidar; "
+                "if own ship moves, use those of the driver"
+            )
         if cloud.repeated_name:
             source.warn(f"{topic} has several fields {cloud.repeated_name!r}: the first one is read")
         known = self._clocks.setdefault(topic, {})

@@ -33,6 +33,11 @@ def stuck(folder):
     return write_log(folder / "log.mcap", [cloud_topic("/points")], rows)
 
 
+def registered(folder):
+    rows = [entry._replace(data=entry.data.replace(b"lidar\0", b"world\0")) for entry in entries()]
+    return write_log(folder / "log.mcap", [cloud_topic("/points")], rows)
+
+
 def log(folder, definition=TEXT, name=TYPE, **changes):
     topic = Topic("/points", "cdr", (name, "ros2msg", definition))
     return write_log(folder / "log.mcap", [topic], entries(**changes))
@@ -198,6 +203,15 @@ CASES = [
         build=partial(log, height=4, width=10, row_step=16),
         frames=SEA,
         says={"filter": "wrong row_step", "info": "wrong row_step"},
+    ),
+    Case(
+        name="clouds in a fixed frame",
+        source="https://github.com/hku-mars/FAST_LIO: /cloud_registered is in the frame camera_init",
+        build=registered,
+        frames=SEA,
+        says=dict.fromkeys(
+            ("info", "filter", "evaluate"), "clouds in the fixed frame 'world', not in that of the lidar"
+        ),
     ),
     Case(
         name="two fields of one name",
