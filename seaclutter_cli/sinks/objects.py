@@ -95,7 +95,7 @@ class _CommonMotion:
         """Add the places and velocities of the objects of a frame, shape (N, 2)."""
         if len(places) < _FEWEST:
             return
-        (x, y), velocity = places.T, velocities.T
+        (x, y), velocity = (places - places.mean(axis=0)).T, velocities.T
         one, none = np.ones_like(x), np.zeros_like(x)
         motion = np.array([(one, none), (none, one), (-y, x)]).reshape(3, -1).T
         fitted = motion @ np.linalg.lstsq(motion, velocity.ravel(), rcond=None)[0]
@@ -188,12 +188,14 @@ class ObjectTable(Sink):
         metres = _METRES * np.array((1, math.cos(math.radians(fix.latitude_deg))))
         places = on_earth(fix, frame.centers[seen, :2]) * metres
         now, past = dict(zip([frame.tracks[n] for n in seen.tolist()], places, strict=True)), self._past[topic]
+        if past and frame.stamp_ns < past[-1][0]:
+            past.clear()
         past.append((frame.stamp_ns, now))
         while past and (elapsed_ns := frame.stamp_ns - past[0][0]) >= _SPAN_NS:
             _, old = past.popleft()
             both = [track for track in now if track in old]
             at, before = (np.array([one[track] for track in both]).reshape(-1, 2) for one in (now, old))
-            self._on_earth.add(at - at.mean(axis=0), (at - before) / (elapsed_ns / 1e9))
+            self._on_earth.add(at, (at - before) / (elapsed_ns / 1e9))
 
     def _sum_up(self, topic: str, frame: FrameObjects) -> None:
         self.states.update((topic, state) for state in frame.states)
