@@ -260,6 +260,8 @@ class Navigation:
             edge = self._edges.get(name) or (self._edges.get(_BODY) if not moves else None)
             if edge is None or (moves and name == preferred):
                 return (at, turn, name) if moves else f"no transform leads from '{name}' to a fixed frame"
+            if edge.parent == name:  # that of a pose: the frame is the fixed one, as after registration
+                return at, turn, name
             sample = edge.at(stamp_ns, late_ns)
             if sample is None:
                 return f"no transform from '{name}' to '{edge.parent}' within a second of the cloud"

@@ -92,6 +92,15 @@ def test_odometry_without_transforms_is_that_of_the_lidar(send):
     assert np.allclose(navigation.pose("lidar", STAMP_NS + 1), (1, 0, 0))
 
 
+def test_the_frame_of_odometry_does_not_move(send):
+    """Clouds after registration are in it."""
+    navigation = Navigation()
+    for k in range(2):
+        send(navigation, "nav_msgs/msg/Odometry", "odom", STAMP_NS + k, child="base_link", at=(k, 0, 0), yaw=30)
+    assert navigation.pose("odom", STAMP_NS + 1) == (0, 0, 0)
+    assert np.allclose(navigation.pose("lidar", STAMP_NS + 1), (1, 0, math.pi / 6))
+
+
 def test_static_transforms_alone_are_no_motion(send):
     navigation = Navigation()
     send(navigation, "tf2_msgs/msg/TFMessage", "base_link", STAMP_NS, child="lidar", at=(1, 0, 2), yaw=0)
