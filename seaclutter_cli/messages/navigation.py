@@ -19,7 +19,7 @@ from seaclutter_cli.messages.serialisation import Reader, reader_of
 from seaclutter_cli.records import Channel, Message, Record
 
 _MAX_TRANSFORMS = 1000
-_KEPT, _MAX_EDGES, _MAX_DEPTH = 256, 256, 32
+_KEPT, _MAX_EDGES, _MAX_DEPTH, _MAX_TOPICS = 256, 256, 32, 16
 STALE_NS = 1_000_000_000
 _KEPT_TURNS, _GAP_NS = 2048, 500_000_000
 _LASTING_NS = 500_000_000
@@ -144,7 +144,8 @@ class Navigation:
 
     Transforms come from ``tf2_msgs/TFMessage`` and ``nav_msgs/Odometry``, a pose of own ship from
     ``geometry_msgs/PoseStamped``, a position on earth from ``sensor_msgs/NavSatFix`` with the orientation of a
-    ``sensor_msgs/Imu``, or from transforms to the frame ``earth``. Of several parents of a frame, the first counts.
+    ``sensor_msgs/Imu``, or from transforms to the frame ``earth``. Of several parents of a frame, the first counts, and
+    of several topics of poses, or of fixes, that begins first.
     """
 
     def __init__(self) -> None:
@@ -153,6 +154,7 @@ class Navigation:
         self._places = _Edge(_EARTH)
         self._imu: tuple[int, Floats, str, str] | None = None
         self._gyro: _Gyro | None = None
+        self._topics: dict[str, list[str]] = {}
 
     @staticmethod
     def tells_attitude(channel: Channel) -> bool:
@@ -238,6 +240,15 @@ class Navigation:
         return self._unmoved if any(edge.moves for edge in self._edges.values()) else ""
 
     @property
+    def unused(self) -> list[str]:
+        """Topics that were not used because another one of their kind was, as sentences."""
+        return [
+            f"{used} is taken for own ship's {kind}, not {', '.join(others)}"
+            for kind, (used, *others) in self._topics.items()
+            if others
+        ]
+
+    @property
     def unplaced(self) -> str:
         """What a place on earth lacked last; empty if nothing, or if the log has no fixes."""
         return self._lacking if self._has_fixes else ""
@@ -292,14 +303,23 @@ class Navigation:
         if all(edge.parent != _plain(child) for edge in self._edges.values()):
             self._add(_plain(head.frame_id), _BODY, sample)  # no transform from the lidar: its axes are taken for these
 
+    def _counts(self, kind: str, message: Message) -> bool:
+        """Return whether the topic of a message is the first one of a kind."""
+        topics = self._topics.setdefault(kind, [])
+        if message.channel.topic not in topics and len(topics) < _MAX_TOPICS:
+            topics.append(message.channel.topic)
+        return topics[0] == message.channel.topic
+
     def _pose(self, read: Reader, message: Message) -> None:
         head = read.header()
-        self._add(_plain(head.frame_id), _BODY, _sample(read, head.stamp_ns or message.log_time_ns))
+        if self._counts("pose", message):
+            self._add(_plain(head.frame_id), _BODY, _sample(read, head.stamp_ns or message.log_time_ns))
 
     def _satellites(self, read: Reader, message: Message) -> None:
         head, (status, _), (north, east, _) = read.header(), (read.number("b"), read.number("H")), read.numbers("ddd")
         self._has_fixes = True
-        if status >= 0 and abs(north) <= 90 and abs(east) <= 180 and (north or east):  # 0, 0 is unset
+        is_set = status >= 0 and abs(north) <= 90 and abs(east) <= 180 and (north or east)  # 0, 0 is unset
+        if is_set and self._counts("position", message):
             stamp_ns, turn = head.stamp_ns or message.log_time_ns, np.array(_UNSET)
             self._places.add(_Sample(stamp_ns, _on_sphere(math.radians(north), math.radians(east)), turn))
 

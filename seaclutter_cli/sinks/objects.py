@@ -162,6 +162,8 @@ class ObjectTable(Sink):
         ):
             if missing and why:
                 self._source.warn(f"{what} for {missing:,} of {len(self.indices):,} frames: {why}")
+        for text in self._navigation.unused:
+            self._source.warn(text)
         alike, turned = "are doubtful: all objects seem to move alike; check that", "a transform to the lidar"
         if self._over_ground.is_usual:
             axes = "own ship's odometry or /tf has its axes forward, left and up, a heading"

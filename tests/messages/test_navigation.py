@@ -39,8 +39,10 @@ def send(request):
                 *pose(("Vector3", "Quaternion"), values["at"], values["yaw"])
             )
             return types[kind]([types["geometry_msgs/msg/TransformStamped"](head, values["child"], transform)])
-        if kind == "nav_msgs/msg/Odometry":
+        if kind in ("nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped"):
             placed = types["geometry_msgs/msg/Pose"](*pose(("Point", "Quaternion"), values["at"], values["yaw"]))
+            if kind == "geometry_msgs/msg/PoseStamped":
+                return types[kind](head, placed)
             zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
             twist = types["geometry_msgs/msg/Twist"](zero, zero)
             uncertain = types["geometry_msgs/msg/PoseWithCovariance"](placed, np.zeros(36))
@@ -63,11 +65,11 @@ def send(request):
             np.zeros(9),
         )
 
-    def send(navigation, kind, frame_id, stamp_ns, **values):
+    def send(navigation, kind, frame_id, stamp_ns, *, topic="/topic", **values):
         message = made(kind, frame_id, stamp_ns, **values)
         serialise = store.serialize_ros1 if encoding == "ros1" else store.serialize_cdr
         name = kind.replace("/msg", "") if encoding == "ros1" else kind
-        channel = Channel(1, "/topic", encoding, Schema(name, "", b""))
+        channel = Channel(1, topic, encoding, Schema(name, "", b""))
         navigation.see(Message(channel, stamp_ns, stamp_ns, 0, bytes(serialise(message, kind))))
 
     return send
@@ -99,6 +101,22 @@ def test_the_frame_of_odometry_does_not_move(send):
         send(navigation, "nav_msgs/msg/Odometry", "odom", STAMP_NS + k, child="base_link", at=(k, 0, 0), yaw=30)
     assert navigation.pose("odom", STAMP_NS + 1) == (0, 0, 0)
     assert np.allclose(navigation.pose("lidar", STAMP_NS + 1), (1, 0, math.pi / 6))
+
+
+def test_of_several_topics_of_fixes_and_poses_that_begins_first_is_own_ships(send):
+    """Logs of trials also have those of the target."""
+    navigation = Navigation()
+    for k, (topic, x) in enumerate((("own", 3.0), ("target", 3.1), ("other", 3.2)) * 5):
+        stamp_ns = STAMP_NS + k * 10**7
+        send(navigation, "geometry_msgs/msg/PoseStamped", "map", stamp_ns, topic=f"{topic}/pose", at=(x, 0, 0), yaw=0)
+        send(navigation, "sensor_msgs/msg/NavSatFix", "gps", stamp_ns, topic=f"{topic}/fix", at=(x, 5, 0))
+        send(navigation, "sensor_msgs/msg/Imu", "imu", stamp_ns, topic=f"{topic}/imu", yaw=10)
+    assert navigation.pose("lidar", stamp_ns) == (3, 0, 0)
+    assert navigation.fix("lidar", stamp_ns)[0] == pytest.approx(3)
+    assert navigation.unused == [
+        f"own/{topic} is taken for own ship's {kind}, not target/{topic}, other/{topic}"
+        for topic, kind in (("pose", "pose"), ("fix", "position"))
+    ]
 
 
 def test_static_transforms_alone_are_no_motion(send):
