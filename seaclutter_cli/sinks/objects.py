@@ -118,7 +118,7 @@ class ObjectTable(Sink):
         self._source, self._navigation, self._unplaced, self._unmoved = source, Navigation(), 0, 0
         self._followers = {channel.topic: self._new() for channel in clouds}
         self._fixes: dict[str, deque[Fix | None]] = {channel.topic: deque() for channel in clouds}
-        self._held: deque[FilterResult] = deque()
+        self._why_unmoved, self._held = "", deque[FilterResult]()
         self._past: dict[str, deque[tuple[int, Mapping[int, Floats]]]] = {one: deque() for one in self._followers}
         self._over_ground, self._on_earth = _CommonMotion(), _CommonMotion()
 
@@ -147,7 +147,8 @@ class ObjectTable(Sink):
 
     def _follow(self, result: FilterResult) -> None:
         pose, topic = pose_of(self._navigation, result), result.frame.topic
-        self._unmoved += pose is None and bool(self._navigation.unmoved)
+        if pose is None and self._navigation.unmoved:
+            self._unmoved, self._why_unmoved = self._unmoved + 1, self._navigation.unmoved
         self._write_all(topic, self._followers[topic].add(result, pose))
 
     def end(self) -> None:
@@ -158,7 +159,7 @@ class ObjectTable(Sink):
             self._write_all(topic, follower.finish())
         for missing, what, why in (
             (self._unplaced, "no place on earth is known", self._navigation.unplaced),
-            (self._unmoved, "speeds are relative to own ship, whose motion is not known,", self._navigation.unmoved),
+            (self._unmoved, "speeds are relative to own ship, whose motion is not known,", self._why_unmoved),
         ):
             if missing and why:
                 self._source.warn(f"{what} for {missing:,} of {len(self.indices):,} frames: {why}")
