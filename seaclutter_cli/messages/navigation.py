@@ -145,7 +145,7 @@ class Navigation:
     Transforms come from ``tf2_msgs/TFMessage`` and ``nav_msgs/Odometry``, a pose of own ship from
     ``geometry_msgs/PoseStamped``, a position on earth from ``sensor_msgs/NavSatFix`` with the orientation of a
     ``sensor_msgs/Imu``, or from transforms to the frame ``earth``. Of several parents of a frame, the first counts, and
-    of several topics of poses, or of fixes, that begins first.
+    of several topics of fixes, the one that begins first.
     """
 
     def __init__(self) -> None:
@@ -154,7 +154,8 @@ class Navigation:
         self._places = _Edge(_EARTH)
         self._imu: tuple[int, Floats, str, str] | None = None
         self._gyro: _Gyro | None = None
-        self._topics: dict[str, list[str]] = {}
+        self._poses_on: list[str] = []
+        self._fixes_on: list[str] = []
 
     @staticmethod
     def tells_attitude(channel: Channel) -> bool:
@@ -240,13 +241,15 @@ class Navigation:
         return self._unmoved if any(edge.moves for edge in self._edges.values()) else ""
 
     @property
-    def unused(self) -> list[str]:
-        """Topics that were not used because another one of their kind was, as sentences."""
-        return [
-            f"{used} is taken for own ship's {kind}, not {', '.join(others)}"
-            for kind, (used, *others) in self._topics.items()
-            if others
-        ]
+    def ambiguities(self) -> list[str]:
+        """Warnings about several topics that may be own ship's."""
+        found = []
+        if len(self._poses_on) > 1:
+            found.append(f"poses on {', '.join(self._poses_on)} are all taken for own ship's; others make speeds wrong")
+        if len(self._fixes_on) > 1:
+            used, *others = self._fixes_on
+            found.append(f"fixes on {used} are taken for own ship's, not those on {', '.join(others)}")
+        return found
 
     @property
     def unplaced(self) -> str:
@@ -271,7 +274,7 @@ class Navigation:
             edge = self._edges.get(name) or (self._edges.get(_BODY) if not moves else None)
             if edge is None or (moves and name == preferred):
                 return (at, turn, name) if moves else f"no transform leads from '{name}' to a fixed frame"
-            if edge.parent == name:  # that of a pose: the frame is the fixed one, as after registration
+            if edge.parent == name:  # own ship's pose is in this frame, so it is fixed, as after registration
                 return at, turn, name
             sample = edge.at(stamp_ns, late_ns)
             if sample is None:
@@ -303,23 +306,16 @@ class Navigation:
         if all(edge.parent != _plain(child) for edge in self._edges.values()):
             self._add(_plain(head.frame_id), _BODY, sample)  # no transform from the lidar: its axes are taken for these
 
-    def _counts(self, kind: str, message: Message) -> bool:
-        """Return whether the topic of a message is the first one of a kind."""
-        topics = self._topics.setdefault(kind, [])
-        if message.channel.topic not in topics and len(topics) < _MAX_TOPICS:
-            topics.append(message.channel.topic)
-        return topics[0] == message.channel.topic
-
     def _pose(self, read: Reader, message: Message) -> None:
         head = read.header()
-        if self._counts("pose", message):
-            self._add(_plain(head.frame_id), _BODY, _sample(read, head.stamp_ns or message.log_time_ns))
+        _note(self._poses_on, message)
+        self._add(_plain(head.frame_id), _BODY, _sample(read, head.stamp_ns or message.log_time_ns))
 
     def _satellites(self, read: Reader, message: Message) -> None:
         head, (status, _), (north, east, _) = read.header(), (read.number("b"), read.number("H")), read.numbers("ddd")
         self._has_fixes = True
         is_set = status >= 0 and abs(north) <= 90 and abs(east) <= 180 and (north or east)  # 0, 0 is unset
-        if is_set and self._counts("position", message):
+        if is_set and _note(self._fixes_on, message)[0] == message.channel.topic:
             stamp_ns, turn = head.stamp_ns or message.log_time_ns, np.array(_UNSET)
             self._places.add(_Sample(stamp_ns, _on_sphere(math.radians(north), math.radians(east)), turn))
 
@@ -336,6 +332,13 @@ class Navigation:
             self._gyro = _Gyro(topic, _plain(head.frame_id), is_measured=is_set)
         if self._gyro is not None and self._gyro.topic == topic:
             self._gyro.add(stamp_ns, turn / size if is_set else None, rate)
+
+
+def _note(topics: list[str], message: Message) -> list[str]:
+    """Return topics, with that of a message if there are few."""
+    if message.channel.topic not in topics and len(topics) < _MAX_TOPICS:
+        topics.append(message.channel.topic)
+    return topics
 
 
 _READERS: dict[str, Callable[[Navigation, Reader, Message], None]] = {

@@ -29,7 +29,8 @@ _CONTEXT_S = 2.0
 _COLORS = {CONFIRMED: "#f4a261", CANDIDATE: "#8d99ae", LOST: "#8d99ae"}
 _ROWS_AT_ONCE = 20_000
 _STEP_NS = 1_000_000_000
-_WAIT_NS, _MOST_HELD = 1_000_000_000, 32
+_MOST_HELD = 1_000_000
+"""Number of points of the frames that wait for a pose."""
 _SPAN_NS, _METRES = 5_000_000_000, 111_320.0  # of a degree of latitude
 _FEWEST, _FEWEST_FRAMES, _MOVES_MS, _APART = 4, 20, 1.0, 0.3
 _PROPERTIES = ("recording", "topic", "track_id", "class", "length_m", "width_m", "height_m")
@@ -141,7 +142,8 @@ class ObjectTable(Sink):
     def _waits(self, now_ns: int) -> bool:
         """Return whether the first frame that is held waits for the pose of own ship that follows it."""
         first = self._held[0]
-        if now_ns - first.frame.log_time_ns > _WAIT_NS or len(self._held) > _MOST_HELD:
+        is_late = now_ns - first.frame.log_time_ns > STALE_NS
+        if is_late or sum(one.frame.size for one in self._held) > _MOST_HELD:
             return False
         return pose_of(self._navigation, first, 0) is None and pose_of(self._navigation, first) is not None
 
@@ -163,7 +165,7 @@ class ObjectTable(Sink):
         ):
             if missing and why:
                 self._source.warn(f"{what} for {missing:,} of {len(self.indices):,} frames: {why}")
-        for text in self._navigation.unused:
+        for text in self._navigation.ambiguities:
             self._source.warn(text)
         alike, turned = "are doubtful: all objects seem to move alike; check that", "a transform to the lidar"
         if self._over_ground.is_usual:

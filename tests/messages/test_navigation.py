@@ -103,19 +103,19 @@ def test_the_frame_of_odometry_does_not_move(send):
     assert np.allclose(navigation.pose("lidar", STAMP_NS + 1), (1, 0, math.pi / 6))
 
 
-def test_of_several_topics_of_fixes_and_poses_that_begins_first_is_own_ships(send):
-    """Logs of trials also have those of the target."""
+def test_several_topics_of_poses_or_fixes_are_named_and_the_first_fixes_are_own_ships(send):
+    """Logs of trials also have those of the target, or of a goal."""
     navigation = Navigation()
     for k, (topic, x) in enumerate((("own", 3.0), ("target", 3.1), ("other", 3.2)) * 5):
+        assert not navigation.ambiguities or k > 1
         stamp_ns = STAMP_NS + k * 10**7
         send(navigation, "geometry_msgs/msg/PoseStamped", "map", stamp_ns, topic=f"{topic}/pose", at=(x, 0, 0), yaw=0)
         send(navigation, "sensor_msgs/msg/NavSatFix", "gps", stamp_ns, topic=f"{topic}/fix", at=(x, 5, 0))
         send(navigation, "sensor_msgs/msg/Imu", "imu", stamp_ns, topic=f"{topic}/imu", yaw=10)
-    assert navigation.pose("lidar", stamp_ns) == (3, 0, 0)
     assert navigation.fix("lidar", stamp_ns)[0] == pytest.approx(3)
-    assert navigation.unused == [
-        f"own/{topic} is taken for own ship's {kind}, not target/{topic}, other/{topic}"
-        for topic, kind in (("pose", "pose"), ("fix", "position"))
+    assert navigation.ambiguities == [
+        "poses on own/pose, target/pose, other/pose are all taken for own ship's; others make speeds wrong",
+        "fixes on own/fix are taken for own ship's, not those on target/fix, other/fix",
     ]
 
 

@@ -134,7 +134,7 @@ def flip(data, at, bits):
 
 
 @pytest.mark.parametrize("compression", COMPRESSIONS)
-@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(where=st.floats(0, 1, exclude_max=True), bits=st.integers(1, 255))
 def test_flipped_bytes_cost_at_most_their_chunk(tmp_path, compression, where, bits):
     path = tmp_path / "x.bag"

@@ -14,7 +14,6 @@ from rosbags.typesys import Stores, get_typestore
 
 from seaclutter_cli.errors import InputError, SeaclutterError
 from seaclutter_cli.sources.rosbag2.db3 import Db3Source
-from tests.pairs import turns
 from tests.paths import SHARED_DATA
 
 DATA = SHARED_DATA / "nebula"
@@ -316,16 +315,14 @@ def check_damaged(path, expected):
     return messages, damage
 
 
-@turns(3)
-@pytest.mark.parametrize(("first", "fill"), [*enumerate([b"\0", b"\xff", b"\x0d"])])
-def test_each_page_overwritten(tmp_path, first, fill, turn):
+@pytest.mark.parametrize("fill", [b"\0", b"\xff", b"\x0d"])
+def test_each_page_overwritten(tmp_path, fill):
     """Messages on intact pages are read, and the others are counted."""
     path = write_file(tmp_path / "x.db3", messages=120)
     whole = path.read_bytes()
     broken = tmp_path / "broken.db3"
     lost = []
-    pages = range(1 + (first + turn) % 3, len(whole) // 4096, 3)
-    for page in pages:
+    for page in range(1, len(whole) // 4096):
         broken.write_bytes(whole[: page * 4096] + fill * 4096 + whole[(page + 1) * 4096 :])
         outcome = check_damaged(broken, written(120))
         if outcome is None:
@@ -335,7 +332,7 @@ def test_each_page_overwritten(tmp_path, first, fill, turn):
         if messages:
             assert set(messages) <= set(written(120))
             assert sum(entry.lost_messages or 0 for entry in damage) == 120 - len(messages)
-    assert len(lost) >= len(pages) - 2
+    assert len(lost) >= len(whole) // 4096 - 3
     assert sum(count <= 15 for count in lost) >= len(lost) - 2
 
 
