@@ -1,9 +1,9 @@
 """Own ship's motion from the topics of a log: transforms, odometry and poses; positions on earth from fixes."""
 
 import math
-from bisect import bisect
-from collections import deque
-from collections.abc import Callable
+from bisect import bisect, bisect_left
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -22,8 +22,10 @@ _MAX_TRANSFORMS = 1000
 _KEPT, _MAX_EDGES, _MAX_DEPTH, _MAX_TOPICS = 256, 256, 32, 16
 STALE_NS = 1_000_000_000
 _KEPT_TURNS, _GAP_NS = 2048, 500_000_000
-_LASTING_NS = 500_000_000
+_LASTING_NS, _SLOPE_NS = 500_000_000, 200_000_000
 _STEP_M, _FASTEST_MS, _STEP_RAD, _FASTEST_RAD_S = 0.5, 30.0, math.radians(5), math.radians(90)
+_SAME_M, _SAME_RAD = 1e-6, 1e-6
+_DIFFERENT_M, _DIFFERENT_RAD, _DIFFERENT_FRAMES = 0.3, math.radians(2), 10
 _UNSET = (0.0, 0.0, 0.0, 1.0)
 _POSITION = "position in sensor_msgs/NavSatFix"
 _HEADING = "heading, which is the orientation in sensor_msgs/Imu (0, 0, 0, 1 counts as unset)"
@@ -41,28 +43,54 @@ class _Sample(NamedTuple):
     at: Floats
     turn: Floats
 
-    def is_at(self, other: "_Sample") -> bool:
-        """Return whether place and orientation are the same."""
-        return bool((self.at == other.at).all() and (self.turn == other.turn).all())
+    def is_at(self, other: "_Sample", apart_m: float = _SAME_M, turned_rad: float = _SAME_RAD) -> bool:
+        """Return whether place and orientation are the same, to some metres and radians."""
+        return math.dist(self.at, other.at) <= apart_m and self.turned_rad(other) <= turned_rad
+
+    def turned_rad(self, other: "_Sample") -> float:
+        """Return the angle between the orientations."""
+        return 2 * math.asin(min(float(np.linalg.norm(_product(self.turn * (-1, -1, -1, 1), other.turn)[:3])), 1.0))
+
+    def speed_ms(self, later: "_Sample") -> float:
+        """Return the speed from there to a later sample."""
+        return math.dist(self.at, later.at) / max((later.stamp_ns - self.stamp_ns) / 1e9, 1e-9)
 
     def leads_to(self, later: "_Sample") -> bool:
         """Return whether a vessel can move so far in so short a time."""
         elapsed_s = (later.stamp_ns - self.stamp_ns) / 1e9
         if elapsed_s <= 0 or math.dist(self.at, later.at) > _STEP_M + _FASTEST_MS * elapsed_s:
             return False
-        turned = 2 * math.acos(min(abs(float(self.turn @ later.turn)), 1.0))
-        return turned <= _STEP_RAD + _FASTEST_RAD_S * elapsed_s
+        return self.turned_rad(later) <= _STEP_RAD + _FASTEST_RAD_S * elapsed_s
 
 
 @dataclass
 class _Edge:
-    """Samples of the transform of a frame to its parent, in the order of time; fixed ones may be repeated."""
+    """Samples of the transform of a frame to its parent from one topic, in the order of time; fixed ones are repeated.
+
+    It ``moves`` if they differ, and ``travels`` if the frame is elsewhere, seen from above: what only turns, as against
+    the horizon, does not tell where own ship is. ``breaks`` counts corrections.
+    """
 
     parent: str
+    topic: str = ""
     samples: deque[_Sample] = field(default_factory=lambda: deque(maxlen=_KEPT))
     moves: bool = False
+    travels: bool = False
+    breaks: int = 0
     _apart: deque[_Sample] = field(default_factory=lambda: deque(maxlen=_KEPT))
     _apart_ns: int = 0
+
+    @property
+    def rank(self) -> tuple[bool, bool, bool, bool]:
+        """What decides between transforms of one frame; the greatest counts, and the first of equal ones."""
+        is_tree = _name(self.topic) == "tf"
+        return self.travels, self.moves, is_tree, _name(self.parent).startswith(_CONTINUOUS)
+
+    def put(self, sample: _Sample) -> None:
+        """Replace the fixed transform."""
+        self.breaks += bool(self.samples) and not self.samples[-1].is_at(sample)
+        self.samples.clear()
+        self.samples.append(sample)
 
     def add(self, sample: _Sample, *, is_motion: bool = True) -> None:
         """Add a sample; one that no vessel can reach counts once others have agreed with it for half a second.
@@ -71,8 +99,10 @@ class _Edge:
         repeat a time, or are late, add nothing. Samples of motion move the frame even where they are equal.
         """
         elapsed_ns = sample.stamp_ns - self.samples[-1].stamp_ns if self.samples else 1
-        if (len(self.samples) < 2 and elapsed_ns > 0) or self.samples[-1].leads_to(sample):
-            self.moves |= is_motion or (bool(self.samples) and not self.samples[-1].is_at(sample))
+        last = self.samples[-1] if self.samples else sample
+        if (len(self.samples) < 2 and elapsed_ns > 0) or (last.leads_to(sample) and not self._leads_apart(sample)):
+            self.moves |= is_motion or not last.is_at(sample)
+            self.travels |= is_motion or math.dist(last.at[:2], sample.at[:2]) > _SAME_M
             self.samples.append(sample)
             self._apart.clear()
             return
@@ -83,18 +113,29 @@ class _Edge:
             self._apart_ns = sample.stamp_ns
         self._apart.append(sample)
         if sample.stamp_ns - self._apart_ns >= _LASTING_NS:
-            self.samples, self._apart, self.moves = self._apart, self.samples, True
+            self.samples, self._apart, self.moves, self.travels = self._apart, self.samples, True, True
+            self.breaks += 1
             self._apart.clear()
+
+    def _leads_apart(self, sample: _Sample) -> bool:
+        """Return whether samples that did not count lead to one at less speed, because more time has gone by."""
+        if not self._apart or not self._apart[-1].leads_to(sample):
+            return False
+        return self._apart[-1].speed_ms(sample) < self.samples[-1].speed_ms(sample)
 
     def at(self, stamp_ns: int, late_ns: int = STALE_NS) -> _Sample | None:
         """Return the transform at a time, between samples or within a time of them, or the fixed one."""
         known = self.samples
         if not self.moves:
             return known[-1]
-        k = min(max(bisect(known, stamp_ns, key=lambda one: one.stamp_ns), 1), len(known) - 1)
-        before, after = known[k - 1], known[k]
-        if not before.stamp_ns - late_ns <= stamp_ns <= after.stamp_ns + late_ns:
+        first_ns, last_ns = known[0].stamp_ns, known[-1].stamp_ns
+        if not first_ns - late_ns <= stamp_ns <= last_ns + late_ns:
             return None
+        # Beyond the samples, noise of the last two would grow.
+        start_ns = last_ns - _SLOPE_NS if stamp_ns > last_ns else stamp_ns
+        end_ns = first_ns + _SLOPE_NS if stamp_ns < first_ns else stamp_ns
+        before = known[max(bisect(known, start_ns, key=_stamp_ns) - 1, 0)]
+        after = known[min(bisect_left(known, end_ns, key=_stamp_ns), len(known) - 1)]
         share = (stamp_ns - before.stamp_ns) / max(after.stamp_ns - before.stamp_ns, 1)
         sign = 1 if before.turn @ after.turn >= 0 else -1
         turn = before.turn + share * (sign * after.turn - before.turn)
@@ -107,7 +148,7 @@ class _Gyro:
     def __init__(self, topic: str, frame_id: str, *, is_measured: bool) -> None:
         self.topic, self.frame_id, self._is_measured = topic, frame_id, is_measured
         self.breaks = 0
-        self.edge = _Edge("", deque(maxlen=_KEPT_TURNS), moves=True)
+        self.edge = _Edge("", topic, deque(maxlen=_KEPT_TURNS), moves=True)
         self._rate = np.zeros(3)
 
     def add(self, stamp_ns: int, turn: Floats | None, rate: Floats) -> None:
@@ -131,6 +172,19 @@ class _Gyro:
             known.append(_Sample(stamp_ns, np.zeros(3), turn))
 
 
+class _Chain(NamedTuple):
+    """Position and orientation of a frame in a fixed one, whether transforms tell that it is elsewhere, and by which.
+
+    ``path`` are those, as pairs of a topic and a number of corrections.
+    """
+
+    at: Floats
+    turn: Floats
+    fixed: str
+    travels: bool
+    path: tuple[tuple[str, int], ...]
+
+
 class Fix(NamedTuple):
     """Position on earth in degrees, and heading as the yaw of the x axis from east to north, in radians."""
 
@@ -144,18 +198,24 @@ class Navigation:
 
     Transforms come from ``tf2_msgs/TFMessage`` and ``nav_msgs/Odometry``, a pose of own ship from
     ``geometry_msgs/PoseStamped``, a position on earth from ``sensor_msgs/NavSatFix`` with the orientation of a
-    ``sensor_msgs/Imu``, or from transforms to the frame ``earth``. Of several parents of a frame, the first counts, and
-    of several topics of fixes, the one that begins first.
+    ``sensor_msgs/Imu``, or from transforms to the frame ``earth``. Where several topics tell the transform of a frame,
+    one that moves it counts, of these one of ``/tf``, then one to the frame ``odom``, then the first; of fixes and
+    orientations, the topic that begins first.
     """
 
     def __init__(self) -> None:
-        self._edges: dict[str, _Edge] = {}
-        self._lacking, self._has_fixes, self._unmoved = "", False, ""
-        self._places = _Edge(_EARTH)
+        self._edges: dict[str, list[_Edge]] = {}
+        self._lacking, self._has_fixes, self._unmoved, self._refused = "", False, "", ""
+        self._places, self._antenna = _Edge(_EARTH), ""
         self._imu: tuple[int, Floats, str, str] | None = None
         self._gyro: _Gyro | None = None
-        self._poses_on: list[str] = []
         self._fixes_on: list[str] = []
+        self._turns_on: list[str] = []
+        self._differ: Counter[tuple[str, str]] = Counter()
+        self._children: dict[str, str] = {}
+        self._strangers: dict[str, str] = {}
+        self.path: tuple[tuple[str, int], ...] = ()
+        """Topics of the transforms of the last pose, and how often each was corrected; if they change, it steps."""
 
     @staticmethod
     def tells_attitude(channel: Channel) -> bool:
@@ -181,12 +241,13 @@ class Navigation:
         if isinstance(found, str):
             self._unmoved = found
             return None
-        at, turn, fixed = found
-        axes = rotation(*turn)
-        if axes[2, 2] < _UPRIGHT:  # positions seen from above would be mirrored
-            self._unmoved = f"the lidar is not upright in '{fixed}'"
+        axes = rotation(*found.turn)
+        if not found.travels or axes[2, 2] < _UPRIGHT:  # positions seen from above would be mirrored
+            why = "is not upright" if found.travels else "turns, but does not move,"
+            self._unmoved = f"the lidar {why} in '{found.fixed}'"
             return None
-        return float(at[0]), float(at[1]), math.atan2(axes[1, 0], axes[0, 0])
+        self.path = found.path
+        return float(found.at[0]), float(found.at[1]), math.atan2(axes[1, 0], axes[0, 0])
 
     def attitude(self, frame_id: str, stamp_ns: int) -> Attitude | None:
         """Return the attitude of a frame, from an IMU if there is one, else from transforms; None if it is not known.
@@ -201,54 +262,78 @@ class Navigation:
                 return None
             return Attitude(self._axes(name, gyro.frame_id, sample.turn), (gyro.topic, gyro.frame_id, gyro.breaks))
         found = self._in_fixed(name, stamp_ns, _CONTINUOUS, late_ns=0)
-        return None if isinstance(found, str) else Attitude(rotation(*found[1]), ("transforms", found[2], 0))
+        if isinstance(found, str):
+            return None
+        return Attitude(rotation(*found.turn), ("transforms", found.fixed, sum(breaks for _, breaks in found.path)))
 
     def _axes(self, name: str, imu: str, turn: Floats) -> Floats:
         """Return the axes of a frame, given the orientation of an IMU."""
-        (root, to_root), (other, from_imu) = self._mounted(name), self._mounted(imu)
+        (root, _, to_root), (other, _, from_imu) = self._mounted(name), self._mounted(imu)
         axes = rotation(*turn)
         if root == other:
             return np.asarray(axes @ from_imu.T @ to_root)
         return axes @ np.diag((1.0, -1.0, -1.0)) if axes[2, 2] < 0 else axes  # its z axis is down
 
-    def _mounted(self, name: str) -> tuple[str, Floats]:
-        """Return the topmost frame above a frame to which fixed transforms lead, and the rotation to its axes."""
-        axes = np.eye(3)
+    def _mounted(self, name: str) -> tuple[str, Floats, Floats]:
+        """Return the topmost frame to which fixed transforms lead from a frame, and the position and axes in it."""
+        at, axes = np.zeros(3), np.eye(3)
         for _ in range(_MAX_DEPTH):
-            edge = self._edges.get(name)
-            if edge is None or edge.moves:
+            fixed = next((edge for edge in self._edges.get(name, ()) if not edge.moves), None)
+            if fixed is None:
                 break
-            name, axes = edge.parent, rotation(*edge.samples[0].turn) @ axes
-        return name, axes
+            turn = rotation(*fixed.samples[-1].turn)
+            name, at, axes = fixed.parent, turn @ at + fixed.samples[-1].at, turn @ axes
+        return name, at, axes
 
     def fix(self, frame_id: str, stamp_ns: int) -> Fix | None:
-        """Return where on earth a frame is; None if it is not known."""
+        """Return where on earth a frame is; None if it is not known.
+
+        The antenna is at its origin, unless fixed transforms tell where it is.
+        """
         found = self._in_fixed(frame_id, stamp_ns, _EARTH)
-        if not isinstance(found, str) and found[2] == _EARTH:
-            return _from_earth(found[0], rotation(*found[1]))
-        place = self._places.samples[-1] if self._places.samples else None
-        lacks = self._lacks(stamp_ns, place)
+        if not isinstance(found, str) and found.fixed == _EARTH:
+            return _from_earth(found.at, rotation(*found.turn))
+        places = self._places.samples
+        lacks = self._lacks(stamp_ns, places[-1] if places else None)
         self._lacking = lacks or self._lacking
-        if place is None or self._imu is None or lacks:
+        place = None if lacks else self._places.at(min(max(stamp_ns, places[0].stamp_ns), places[-1].stamp_ns))
+        if place is None or self._imu is None:
             return None
         axes, (x, y, z) = self._axes(_plain(frame_id), self._imu[3], self._imu[1]), place.at.tolist()
         north, east = math.atan2(z, math.hypot(x, y)), math.atan2(y, x)
-        return Fix(math.degrees(north), math.degrees(east), math.atan2(axes[1, 0], axes[0, 0]))
+        fix = Fix(math.degrees(north), math.degrees(east), math.atan2(axes[1, 0], axes[0, 0]))
+        (root, at, to_root), (other, antenna, _) = self._mounted(_plain(frame_id)), self._mounted(self._antenna)
+        if root != other or (at == antenna).all():
+            return fix
+        lever = axes @ to_root.T @ (at - antenna)
+        north, east = on_earth(fix._replace(yaw=0.0), lever[None, :2])[0].tolist()
+        return fix._replace(latitude_deg=north, longitude_deg=east)
+
+    def awaits_fix(self, stamp_ns: int) -> bool:
+        """Return whether a fix is known shortly before a time, and none after it."""
+        return bool(self._places.samples) and 0 < stamp_ns - self._places.samples[-1].stamp_ns < STALE_NS
 
     @property
     def unmoved(self) -> str:
         """Why a pose was not known last; empty if all were, or if nothing in the log moves."""
-        return self._unmoved if any(edge.moves for edge in self._edges.values()) else ""
+        return self._unmoved if any(edge.moves for edges in self._edges.values() for edge in edges) else self._refused
 
     @property
     def ambiguities(self) -> list[str]:
-        """Warnings about several topics that may be own ship's."""
-        found = []
-        if len(self._poses_on) > 1:
-            found.append(f"poses on {', '.join(self._poses_on)} are all taken for own ship's; others make speeds wrong")
-        if len(self._fixes_on) > 1:
-            used, *others = self._fixes_on
-            found.append(f"fixes on {used} are taken for own ship's, not those on {', '.join(others)}")
+        """Warnings about topics that may not be own ship's, or that differ."""
+        found = [
+            f"{used} and {other} tell different poses of own ship; that of {used} is used"
+            for (used, other), frames in self._differ.items()
+            if frames >= _DIFFERENT_FRAMES
+        ]
+        found += [
+            f"poses of '{child}' on {topic} are taken for own ship's, but no transform leads there from the lidar"
+            for topic, child in self._strangers.items()
+        ]
+        for what, topics in ("fixes", self._fixes_on), ("headings", self._turns_on if self._fixes_on else []):
+            if len(topics) > 1:
+                used, *others = topics
+                found.append(f"{what} on {used} are taken for own ship's, not those on {', '.join(others)}")
         return found
 
     @property
@@ -265,51 +350,75 @@ class Navigation:
                 return f"no {name}, within two seconds"
         return ""
 
-    def _in_fixed(
-        self, frame_id: str, stamp_ns: int, preferred: str, late_ns: int = STALE_NS
-    ) -> tuple[Floats, Floats, str] | str:
-        """Return position and orientation in the fixed frame, and its name; or why they are not known."""
-        at, turn, name, moves = np.zeros(3), np.array([0.0, 0, 0, 1]), frame_id, False
+    def _in_fixed(self, frame_id: str, stamp_ns: int, preferred: str, late_ns: int = STALE_NS) -> _Chain | str:
+        """Return position and orientation in the fixed frame; or why they are not known."""
+        at, turn, name, moves, travels = np.zeros(3), np.array(_UNSET), frame_id, False, False
+        path: tuple[tuple[str, int], ...] = ()
+        of_body = self._edges.get(_BODY, [])
         for _ in range(_MAX_DEPTH):
-            edge = self._edges.get(name) or (self._edges.get(_BODY) if not moves else None)
-            if edge is None or (moves and name == preferred):
-                return (at, turn, name) if moves else f"no transform leads from '{name}' to a fixed frame"
+            edges = self._edges.get(name) or of_body
+            edge = _best(edges, stamp_ns)
+            if edge is None or (moves and _name(name).startswith(preferred)):
+                is_found = _Chain(at, turn, name, travels, path)
+                return is_found if moves else f"no transform leads from '{name}' to a fixed frame"
             if edge.parent == name:  # own ship's pose is in this frame, so it is fixed, as after registration
-                return at, turn, name
+                return _Chain(at, turn, name, True, path)
             sample = edge.at(stamp_ns, late_ns)
             if sample is None:
                 return f"no transform from '{name}' to '{edge.parent}' within a second of the cloud"
+            self._compare(edge, edges, sample)
+            if edges is of_body and path and edge.topic in self._children:
+                self._strangers[edge.topic] = self._children[edge.topic]
             at, turn = rotation(*sample.turn) @ at + sample.at, _product(sample.turn, turn)
-            moves |= edge.moves
-            name = edge.parent
+            moves, travels = moves or edge.moves, travels or edge.travels
+            name, path = edge.parent, (*path, (edge.topic, edge.breaks))
+            of_body = [] if travels or edges is of_body else of_body
         return f"transforms lead from '{frame_id}' in a circle"
 
-    def _add(self, parent: str, child: str, sample: _Sample, *, is_motion: bool = True) -> None:
-        size = np.linalg.norm(sample.turn)
-        if not (np.isfinite(sample.at).all() and np.isfinite(size) and size > 0) or child == parent:
-            return
-        if child not in self._edges and len(self._edges) >= _MAX_EDGES:
-            return
-        edge = self._edges.setdefault(child, _Edge(parent))
-        if edge.parent == parent:
-            edge.add(sample._replace(turn=sample.turn / size), is_motion=is_motion)
+    def _compare(self, used: _Edge, edges: Sequence[_Edge], sample: _Sample) -> None:
+        """Count the frames in which other topics tell a different pose in the same frame."""
+        for other in edges:
+            told = other.at(sample.stamp_ns, 0) if other.travels and other.parent == used.parent else None
+            if told is not None and not told.is_at(sample, _DIFFERENT_M, _DIFFERENT_RAD):
+                self._differ[used.topic, other.topic] += 1
 
-    def _transforms(self, read: Reader, _message: Message) -> None:
+    def _add(self, parent: str, child: str, sample: _Sample, topic: str, *, is_motion: bool = False) -> None:
+        size = np.linalg.norm(sample.turn)
+        if not (np.isfinite(sample.at).all() and np.isfinite(size) and size > 0):
+            self._refused = f"a position or orientation on {topic} is not valid"
+            return
+        edges = self._edges.setdefault(child, [])
+        edge = next((one for one in edges if (one.parent, one.topic) == (parent, topic)), None)
+        if edge is None:
+            if child == parent or len(self._edges) > _MAX_EDGES or len(edges) >= _MAX_TOPICS:
+                return
+            edge = _Edge(parent, topic)
+            edges.append(edge)
+        sample = sample._replace(turn=sample.turn / size)
+        if _name(topic) == "tf_static":
+            edge.put(sample)
+        else:
+            edge.add(sample, is_motion=is_motion)
+
+    def _transforms(self, read: Reader, message: Message) -> None:
         for _ in range(read.length(_MAX_TRANSFORMS, "transform")):
             head, child = read.header(), read.text()
-            self._add(_plain(head.frame_id), _plain(child), _sample(read, head.stamp_ns), is_motion=False)
+            sample = _sample(read, head.stamp_ns or message.log_time_ns)
+            self._add(_plain(head.frame_id), _plain(child), sample, message.channel.topic)
 
     def _odometry(self, read: Reader, message: Message) -> None:
-        head, child = read.header(), read.text()
+        head, child, topic = read.header(), _plain(read.text()), message.channel.topic
         sample = _sample(read, head.stamp_ns or message.log_time_ns)
-        self._add(_plain(head.frame_id), _plain(child), sample)
-        if all(edge.parent != _plain(child) for edge in self._edges.values()):
-            self._add(_plain(head.frame_id), _BODY, sample)  # no transform from the lidar: its axes are taken for these
+        self._add(_plain(head.frame_id), child, sample, topic, is_motion=True)
+        if all(edge.parent != child for edges in self._edges.values() for edge in edges):
+            self._children[topic] = child
+            # No transform leads there from the lidar, whose axes are taken for these.
+            self._add(_plain(head.frame_id), _BODY, sample, topic, is_motion=True)
 
     def _pose(self, read: Reader, message: Message) -> None:
         head = read.header()
-        _note(self._poses_on, message)
-        self._add(_plain(head.frame_id), _BODY, _sample(read, head.stamp_ns or message.log_time_ns))
+        sample = _sample(read, head.stamp_ns or message.log_time_ns)
+        self._add(_plain(head.frame_id), _BODY, sample, message.channel.topic)
 
     def _satellites(self, read: Reader, message: Message) -> None:
         head, (status, _), (north, east, _) = read.header(), (read.number("b"), read.number("H")), read.numbers("ddd")
@@ -317,6 +426,7 @@ class Navigation:
         is_set = status >= 0 and abs(north) <= 90 and abs(east) <= 180 and (north or east)  # 0, 0 is unset
         if is_set and _note(self._fixes_on, message)[0] == message.channel.topic:
             stamp_ns, turn = head.stamp_ns or message.log_time_ns, np.array(_UNSET)
+            self._antenna = _plain(head.frame_id)
             self._places.add(_Sample(stamp_ns, _on_sphere(math.radians(north), math.radians(east)), turn))
 
     def _orientation(self, read: Reader, message: Message) -> None:
@@ -326,12 +436,18 @@ class Navigation:
         size = np.linalg.norm(turn)
         is_known = bool(not unknown and np.isfinite(size) and size > 0)
         is_set = is_known and tuple(turn) != _UNSET  # drivers leave it as it is
-        if is_set and (self._imu is None or self._imu[2] == topic):
+        if is_set and _note(self._turns_on, message)[0] == topic:
             self._imu = stamp_ns, turn / size, topic, _plain(head.frame_id)
         if self._gyro is None and (is_set or np.isfinite(rate).all()):
             self._gyro = _Gyro(topic, _plain(head.frame_id), is_measured=is_set)
         if self._gyro is not None and self._gyro.topic == topic:
             self._gyro.add(stamp_ns, turn / size if is_set else None, rate)
+
+
+def _best(edges: Sequence[_Edge], stamp_ns: int) -> _Edge | None:
+    """Return the transform of a frame that counts, of those known at a time if there are any; None without one."""
+    known = [edge for edge in edges if edge.at(stamp_ns)] if len(edges) > 1 else edges
+    return max(known or edges, key=lambda edge: edge.rank, default=None)
 
 
 def _note(topics: list[str], message: Message) -> list[str]:
@@ -385,6 +501,15 @@ def _from_earth(at: Floats, axes: Floats) -> Fix:
     forward = axes[:, 0]
     yaw = math.atan2(float(forward @ np.cross(up, east)), float(forward @ east))
     return Fix(math.degrees(latitude), math.degrees(longitude), yaw)
+
+
+def _stamp_ns(sample: _Sample) -> int:
+    return sample.stamp_ns
+
+
+def _name(path: str) -> str:
+    """Return the last part of the name of a topic or frame."""
+    return path.rpartition("/")[2]
 
 
 def _plain(frame_id: str) -> str:

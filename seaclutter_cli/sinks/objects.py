@@ -33,6 +33,7 @@ _MOST_HELD = 1_000_000
 """Number of points of the frames that wait for a pose."""
 _SPAN_NS, _METRES = 5_000_000_000, 111_320.0  # of a degree of latitude
 _FEWEST, _FEWEST_FRAMES, _MOVES_MS, _APART = 4, 20, 1.0, 0.3
+_ROUNDS, _COMMON = 3, 0.75
 _PROPERTIES = ("recording", "topic", "track_id", "class", "length_m", "width_m", "height_m")
 
 COLUMNS = {
@@ -80,8 +81,8 @@ class TrackSummary:
 class _CommonMotion:
     """In how many frames the objects move alike, as they do where own ship's pose, or heading, is wrong.
 
-    These are frames in which most of at least four objects are faster than 1 m/s, and a rigid motion of all leaves less
-    than a third of that.
+    These are frames in which most of at least four objects are faster than 1 m/s, and a rigid motion of the three
+    quarters that move most alike leaves less than a third of that.
     """
 
     def __init__(self) -> None:
@@ -98,9 +99,14 @@ class _CommonMotion:
             return
         (x, y), velocity = (places - places.mean(axis=0)).T, velocities.T
         one, none = np.ones_like(x), np.zeros_like(x)
-        motion = np.array([(one, none), (none, one), (-y, x)]).reshape(3, -1).T
-        fitted = motion @ np.linalg.lstsq(motion, velocity.ravel(), rcond=None)[0]
-        speed_ms, left_ms = (float(np.median(np.hypot(*v))) for v in (velocity, velocity - fitted.reshape(2, -1)))
+        motion = np.array([(one, none), (none, one), (-y, x)])
+        common = np.arange(len(places))
+        for _ in range(_ROUNDS):
+            some = motion[:, :, common].reshape(3, -1).T
+            fitted = np.linalg.lstsq(some, velocity[:, common].ravel(), rcond=None)[0]
+            left = np.hypot(*(velocity - np.tensordot(fitted, motion, 1)))
+            common = np.argsort(left, kind="stable")[: max(_FEWEST, math.ceil(_COMMON * len(places)))]
+        speed_ms, left_ms = (float(np.median(each)) for each in (np.hypot(*velocity), left))
         self._frames += 1
         self._alike += speed_ms > _MOVES_MS and left_ms < _APART * speed_ms
 
@@ -129,26 +135,28 @@ class ObjectTable(Sink):
 
     def write(self, result: FilterResult) -> None:
         """Follow the objects of a frame; write the rows of frames that are complete."""
-        frame = result.frame
-        self.indices.append(frame.index)
-        # Objects are complete many seconds later; own ship is elsewhere then.
-        fix = self._navigation.fix(frame.cloud.frame_id.lstrip("/"), frame.stamp_ns)
-        self._fixes[frame.topic].append(fix)
-        self._unplaced += fix is None
+        self.indices.append(result.frame.index)
         self._held.append(result)
-        while self._held and not self._waits(frame.log_time_ns):
+        while self._held and not self._waits(result.frame.log_time_ns):
             self._follow(self._held.popleft())
 
     def _waits(self, now_ns: int) -> bool:
-        """Return whether the first frame that is held waits for the pose of own ship that follows it."""
+        """Return whether the first frame that is held waits for the pose or the fix of own ship that follows it."""
         first = self._held[0]
         is_late = now_ns - first.frame.log_time_ns > STALE_NS
         if is_late or sum(one.frame.size for one in self._held) > _MOST_HELD:
             return False
+        if self._navigation.awaits_fix(first.frame.stamp_ns):
+            return True
         return pose_of(self._navigation, first, 0) is None and pose_of(self._navigation, first) is not None
 
     def _follow(self, result: FilterResult) -> None:
-        pose, topic = pose_of(self._navigation, result), result.frame.topic
+        frame, topic = result.frame, result.frame.topic
+        # Objects are complete many seconds later; own ship is elsewhere then.
+        fix = self._navigation.fix(frame.cloud.frame_id.lstrip("/"), frame.stamp_ns)
+        self._fixes[topic].append(fix)
+        self._unplaced += fix is None
+        pose = pose_of(self._navigation, result)
         if pose is None and self._navigation.unmoved:
             self._unmoved, self._why_unmoved = self._unmoved + 1, self._navigation.unmoved
         self._write_all(topic, self._followers[topic].add(result, pose))
@@ -222,7 +230,7 @@ def pose_of(navigation: Navigation, result: FilterResult, late_ns: int = STALE_N
     """Return the pose of the lidar in a frame; None if it is not known within a time."""
     frame = result.frame
     pose = navigation.pose(frame.cloud.frame_id.lstrip("/"), frame.stamp_ns, late_ns)
-    return Pose(*pose) if pose else None
+    return Pose(*pose, navigation.path) if pose else None
 
 
 def rows_of(frame: FrameObjects, fix: Fix | None) -> Iterable[Sequence[object]]:

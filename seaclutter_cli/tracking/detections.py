@@ -39,11 +39,12 @@ _HALF_TURN = np.array([part(np.arange(_HALF) * (np.pi / _HALF)) for part in (np.
 
 
 class Pose(NamedTuple):
-    """Position in metres and yaw in radians of a lidar."""
+    """Position in metres and yaw in radians of a lidar; poses of another ``path`` may be apart from these."""
 
     x: float = 0.0
     y: float = 0.0
     yaw: float = 0.0
+    path: tuple[tuple[str, int], ...] = ()
 
     def applied(self, points: Floats) -> Floats:
         """Return points, shape (…, 2), of the cloud in the coordinates of the pose."""

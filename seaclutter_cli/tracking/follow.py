@@ -179,6 +179,8 @@ class Follower:
     def _jumps(self, pose: Pose, time_s: float) -> bool:
         """Return whether the pose of the lidar changed by more than a vessel moves, as after a correction."""
         last = self._frames[-1]
+        if pose.path != last.pose.path:
+            return True
         elapsed_s = time_s - last.time_s
         turn = (pose.yaw - last.pose.yaw + np.pi) % (2 * np.pi) - np.pi
         moved_m = np.hypot(pose.x - last.pose.x, pose.y - last.pose.y)

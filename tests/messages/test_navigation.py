@@ -65,12 +65,13 @@ def send(request):
             np.zeros(9),
         )
 
-    def send(navigation, kind, frame_id, stamp_ns, *, topic="/topic", **values):
+    def send(navigation, kind, frame_id, stamp_ns, *, topic="/topic", log_time_ns=None, **values):
         message = made(kind, frame_id, stamp_ns, **values)
         serialise = store.serialize_ros1 if encoding == "ros1" else store.serialize_cdr
         name = kind.replace("/msg", "") if encoding == "ros1" else kind
         channel = Channel(1, topic, encoding, Schema(name, "", b""))
-        navigation.see(Message(channel, stamp_ns, stamp_ns, 0, bytes(serialise(message, kind))))
+        logged_ns = log_time_ns or stamp_ns
+        navigation.see(Message(channel, logged_ns, logged_ns, 0, bytes(serialise(message, kind))))
 
     return send
 
@@ -103,20 +104,125 @@ def test_the_frame_of_odometry_does_not_move(send):
     assert np.allclose(navigation.pose("lidar", STAMP_NS + 1), (1, 0, math.pi / 6))
 
 
-def test_several_topics_of_poses_or_fixes_are_named_and_the_first_fixes_are_own_ships(send):
+ODOMETRY, TF, POSE = "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage", "geometry_msgs/msg/PoseStamped"
+
+
+def test_of_several_topics_the_first_is_own_ships_and_others_are_named(send):
     """Logs of trials also have those of the target, or of a goal."""
     navigation = Navigation()
-    for k, (topic, x) in enumerate((("own", 3.0), ("target", 3.1), ("other", 3.2)) * 5):
-        assert not navigation.ambiguities or k > 1
+    for k in range(20):
+        assert not navigation.ambiguities or k
         stamp_ns = STAMP_NS + k * 10**7
-        send(navigation, "geometry_msgs/msg/PoseStamped", "map", stamp_ns, topic=f"{topic}/pose", at=(x, 0, 0), yaw=0)
-        send(navigation, "sensor_msgs/msg/NavSatFix", "gps", stamp_ns, topic=f"{topic}/fix", at=(x, 5, 0))
-        send(navigation, "sensor_msgs/msg/Imu", "imu", stamp_ns, topic=f"{topic}/imu", yaw=10)
+        for topic, x in ("own", 3.0), ("target", 3.5), ("other", 3.1):
+            send(navigation, POSE, "map", stamp_ns, topic=f"{topic}/pose", at=(x + k / 100, 0, 0), yaw=0)
+            send(navigation, "sensor_msgs/msg/NavSatFix", "gps", stamp_ns, topic=f"{topic}/fix", at=(x, 5, 0))
+            send(navigation, "sensor_msgs/msg/Imu", "imu", stamp_ns, topic=f"{topic}/imu", yaw=10)
+        if k:
+            assert navigation.pose("lidar", stamp_ns) == pytest.approx((3 + k / 100, 0, 0))
     assert navigation.fix("lidar", stamp_ns)[0] == pytest.approx(3)
     assert navigation.ambiguities == [
-        "poses on own/pose, target/pose, other/pose are all taken for own ship's; others make speeds wrong",
+        "own/pose and target/pose tell different poses of own ship; that of own/pose is used",
         "fixes on own/fix are taken for own ship's, not those on target/fix, other/fix",
+        "headings on own/imu are taken for own ship's, not those on target/imu, other/imu",
     ]
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "counts"),
+    [
+        ((ODOMETRY, "/wheel/odom", "odom"), (TF, "/tf", "odom"), 1),
+        ((ODOMETRY, "/map_odometry", "map"), (ODOMETRY, "/odometry", "usv/odom_combined"), 1),
+        ((POSE, "/goal", "map"), (ODOMETRY, "/odometry", "odom"), 1),
+        ((ODOMETRY, "/a", "odom"), (ODOMETRY, "/b", "odom"), 0),
+    ],
+)
+def test_of_several_transforms_of_a_frame_the_most_useful_counts(send, first, second, counts):
+    navigation = Navigation()
+    for k in range(30):
+        for n, (kind, topic, frame_id) in enumerate((first, second)):
+            at = (k / 10 * (1 + n), 0, 0)
+            send(navigation, kind, frame_id, STAMP_NS + k * 10**8, topic=topic, child="base_link", at=at, yaw=0)
+    assert navigation.pose("base_link", STAMP_NS + 29 * 10**8)[0] == pytest.approx(2.9 * (1 + counts))
+
+
+def test_a_goal_that_stands_still_is_no_motion(send):
+    navigation = Navigation()
+    for k in range(30):
+        send(navigation, POSE, "map", STAMP_NS + k * 10**8, topic="/goal", at=(50, 0, 0), yaw=0)
+    assert navigation.pose("lidar", STAMP_NS) is None
+    for k in range(30, 60):
+        send(navigation, POSE, "map", STAMP_NS + k * 10**8, topic="/goal", at=(50, 0, 0), yaw=0)
+        send(navigation, ODOMETRY, "odom", STAMP_NS + k * 10**8, topic="/odom", child="base", at=(k, 0, 0), yaw=0)
+    assert navigation.pose("lidar", STAMP_NS + 59 * 10**8) == pytest.approx((59, 0, 0))
+
+
+def test_what_only_turns_does_not_tell_where_own_ship_is(send):
+    """A frame that is stabilised to the horizon moves with own ship."""
+    navigation = Navigation()
+    for k in range(30):
+        send(navigation, TF, "base_footprint", STAMP_NS + k * 10**8, topic="/tf", child="lidar", at=(0, 0, k), yaw=k)
+    assert navigation.pose("lidar", STAMP_NS) is None
+    assert navigation.unmoved == "the lidar turns, but does not move, in 'base_footprint'"
+    assert navigation.attitude("lidar", STAMP_NS)
+
+
+@pytest.mark.parametrize("second_m", [1.0, 1.1, 1 + 1e-12])
+def test_of_static_transforms_of_a_frame_the_last_counts(send, second_m):
+    navigation = Navigation()
+    for k, x in enumerate((1.0, second_m)):
+        send(navigation, TF, "base", STAMP_NS + k * 10**7, topic="/tf_static", child="lidar", at=(x, 0, 2), yaw=90)
+    poses = odometry(send, navigation, [(2, 1)] * 40)
+    assert np.allclose(poses, [(2 + second_m, 1, math.pi / 2)] * 40)
+
+
+def test_repeated_transforms_with_the_opposite_quaternion_are_no_motion(send):
+    navigation = Navigation()
+    for k, yaw in enumerate((90, 450, 90, 450)):
+        send(navigation, TF, "base", STAMP_NS + k * 10**8, topic="/tf", child="lidar", at=(1, 0, 2), yaw=yaw)
+    assert np.allclose(odometry(send, navigation, [(2, 1)] * 10), [(3, 1, math.pi / 2)] * 10)
+
+
+def test_odometry_of_the_lidar_is_not_moved_by_how_it_is_mounted(send):
+    navigation = Navigation()
+    send(navigation, TF, "base_link", STAMP_NS, topic="/tf_static", child="lidar", at=(3, 0, 2), yaw=90)
+    for k in range(3):
+        send(navigation, ODOMETRY, "odom", STAMP_NS + k * 10**8, topic="/odom", child="lidar", at=(k, 0, 0), yaw=0)
+    assert navigation.pose("lidar", STAMP_NS + 2 * 10**8) == pytest.approx((2, 0, 0))
+
+
+def test_odometry_of_a_stranger_is_named(send):
+    navigation = Navigation()
+    send(navigation, TF, "base_link", STAMP_NS, topic="/tf_static", child="lidar", at=(3, 0, 2), yaw=0)
+    for k in range(3):
+        send(
+            navigation,
+            ODOMETRY,
+            "odom",
+            STAMP_NS + k,
+            topic="/sister/odom",
+            child="sister/base_link",
+            at=(k, 0, 0),
+            yaw=0,
+        )
+    assert navigation.pose("lidar", STAMP_NS + 2)
+    (text,) = navigation.ambiguities
+    assert text.startswith("poses of 'sister/base_link' on /sister/odom are taken for own ship's, but no transform")
+
+
+def test_odometry_that_is_not_valid_is_named(send):
+    navigation = Navigation()
+    for k in range(3):
+        send(navigation, ODOMETRY, "odom", STAMP_NS + k, topic="/odom", child="base", at=(NAN, 0, 0), yaw=0)
+    assert navigation.pose("lidar", STAMP_NS) is None
+    assert navigation.unmoved == "a position or orientation on /odom is not valid"
+
+
+def test_transforms_without_a_time_have_that_of_the_log(send):
+    navigation = Navigation()
+    for k in range(3):
+        unset = {"stamp_ns": 0, "log_time_ns": STAMP_NS + k * 10**8}
+        send(navigation, TF, "odom", topic="/tf", child="lidar", at=(k, 0, 0), yaw=0, **unset)
+    assert navigation.pose("lidar", STAMP_NS + 15 * 10**7) == pytest.approx((1.5, 0, 0))
 
 
 def test_static_transforms_alone_are_no_motion(send):
@@ -135,11 +241,12 @@ def test_static_transforms_that_are_repeated_are_no_motion(send):
     assert navigation.attitude("lidar", stamp_ns) is None
 
 
-def test_poses_are_in_the_frame_that_does_not_jump(send):
+@pytest.mark.parametrize("odom", ["odom", "usv/odom", "odom_combined"])
+def test_poses_are_in_the_frame_that_does_not_jump(send, odom):
     navigation = Navigation()
     for k in range(2):
-        send(navigation, "tf2_msgs/msg/TFMessage", "odom", STAMP_NS + k, child="lidar", at=(k, 0, 0), yaw=0)
-        send(navigation, "tf2_msgs/msg/TFMessage", "map", STAMP_NS + k, child="odom", at=(100 * k, 0, 0), yaw=0)
+        send(navigation, "tf2_msgs/msg/TFMessage", odom, STAMP_NS + k, child="lidar", at=(k, 0, 0), yaw=0)
+        send(navigation, "tf2_msgs/msg/TFMessage", "map", STAMP_NS + k, child=odom, at=(100 * k, 0, 0), yaw=0)
     assert np.allclose(navigation.pose("lidar", STAMP_NS + 1), (1, 0, 0))
 
 
@@ -169,6 +276,35 @@ def test_poses_that_are_corrected_stay_where_they_are(send):
     assert np.allclose(poses[~late], truth[~late] + 40)
 
 
+@pytest.mark.parametrize(("step_m", "period_ns"), [(2, 2 * 10**7), (5, 2 * 10**7), (8, 10**8)])
+def test_a_correction_is_a_break_and_no_motion(send, step_m, period_ns):
+    navigation, paths = Navigation(), set()
+    poses = []
+    for k in range(100):
+        stamp_ns = STAMP_NS + k * period_ns
+        at = (0.01 * k + step_m * (k >= 50), 0, 0)
+        send(navigation, "nav_msgs/msg/Odometry", "odom", stamp_ns, child="base", at=at, yaw=0)
+        poses.append(navigation.pose("lidar", stamp_ns)[0] - 0.01 * k)
+        paths.add(navigation.path)
+    assert {round(x, 6) for x in poses} == {0, step_m}
+    assert len(paths) == 2
+
+
+def test_beyond_the_last_message_noise_does_not_grow(send):
+    navigation, noise = Navigation(), np.random.default_rng(1).normal(0, 0.02, 200)
+    for k in range(200):
+        send(
+            navigation,
+            "nav_msgs/msg/Odometry",
+            "odom",
+            STAMP_NS + k * 5_000_000,
+            child="base",
+            at=(noise[k], 0, 0),
+            yaw=0,
+        )
+    assert abs(navigation.pose("lidar", STAMP_NS + 199 * 5_000_000 + 10**9)[0]) < 0.3
+
+
 def test_poses_go_on_after_one_whose_time_is_wrong(send):
     navigation = Navigation()
     odometry(send, navigation, [(k, 0) for k in range(3)])
@@ -185,6 +321,29 @@ def test_places_on_earth_come_from_a_fix_and_the_heading(send):
     assert np.allclose(found, (60, 10, math.pi / 2))
     places = on_earth(found, np.array([[1852.0, 0], [0, -1852]]))
     assert np.allclose(places, [[60 + 1 / 60, 10], [60, 10 + 2 / 60]], atol=2e-4)
+
+
+def test_places_are_between_fixes(send):
+    navigation = Navigation()
+    for k in range(2):
+        send(navigation, "sensor_msgs/msg/NavSatFix", "gnss", STAMP_NS + k * 10**9, at=(60 + k / 10_000, 10, 0))
+        send(navigation, "sensor_msgs/msg/Imu", "imu", STAMP_NS + k * 10**9, yaw=90)
+        assert navigation.awaits_fix(STAMP_NS + k * 10**9 + 1)
+    assert not navigation.awaits_fix(STAMP_NS + 10**9)
+    assert navigation.fix("lidar", STAMP_NS + 3 * 10**8)[0] == pytest.approx(60.00003, abs=1e-7)
+    assert navigation.fix("lidar", STAMP_NS + 15 * 10**8)[0] == pytest.approx(60.0001, abs=1e-7)
+
+
+def test_places_are_those_of_the_lidar_if_it_is_known_where_the_antenna_is(send):
+    navigation = Navigation()
+    send(navigation, TF, "base", STAMP_NS, topic="/tf_static", child="lidar", at=(3, 0, 2), yaw=90)
+    send(navigation, TF, "base", STAMP_NS, topic="/tf_static", child="gnss", at=(-5, 1, 4), yaw=0)
+    send(navigation, TF, "base", STAMP_NS, topic="/tf_static", child="imu", at=(0, 0, 0), yaw=0)
+    send(navigation, "sensor_msgs/msg/NavSatFix", "gnss", STAMP_NS, at=(60, 10, 0))
+    send(navigation, "sensor_msgs/msg/Imu", "imu", STAMP_NS, yaw=90)
+    found = navigation.fix("lidar", STAMP_NS)
+    assert np.allclose(found[:2], on_earth(Fix(60, 10, 0), np.array([[1.0, 8.0]]))[0], atol=1e-9)
+    assert found.yaw == pytest.approx(math.pi)
 
 
 def test_the_heading_is_that_of_the_lidar_if_it_is_known_how_the_imu_is_mounted(send):

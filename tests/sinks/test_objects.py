@@ -96,8 +96,9 @@ def north(stamp_ns, moved_m):
 
 @pytest.mark.parametrize(("says", "right", "what"), [(on_x, 0, "speeds over ground"), (north, 1, "places on earth")])
 @pytest.mark.parametrize("axis", [0, 1])
-def test_objects_that_all_move_alike_show_that_pose_or_heading_is_wrong(says, right, what, axis):
-    """Own ship moves along one of its axes, x or y."""
+@pytest.mark.parametrize("sails", [False, True])
+def test_objects_that_all_move_alike_show_that_pose_or_heading_is_wrong(says, right, what, axis, sails):
+    """Own ship moves along one of its axes, x or y; a further boat may sail."""
     table, warnings = ObjectTable(PackedRows().write, lambda: Follower(1.5, 5)), []
     table.begin(SimpleNamespace(name="trial", warn=warnings.append), [SimpleNamespace(topic="/points")])
     boats = np.concatenate([BOAT + offset for offset in ((0, 0, 0), (0, 20, 0), (-50, 10, 0), (0, -30, 0))])
@@ -106,6 +107,8 @@ def test_objects_that_all_move_alike_show_that_pose_or_heading_is_wrong(says, ri
         for record in says(stamp_ns, 0.3 * k):
             table.copy(record)
         xyz = boats.copy()
+        if sails:
+            xyz = np.concatenate((xyz, BOAT + (-60 - 0.4 * k, 40 + 0.4 * k, 0)))
         xyz[:, axis] -= 0.3 * k
         frame = Frame.of_arrays(xyz, np.full(len(xyz), 50.0), stamp_ns=stamp_ns, index=k)
         table.write(FilterResult(frame, np.zeros(len(xyz), np.uint8)))
