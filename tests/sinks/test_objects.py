@@ -108,7 +108,7 @@ def test_objects_that_all_move_alike_show_that_pose_or_heading_is_wrong(says, ri
             table.copy(record)
         xyz = boats.copy()
         if sails:
-            xyz = np.concatenate((xyz, BOAT + (-60 - 0.4 * k, 40 + 0.4 * k, 0)))
+            xyz = np.concatenate((xyz, BOAT + np.array((-60 - 0.4 * k, 40 + 0.4 * k, 0))))
         xyz[:, axis] -= 0.3 * k
         frame = Frame.of_arrays(xyz, np.full(len(xyz), 50.0), stamp_ns=stamp_ns, index=k)
         table.write(FilterResult(frame, np.zeros(len(xyz), np.uint8)))
