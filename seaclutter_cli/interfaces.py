@@ -46,6 +46,8 @@ class Source(ABC):
     """Facts about the sensor of each cloud topic, from its packets; complete when all records have been read."""
     has_times = True
     """Whether the frames have times of their own; else they are those of a rate that was given or assumed."""
+    is_numbered = False
+    """Whether the ``sequence`` of messages counts the frames, from 0, also those that cannot be read."""
 
     def __init__(self) -> None:
         self.damage: list[Damage] = []

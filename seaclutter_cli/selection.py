@@ -205,19 +205,23 @@ class Window:
         topics = {channel.topic for channel in clouds}
         recorded = recorded_topics(source.metadata)
         self._index = {topic: recorded[topic].first_frame - 1 if topic in recorded else -1 for topic in topics}
+        self._is_numbered = source.is_numbered
         self._selected = dict.fromkeys(topics, 0)
         if selection.start_s is not None or selection.end_s is not None:
             first_ns = _first_log_time(source)
             self.start_ns, self.end_ns = _bound(selection.start_s, first_ns), _bound(selection.end_s, first_ns)
-        if self.start_ns is not None:
+        if self.start_ns is not None and not self._is_numbered:
             skipped = source.skipped(self.start_ns)
             for channel in clouds:
                 self._index[channel.topic] += skipped.get(channel.id, 0)
 
     def count(self, message: Message) -> int:
         """Return the index of the next cloud message within its topic."""
-        self._index[message.channel.topic] += 1
-        return self._index[message.channel.topic]
+        topic = message.channel.topic
+        if self._is_numbered:
+            return self._index[topic] + 1 + message.sequence
+        self._index[topic] += 1
+        return self._index[topic]
 
     def count_selected(self, message: Message) -> None:
         """Count a selected frame."""

@@ -165,7 +165,7 @@ def overlaps(first: Boxes, second: Boxes) -> Floats:
         corners.append((_CORNERS * boxes.sizes[:, None, :2]) @ axes + boxes.centers[:, None, :2])
     for m, k in np.argwhere(apart < reach[0][:, None] + reach[1]).tolist():
         x, y = _clipped(corners[0][m], corners[1][k]).T
-        common = float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
+        common = min(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2, areas[0][m], areas[1][k])
         found[m, k] = common / max(areas[0][m] + areas[1][k] - common, 1e-12)
     return found
 

@@ -89,8 +89,8 @@ def _distinct(tracks: Sequence[str]) -> tuple[str, ...]:
 class LabelOptions:
     """Settings of the label readers: classes of per-point labels that are clutter, or else neither that nor targets.
 
-    If ``by_sequence``, a frame's number is the ``sequence`` of its message, not its ``index``, as folders of frames
-    need: a damaged file is left out of the stream but keeps its number.
+    Files of labels are in the order of the frames. If ``by_sequence``, that is the ``sequence`` of messages, as the
+    files of a folder need of which it is a part, else the ``index`` of frames.
     """
 
     clutter_ids: tuple[int, ...] = (110,)
@@ -98,7 +98,7 @@ class LabelOptions:
     by_sequence: bool = False
 
     def number(self, frame: Frame) -> int:
-        """Return the number of a frame in the labels, from 0."""
+        """Return the number of a frame among files of labels, from 0."""
         return frame.message.sequence if self.by_sequence and frame.message else frame.index
 
 
@@ -127,14 +127,24 @@ def _assigned(folder: Path, suffix: str, clouds: str, *, complete: bool) -> tupl
     Otherwise they are assigned by order; incomplete ones by frame numbers in their names, if they are some.
     """
     files = files_in(folder, (suffix,))
-    if beside := files_in(folder.parent / clouds, _CLOUDS) or files_in(folder, _CLOUDS):
+    if beside := _clouds_beside(folder, clouds):
         return _by_name(files, beside, complete=complete), complete
-    numbers = [int(file.stem) if re.fullmatch("[0-9]{1,18}", file.stem) else -1 for file in files]
+    numbers = [_number(file) for file in files]
     # Consecutive numbers that start above 0 belong to a longer sequence, not to this log.
     consecutive = min(numbers) > 0 and max(numbers) - min(numbers) + 1 == len(set(numbers))
     if complete or min(numbers) < 0 or len(set(numbers)) < len(files) or consecutive:
         return dict(enumerate(files)), True
     return dict(zip(numbers, files, strict=True)), False
+
+
+def _clouds_beside(folder: Path, clouds: str) -> list[Path]:
+    """Return the clouds in the sibling folder of this name, or in the folder itself."""
+    return files_in(folder.parent / clouds, _CLOUDS) or files_in(folder, _CLOUDS)
+
+
+def _number(file: Path) -> int:
+    """Return the number that is the name of a file; -1 if it is none."""
+    return int(file.stem) if re.fullmatch("[0-9]{1,18}", file.stem) else -1
 
 
 def _by_name(labels: Sequence[Path], clouds: Sequence[Path], *, complete: bool) -> dict[int, Path]:
@@ -167,6 +177,7 @@ class FileLabels:
         self._folder, self._read = folder, read
         self._files, self._complete = _assigned(folder, suffix, clouds, complete=complete)
         self._number = options.number
+        self._clouds = [] if options.by_sequence else _clouds_beside(folder, clouds)
         self._last = -1
         self._labelled = False
 
@@ -175,6 +186,9 @@ class FileLabels:
         number = self._number(frame)
         self._last = max(self._last, number)
         file = self._files.get(number)
+        if self._clouds and number >= len(self._clouds) and _number(self._clouds[0]) > 0:
+            amount = f"{count(len(self._clouds), 'cloud')} from number {_number(self._clouds[0])} on"
+            raise LabelError(f"{self._folder}: labels of {amount}, a part of a log; use their folder as the log")
         if file is None:
             if self._complete:
                 files = count(len(self._files), "file")

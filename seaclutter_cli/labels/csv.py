@@ -19,7 +19,7 @@ from seaclutter_cli.labels.boxes import IGNORE, MAX_OBJECTS, Labelled, LabelOpti
 from seaclutter_cli.labels.point_labels import point_labels
 from seaclutter_cli.paths import open_regular
 from seaclutter_cli.text import count, printable
-from seaclutter_cli.truth import Truth
+from seaclutter_cli.truth import CLUTTER, IGNORED, Truth
 
 _BOX = ("x", "y", "z", "length", "width", "height", "yaw")
 COLUMNS = ("frame", "track_id", "class", *_BOX)
@@ -150,8 +150,8 @@ class CsvLabels:
     without a ``track_id`` gets a new one in each frame.
     """
 
-    def __init__(self, path: Path, options: LabelOptions) -> None:
-        self._path, self._number = path, options.number
+    def __init__(self, path: Path, _options: LabelOptions) -> None:
+        self._path = path
         try:
             with io.TextIOWrapper(open_regular(path), encoding="utf-8-sig", newline="") as file:
                 lines = _lines(file)
@@ -173,8 +173,8 @@ class CsvLabels:
     def truth(self, frame: Frame) -> Truth | None:
         """Return the boxes of a frame, and labels in its cloud; None without a line, `LabelError` for two frames."""
         if self._matcher is None:
-            key: int | None = (number := self._number(frame))
-            self._last = max(self._last, number)
+            key: int | None = frame.index
+            self._last = max(self._last, frame.index)
         else:
             with about(self._path, LabelError):
                 key = self._matcher.match(frame.index, frame.stamp_ns)
@@ -183,7 +183,12 @@ class CsvLabels:
             return None
         self._labelled = True
         truth = truth_of([row.labelled for row in rows if row.labelled is not None])
-        return replace(truth, points=point_labels(frame), proposed=sum(row.proposed for row in rows))
+        points = point_labels(frame)
+        if points is not None:  # unless the field has other classes, as a classifier writes them
+            tracks = {row.labelled.track for row in rows if row.labelled is not None}
+            others = set(np.unique(points).tolist()) - {CLUTTER, IGNORED}
+            points = points if tracks.issuperset(map(str, others)) else None
+        return replace(truth, points=points, proposed=sum(row.proposed for row in rows))
 
     @property
     def frames(self) -> Sequence[int] | None:

@@ -172,7 +172,7 @@ class EvaluateWork(RecordingWork[Evaluated]):
         checks = {variant.name: Checks(variant.config, source.facts, filtered=by is not None) for variant in given}
         every = run_each(source, filters, selection, removed)
         if self.indicated:
-            every = self._indicated(every, outcome)
+            every = self._indicated(every, source, outcome)
         stepped = self.stepped(every, source, observer, clouds)
         frames = self._finished(stepped, source, labels, outcome, observer)
         warn_once(observer, outcome, self.scored(frames, labels, outcome, checks))
@@ -180,7 +180,7 @@ class EvaluateWork(RecordingWork[Evaluated]):
     def _removed(self, source: Source, topic: str, by: str, observer: Observer) -> str | None:
         """Return the topic of what an earlier run removed; `InputError` if that is lost. Warn of a second filter."""
         text, removed = f"{source.name}: already filtered{by}", removed_topic(source, topic)
-        if self.labels and lacks_points(source, topic):
+        if (self.labels or self.indicated) and lacks_points(source, topic):
             remedy = "evaluate the raw log, or one that was filtered with --with-removed"
             raise InputError(f"{text}, without the removed points, so missed targets cannot be counted; {remedy}")
         if self.labels and removed and self.labels.is_by_order:
@@ -233,11 +233,12 @@ class EvaluateWork(RecordingWork[Evaluated]):
         most = max(outcome.methods.values(), key=attrgetter("frames"))
         yield from (f"labels: {finding.text}" for finding in label_check.findings(most.targets, most.visible))
 
-    def _indicated(self, every: Iterable[Filtered], outcome: Evaluated) -> Iterator[Filtered]:
-        from seaclutter_cli.runs.objects import mounting_of  # not needed with labels
+    def _indicated(self, every: Iterable[Filtered], source: Source, outcome: Evaluated) -> Iterator[Filtered]:
+        from seaclutter_cli.runs.objects import mounting_of, recorded_configs  # not needed with labels
         from seaclutter_cli.suspects.indications import Indicator
 
-        indicator = Indicator(len(self.variants), mounting_of(self.variants[0].config))
+        configs = [variant.config for variant in self.variants]
+        indicator = Indicator(len(configs), mounting_of(*configs, *recorded_configs(source)))
         for frame, results, seconds in every:
             indicator.add(frame, results)
             yield frame, results, seconds

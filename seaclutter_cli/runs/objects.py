@@ -1,6 +1,7 @@
 """Objects of recordings: what was there, where, how large, and how it moved."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -8,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.buckets import use_case_of
-from seaclutter_cli.config import Config
+from seaclutter_cli.config import Config, parse_config
+from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import TopicTally, run
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
@@ -139,10 +141,20 @@ class ObjectsWork(RecordingWork[RecordedObjects]):
         self.finish(source, labels, outcome.frames)
 
 
-def mounting_of(config: Config) -> Mounting:
-    """Return the mounting of the lidar that a configuration has; level if its method has none."""
-    found = getattr(config.filter, "mounting", None)
-    return found if isinstance(found, Mounting) else Mounting()
+def mounting_of(*configs: Config) -> Mounting:
+    """Return the mounting of the lidar that the first of some configurations has whose methods have any, else level."""
+    found = (getattr(config.filter, "mounting", None) for config in configs)
+    return next((one for one in found if isinstance(one, Mounting)), Mounting())
+
+
+def recorded_configs(source: Source) -> list[Config]:
+    """Return the configuration of the earlier run that wrote a log, if it is recorded and can be read."""
+    from seaclutter_cli.reporting.replay import recorded_config  # not needed for raw logs
+
+    with suppress(ConfigError):
+        if text := recorded_config(source):
+            return [parse_config(text, source.name)]
+    return []
 
 
 def follower_of(config: Config) -> "partial[Follower]":

@@ -16,7 +16,7 @@ from seaclutter_cli.reporting.sample import take_sample
 from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.checks import FitChecks, warn_if_filtered
 from seaclutter_cli.runs.methods import configured
-from seaclutter_cli.runs.objects import mounting_of
+from seaclutter_cli.runs.objects import mounting_of, recorded_configs
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import SuspectsOptions
 from seaclutter_cli.runs.outputs import write_files
@@ -81,7 +81,7 @@ class RecordedSuspects(Outcome):
     The text has so many of each kind as are ``shown``.
     """
 
-    data = "recording error damage seconds=rounded_s method topic frames suspects=listed_suspects"
+    data = "recording error damage seconds=rounded_s method topic frames unjudged suspects=listed_suspects"
 
     method: str = ""
     topic: str = ""
@@ -117,7 +117,8 @@ class RecordedSuspects(Outcome):
             more = f" (of {len(found):,})" if len(found) > self.shown else ""
             blocks.append(f"{title}{more}:\n{table(heads, rows)}")
         if self.unjudged:
-            blocks.append(f"{count(self.unjudged, 'cluster')} came in the last second, too late to be judged")
+            late = "within a second of an end or gap, too late to be judged"
+            blocks.append(f"{count(self.unjudged, 'cluster')} came {late}")
         return "\n\n".join(blocks)
 
     def _cells(self, one: Suspect) -> tuple[str, ...]:
@@ -143,7 +144,8 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
         clouds = cloud_channels(source, selection.topics)
         earlier = [name for one in recorded_of(source, [clouds[0].topic]) for name in one.methods]
         outcome.topic, outcome.method = clouds[0].topic, config.method if config else ", ".join(earlier)
-        outcome.shown, finder = options.shown, finder_for(self.config)
+        outcome.shown = options.shown
+        finder = finder_for(self.config) if config else finder_for(*recorded_configs(source), self.config)
         every = _filtered(source, config, selection, removed)
         checks = FitChecks(config, source, outcome.topic, observer) if config else None
         if config:
@@ -173,9 +175,9 @@ def listed(one: Suspect) -> dict[str, Any]:
     return data_of(one, _DATA)
 
 
-def finder_for(config: Config) -> SuspectFinder:
-    """Return a new finder for the lidar of a configuration."""
-    return SuspectFinder(1, mounting_of(config))
+def finder_for(*configs: Config) -> SuspectFinder:
+    """Return a new finder for the lidar of the first of some configurations that tells how it is mounted."""
+    return SuspectFinder(1, mounting_of(*configs))
 
 
 def _filtered(source: Source, config: Config | None, selection: Selection, removed: str | None) -> Iterator[Filtered]:

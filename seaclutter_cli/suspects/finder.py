@@ -226,7 +226,8 @@ class SuspectFinder:
             self._begin()
         self._time_s = time_s = time_ns / 1e9
         reasons = [np.full(frame.size, Reason.INVALID, np.uint8) if one is None else one.reason for one in results]
-        bodies = self._finder.find(frame, np.equal(reasons[0], Reason.EXCLUDED), time_s)
+        excluded = np.any(np.equal(reasons, Reason.EXCLUDED), axis=0)
+        bodies = self._finder.find(frame, excluded, time_s)
         tracks = self._tracker.step(bodies.found, time_s)
         self._count(frame, bodies, tracks, reasons)
         self._end([track for track, body in self._bodies.items() if time_s - body.last[2] > _GONE_S])
@@ -346,8 +347,11 @@ def _flat_clusters(frame: Frame, bodies: Bodies, reason: Bytes) -> Ints:
 
 
 def _is_part(frame: Frame, bodies: Bodies, reason: Bytes, asked: Mask) -> Mask:
-    """Return which of some bodies, shape (K,), have five kept points within 2.5 m: they are parts of what was kept."""
-    kept = np.flatnonzero((reason == Reason.KEPT) & frame.valid)
+    """Return which of some bodies, shape (K,), have five kept points within 2.5 m: they are parts of what was kept.
+
+    Kept water beside a body is none.
+    """
+    kept = np.flatnonzero((reason == Reason.KEPT) & frame.valid & ~bodies.flat)
     near = np.zeros(len(bodies), np.bool_)
     if not asked.any() or len(kept) < _LEAST_POINTS:
         return near

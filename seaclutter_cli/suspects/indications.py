@@ -76,12 +76,13 @@ class Indicator:
         self._finder = SuspectFinder(methods, mounting, self._sums)
 
     def add(self, frame: Frame, results: Sequence[FilterResult | None]) -> None:
-        """Add a frame with its results, None for a method that could not use it."""
+        """Add a frame with its results; one that a method could not use, which has None, counts for none."""
+        if None in results:
+            return
         bodies, sums = self._finder.add(frame, results), self._sums
         sums.frames += 1
         valid = np.flatnonzero(frame.valid)
-        nothing = np.zeros(frame.size, np.bool_)
-        kept = np.array([(nothing if one is None else one.reason == Reason.KEPT)[valid] for one in results])
+        kept = np.array([np.equal(one.reason, Reason.KEPT)[valid] for one in results if one])
         sums.points += len(valid)
         for m, own in enumerate(kept):
             sums.same[m] += np.count_nonzero(kept == own, axis=1)

@@ -1,11 +1,15 @@
 """`seaclutter evaluate --without-labels`: indications, and what they say about methods of known quality."""
 
 import json
+from contextlib import closing
 
 import pytest
 from click.testing import CliRunner
 
 from seaclutter_cli.commands import cli
+from seaclutter_cli.config import load_config
+from seaclutter_cli.runs.objects import mounting_of, recorded_configs
+from seaclutter_cli.sources.formats import open_source
 from tests.paths import ROOT
 
 SEA, LABELS = (ROOT / "samples" / name for name in ("sea.mcap", "sea.labels.csv"))
@@ -62,3 +66,24 @@ def test_labels_or_none(arguments):
     result = run(SEA, *arguments)
     assert result.exit_code == 2
     assert "--without-labels" in result.stderr
+
+
+def test_filtered_logs_need_the_points_that_were_removed(tmp_path):
+    log = tmp_path / "a.mcap"
+    filtered = CliRunner().invoke(cli, ["filter", str(SEA), "-o", str(log), "-n", "2", "-m", "joint"])
+    assert filtered.exit_code == 0, filtered.stderr
+    result = run(log, "--without-labels", "-m", "none")
+    assert result.exit_code == 1
+    assert "already filtered by joint, without the removed points" in result.stderr
+
+
+def test_the_mounting_is_that_of_any_method_or_of_an_earlier_run(tmp_path):
+    log = tmp_path / "a.mcap"
+    given = ["-m", "confirmed", "-s", "filter.mounting_roll_deg=5", "--with-removed"]
+    assert CliRunner().invoke(cli, ["filter", str(SEA), "-o", str(log), "-n", "3", *given]).exit_code == 0
+    joint = load_config(None, method="joint")
+    with closing(open_source(log)) as source:
+        assert mounting_of(joint, *recorded_configs(source)).roll_deg == 5
+    with closing(open_source(SEA)) as source:
+        assert recorded_configs(source) == []
+    assert mounting_of(joint, load_config(method="confirmed", overrides=["filter.mounting_roll_deg=7"])).roll_deg == 7

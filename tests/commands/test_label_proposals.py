@@ -230,3 +230,29 @@ def test_sustechpoints_opens_the_folder_as_it_lies(tmp_path):
         for frame in log.frames():
             truth = labels.truth(frame)
             assert truth.proposed == len(truth.targets) + len(truth.ignored) - 1
+
+
+def rates(log, labels, *arguments, code=0):
+    """Return the frames, false alarms and missed targets of `joint`."""
+    told = json.loads(run("evaluate", log, "--labels", labels, "-m", "joint", "--json", *arguments, code=code).stdout)
+    return [told["methods"]["joint"][key] for key in ("frames", "N_FP", "N_FN")]
+
+
+def test_labels_by_frame_fit_folders_that_are_a_part_or_damaged(proposed, tmp_path):
+    run("convert", SEA, "--start", 1, "-n", 12, "-o", tmp_path / "part", "--to", "pcd")
+    wanted = rates(SEA, proposed, "--start", 1, "-n", 12)
+    assert rates(tmp_path / "part", proposed) == wanted
+    run("convert", SEA, "-n", 30, "-o", tmp_path / "whole", "--to", "pcd")
+    files = sorted((tmp_path / "whole").glob("*.pcd"))
+    for file in files[:10]:
+        file.write_bytes(file.read_bytes()[:300])
+    assert rates(tmp_path / "whole", proposed, code=3) == rates(SEA, proposed, "--start", 1, "-n", 20)
+    with seaclutter.open_log(tmp_path / "whole") as log:
+        assert [frame.index for frame in log.frames()] == list(range(10, 30))
+
+
+def test_a_folder_of_a_part_does_not_label_the_whole_log(tmp_path):
+    run("labels", "propose", SEA, "--start", 1, "-n", 5, "-o", tmp_path / "scene", "--to", "sustechpoints")
+    assert rates(tmp_path / "scene", tmp_path / "scene")[0] == 5
+    refused = run("evaluate", SEA, "--labels", tmp_path / "scene", "-m", "joint", code=1)
+    assert "labels of 5 clouds from number 10 on, a part of a log; use their folder as the log" in refused.stderr

@@ -155,3 +155,10 @@ def test_boxes_that_overlap_without_end_are_an_error(monkeypatch):
     assert alarms_of(frame, Truth(boxes(20.5, 20.6)))[0] == 2
     with pytest.raises(LabelError, match="its 3 labelled boxes overlap too much; together they contain more than 25 p"):
         alarms_of(frame, Truth(boxes(20.5, 20.6, 20.7)))
+
+
+def test_boxes_without_a_size_overlap_nothing():
+    flat = Boxes(("1",), ("buoy",), np.zeros((1, 3)), np.array([[0.0, 0, 1]]), np.zeros(1))
+    box = Boxes(("1",), ("buoy",), np.zeros((1, 3)), np.array([[5.0, 2, 1]]), np.zeros(1))
+    for pair in ((flat, box), (box, flat), (flat, flat)):
+        assert matching.overlaps(*pair).tolist() == [[0]]

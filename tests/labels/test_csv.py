@@ -124,6 +124,15 @@ def test_point_labels_of_the_cloud_are_included(tmp_path):
     assert labels.truth(frame(0, points)).points is None
 
 
+def test_a_field_of_other_classes_is_no_truth(tmp_path):
+    """Classifiers also write a field ``label``."""
+    points = np.zeros(4, [*XYZ, ("label", "<u2")])
+    labels = opened(tmp_path, row(0, "1"), row(1, "1"))
+    for index, (classes, is_truth) in enumerate((((0, 1, 1, 65535), True), ((7, 1, 1, 7), False))):
+        points["label"] = classes
+        assert (labels.truth(frame(index, points)).points is not None) == is_truth
+
+
 def stamped(tmp_path, *stamps):
     return opened(tmp_path, *(row(stamp) for stamp in stamps), header=STAMPED)
 

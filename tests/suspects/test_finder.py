@@ -11,6 +11,7 @@ from seaclutter_cli.evaluation.scores import ideal
 from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.labels import open_labels
 from seaclutter_cli.suspects.finder import LIKELY, SuspectFinder
+from seaclutter_cli.suspects.indications import Indicator
 from seaclutter_cli.truth import IGNORED
 from tests.paths import ROOT
 
@@ -128,3 +129,38 @@ def test_frames_that_a_method_cannot_use_and_empty_frames(labelled):
     empty = seaclutter.Frame.of_arrays(np.empty((0, 3)), stamp_ns=frame.stamp_ns + 10**8)
     assert len(finder.add(empty, [FilterResult(empty, np.empty(0, np.uint8))])) == 0
     assert finder.finish() == {"removed": [], "kept": []}
+
+
+@pytest.mark.parametrize("track", [1, 2])
+def test_kept_water_beside_a_target_does_not_excuse_its_loss(labelled, track):
+    def everything_else(known, truth):
+        kept = replace(known, reason=np.where(known.reason == Reason.NEAR, known.reason, Reason.KEPT).astype(np.uint8))
+        return without(track)(kept, truth)
+
+    suspects, _ = found(labelled, everything_else)
+    (one,) = suspects["removed"]
+    assert one.frames > 0.6 * FRAMES
+
+
+def test_the_order_of_methods_does_not_matter(labelled):
+    def excluding(known, truth):
+        return replace(known, reason=np.where(truth.points == 2, np.uint8(Reason.EXCLUDED), known.reason))
+
+    tallies = [found(labelled, *each)[1].tally for each in ((excluding, without(1)), (without(1), excluding))]
+    for name in ("lost", "found", "changes", "kept_score"):
+        one, other = (getattr(tally, name) for tally in tallies)
+        assert one.tolist() == other[::-1].tolist()
+
+
+def test_frames_that_one_method_cannot_use_count_for_no_method(labelled):
+    told = []
+    for left_out in (slice(0, 0), slice(1, None, 2)):
+        indicator = Indicator(2)
+        for k, (frame, truth) in enumerate(labelled):
+            if k not in range(len(labelled))[left_out]:
+                result = right(frame, truth)
+                indicator.add(frame, [result, None if k % 2 else without(1)(result, truth)])
+        sums = indicator.finish()
+        told.append([sums.of_method(m) for m in range(2)])
+        assert sums.frames == (FRAMES + 1) // 2
+    assert told[0] == told[1]

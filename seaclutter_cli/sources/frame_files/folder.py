@@ -35,6 +35,8 @@ class FolderSource(TimedSource):
     there are no frames, frames of several formats, or they cannot be read.
     """
 
+    is_numbered = True
+
     def __init__(self, path: Path, *, rate_hz: float = 10.0, columns: str | None = None) -> None:
         super().__init__()
         doubts: list[str] = []
