@@ -410,10 +410,12 @@ class Navigation:
         head, child, topic = read.header(), _plain(read.text()), message.channel.topic
         sample = _sample(read, head.stamp_ns or message.log_time_ns)
         self._add(_plain(head.frame_id), child, sample, topic, is_motion=True)
-        if all(edge.parent != child for edges in self._edges.values() for edge in edges):
-            self._children[topic] = child
-            # No transform leads there from the lidar, whose axes are taken for these.
-            self._add(_plain(head.frame_id), _BODY, sample, topic, is_motion=True)
+        if any(edge.parent == child for edges in self._edges.values() for edge in edges):
+            self._edges[_BODY] = [edge for edge in self._edges.get(_BODY, []) if edge.topic != topic]
+            return
+        self._children[topic] = child
+        # No transform leads there from the lidar, whose axes are taken for these.
+        self._add(_plain(head.frame_id), _BODY, sample, topic, is_motion=True)
 
     def _pose(self, read: Reader, message: Message) -> None:
         head = read.header()

@@ -157,9 +157,11 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
                 outcome.start_ns = frame.stamp_ns
             outcome.frames += result is not None
             finder.add(frame, [result])
+        outcome.suspects, outcome.unjudged = finder.finish(), finder.unjudged
         if checks:
             checks.end()
-        outcome.suspects, outcome.unjudged = finder.finish(), finder.unjudged
+            if finder.unjudged and checks.cause:
+                observer.warn(f"{outcome.topic}: {count(finder.unjudged, 'cluster')} are not judged{checks.cause}")
         wanted = _chosen(outcome.suspects, options.shown) if options.picture_folder else {}
         if wanted:  # in a second pass, because suspects are known at the end
             for frame, (result,), _ in _filtered(source, config, selection, removed):

@@ -90,6 +90,8 @@ def test_what_leaves_objects_undecided_is_named(tmp_path, offset_ns, arguments, 
         found = run("objects", log, *arguments, "-m", method).stderr
         assert method == "joint" or f"does not decide; {expected}" in " ".join(found.split())
         assert offset_ns(1) < 0 or f"of the boxes are of candidates; {expected}" in " ".join(found.split())
+        suspected = run("suspects", log, *arguments, "-m", method).stderr
+        assert f"clusters are not judged; {expected}" in " ".join(suspected.split())
 
 
 def test_a_gap_leaves_nothing_undecided(tmp_path):

@@ -190,6 +190,18 @@ def test_odometry_of_the_lidar_is_not_moved_by_how_it_is_mounted(send):
     assert navigation.pose("lidar", STAMP_NS + 2 * 10**8) == pytest.approx((2, 0, 0))
 
 
+def test_odometry_is_not_that_of_a_lidar_without_transforms_once_others_lead_to_its_body(send):
+    navigation = Navigation()
+    for k in range(20):
+        stamp_ns = STAMP_NS + k * 10**8
+        send(navigation, ODOMETRY, "odom", stamp_ns, topic="/odom", child="base_link", at=(k, 0, 0), yaw=0)
+        assert navigation.pose("rear", stamp_ns) == (None if k > 10 else pytest.approx((k, 0, 0)))
+        if k == 10:
+            send(navigation, TF, "base_link", stamp_ns, topic="/tf_static", child="lidar", at=(3, 0, 2), yaw=0)
+    assert navigation.unmoved == "no transform leads from 'rear' to a fixed frame"
+    assert navigation.pose("lidar", stamp_ns) == pytest.approx((22, 0, 0))
+
+
 def test_odometry_of_a_stranger_is_named(send):
     navigation = Navigation()
     send(navigation, TF, "base_link", STAMP_NS, topic="/tf_static", child="lidar", at=(3, 0, 2), yaw=0)
