@@ -1,11 +1,9 @@
 """Own ship's motion from the topics of a log: transforms, odometry and poses; positions on earth from fixes."""
 
 import math
-from bisect import bisect, bisect_left
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -16,15 +14,12 @@ from seaclutter_cli.errors import CloudError
 from seaclutter_cli.frame import Attitude
 from seaclutter_cli.messages.definitions import full_name
 from seaclutter_cli.messages.serialisation import Reader, reader_of
+from seaclutter_cli.messages.transforms import CONTINUOUS, STALE_NS, Edge, Sample, best, last_name, product
 from seaclutter_cli.records import Channel, Message, Record
 
 _MAX_TRANSFORMS = 1000
-_KEPT, _MAX_EDGES, _MAX_DEPTH, _MAX_TOPICS = 256, 256, 32, 16
-STALE_NS = 1_000_000_000
+_MAX_EDGES, _MAX_DEPTH, _MAX_TOPICS = 256, 32, 16
 _KEPT_TURNS, _GAP_NS = 2048, 500_000_000
-_LASTING_NS, _SLOPE_NS = 500_000_000, 200_000_000
-_STEP_M, _FASTEST_MS, _STEP_RAD, _FASTEST_RAD_S = 0.5, 30.0, math.radians(5), math.radians(90)
-_SAME_M, _SAME_RAD = 1e-6, 1e-6
 _DIFFERENT_M, _DIFFERENT_RAD, _DIFFERENT_FRAMES = 0.3, math.radians(2), 10
 _UNSET = (0.0, 0.0, 0.0, 1.0)
 _POSITION = "position in sensor_msgs/NavSatFix"
@@ -32,114 +27,8 @@ _HEADING = "heading, which is the orientation in sensor_msgs/Imu (0, 0, 0, 1 cou
 _UPRIGHT = 0.5
 _BODY = ""
 """Frame of poses that name none: the lidar, or own ship where transforms lead from the lidar to no other frame."""
-_CONTINUOUS, _EARTH = "odom", "earth"
+_EARTH = "earth"
 _EQUATOR_M, _SQUARED_ECCENTRICITY = 6_378_137.0, 6.69437999014e-3
-
-
-class _Sample(NamedTuple):
-    """Position and orientation (quaternion, w last) of a frame in its parent at a time."""
-
-    stamp_ns: int
-    at: Floats
-    turn: Floats
-
-    def is_at(self, other: "_Sample", apart_m: float = _SAME_M, turned_rad: float = _SAME_RAD) -> bool:
-        """Return whether place and orientation are the same, to some metres and radians."""
-        return math.dist(self.at, other.at) <= apart_m and self.turned_rad(other) <= turned_rad
-
-    def turned_rad(self, other: "_Sample") -> float:
-        """Return the angle between the orientations."""
-        return 2 * math.asin(min(float(np.linalg.norm(_product(self.turn * (-1, -1, -1, 1), other.turn)[:3])), 1.0))
-
-    def speed_ms(self, later: "_Sample") -> float:
-        """Return the speed from there to a later sample."""
-        return math.dist(self.at, later.at) / max((later.stamp_ns - self.stamp_ns) / 1e9, 1e-9)
-
-    def leads_to(self, later: "_Sample") -> bool:
-        """Return whether a vessel can move so far in so short a time."""
-        elapsed_s = (later.stamp_ns - self.stamp_ns) / 1e9
-        if elapsed_s <= 0 or math.dist(self.at, later.at) > _STEP_M + _FASTEST_MS * elapsed_s:
-            return False
-        return self.turned_rad(later) <= _STEP_RAD + _FASTEST_RAD_S * elapsed_s
-
-
-@dataclass
-class _Edge:
-    """Samples of the transform of a frame to its parent from one topic, in the order of time; fixed ones are repeated.
-
-    It ``moves`` if they differ, and ``travels`` if the frame is elsewhere, seen from above: what only turns, as against
-    the horizon, does not tell where own ship is. ``breaks`` counts corrections.
-    """
-
-    parent: str
-    topic: str = ""
-    samples: deque[_Sample] = field(default_factory=lambda: deque(maxlen=_KEPT))
-    moves: bool = False
-    travels: bool = False
-    breaks: int = 0
-    _apart: deque[_Sample] = field(default_factory=lambda: deque(maxlen=_KEPT))
-    _apart_ns: int = 0
-
-    @property
-    def rank(self) -> tuple[bool, bool, bool, bool]:
-        """What decides between transforms of one frame; the greatest counts, and the first of equal ones."""
-        is_tree = _name(self.topic) == "tf"
-        return self.travels, self.moves, is_tree, _name(self.parent).startswith(_CONTINUOUS)
-
-    def put(self, sample: _Sample) -> None:
-        """Replace the fixed transform."""
-        self.breaks += bool(self.samples) and not self.samples[-1].is_at(sample)
-        self.samples.clear()
-        self.samples.append(sample)
-
-    def add(self, sample: _Sample, *, is_motion: bool = True) -> None:
-        """Add a sample; one that no vessel can reach counts once others have agreed with it for half a second.
-
-        An estimate that is corrected stays where it is, one that is wrong for a moment comes back. Samples that
-        repeat a time, or are late, add nothing. Samples of motion move the frame even where they are equal.
-        """
-        elapsed_ns = sample.stamp_ns - self.samples[-1].stamp_ns if self.samples else 1
-        last = self.samples[-1] if self.samples else sample
-        if (len(self.samples) < 2 and elapsed_ns > 0) or (last.leads_to(sample) and not self._leads_apart(sample)):
-            self.moves |= is_motion or not last.is_at(sample)
-            self.travels |= is_motion or math.dist(last.at[:2], sample.at[:2]) > _SAME_M
-            self.samples.append(sample)
-            self._apart.clear()
-            return
-        if -STALE_NS < elapsed_ns <= 0:
-            return
-        if not self._apart or not self._apart[-1].leads_to(sample):
-            self._apart.clear()
-            self._apart_ns = sample.stamp_ns
-        self._apart.append(sample)
-        if sample.stamp_ns - self._apart_ns >= _LASTING_NS:
-            self.samples, self._apart, self.moves, self.travels = self._apart, self.samples, True, True
-            self.breaks += 1
-            self._apart.clear()
-
-    def _leads_apart(self, sample: _Sample) -> bool:
-        """Return whether samples that did not count lead to one at less speed, because more time has gone by."""
-        if not self._apart or not self._apart[-1].leads_to(sample):
-            return False
-        return self._apart[-1].speed_ms(sample) < self.samples[-1].speed_ms(sample)
-
-    def at(self, stamp_ns: int, late_ns: int = STALE_NS) -> _Sample | None:
-        """Return the transform at a time, between samples or within a time of them, or the fixed one."""
-        known = self.samples
-        if not self.moves:
-            return known[-1]
-        first_ns, last_ns = known[0].stamp_ns, known[-1].stamp_ns
-        if not first_ns - late_ns <= stamp_ns <= last_ns + late_ns:
-            return None
-        # Beyond the samples, noise of the last two would grow.
-        start_ns = last_ns - _SLOPE_NS if stamp_ns > last_ns else stamp_ns
-        end_ns = first_ns + _SLOPE_NS if stamp_ns < first_ns else stamp_ns
-        before = known[max(bisect(known, start_ns, key=_stamp_ns) - 1, 0)]
-        after = known[min(bisect_left(known, end_ns, key=_stamp_ns), len(known) - 1)]
-        share = (stamp_ns - before.stamp_ns) / max(after.stamp_ns - before.stamp_ns, 1)
-        sign = 1 if before.turn @ after.turn >= 0 else -1
-        turn = before.turn + share * (sign * after.turn - before.turn)
-        return _Sample(stamp_ns, before.at + share * (after.at - before.at), turn / np.linalg.norm(turn))
 
 
 class _Gyro:
@@ -148,7 +37,7 @@ class _Gyro:
     def __init__(self, topic: str, frame_id: str, *, is_measured: bool) -> None:
         self.topic, self.frame_id, self._is_measured = topic, frame_id, is_measured
         self.breaks = 0
-        self.edge = _Edge("", topic, deque(maxlen=_KEPT_TURNS), moves=True)
+        self.edge = Edge("", topic, deque(maxlen=_KEPT_TURNS), moves=True)
         self._rate = np.zeros(3)
 
     def add(self, stamp_ns: int, turn: Floats | None, rate: Floats) -> None:
@@ -167,9 +56,9 @@ class _Gyro:
             vector = (rate + self._rate) / 2 * (elapsed_ns / 1e9)
             angle, self._rate = float(np.linalg.norm(vector)), rate
             if known and angle:
-                turn = _product(turn, np.array([*(math.sin(angle / 2) / angle * vector), math.cos(angle / 2)]))
+                turn = product(turn, np.array([*(math.sin(angle / 2) / angle * vector), math.cos(angle / 2)]))
         if turn is not None:
-            known.append(_Sample(stamp_ns, np.zeros(3), turn))
+            known.append(Sample(stamp_ns, np.zeros(3), turn))
 
 
 class _Chain(NamedTuple):
@@ -204,9 +93,9 @@ class Navigation:
     """
 
     def __init__(self) -> None:
-        self._edges: dict[str, list[_Edge]] = {}
+        self._edges: dict[str, list[Edge]] = {}
         self._lacking, self._has_fixes, self._unmoved, self._refused = "", False, "", ""
-        self._places, self._antenna = _Edge(_EARTH), ""
+        self._places, self._antenna = Edge(_EARTH), ""
         self._imu: tuple[int, Floats, str, str] | None = None
         self._gyro: _Gyro | None = None
         self._fixes_on: list[str] = []
@@ -237,7 +126,7 @@ class Navigation:
 
         It is known between two messages, and for some time before the first and behind the last.
         """
-        found = self._in_fixed(frame_id, stamp_ns, _CONTINUOUS, late_ns)
+        found = self._in_fixed(frame_id, stamp_ns, CONTINUOUS, late_ns)
         if isinstance(found, str):
             self._unmoved = found
             return None
@@ -261,7 +150,7 @@ class Navigation:
             if sample is None or len(gyro.edge.samples) == 1:
                 return None
             return Attitude(self._axes(name, gyro.frame_id, sample.turn), (gyro.topic, gyro.frame_id, gyro.breaks))
-        found = self._in_fixed(name, stamp_ns, _CONTINUOUS, late_ns=0)
+        found = self._in_fixed(name, stamp_ns, CONTINUOUS, late_ns=0)
         if isinstance(found, str):
             return None
         return Attitude(rotation(*found.turn), ("transforms", found.fixed, sum(breaks for _, breaks in found.path)))
@@ -341,7 +230,7 @@ class Navigation:
         """What a place on earth lacked last; empty if nothing, or if the log has no fixes."""
         return self._lacking if self._has_fixes else ""
 
-    def _lacks(self, stamp_ns: int, place: _Sample | None) -> str:
+    def _lacks(self, stamp_ns: int, place: Sample | None) -> str:
         """Return what a place on earth lacks at a time; empty if nothing."""
         for known, name in (place, _POSITION), (self._imu, _HEADING):
             if known is None:
@@ -357,8 +246,8 @@ class Navigation:
         of_body = self._edges.get(_BODY, [])
         for _ in range(_MAX_DEPTH):
             edges = self._edges.get(name) or of_body
-            edge = _best(edges, stamp_ns)
-            if edge is None or (moves and _name(name).startswith(preferred)):
+            edge = best(edges, stamp_ns)
+            if edge is None or (moves and last_name(name).startswith(preferred)):
                 is_found = _Chain(at, turn, name, travels, path)
                 return is_found if moves else f"no transform leads from '{name}' to a fixed frame"
             if edge.parent == name:  # own ship's pose is in this frame, so it is fixed, as after registration
@@ -369,20 +258,20 @@ class Navigation:
             self._compare(edge, edges, sample)
             if edges is of_body and path and edge.topic in self._children:
                 self._strangers[edge.topic] = self._children[edge.topic]
-            at, turn = rotation(*sample.turn) @ at + sample.at, _product(sample.turn, turn)
+            at, turn = rotation(*sample.turn) @ at + sample.at, product(sample.turn, turn)
             moves, travels = moves or edge.moves, travels or edge.travels
             name, path = edge.parent, (*path, (edge.topic, edge.breaks))
             of_body = [] if travels or edges is of_body else of_body
         return f"transforms lead from '{frame_id}' in a circle"
 
-    def _compare(self, used: _Edge, edges: Sequence[_Edge], sample: _Sample) -> None:
+    def _compare(self, used: Edge, edges: Sequence[Edge], sample: Sample) -> None:
         """Count the frames in which other topics tell a different pose in the same frame."""
         for other in edges:
             told = other.at(sample.stamp_ns, 0) if other.travels and other.parent == used.parent else None
             if told is not None and not told.is_at(sample, _DIFFERENT_M, _DIFFERENT_RAD):
                 self._differ[used.topic, other.topic] += 1
 
-    def _add(self, parent: str, child: str, sample: _Sample, topic: str, *, is_motion: bool = False) -> None:
+    def _add(self, parent: str, child: str, sample: Sample, topic: str, *, is_motion: bool = False) -> None:
         size = np.linalg.norm(sample.turn)
         if not (np.isfinite(sample.at).all() and np.isfinite(size) and size > 0):
             self._refused = f"a position or orientation on {topic} is not valid"
@@ -392,10 +281,10 @@ class Navigation:
         if edge is None:
             if child == parent or len(self._edges) > _MAX_EDGES or len(edges) >= _MAX_TOPICS:
                 return
-            edge = _Edge(parent, topic)
+            edge = Edge(parent, topic)
             edges.append(edge)
         sample = sample._replace(turn=sample.turn / size)
-        if _name(topic) == "tf_static":
+        if last_name(topic) == "tf_static":
             edge.put(sample)
         else:
             edge.add(sample, is_motion=is_motion)
@@ -429,7 +318,7 @@ class Navigation:
         if is_set and _note(self._fixes_on, message)[0] == message.channel.topic:
             stamp_ns, turn = head.stamp_ns or message.log_time_ns, np.array(_UNSET)
             self._antenna = _plain(head.frame_id)
-            self._places.add(_Sample(stamp_ns, _on_sphere(math.radians(north), math.radians(east)), turn))
+            self._places.add(Sample(stamp_ns, _on_sphere(math.radians(north), math.radians(east)), turn))
 
     def _orientation(self, read: Reader, message: Message) -> None:
         head, turn = read.header(), np.array(read.numbers("dddd"))
@@ -444,12 +333,6 @@ class Navigation:
             self._gyro = _Gyro(topic, _plain(head.frame_id), is_measured=is_set)
         if self._gyro is not None and self._gyro.topic == topic:
             self._gyro.add(stamp_ns, turn / size if is_set else None, rate)
-
-
-def _best(edges: Sequence[_Edge], stamp_ns: int) -> _Edge | None:
-    """Return the transform of a frame that counts, of those known at a time if there are any; None without one."""
-    known = [edge for edge in edges if edge.at(stamp_ns)] if len(edges) > 1 else edges
-    return max(known or edges, key=lambda edge: edge.rank, default=None)
 
 
 def _note(topics: list[str], message: Message) -> list[str]:
@@ -505,24 +388,9 @@ def _from_earth(at: Floats, axes: Floats) -> Fix:
     return Fix(math.degrees(latitude), math.degrees(longitude), yaw)
 
 
-def _stamp_ns(sample: _Sample) -> int:
-    return sample.stamp_ns
-
-
-def _name(path: str) -> str:
-    """Return the last part of the name of a topic or frame."""
-    return path.rpartition("/")[2]
-
-
 def _plain(frame_id: str) -> str:
     return frame_id.lstrip("/")
 
 
-def _sample(read: Reader, stamp_ns: int) -> _Sample:
-    return _Sample(stamp_ns, np.array(read.numbers("ddd")), np.array(read.numbers("dddd")))
-
-
-def _product(first: Floats, second: Floats) -> Floats:
-    """Return the quaternion that turns by the second, then by the first."""
-    (a, p), (b, q) = ((turn[3], turn[:3]) for turn in (first, second))
-    return np.array([*(a * q + b * p + np.cross(p, q)), a * b - p @ q])
+def _sample(read: Reader, stamp_ns: int) -> Sample:
+    return Sample(stamp_ns, np.array(read.numbers("ddd")), np.array(read.numbers("dddd")))

@@ -18,8 +18,9 @@ from seaclutter_cli.errors import InputError, UsageError, requiring
 from seaclutter_cli.frame import FilterResult
 from seaclutter_cli.interfaces import Sink, Source
 from seaclutter_cli.messages.definitions import Content
-from seaclutter_cli.messages.navigation import STALE_NS, Fix, Navigation, on_earth
+from seaclutter_cli.messages.navigation import Fix, Navigation, on_earth
 from seaclutter_cli.messages.scene import SceneBox, SceneTrack, detections
+from seaclutter_cli.messages.transforms import STALE_NS
 from seaclutter_cli.records import Channel, Record
 from seaclutter_cli.sinks.csv import csv_line, csv_lines
 from seaclutter_cli.tracking.detections import Pose
