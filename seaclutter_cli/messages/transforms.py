@@ -33,7 +33,7 @@ class Sample(NamedTuple):
 
     def turned_rad(self, other: "Sample") -> float:
         """Return the angle between the orientations."""
-        return 2 * math.asin(min(float(np.linalg.norm(product(self.turn * (-1, -1, -1, 1), other.turn)[:3])), 1.0))
+        return 2 * math.acos(min(abs(float(self.turn @ other.turn)), 1.0))
 
     def speed_ms(self, later: "Sample") -> float:
         """Return the speed from there to a later sample."""
@@ -85,8 +85,8 @@ class Edge:
         elapsed_ns = sample.stamp_ns - self.samples[-1].stamp_ns if self.samples else 1
         last = self.samples[-1] if self.samples else sample
         if (len(self.samples) < 2 and elapsed_ns > 0) or (last.leads_to(sample) and not self._leads_apart(sample)):
-            self.moves |= is_motion or not last.is_at(sample)
-            self.travels |= is_motion or math.dist(last.at[:2], sample.at[:2]) > _SAME_M
+            self.moves = self.moves or is_motion or not last.is_at(sample)
+            self.travels = self.travels or is_motion or math.dist(last.at[:2], sample.at[:2]) > _SAME_M
             self.samples.append(sample)
             self._apart.clear()
             return
