@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, Sea
+from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, Sea, repeated
 from seaclutter_cli.filters.confirmation.evidence import OF_VOLUME
 from seaclutter_cli.filters.confirmation.objects import DetectedObject, find_objects
 from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
@@ -50,6 +50,7 @@ class _Undecided:
     objects: Sequence[DetectedObject]
     tracks: Sequence[Track]
     awaited: Sequence[tuple[Track, NDArray[np.int32]]]
+    repeats: tuple[NDArray[np.intp], NDArray[np.intp]]
     water: WaterState | None
 
 
@@ -131,6 +132,7 @@ class Confirmed(Filter):
         self._is_beginning = not self._params.causal
         self._undecided: deque[_Undecided] = deque()
         self._time_s: float | None = None
+        self._origin_ns: int | None = None
 
     def process(self, frame: Frame) -> list[FilterResult]:
         """Receive the next frame and return the results that are complete."""
@@ -166,7 +168,9 @@ class Confirmed(Filter):
 
     def _receive(self, frame: Frame) -> list[FilterResult]:
         """Receive a frame and return the results that are complete."""
-        time_s = self._steady(frame.stamp_ns / 1e9)
+        if self._origin_ns is None:  # times from there on are exact to a nanosecond
+            self._origin_ns = frame.stamp_ns
+        time_s = self._steady((frame.stamp_ns - self._origin_ns) / 1e9)
         jumped = self._time_s is not None and not 0 <= time_s - self._time_s <= _MAX_GAP_S
         complete = self._decide_all() if jumped else []
         if jumped:
@@ -213,7 +217,10 @@ class Confirmed(Filter):
     def _examine(self, frame: Frame, time_s: float) -> _Undecided:
         """Find the objects of a frame and their tracks (steps 1 to 5)."""
         zone, reason = self._zones.divide(frame)
-        echoes = Echoes.of(frame, zone, reason, self._params)
+        repeats = repeated(frame)
+        seen = reason.copy() if len(repeats[0]) else reason
+        seen[repeats[0]] = Reason.INVALID
+        echoes = Echoes.of(frame, zone, seen, self._params)
         own, own_ship = np.zeros(echoes.size, np.bool_), self._zones.own_ship
         if own_ship:
             used = np.flatnonzero((echoes.range_m >= NEAREST_M) & (echoes.range_m < own_ship.reach_m))
@@ -248,7 +255,8 @@ class Confirmed(Filter):
         awaited = [(track, index[rows[points]]) for track, points in expected if len(points) >= least]
         state = heights.water.state if heights.water else None
         objects = [replace(one, points=index[one.points]) for one in found.objects]
-        return _Undecided(frame, time_s, zone, reason, index[heights.grows & ~near], objects, tracks, awaited, state)
+        grows = index[heights.grows & ~near]
+        return _Undecided(frame, time_s, zone, reason, grows, objects, tracks, awaited, repeats, state)
 
     def _threshold(self, echoes: Echoes) -> Floats:
         """Return the intensity threshold of each echo, shape (M,); near points have that of the first range ring."""
@@ -291,6 +299,8 @@ class Confirmed(Filter):
         # 6. Growth
         if len(kept):
             reason[self._grown(one, kept)] = Reason.KEPT
+        again, first = one.repeats
+        reason[again] = reason[first]
         rings = self._zones.rings(one.zone, reason, self._thresholds) if self._params.use_intensity else None
         return FilterResult(one.frame, reason, rings, water=one.water, undecided=undecided)
 

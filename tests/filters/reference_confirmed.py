@@ -51,6 +51,7 @@ class Scan:
     tracks: list[Track]
     awaited: list[tuple[Track, list[Echo]]]
     water: Surface | None
+    repeats: dict[int, int]
     decided: bool = False
     memories: list[float] = field(init=False)
 
@@ -66,6 +67,7 @@ class ConfirmedObjects:
         self.reset()
 
     def reset(self) -> None:
+        self.origin_ns: int | None = None
         self.scans: list[Scan] = []
         self.tracks = Tracks(self.params)
         self.water = Water()
@@ -108,7 +110,9 @@ class ConfirmedObjects:
         return Answer(reasons, counts)
 
     def receive(self, frame: Frame, ahead_s: float) -> None:
-        time_s = frame.stamp_ns / 1e9
+        if self.origin_ns is None:
+            self.origin_ns = frame.stamp_ns
+        time_s = (frame.stamp_ns - self.origin_ns) / 1e9
         if self.scans and 0 < self.scans[-1].time_s - time_s <= confirmed._MAX_STEP_BACK_S:
             time_s = self.scans[-1].time_s
         if self.scans and not 0 <= time_s - self.scans[-1].time_s <= confirmed._MAX_GAP_S:
@@ -122,6 +126,8 @@ class ConfirmedObjects:
         for scan in self.scans:
             if not scan.decided and scan.time_s <= until_s + SLACK_S:
                 self.confirm(scan)
+                for number, first in scan.repeats.items():
+                    scan.reasons[number] = scan.reasons[first]
                 scan.decided = True
 
     def scan(self, frame: Frame, time_s: float) -> Scan:
@@ -131,7 +137,17 @@ class ConfirmedObjects:
             self.own_ship.add(frame, finds_water=False)
         own = self.own_ship.contains(frame) if self.own_ship else frame.range_m < self.params.start_m
         rings = [self.ring_of(point, is_own) for point, is_own in zip(points, own, strict=True)]
-        used = [number for number, point in enumerate(points) if self.is_used(point, rings[number])]
+        first: dict[tuple[float, ...], int] = {}
+        repeats = {
+            number: first.setdefault(tuple(point.xyz), number)
+            for number, point in enumerate(points)
+            if not point.invalid
+        }
+        used = [
+            number
+            for number, point in enumerate(points)
+            if self.is_used(point, rings[number]) and repeats[number] == number
+        ]
         places = [points[number].xyz for number in used]
         bins = [bin_of(z, (x, y)) for x, y, z in places]
         self.beams.learn(bins)
@@ -163,7 +179,7 @@ class ConfirmedObjects:
         used = {id(one) for one in candidates}
         awaited = self.tracks.awaited([one for one in rows if id(one) not in used], time_s)
         awaited = [(track, found) for track, found in awaited if len(found) >= least]
-        return Scan(time_s, reasons, rings, echoes, things, tracks, awaited, water)
+        return Scan(time_s, reasons, rings, echoes, things, tracks, awaited, water, repeats)
 
     def ring_of(self, point: Point, is_own: bool) -> int | None:
         """Return the index of the range ring, -1 for own ship, their number beyond; None without a zone."""

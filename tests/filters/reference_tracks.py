@@ -251,7 +251,9 @@ class Tracks:
         """Return the tracks of the objects that continue a track: the first goes on with it, the others begin."""
         if not heirs:
             return []
-        first = max(heirs, key=lambda k: (round(things[k].evidence / 2), votes[k]))
+        most = max(votes[k] for k in heirs)
+        able = [k for k in heirs if votes[k] >= tracks._CONTINUED_SHARE * most]
+        first = max(able, key=lambda k: (round(things[k].evidence / 2), votes[k]))
         memory = track.memory
         track.follow(things[first], time_s)
         found = [(first, track)]

@@ -189,14 +189,19 @@ class TestScenes:
         assert np.mean(kept) > 0.95
 
     @pytest.mark.parametrize("causal", [False, True])
-    def test_duplicate_points(self, causal):
-        """Points reported twice change no outcome where the shape decides, and both copies have it."""
-        log = sea_log(1, [BOAT], times(10))
+    @pytest.mark.parametrize("bodies", [[BOAT], random_bodies(3)], ids=["boat", "several"])
+    def test_duplicate_points(self, causal, bodies):
+        """Both returns of a pulse may be the same: points reported twice change no outcome, and both copies have it."""
+        log = sea_log(1, bodies, times(10))
         twice = [thinned(frame, np.tile(np.arange(frame.size), 2)) for frame in log]
-        for result in run(twice, causal=causal):
-            first, second = np.split(result.reason, 2)
-            np.testing.assert_array_equal(first, second)
-        assert shares(run(twice, causal=causal), BOAT) == shares(run(log, causal=causal), BOAT)
+        for doubled, once in zip(run(twice, causal=causal), run(log, causal=causal), strict=True):
+            np.testing.assert_array_equal(doubled.reason, np.tile(once.reason, 2))
+
+    def test_some_points_twice(self):
+        log = sea_log(1, [BOAT], times(10))
+        some = [thinned(frame, np.append(np.arange(frame.size), np.arange(0, frame.size, 3))) for frame in log]
+        for doubled, once in zip(run(some), run(log), strict=True):
+            np.testing.assert_array_equal(doubled.reason, np.append(once.reason, once.reason[::3]))
 
     def test_what_comes_near_is_kept_and_own_ship_is_not(self):
         visitor = Body(-18, -4, vx=5, points=30)
@@ -209,6 +214,12 @@ class TestScenes:
 
 
 class TestRates:
+    @pytest.mark.parametrize("origin_ns", [0, 10**18, 1_764_529_437_123_456_789, 2**62])
+    def test_the_origin_of_the_time_does_not_matter(self, origin_ns):
+        log = sea_log(3, random_bodies(3), times(25))
+        later = [replace(frame, stamp_ns=origin_ns + frame.stamp_ns - log[0].stamp_ns) for frame in log]
+        assert reasons(run(later)) == reasons(run(log))
+
     def test_frames_of_other_rates_confirm_the_same_objects(self):
         bodies = [
             BOAT,

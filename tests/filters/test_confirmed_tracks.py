@@ -121,6 +121,19 @@ def test_the_best_known_track_continues():
     assert merged is known
 
 
+def test_a_fragment_does_not_take_the_track_of_a_wall():
+    """It may look more like a target, but is no more than a part of what is expected."""
+    tracker, wall = Tracker(ConfirmedParams()), np.stack((np.full(40, 20.0), np.arange(40) / 2), axis=1)
+    for time_s in (0.1 * np.arange(10)).tolist():
+        (known,) = seen_at(tracker, [wall], time_s)
+    fragment, rest = wall[:3], wall[3:]
+    objects = [
+        DetectedObject(np.arange(3), odds, own, own.mean(axis=0)) for odds, own in ((3.0, fragment), (0.6, rest))
+    ]
+    one, other = tracker.step(tracker.associate(objects, 1.0), 1.0, 0.0)
+    assert other is known is not one
+
+
 def seen_at(tracker, cells, time_s):
     """Return the tracks of objects of given cells."""
     objects = [DetectedObject(np.arange(3), 0.6, own, own.mean(axis=0)) for own in cells]

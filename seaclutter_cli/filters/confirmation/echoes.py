@@ -22,6 +22,7 @@ _COMMON = 0.25
 _NEIGHBORS = 2 / 3
 _RINGS, _MAX_RING, _LEAST_ECHOES, _BRIGHTER = 9, 1000, 3, 4.0
 _ALONE, _ROW = 0.75, 8
+_MIXED = np.sqrt((2.0, 3.0, 5.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +60,23 @@ class Echoes:
     def is_near(self) -> NDArray[np.bool_]:
         """Whether they are own ship, shape (M,)."""
         return np.asarray(self.zone == 0)
+
+
+def repeated(frame: Frame) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return which valid points repeat another one of the frame, and the first of each, both of shape (n,).
+
+    A lidar that records two returns has those of most pulses twice: they are one echo.
+    """
+    valid = np.flatnonzero(frame.valid)
+    x, y, z = xyz = frame.coordinates.take(valid, axis=1)
+    key = _MIXED[0] * x + _MIXED[1] * y + _MIXED[2] * z
+    ordered = np.sort(key)
+    if (ordered[1:] != ordered[:-1]).all():
+        return valid[:0], valid[:0]
+    order = np.argsort(key, kind="stable")
+    same = np.append(False, (xyz[:, order[1:]] == xyz[:, order[:-1]]).all(axis=0))
+    first = np.maximum.accumulate(np.where(same, 0, np.arange(len(order))))
+    return valid[order[same]], valid[order[first[same]]]
 
 
 @dataclass(frozen=True)

@@ -207,8 +207,9 @@ class Tracker:
         Notes
         -----
         An object continues the track that expects most of its cells. If several objects continue a track, the one with
-        the most cells and evidence does, and the others start tracks of their own. A track is neither found nor missed
-        if most of its cells lie in an object of another track, such as a boat alongside another, or between the beams.
+        the most evidence does, of those with at least a quarter of the most cells, and the others start tracks of their
+        own. A track is neither found nor missed if most of its cells lie in an object of another track, such as a boat
+        alongside another, or between the beams.
 
         That an object was not there before is evidence against it, as if it had been missed: -1 for each second since
         the first frame, until that is the least memory.
@@ -220,7 +221,9 @@ class Tracker:
         tracks: list[Track | None] = [None] * len(objects)
         known = np.array([1 + max(track.memory, 0.0) for track in self._tracks])
         for t, candidates in _by_track(votes, known).items():
-            first = max(candidates, key=lambda k: (round(objects[k].evidence / 2), votes[k, t]))
+            least = _CONTINUED_SHARE * max(votes[k, t] for k in candidates)
+            enough = [k for k in candidates if votes[k, t] >= least]
+            first = max(enough, key=lambda k: (round(objects[k].evidence / 2), votes[k, t]))
             self._tracks[t].move(objects[first], time_s)
             for k in candidates:
                 tracks[k] = self._tracks[t] if k == first else self._begun(objects[k], time_s, self._tracks[t])
