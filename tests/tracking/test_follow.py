@@ -344,3 +344,12 @@ def test_a_sail_of_which_the_hull_is_hidden_is_a_boat(front_x, state):
     assert states_above_water(lambda _: np.vstack((front, sail)))[10] == {CONFIRMED, state}
     found = followed([frame_of(k, sail) for k in range(20)])
     assert found[10].sizes[0, 1] == pytest.approx(1.8, abs=0.1)
+
+
+def test_a_boat_of_which_both_ends_are_hidden_stays_where_it_is():
+    center, front = np.array([15.0, 20.0]), [line((4.9, 9.3), (6.3, 9.3)), line((8.7, 9.3), (10.1, 9.3))]
+    boat = hull(center, 0.0)
+    middle = boat[(np.abs(boat[:, 0] - center[0]) < 2.4) & (boat[:, 1] < center[1])]
+    scenes = [boat] * 30 + [np.vstack((middle, *front))] * 20
+    for one in followed([frame_of(k, scene) for k, scene in enumerate(scenes)])[30:]:
+        assert np.hypot(*(one.centers[one.tracks.index(1), :2] - center)) < 0.4
