@@ -188,7 +188,7 @@ def _placed(seen_from: Floats, low: Floats, high: Floats, size: Floats, hidden: 
     view = (low + high) / 2 - seen_from
     left = view[:, ::-1] * (-1, 1) / np.maximum(np.hypot(*view.T), 1e-9)[:, None]
     only = 1.0 * hidden[:, :1] - hidden[:, 1:]
-    side = np.where(hidden.any(axis=1)[:, None] & (np.abs(left) > _SIDEWAYS), only * np.sign(left), side)
+    side = np.where(hidden.any(axis=1, keepdims=True) & (np.abs(left) > _SIDEWAYS), only * np.sign(left), side)
     shift = side * missing / 2
     noise = np.where(side != 0, _HIDDEN_NOISE, _BETWEEN_NOISE) * missing + _BETWEEN_NOISE * excess
     return (low + high) / 2 + shift, _NOISE_M + np.hypot(*noise.T)
