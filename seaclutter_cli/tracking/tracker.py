@@ -18,7 +18,7 @@ Indices = NDArray[np.int64]
 
 _GATE_M, _GATE_SIGMAS, _MAX_GATE_M = 0.8, 2.0, 8.0
 _LEAST_OVERLAP = 0.25
-_DISTANCE_WEIGHT, _NEW_PENALTY = 0.5, 0.3
+_DISTANCE_WEIGHT, _SCORE_WEIGHT = 0.5, 0.5
 _SPEED_MS = 4.0
 _ACCELERATION = 0.1
 _JITTER_M, _JITTER_SHARE, _LEARNED = 0.15, 0.1, 0.2
@@ -183,7 +183,8 @@ class Tracker:
     def _pairs(self, found: Detections, time_s: float, interval_s: float) -> list[tuple[int, int]]:
         """Return which track each detection continues.
 
-        The pairs with the most common cells and the nearest centres are taken first, kept detections before others.
+        The pairs with the most common cells and the nearest centres are taken first, kept detections before others. A
+        track that was seen for long counts more, so that a boat in two pieces for a moment keeps its own.
         """
         tracks = self._tracks
         if not tracks or not len(found):
@@ -205,7 +206,7 @@ class Tracker:
         centers = np.array([one.center for one in tracks]) + moved
         apart = np.abs(centers[:, None] - found.centers @ _TO_COMPLEX)
         cost = 1 - overlap + _DISTANCE_WEIGHT * np.minimum(apart / gate[:, None], 2) + 2.0 * ~found.kept
-        cost += _NEW_PENALTY * np.array([one.is_new for one in tracks])[:, None]
+        cost -= _SCORE_WEIGHT * np.array([one.score for one in tracks])[:, None]
         rows, columns = np.nonzero(overlap >= _LEAST_OVERLAP)
         order = np.argsort(cost[rows, columns], kind="stable")
         taken_rows, taken_columns, pairs = set[int](), set[int](), []
