@@ -89,8 +89,8 @@ def _distinct(tracks: Sequence[str]) -> tuple[str, ...]:
 class LabelOptions:
     """Settings of the label readers: classes of per-point labels that are clutter, or else neither that nor targets.
 
-    Files of labels are in the order of the frames. If ``by_sequence``, that is the ``sequence`` of messages, as the
-    files of a folder need of which it is a part, else the ``index`` of frames.
+    Label files are in the order of the frames: by the ``index`` of frames or, if ``by_sequence``, by the ``sequence``
+    of their messages, which counts from 0 in a folder that is a part of a recording, too.
     """
 
     clutter_ids: tuple[int, ...] = (110,)
@@ -98,7 +98,7 @@ class LabelOptions:
     by_sequence: bool = False
 
     def number(self, frame: Frame) -> int:
-        """Return the number of a frame among files of labels, from 0."""
+        """Return the number of the label file of a frame, from 0."""
         return frame.message.sequence if self.by_sequence and frame.message else frame.index
 
 
@@ -143,7 +143,7 @@ def _clouds_beside(folder: Path, clouds: str) -> list[Path]:
 
 
 def _number(file: Path) -> int:
-    """Return the number that is the name of a file; -1 if it is none."""
+    """Return the number in the name of a file; -1 if the name is not a number."""
     return int(file.stem) if re.fullmatch("[0-9]{1,18}", file.stem) else -1
 
 

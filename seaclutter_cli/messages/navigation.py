@@ -20,7 +20,7 @@ from seaclutter_cli.records import Channel, Message, Record
 _MAX_TRANSFORMS = 1000
 _MAX_EDGES, _MAX_DEPTH, _MAX_TOPICS = 256, 32, 16
 _KEPT_TURNS, _GAP_NS = 2048, 500_000_000
-_DIFFERENT_M, _DIFFERENT_RAD, _DIFFERENT_FRAMES = 0.3, math.radians(2), 10
+_DIFFERENT_M, _DIFFERENT_RAD, _DIFFERENT_TIMES = 0.3, math.radians(2), 10
 _UNSET = (0.0, 0.0, 0.0, 1.0)
 _POSITION = "position in sensor_msgs/NavSatFix"
 _HEADING = "heading, which is the orientation in sensor_msgs/Imu (0, 0, 0, 1 counts as unset)"
@@ -212,8 +212,8 @@ class Navigation:
         """Warnings about topics that may not be own ship's, or that differ."""
         found = [
             f"{used} and {other} tell different poses of own ship; that of {used} is used"
-            for (used, other), frames in self._differ.items()
-            if frames >= _DIFFERENT_FRAMES
+            for (used, other), times in self._differ.items()
+            if times >= _DIFFERENT_TIMES
         ]
         found += [
             f"poses of '{child}' on {topic} are taken for own ship's, but no transform leads there from the lidar"
@@ -248,8 +248,8 @@ class Navigation:
             edges = self._edges.get(name) or of_body
             edge = best(edges, stamp_ns)
             if edge is None or (moves and last_name(name).startswith(preferred)):
-                is_found = _Chain(at, turn, name, travels, path)
-                return is_found if moves else f"no transform leads from '{name}' to a fixed frame"
+                found = _Chain(at, turn, name, travels, path)
+                return found if moves else f"no transform leads from '{name}' to a fixed frame"
             if edge.parent == name:  # own ship's pose is in this frame, so it is fixed, as after registration
                 return _Chain(at, turn, name, True, path)
             sample = edge.at(stamp_ns, late_ns)
@@ -265,7 +265,7 @@ class Navigation:
         return f"transforms lead from '{frame_id}' in a circle"
 
     def _compare(self, used: Edge, edges: Sequence[Edge], sample: Sample) -> None:
-        """Count the frames in which other topics tell a different pose in the same frame."""
+        """Count how often other topics tell a different pose in the same frame."""
         for other in edges:
             told = other.at(sample.stamp_ns, 0) if other.travels and other.parent == used.parent else None
             if told is not None and not told.is_at(sample, _DIFFERENT_M, _DIFFERENT_RAD):
@@ -276,13 +276,13 @@ class Navigation:
         if not (np.isfinite(sample.at).all() and np.isfinite(size) and size > 0):
             self._refused = f"a position or orientation on {topic} is not valid"
             return
-        edges = self._edges.setdefault(child, [])
+        edges = self._edges.get(child, [])
         edge = next((one for one in edges if (one.parent, one.topic) == (parent, topic)), None)
         if edge is None:
-            if child == parent or len(self._edges) > _MAX_EDGES or len(edges) >= _MAX_TOPICS:
+            if child == parent or len(self._edges) >= _MAX_EDGES or len(edges) >= _MAX_TOPICS:
                 return
             edge = Edge(parent, topic)
-            edges.append(edge)
+            self._edges[child] = [*edges, edge]
         sample = sample._replace(turn=sample.turn / size)
         if last_name(topic) == "tf_static":
             edge.put(sample)

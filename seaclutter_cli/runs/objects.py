@@ -149,11 +149,9 @@ def mounting_of(*configs: Config) -> Mounting:
 
 def recorded_configs(source: Source) -> list[Config]:
     """Return the configuration of the earlier run that wrote a log, if it is recorded and can be read."""
-    from seaclutter_cli.reporting.replay import recorded_config  # not needed for raw logs
-
+    texts = (one.entries.get("config") for one in source.metadata if one.name == "seaclutter")
     with suppress(ConfigError):
-        if text := recorded_config(source):
-            return [parse_config(text, source.name)]
+        return [parse_config(text, source.name) for text in texts if text]
     return []
 
 

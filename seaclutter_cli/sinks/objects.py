@@ -176,7 +176,7 @@ class ObjectTable(Sink):
                 self._source.warn(f"{what} for {missing:,} of {len(self.indices):,} frames: {why}")
         for text in self._navigation.ambiguities:
             self._source.warn(text)
-        alike, turned = "are doubtful: all objects seem to move alike; check that", "a transform to the lidar"
+        alike, turned = "are doubtful: most objects seem to move alike; check that", "a transform to the lidar"
         if self._over_ground.is_usual:
             axes = "own ship's odometry or /tf has its axes forward, left and up, a heading"
             self._source.warn(f"speeds over ground {alike} {axes}, and {turned}")

@@ -221,6 +221,13 @@ def test_odometry_of_a_stranger_is_named(send):
     assert text.startswith("poses of 'sister/base_link' on /sister/odom are taken for own ship's, but no transform")
 
 
+def test_memory_does_not_grow_with_the_names_of_frames(send):
+    navigation = Navigation()
+    for k in range(400):
+        send(navigation, TF, "base", STAMP_NS, topic="/tf", child=f"frame{k}", at=(k, 0, 0), yaw=0)
+    assert len(navigation._edges) == 256
+
+
 def test_odometry_that_is_not_valid_is_named(send):
     navigation = Navigation()
     for k in range(3):
