@@ -299,13 +299,9 @@ class Options:
                 value.default = False
             value.kind = value.kind or _kind_of(value.annotation, remote=cls.writes_remotely)
             setattr(cls, name, field(default=value.default, kw_only=value.kw_only, metadata={Option: value}))
-        dataclasses.dataclass(frozen=True, repr=False)(cls)
+        dataclasses.dataclass(frozen=True)(cls)
         for name, value in own.items():
             setattr(cls, name, value)
-
-    def __repr__(self) -> str:
-        """Return the options as dataclasses do, which would take time for each class."""
-        return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in vars(self).items())})"
 
     @property
     def outputs(self) -> dict[str, Path]:

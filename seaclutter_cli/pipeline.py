@@ -16,7 +16,7 @@ from seaclutter_cli.frame import WATER_COLUMNS, FilterResult, Frame, Reason, Rin
 from seaclutter_cli.given import naming_method
 from seaclutter_cli.interfaces import Filter, Sink, Source
 from seaclutter_cli.reading import frames, read, rejoined, report_lost, with_attitudes
-from seaclutter_cli.records import Channel, Message, Record
+from seaclutter_cli.records import Message, Record
 from seaclutter_cli.selection import Selection, cloud_channels
 
 _MAX_UNFIT = 5
@@ -193,7 +193,7 @@ def run(
     _observe(source, selection, filters)
     for sink in sinks:
         sink.begin(source, clouds)
-    records = _records(source, clouds, selection, filters, with_latched=True)
+    records = _as_used(read(source, clouds, selection, with_latched=True), source, filters)
     for held in _filtered(source, filters, {topic: [tallies[topic]] for topic in filters}, records):
         if held.frame is None and held.record is not None:
             for sink in sinks:
@@ -225,12 +225,14 @@ def run_each(
         raise TopicError(f"{source.name}: several point-cloud topics; choose one: {choices}")
     _observe(source, selection, {topics[0]: filters})
     tallies = [TopicTally() for _ in filters]
-    records = _records(source, clouds, selection, {topics[0]: filters})
-    usable = (
-        (record, frame)
-        for record, frame in records
-        if (_is_on(record, removed) if frame is None else _has_coordinates(frame, source))
-    )
+
+    def is_usable(record: Record, frame: Frame | None) -> bool:
+        if frame is None:
+            return isinstance(record, Message) and record.channel.topic == removed
+        return _has_coordinates(frame, source)
+
+    records = _as_used(read(source, clouds, selection), source, {topics[0]: filters})
+    usable = (each for each in records if is_usable(*each))
     every = _filtered(source, {topics[0]: filters}, {topics[0]: tallies}, usable)
     if removed:
         yield from _rejoined(every, source)
@@ -242,10 +244,6 @@ def run_each(
 
 def _known(results: Iterable[FilterResult | FieldError | None]) -> list[FilterResult | None]:
     return [result if isinstance(result, FilterResult) else None for result in results]
-
-
-def _is_on(record: Record, topic: str | None) -> bool:
-    return isinstance(record, Message) and record.channel.topic == topic
 
 
 def _rejoined(every: Iterable[HeldRecord], source: Source) -> Iterator[Filtered]:
@@ -262,16 +260,10 @@ def _rejoined(every: Iterable[HeldRecord], source: Source) -> Iterator[Filtered]
         waiting = held if held and held.frame else None
 
 
-def _records(
-    source: Source,
-    clouds: Sequence[Channel],
-    selection: Selection,
-    filters: Mapping[str, Sequence[Filter]],
-    *,
-    with_latched: bool = False,
+def _as_used(
+    records: Iterator[tuple[Record, Frame | None]], source: Source, filters: Mapping[str, Sequence[Filter]]
 ) -> Iterator[tuple[Record, Frame | None]]:
-    """Yield the selected records, with own ship's attitude if any filter uses it."""
-    records = read(source, clouds, selection, with_latched=with_latched)
+    """Yield records, with own ship's attitude if any filter uses it."""
     used = any(method.uses_attitude for own in filters.values() for method in own)
     return with_attitudes(records, source.channels) if used else records
 

@@ -2,10 +2,11 @@
 
 import itertools
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from operator import methodcaller
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, cast
@@ -167,10 +168,6 @@ def prepared(
     return list(zip(recordings, assign_labels(options, recordings), strict=True))
 
 
-_Message = tuple[str, str, dict[str, bool]]
-"""Name and arguments of a method of an observer."""
-
-
 @dataclass
 class _Messages(Silent):
     """Observer of the work on one of several recordings, perhaps in another process.
@@ -181,7 +178,7 @@ class _Messages(Silent):
     report: Report
     name: str
     observer: Observer | None = None
-    messages: list[_Message] = field(default_factory=list)
+    messages: list[Callable[[Observer], object]] = field(default_factory=list)
     error: SeaclutterError | None = None
 
     @contextmanager
@@ -197,10 +194,8 @@ class _Messages(Silent):
 
     def _add(self, kind: str, text: str, **options: bool) -> None:
         named = text if text.startswith(f"{self.name}:") else f"{self.name}: {text}"
-        if self.observer:
-            getattr(self.observer, kind)(named, **options)
-        else:
-            self.messages.append((kind, named, options))
+        call = methodcaller(kind, named, **options)
+        call(self.observer) if self.observer else self.messages.append(call)
 
     def fail(self, error: SeaclutterError) -> None:
         self.error = error
@@ -214,7 +209,7 @@ class _Task(Generic[O]):
     name: str
     observer: Observer | None
 
-    def __call__(self, report: Report) -> tuple[O, list[_Message], SeaclutterError | None]:
+    def __call__(self, report: Report) -> tuple[O, list[Callable[[Observer], object]], SeaclutterError | None]:
         messages = _Messages(report, self.name, self.observer)
         outcome = _outcome(self.work, messages)
         return outcome, messages.messages, messages.error
@@ -257,13 +252,15 @@ def run_all(
     outcomes = earlier or [None] * len(works)
     left = [number for number, outcome in enumerate(outcomes) if outcome is None]
     done: list[O | None] = [None] * len(left)
+    run, passed = _run_here if options.runs_here(len(works)) else _run_batch, 0
     try:
-        if options.runs_here(len(works)):
-            for k, number in enumerate(left):
-                done[k] = done_here = works[number].run(observer)
-                in_order(done_here)
-        else:
-            _run_batch([works[number] for number in left], options, observer, in_order, done)
+        with closing(run([works[number] for number in left], options, observer)) as every:
+            for k, one in every:
+                done[k] = one
+                while passed < len(done) and (known := done[passed]) is not None:
+                    if not known.has_nothing:
+                        in_order(known)
+                    passed += 1
     finally:
         for number, outcome in zip(left, done, strict=True):
             outcomes[number] = outcome or works[number].without_result(NOT_PROCESSED)
@@ -280,15 +277,16 @@ def without_labels(works: Sequence[RecordingWork[O]], observer: Observer) -> lis
     return [None if work.labels else work.skipped("no labels") for work in works]
 
 
-def _run_batch(
-    works: Sequence[Work[O]],
-    options: BatchOptions,
-    observer: Observer,
-    in_order: Callable[[O], object],
-    outcomes: list[O | None],
-) -> None:
-    """Do the work on several recordings; ``outcomes``, None for each, receive those that are known."""
-    passed = 0
+_Done = Generator[tuple[int, O], None, None]
+"""Numbers and outcomes of recordings, in the order in which they are known."""
+
+
+def _run_here(works: Sequence[Work[O]], _: BatchOptions, observer: Observer) -> _Done[O]:
+    for number, work in enumerate(works):
+        yield number, work.run(observer)
+
+
+def _run_batch(works: Sequence[Work[O]], options: BatchOptions, observer: Observer) -> _Done[O]:
     warn_here()
     with ExitStack() as stack, _progress(works, observer) as on_share, _engine(options, works, observer) as engine:
         here = observer if engine is run_in_turn else None
@@ -302,15 +300,11 @@ def _run_batch(
                 error = SeaclutterError(str(outcome.error))
             else:
                 outcome, messages, error = local(result)
-                for kind, text, named in messages:
-                    getattr(observer, kind)(text, **named)
+                for message in messages:
+                    message(observer)
             on_share(number, 1.0)
-            outcomes[number] = outcome
+            yield number, outcome
             observer.done(outcome.line(), outcome.damage, error)
-            while passed < len(works) and (known := outcomes[passed]) is not None:
-                if not known.has_nothing:
-                    in_order(known)
-                passed += 1
             if error and options.fail_fast:
                 break
 

@@ -73,9 +73,12 @@ class Checks:
         self._tally.add(result, 0.0)
         return self._warnings(lambda check: check.add(result))
 
-    def finish(self) -> list[str]:
-        """Return the warnings about the frames so far that were not returned; if there are none, about their sums."""
-        return self._warnings(lambda check: check.warning()) or list(self._of_sums())
+    def finish(self, cause: str = "") -> list[str]:
+        """Return the warnings about the frames so far that were not returned; if there are none, about their sums.
+
+        ``cause`` is why objects were not followed for long enough, for the end of a warning.
+        """
+        return self._warnings(lambda check: check.warning()) or list(self._of_sums(cause))
 
     def _warnings(self, ask: "Callable[[_Check], str | None]") -> list[str]:
         """Return the first warning of each group of checks, and end the groups that warn."""
@@ -86,12 +89,7 @@ class Checks:
                 checks.clear()
         return found
 
-    @property
-    def cause(self) -> str:
-        """Why objects were not followed for long enough, if it is known, for the end of a warning."""
-        return ""
-
-    def _of_sums(self) -> Iterator[str]:
+    def _of_sums(self, cause: str) -> Iterator[str]:
         tally = self._tally
         most, without = Reason(int(tally.counts.argmax())), tally.frames - tally.water_frames
         if not tally.frames:
@@ -106,7 +104,7 @@ class Checks:
             yield f"no water seen in {frames}; heights are then unknown, and every object that stays is kept"
         elif 3 * (undecided := int(tally.undecided[1, 1])) > (kept := int(tally.counts[Reason.KEPT])):
             part = share(undecided, kept)
-            yield f"{part} of the points kept are of objects that evidence does not decide{self.cause}"
+            yield f"{part} of the points kept are of objects that evidence does not decide{cause}"
 
 
 class _SensorCheck:
@@ -352,7 +350,7 @@ class FitChecks(Checks):
         super().__init__(config, source.facts, filtered=filtered_by(source, [topic]) is not None)
         self._topic, self._observer, self._facts = topic, observer, source.facts
         self._written_anew: str | None = None
-        self._sensor, self._frames = TopicStatistics(), 0
+        self._sensor = TopicStatistics()
         self._beams_deg: Floats | None = None
         self._around: Surroundings | None = None
         self._first_ns = self._last_ns = self._restarts = 0
@@ -360,8 +358,8 @@ class FitChecks(Checks):
     def see(self, result: FilterResult) -> None:
         """Check a frame."""
         self._warn(self.add(result))
-        stamp_ns = result.frame.stamp_ns
-        if not self._frames:
+        stamp_ns, frames = result.frame.stamp_ns, self._tally.frames
+        if frames == 1:
             self._first_ns = stamp_ns
         elif not -_MAX_STEP_BACK_NS <= stamp_ns - self._last_ns <= _MAX_GAP_NS:
             self._restarts += 1
@@ -369,13 +367,12 @@ class FitChecks(Checks):
         if not self._written_anew and (change := rewrapped(result.frame.cloud)):
             self._written_anew = change
             self._warn([change])
-        self._frames += 1
-        if self._frames == _SHOWS_BEAMS and self._config.kind.has_water and result.frame.valid.any():
+        if frames == _SHOWS_BEAMS and self._config.kind.has_water and result.frame.valid.any():
             from seaclutter_cli.structure.search import BeamGrid
 
             self._sensor.add(result.frame)
             self._beams_deg = BeamGrid.of(result.frame).beams_deg
-        params, is_due = self._config.filter, self._frames >= _BEGIN and self._frames % _EVERY == 0
+        params, is_due = self._config.filter, frames >= _BEGIN and frames % _EVERY == 0
         if is_due and isinstance(params, ZoneParams) and params.start_m != "auto" and params.near != "keep":
             from seaclutter_cli.runs.surroundings import MOST_M, Surroundings  # short logs do not show them
 
@@ -387,11 +384,11 @@ class FitChecks(Checks):
 
         Return a line for the summary about the least that the lidar sees, if the method finds objects on water.
         """
-        self._warn(self.finish())
+        self._warn(self.finish(self.cause))
         if self._around is not None:
             self._warn(filter(None, [self._around.warning()]))
         water = self._tally.mean_water
-        if self._frames < _SHOWS_BEAMS or water is None:
+        if self._tally.frames < _SHOWS_BEAMS or water is None:
             return None
         from seaclutter_cli.runs.surroundings import smallest
 
@@ -402,7 +399,7 @@ class FitChecks(Checks):
     def cause(self) -> str:
         """Why objects were not followed for long enough, if stamps tell it, for the end of a warning."""
         if self._restarts:
-            frames = f"{self._restarts:,} of {count(self._frames, 'frame')}"
+            frames = f"{self._restarts:,} of {count(self._tally.frames, 'frame')}"
             return f"; the stamps of {frames} step back or by more than 5 s, and objects are followed anew from there"
         seconds = abs(self._last_ns - self._first_ns) / 1e9
         return f"; the frames span only {seconds:.1f} s" if seconds < _ENOUGH_S else ""
