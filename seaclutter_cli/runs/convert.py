@@ -1,5 +1,6 @@
 """Conversion of recordings to other formats."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -15,7 +16,7 @@ from seaclutter_cli.runs.log_work import LogOutcome, LogRun, LogSummary, LogWork
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ConvertOptions
 from seaclutter_cli.runs.recordings import expected_frames
-from seaclutter_cli.runs.resume import RunIdentity, identity_of
+from seaclutter_cli.runs.resume import identity_of
 from seaclutter_cli.selection import Selection, cloud_channels
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.sinks.options import McapOptions
@@ -67,7 +68,7 @@ class ConvertWork(LogWork["ConvertOutcome", ConvertOptions]):
             recording=self.recording.name, output=self.output, form=self.form, bytes_in=self.input_bytes, error=reason
         )
 
-    def identity(self) -> RunIdentity:
+    def identity(self) -> Mapping[str, str]:
         """Return what the output depends on."""
         return identity_of(self, self.options.written, None, convert_to=self.form)
 
@@ -109,11 +110,6 @@ class ConvertOutcome(LogOutcome):
 
     form: str
     messages: int = 0
-
-    @property
-    def points_out(self) -> int:
-        """Number of points, which are all kept."""
-        return self.points_in
 
     def amounts(self) -> str:
         """Return messages, frames and points."""

@@ -27,7 +27,7 @@ from seaclutter_cli.runs.options import ReadOptions
 from seaclutter_cli.runs.options.logs import FilterOptions
 from seaclutter_cli.runs.outputs import PackedRows, may_appear
 from seaclutter_cli.runs.recordings import open_recording
-from seaclutter_cli.runs.resume import RunIdentity, identity_of
+from seaclutter_cli.runs.resume import identity_of
 from seaclutter_cli.selection import Selection, cloud_channels, every_topic
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sinks.csv import FrameTable
@@ -70,7 +70,7 @@ def filter_log(options: FilterOptions) -> "FilterSummary":
             objects = stack.enter_context(AtomicFile(objects_file, files)) if objects_file else None
             if table:
                 _frame_table(works[0].config, table.stream).write_header()
-            if run.is_alone:
+            if options.runs_here(len(works)):
                 works = [replace(works[0], group=logs)]
             outcomes = run.do(works, partial(_append, table), again=bool(csv_file or objects_file))
             if objects and objects_file:
@@ -116,11 +116,6 @@ class FilterOutcome(LogOutcome):
     rows: PackedRows | None = field(default=None, repr=False)
     objects: PackedRows | None = field(default=None, repr=False)
     suspects: Mapping[str, "Sequence[Suspect]"] = field(default_factory=dict, repr=False)
-
-    @property
-    def points_out(self) -> int:
-        """Number of points kept."""
-        return sum(int(tally.counts[Reason.KEPT]) for tally in self.topics.values())
 
     def amounts(self) -> str:
         """Return frames and the share of the points that were kept."""
@@ -317,7 +312,7 @@ class FilterWork(LogWork[FilterOutcome, FilterOptions]):
         outcome.suspects = {topic: finder.finish()["removed"] for topic, finder in finders.items()}
         return outcome.frames
 
-    def identity(self) -> RunIdentity:
+    def identity(self) -> Mapping[str, str]:
         """Return what the filtered file depends on."""
         kind = {} if self.form == "mcap" else {"to": self.form}
         return identity_of(self, self.options.written, self.config, with_scene=self.options.with_scene, **kind)

@@ -10,16 +10,17 @@ from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
 from seaclutter_cli.buckets import mirror_of
 from seaclutter_cli.errors import UsageError
+from seaclutter_cli.frame import Reason
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.messages.metadata import RUN
 from seaclutter_cli.pipeline import TopicTally
 from seaclutter_cli.records import Channel, Metadata
+from seaclutter_cli.runs import resume
 from seaclutter_cli.runs.batch import RecordingWork, run_all, size_of
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import WritingLogs
 from seaclutter_cli.runs.outputs import Paths, inputs_of, is_folder, outputs_in, prepare_outputs, write_manifest
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, assign_labels, expand, require_frames, statuses
-from seaclutter_cli.runs.resume import RecordedWork, earlier_outcomes, from_entries, metadata_in, same_output_accepted
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS, check_options, format_of, format_of_suffix
@@ -64,7 +65,7 @@ def plan_outputs(recordings: Sequence[Recording], output: PathLike, to: str | No
 
 
 @dataclass(frozen=True)
-class LogWork(RecordingWork[L], RecordedWork[L], Generic[L, O]):
+class LogWork(RecordingWork[L], resume.RecordedWork[L], Generic[L, O]):
     """Work on one recording: its output, and the name of the output's format.
 
     The output of a single recording appears with the files of a ``group``, others by themselves. ``complete`` is the
@@ -104,7 +105,7 @@ class LogWork(RecordingWork[L], RecordedWork[L], Generic[L, O]):
         common = replace(options, record=partial(self.record, source, outcome), is_part=not selection.is_whole)
         made = OUTPUT_FORMATS[self.form]
         with (
-            same_output_accepted(self),
+            resume.same_output_accepted(self),
             OutputGroup(self.group, replace=self.options.replaces) as files,
             made.make_sink(self.target, self.sink_options(common, labels), files) as sink,
         ):
@@ -130,15 +131,15 @@ class LogWork(RecordingWork[L], RecordedWork[L], Generic[L, O]):
 
     def records(self) -> Sequence[Mapping[str, Any]]:
         """Return the records of runs in the output."""
-        return [one.entries for one in metadata_in(self.output) if one.name == RUN]
+        return [one.entries for one in resume.metadata_in(self.output) if one.name == RUN]
 
     def restore(self, outcome: L, record: Mapping[str, Any]) -> None:
         """Store the sums and the damage that a record has."""
-        outcome.topics, outcome.damage = from_entries(record, self.recording.paths)
+        outcome.topics, outcome.damage = resume.from_entries(record, self.recording.paths)
 
     def record(self, source: Source, outcome: L) -> Metadata:
         """Return the metadata record of the run."""
-        return Metadata(RUN, self.identity().record(outcome.topics, source.damage))
+        return Metadata(RUN, {**self.identity(), **resume.outcome_entry(outcome.topics, source.damage)})
 
 
 W = TypeVar("W", bound=LogWork[Any, Any])
@@ -164,7 +165,6 @@ class LogRun(Generic[W]):
         configs = [work.config for work in self.works[:1] if hasattr(work, "config")]
         self.inputs = inputs_of(recordings, options, configs)
         self.marker = OUTPUT_FORMATS[form].marker
-        self.is_alone = options.runs_here(len(recordings))
 
     def prepare(self, *, dry: bool = False) -> None:
         """Check the names of the outputs, and prepare their folders, unless ``dry``; see `prepare_outputs`."""
@@ -180,7 +180,7 @@ class LogRun(Generic[W]):
         self.prepare()
         if not self.options.resume:
             return self.works
-        pairs = zip(self.works, earlier_outcomes(self.works, self.observer), strict=True)
+        pairs = zip(self.works, resume.earlier_outcomes(self.works, self.observer), strict=True)
         return [replace(work, complete=outcome) for work, outcome in pairs]
 
     def do(
@@ -263,9 +263,9 @@ class LogOutcome(Outcome):
         return sum(tally.points_in for tally in self.topics.values())
 
     @property
-    @abstractmethod
     def points_out(self) -> int:
         """Number of points kept."""
+        return sum(int(tally.counts[Reason.KEPT]) for tally in self.topics.values())
 
     @abstractmethod
     def amounts(self) -> str:

@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from pathlib import Path
 from time import time
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -36,7 +36,6 @@ from seaclutter_cli.threads import in_threads
 if TYPE_CHECKING:  # imports all filters, which tiles do not need
     from seaclutter_cli.config import Config
 
-
 _MIB = 2**20
 _MAX_COUNT = 2**53
 _MAX_DIGESTS = 64
@@ -57,47 +56,24 @@ _LATER = ("split", "include", "exclude")
 """Fields that count only if they are set, so that the records of earlier versions stay valid."""
 
 
-@dataclass(frozen=True)
-class RunIdentity:
-    """What the bytes of an output depend on, as digests, and the version of the program.
+def run_identity(*, method: str = "", **digests: str) -> dict[str, str]:
+    """Return what the bytes of an output depend on, as entries of a record: digests, and the version of the program.
 
-    They are of the sizes, and beginnings and ends of the files of the recording; of the effective configuration with
-    its models, of all other options, of the labels, and of the code of a method that is not registered. The packages
-    that add something are named with their versions.
+    The digest of the code of a ``method`` that is not registered, and the packages that add something with their
+    versions, are entries only if there are any.
     """
-
-    input: str
-    config: str
-    options: str
-    labels: str
-    version: str = __version__
-    method: str = ""
-    plugins: str = field(default_factory=lambda: ", ".join(packages()))
-
-    def difference(self, other: Mapping[str, str]) -> str | None:
-        """Return how a record differs; None if it is of the same run."""
-        own = self.entries()
-        return next((text for part, text in _PARTS.items() if other.get(part) != own.get(part)), None)
-
-    def entries(self) -> dict[str, str]:
-        """Return the parts of a record; the last two only if there is something, as in earlier versions."""
-        return {name: text for name, text in vars(self).items() if text or name not in ("method", "plugins")}
-
-    def record(self, topics: Mapping[str, TopicTally], damage: Iterable[Damage]) -> dict[str, str]:
-        """Return the entries of a record, with the outcome of the run."""
-        outcome = {
-            "topics": {topic: _tally_as_json(tally) for topic, tally in topics.items()},
-            "damage": [{**asdict(item), "path": item.path.name} for item in damage],
-        }
-
-        def as_json(value: Any) -> Any:
-            return value.tolist() if isinstance(value, np.ndarray) else vars(value)
-
-        return {**self.entries(), "outcome": json.dumps(outcome, sort_keys=True, default=as_json)}
+    more = {"method": method, "plugins": ", ".join(packages())}
+    return {**digests, "version": __version__, **{name: text for name, text in more.items() if text}}
 
 
-def identity_of(work: RecordingWork[Any], written: McapOptions, config: "Config | None", **others: Any) -> RunIdentity:
-    """Return what the output of work on a recording depends on; ``others`` are options."""
+def identity_of(
+    work: RecordingWork[Any], written: McapOptions, config: "Config | None", **others: Any
+) -> dict[str, str]:
+    """Return what the output of work on a recording depends on; ``others`` are options.
+
+    Digests are of the sizes, and beginnings and ends of the files of the recording; of the effective configuration with
+    its models, of all other options, and of the labels.
+    """
     named = [getattr(config.filter, key, None) for key in ("scene_model", "mask")] if config else []
     files = [Path(name) for name in named if name and Path(name).is_file()]
     reading, labels = work.reading, work.labels
@@ -113,7 +89,7 @@ def identity_of(work: RecordingWork[Any], written: McapOptions, config: "Config 
         **others,
     }
     label_parts = [digest_of_paths([labels.path]), asdict(labels.options)] if labels else []
-    return RunIdentity(
+    return run_identity(
         input=digest_of_paths(work.recording.paths),
         config=digest_of([config.as_dict(), digest_of_paths(files)] if config else []),
         options=digest_of(options),
@@ -131,7 +107,7 @@ class RecordedWork(Work[O]):
     """Those of the run: at least ``force``."""
 
     @abstractmethod
-    def identity(self) -> RunIdentity:
+    def identity(self) -> Mapping[str, str]:
         """Return what the output depends on."""
 
     @abstractmethod
@@ -159,7 +135,9 @@ class RecordedWork(Work[O]):
         outcome = self.without_result(None)
         outcome.skipped = True
         try:
-            difference = self.identity().difference(record) or self.restore(outcome, record)
+            own = self.identity()
+            difference = next((text for part, text in _PARTS.items() if record.get(part) != own.get(part)), None)
+            difference = difference or self.restore(outcome, record)
         except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
             difference = f"incomplete record: {error!r}"
         if not difference and _changed_after(self.reads, self.writes[0]):
@@ -183,7 +161,7 @@ def earlier_outcomes(works: Sequence[RecordedWork[O]], observer: Observer) -> li
 
     def look(work: RecordedWork[O]) -> tuple[O | None, str]:
         with copies_removed():
-            return work.earlier() if os.path.lexists(work.writes[0]) else (None, "")
+            return work.earlier()
 
     found = in_threads(look, works)
     for work, (outcome, difference) in zip(works, found, strict=True):
@@ -272,6 +250,19 @@ def _changed_after(paths: Iterable[Path], output: Path) -> bool:
 def digest_of(value: Any) -> str:
     """Return a digest of JSON-compatible data; other values count by their text."""
     return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()
+
+
+def outcome_entry(topics: Mapping[str, TopicTally], damage: Iterable[Damage]) -> dict[str, str]:
+    """Return the entry of a record with the sums over the frames of each topic, and the damage."""
+    outcome = {
+        "topics": {topic: _tally_as_json(tally) for topic, tally in topics.items()},
+        "damage": [{**asdict(item), "path": item.path.name} for item in damage],
+    }
+
+    def as_json(value: Any) -> Any:
+        return value.tolist() if isinstance(value, np.ndarray) else vars(value)
+
+    return {"outcome": json.dumps(outcome, sort_keys=True, default=as_json)}
 
 
 def from_entries(entries: Mapping[str, str], paths: Iterable[Path]) -> tuple[dict[str, TopicTally], list[Damage]]:

@@ -170,8 +170,7 @@ def test_a_record_that_was_altered_is_filtered_again(trial, altered):
 
 
 def test_another_version_is_filtered_again(trial, monkeypatch):
-    made = resume.RunIdentity.__init__
-    monkeypatch.setattr(made, "__defaults__", ("0.0.1", *made.__defaults__[1:]))
+    monkeypatch.setattr(resume, "__version__", "0.0.1")
     run(trial)
     monkeypatch.undo()
     result = run(trial, "--resume")

@@ -22,7 +22,7 @@ from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.classifiers import SeparateTilesOptions
 from seaclutter_cli.runs.outputs import write_files, write_manifest
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, statuses
-from seaclutter_cli.runs.resume import RecordedWork, RunIdentity, digest_of, digest_of_paths, earlier_outcomes
+from seaclutter_cli.runs.resume import RecordedWork, digest_of, digest_of_paths, earlier_outcomes, run_identity
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import TextRecord, text_in
 from seaclutter_cli.sources.extents import (
@@ -160,7 +160,7 @@ class _SeparateWork(TileWork["SeparatedTile"], RecordedWork["SeparatedTile"]):
         texts = {_SEA_STATE: json.dumps(asdict(found.sea))} if self.settings.separation.follows_waves else {}
         if self.several or self.options.resume:
             result = {**figures, "sea_state": asdict(found.sea)}
-            texts[_RUN] = json.dumps({**self.identity().entries(), "result": result}, sort_keys=True)
+            texts[_RUN] = json.dumps({**self.identity(), "result": result}, sort_keys=True)
             land = found.land.as_text()
             texts[_LAND] = land if len(land) <= _MAX_RECORD_BYTES else ""
         self.save(tile, columns, _HEIGHT if self.options.with_height else {}, files, texts)
@@ -171,11 +171,12 @@ class _SeparateWork(TileWork["SeparatedTile"], RecordedWork["SeparatedTile"]):
         objects = self.settings.objects if self.options.geojson_file else None
         return None if self.pixel_m is None else mapped(tile, found, self.tile.name, self.pixel_m, objects)
 
-    def identity(self) -> RunIdentity:
+    def identity(self) -> Mapping[str, str]:
         places = (self.margin.region if self.margin else None, self.tile.window)
         options = (self.options.with_height, *map(str, places))
         params = asdict(self.settings.separation)
-        return RunIdentity(digest_of_paths(self.reads), digest_of(params), digest_of(options), digest_of([]))
+        parts = {"config": digest_of(params), "options": digest_of(options), "labels": digest_of([])}
+        return run_identity(input=digest_of_paths(self.reads), **parts)
 
     def records(self) -> Sequence[Mapping[str, Any]]:
         text = text_in(LasTile(self.target).header, _RUN)
