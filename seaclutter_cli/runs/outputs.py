@@ -8,7 +8,7 @@ import json
 import os
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cached_property
+from functools import cache
 from pathlib import Path
 from tempfile import SpooledTemporaryFile
 from typing import IO, TYPE_CHECKING, Any
@@ -132,12 +132,7 @@ def prepare_outputs(  # noqa: PLR0913 - what outputs are checked against
     log_file = getattr(observer, "log_file", None)
     log = [_Target(log_file, "--log-file", known)] if log_file else []
     _check_distinct([*targets, *log], known)
-    read = _Inputs(_flat(inputs), known)
-    for target in [*targets, *log]:
-        part_of, contained = read.option_of(target), read.option_in(target)
-        if part_of or contained:
-            problem = f"is part of the input, {part_of}" if part_of else f"contains the input, {contained}"
-            raise UsageError(f"{target.path}: {problem}; choose another output for {target.option}")
+    _check_inputs([*targets, *log], inputs, known)
     for target in targets:
         _check_place(target, force=force)
     _prepare_folders(targets, root, observer, dry=dry)
@@ -159,30 +154,6 @@ class _Target:
         self.identity = known.of(self.file)
 
 
-class _Inputs:
-    def __init__(self, paths: Iterable[tuple[str, Path]], known: Identities) -> None:
-        given = [(option, known(path)) for option, path in paths]
-        self._paths = [(option, path) for option, path in given if os.path.lexists(path)]
-        self._options = {known.of(path): option for option, path in self._paths}
-        self._known = known
-
-    @cached_property
-    def _inside(self) -> dict[Identity, str]:
-        """Options by the files in folders, which may have links elsewhere."""
-        return {inner: option for option, path in self._paths for inner in files_in(path)}
-
-    def option_of(self, target: _Target) -> str | None:
-        """Return the option of the input that an output would change, also by a new file in a folder of logs."""
-        found = self._options.get(target.identity)
-        if found is None and self._options:
-            above = (self._options.get(self._known.of_folder(folder)) for folder in target.file.parents)
-            found = next((option for option in above if option and (target.exists or option != _LABELS)), None)
-        return self._inside.get(target.identity) if found is None and target.exists else found
-
-    def option_in(self, target: _Target) -> str | None:
-        return next((option for option, path in self._paths if target.marker and target.file in path.parents), None)
-
-
 def _check_distinct(targets: Sequence[_Target], known: Identities) -> None:
     """Check that no two outputs are the same file, and that none is the folder of another."""
     first: dict[Identity, _Target] = {}
@@ -194,6 +165,25 @@ def _check_distinct(targets: Sequence[_Target], known: Identities) -> None:
         outer = first.get(known.of_folder(inner.file.parent))
         if outer and (outer.marker or not outer.exists):
             raise UsageError(f"{outer.path}: is given for a file, {outer.option}, and a folder, {inner.option}")
+
+
+def _check_inputs(targets: Iterable[_Target], inputs: Paths, known: Identities) -> None:
+    """Check that no output changes an input, also by a new file in a folder of logs, or is a folder with one in it."""
+    given = [(option, known(path)) for option, path in _flat(inputs)]
+    read = [(option, path) for option, path in given if os.path.lexists(path)]
+    options = {known.of(path): option for option, path in read}
+    inside = cache(lambda: {file: option for option, path in read for file in files_in(path)})  # links elsewhere, too
+    for target in targets:
+        part_of = options.get(target.identity)
+        if part_of is None and options:
+            above = (options.get(known.of_folder(folder)) for folder in target.file.parents)
+            part_of = next((option for option in above if option and (target.exists or option != _LABELS)), None)
+        if part_of is None and target.exists:
+            part_of = inside().get(target.identity)
+        contained = next((option for option, path in read if target.marker and target.file in path.parents), None)
+        if part_of or contained:
+            problem = f"is part of the input, {part_of}" if part_of else f"contains the input, {contained}"
+            raise UsageError(f"{target.path}: {problem}; choose another output for {target.option}")
 
 
 def _check_place(target: _Target, *, force: bool) -> None:
