@@ -249,21 +249,21 @@ def run_all(
     of all recordings before are known, except for recordings without a frame in the selected time. ``earlier`` outcomes
     are None where work is left, and receive the others, even if an interrupt ends the run.
     """
-    outcomes = earlier or [None] * len(works)
+    outcomes: list[Any] = earlier or [None] * len(works)
     left = [number for number, outcome in enumerate(outcomes) if outcome is None]
-    done: list[O | None] = [None] * len(left)
-    run, passed = _run_here if options.runs_here(len(works)) else _run_batch, 0
+    each, passed = [works[number] for number in left], 0
+    here = ((k, work.run(observer)) for k, work in enumerate(each))
     try:
-        with closing(run([works[number] for number in left], options, observer)) as every:
+        with closing(here if options.runs_here(len(works)) else _run_batch(each, options, observer)) as every:
             for k, one in every:
-                done[k] = one
-                while passed < len(done) and (known := done[passed]) is not None:
+                outcomes[left[k]] = one
+                while passed < len(left) and (known := outcomes[left[passed]]) is not None:
                     if not known.has_nothing:
                         in_order(known)
                     passed += 1
     finally:
-        for number, outcome in zip(left, done, strict=True):
-            outcomes[number] = outcome or works[number].without_result(NOT_PROCESSED)
+        for number in left:
+            outcomes[number] = outcomes[number] or works[number].without_result(NOT_PROCESSED)
     if outcomes and all(outcome.has_nothing for outcome in outcomes):
         raise SelectionError("no recording has a frame in the selected time")
     return outcomes
@@ -277,16 +277,10 @@ def without_labels(works: Sequence[RecordingWork[O]], observer: Observer) -> lis
     return [None if work.labels else work.skipped("no labels") for work in works]
 
 
-_Done = Generator[tuple[int, O], None, None]
-"""Numbers and outcomes of recordings, in the order in which they are known."""
-
-
-def _run_here(works: Sequence[Work[O]], _: BatchOptions, observer: Observer) -> _Done[O]:
-    for number, work in enumerate(works):
-        yield number, work.run(observer)
-
-
-def _run_batch(works: Sequence[Work[O]], options: BatchOptions, observer: Observer) -> _Done[O]:
+def _run_batch(
+    works: Sequence[Work[O]], options: BatchOptions, observer: Observer
+) -> Generator[tuple[int, O], None, None]:
+    """Yield numbers and outcomes of several recordings, in the order in which they are known."""
     warn_here()
     with ExitStack() as stack, _progress(works, observer) as on_share, _engine(options, works, observer) as engine:
         here = observer if engine is run_in_turn else None

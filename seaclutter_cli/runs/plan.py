@@ -2,7 +2,6 @@
 
 import os
 import shutil
-from collections import Counter
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,12 +16,10 @@ from seaclutter_cli.runs.log_work import LogRun, LogWork, W
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ConvertOptions, FilterOptions
 from seaclutter_cli.runs.outputs import prepare_outputs
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expected_frames, open_recording
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, expected_frames, open_recording, statuses
 from seaclutter_cli.sinks.formats import OUTPUT_FORMATS
 from seaclutter_cli.text import count, data_size, table
 from seaclutter_cli.threads import in_threads
-
-_STATUSES = ("do", "skip", "refuse")
 
 
 @use_case_of(FilterOptions)
@@ -167,7 +164,5 @@ class RunPlan(RecordingsResult[Planned]):
             for one in self.outcomes
         ]
         lines = table(("recording", "size", "frames", "plan"), rows, [one.explanation for one in self.outcomes])
-        found = Counter(one.status for one in self.outcomes)
-        numbers = ", ".join(f"{found[status]:,} to {status}" for status in _STATUSES if found[status])
         free = f"; {data_size(self.free_bytes)} free" if self.free_bytes is not None else ""
-        return f"{lines}\n{numbers}; {data_size(self.bytes_in)} in{free}"
+        return f"{lines}\n{statuses(self.outcomes, 'to ')}; {data_size(self.bytes_in)} in{free}"

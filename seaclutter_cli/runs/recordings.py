@@ -34,7 +34,7 @@ MAX_NAMED = 10
 """Maximum number of names in a message."""
 NOT_PROCESSED = "not processed"
 """Error of a recording that a run which stopped after an error did not come to."""
-_STATUSES = ("done", "damaged", "failed", NOT_PROCESSED, "skipped")
+_STATUSES = ("done", "damaged", "failed", NOT_PROCESSED, "skipped", "do", "skip", "refuse")
 
 
 def data_of(item: Any, names: str) -> dict[str, Any]:
@@ -195,10 +195,10 @@ class RecordingsResult(Result, Generic[O]):
         return self.details()
 
 
-def statuses(outcomes: Sequence[Outcome]) -> str:
-    """Return how many recordings ended in each way, such as ``1 done, 1 failed``."""
+def statuses(outcomes: Sequence[Outcome], before: str = "") -> str:
+    """Return how many recordings ended in each way, with a word before it, such as ``1 done, 1 failed``."""
     found = Counter(one.error if one.error == NOT_PROCESSED else one.status for one in outcomes)
-    return ", ".join(f"{found[status]:,} {status}" for status in _STATUSES if found[status])
+    return ", ".join(f"{found[status]:,} {before}{status}" for status in _STATUSES if found[status])
 
 
 def expand(options: OfLogs, observer: Observer = SILENT, *, ahead: bool = True) -> list[Recording]:
@@ -208,18 +208,14 @@ def expand(options: OfLogs, observer: Observer = SILENT, *, ahead: bool = True) 
     """
     search = Search(join=options.join, merge=options.merge, recursive=options.recursive)
     paths = [options.logs] if isinstance(options.logs, str | os.PathLike) else options.logs
-    recordings = find_recordings([_found(os.fspath(name)) for name in paths], search, observer.note)
-    mirrored = [recording for recording in recordings if mirror_of(recording.paths[0])]
-    if mirrored and (mirror := mirror_of(mirrored[0].paths[0])):
-        files = [_files_of(recording) for recording in mirrored]
+    names, beside = [os.fspath(path) for path in paths], tuple(CALIBRATION_SUFFIXES.values())
+    # Objects are looked up first, so that names and patterns can refer to them.
+    names = [mirror.find(name, beside) if (mirror := mirror_of(Path(name))) else name for name in names]
+    recordings = find_recordings(names, search, observer.note)
+    files = [_files_of(recording) for recording in recordings if mirror_of(recording.paths[0])]
+    if files and (mirror := mirror_of(files[0][0])):
         mirror.settle(files if ahead else ())
     return recordings
-
-
-def _found(name: str) -> str:
-    """Let objects be there to which a name or pattern may refer; return it as `find_recordings` needs it."""
-    mirror = mirror_of(Path(name))
-    return mirror.find(name, tuple(CALIBRATION_SUFFIXES.values())) if mirror else name
 
 
 def _files_of(recording: Recording) -> list[Path]:
