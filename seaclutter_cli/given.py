@@ -110,7 +110,6 @@ class _FunctionFilter(Filter):
         self._function, self.name, self.__doc__ = function, name, function.__doc__
 
     def step(self, frame: Frame) -> FilterResult:
-        """Return a result without the points outside the mask."""
         mask = np.asarray(self._function(frame))
         if mask.shape != (frame.size,) or mask.dtype != np.bool_:
             found = f"{mask.dtype} of shape {mask.shape}"

@@ -73,11 +73,9 @@ class _Group(click.Group):
         self._former = former
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
-        """Return the names of the commands in their order."""
         return list(self.commands)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Return a command; None if there is no such command."""
         return super().get_command(ctx, self._former.get(cmd_name, cmd_name))
 
     def resolve_command(

@@ -1,15 +1,14 @@
 """Commands made from declared options: their parameters, checks, help in groups, and environment variables."""
 
-from __future__ import annotations
-
 import math
 import re
 import shlex
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 from click.core import ParameterSource
@@ -19,9 +18,6 @@ from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.options import Choice, Flag, Kind, Number, Option, Options, Whole, declared
 from seaclutter_cli.registry import imported
 from seaclutter_cli.runs.options import WORKING_CONFIG, ConfigFile, MethodName
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
 
 _GROUPS = {
     "Input": "columns rate calibration sensor integrate intensity-field join merge recursive clutter-ids ignore-ids",
@@ -121,7 +117,7 @@ def _type_of(kind: Kind) -> click.ParamType[Any]:
         return _Finite(kind.least, kind.most, min_open=kind.above, max_open=kind.below)
     if isinstance(kind, Choice):
         return _Choice(kind)
-    return next((own(kind) for is_of, own in _OWN.items() if isinstance(kind, is_of)), _Value(kind))
+    return _OWN.get(type(kind), _Value)(kind)
 
 
 def _of_working_folder(context: click.Context, _: click.Parameter, value: Any) -> Any:

@@ -23,7 +23,9 @@ from seaclutter_cli.validation import builtin_files
 def list_builtin(kinds: Collection[str], observer: Observer) -> "Builtin":  # noqa: ARG001
     """Return built-in items of some kinds, or of all."""
     methods = {name: (kind.__doc__ or "").partition("\n")[0] for name, kind in FILTERS.items()}
-    lists = {
+    lists: dict[str, Any] = {
+        "sensors": SENSORS,
+        "methods": methods,
         "formats": [form.title for form in SOURCES.values()] + [f"*{suffix}" for suffix in FRAME_READERS],
         "configs": [path.name for path in builtin_files().values()],
         "scenes": list(builtin_scenes()),
@@ -32,11 +34,8 @@ def list_builtin(kinds: Collection[str], observer: Observer) -> "Builtin":  # no
         "lidars": list(LIDARS),
         "plugins": [f"{one.name} ({kind}, {package(one)})" for kind, points in plugins().items() for one in points],
     }
-    return Builtin(
-        SENSORS if not kinds or "sensors" in kinds else {},
-        methods if not kinds or "methods" in kinds else {},
-        {kind: names for kind, names in lists.items() if not kinds or kind in kinds},
-    )
+    wanted = {kind: items for kind, items in lists.items() if not kinds or kind in kinds}
+    return Builtin(wanted.pop("sensors", {}), wanted.pop("methods", {}), wanted)
 
 
 @dataclass(frozen=True)

@@ -316,10 +316,9 @@ def _quiet() -> Iterator[None]:
 
 def compared_packages() -> list[str]:
     """Return the packages whose versions must be the same here and on workers."""
-    try:
+    stated: list[str] = []
+    with suppress(PackageNotFoundError):  # runs from its source
         stated = requires("seaclutter") or []
-    except PackageNotFoundError:  # runs from its source
-        stated = []
     names = [re.split(r"[^\w.-]", text, maxsplit=1)[0] for text in stated if "extra ==" not in text]
     added = {point.dist.name: None for points in plugins().values() for point in points if point.dist}
     return [*(name for name in names if name not in _NOT_COMPUTING), *added]
@@ -335,9 +334,8 @@ def skew(here: Mapping[str, Any] | None, there: Mapping[str, Any] | None, *, of_
     required = _REMOTE if of_scheduler else (*_REMOTE, *compared_packages())
     for name in dict.fromkeys((*required, *(() if of_scheduler else _OPTIONAL))):
         own, other = ours.get(name), theirs.get(name)
-        if own is None or own == other or (other is None and name not in required):
-            continue
-        return f"has {name} {other}, here {own}" if other else f"has no {name}, here {own}"
+        if own and own != other and (other or name in required):
+            return f"has {name} {other}, here {own}" if other else f"has no {name}, here {own}"
     return None
 
 
