@@ -1,6 +1,7 @@
 """Where tiles are: extents and neighbours, windows of COPC files, and the points in the margin around a tile."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain, product
 from operator import itemgetter
@@ -64,7 +65,7 @@ class TileHead:
 
     path: Path
     crs: Crs
-    extent: Extent | None
+    extent: Extent | None = None
     window: Extent | None = None
     size: int = 0
 
@@ -84,13 +85,11 @@ class TileHead:
 
 def read_head(path: Path) -> TileHead:
     """Return where a tile is; without an extent if its format has none in the header, or it cannot be read."""
-    if path.suffix.lower() not in LAS:
-        return TileHead(path, Crs(), None)
-    try:
-        tile = open_tile(path)
-    except InputError:  # reported when the tile is processed
-        return TileHead(path, Crs(), None)
-    return TileHead(path, tile.crs, extent_of(tile) if isinstance(tile, LasTile) else None)
+    if path.suffix.lower() in LAS:
+        with suppress(InputError, OSError):  # reported when the tile is processed
+            tile = LasTile(path)
+            return TileHead(path, tile.crs, extent_of(tile))
+    return TileHead(path, Crs())
 
 
 def extent_of(tile: LasTile) -> Extent | None:
@@ -180,8 +179,7 @@ def windows_of(path: Path, side_m: float) -> list[TileHead]:
     found = []
     for cell in product(range(first[0], last[0] + 1), range(first[1], last[1] + 1)):
         low = np.array(cell) * side_m
-        chunks = index.within(low / tile.crs.unit_m, (low + side_m) / tile.crs.unit_m)
-        if chunks:
+        if chunks := index.within(low / tile.crs.unit_m, (low + side_m) / tile.crs.unit_m):
             window = Extent.of(low, low + side_m)
             size = sum(size for _, size, _ in chunks)
             found.append(TileHead(path, tile.crs, window.clipped(extent), window, size))
