@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from seaclutter_cli.documents import DocumentError, load_json
-from seaclutter_cli.records import Buffer, Channel, Metadata
+from seaclutter_cli.records import Channel, Metadata
 
 METADATA_TOPIC = "/seaclutter/metadata"
 """Topic of the message with the metadata records in a ROS 1 bag."""
@@ -92,14 +92,9 @@ def is_carrier(channel: Channel) -> bool:
 
 
 def to_message(metadata: Sequence[Metadata]) -> bytes:
-    """Return metadata records as a ROS 1 message with their text."""
+    """Return metadata records as a ROS 1 message with their text, after its length in four bytes."""
     text = to_text(metadata).encode()
     return len(text).to_bytes(4, "little") + text
-
-
-def from_message(data: Buffer) -> list[Metadata]:
-    """Return the metadata records in a message of `to_message`; none if it is something else."""
-    return from_text(bytes(data[4:]))
 
 
 def to_custom_data(metadata: Sequence[Metadata]) -> dict[str, str]:

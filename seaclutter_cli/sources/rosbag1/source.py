@@ -8,7 +8,7 @@ from struct import Struct
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
-from seaclutter_cli.messages.metadata import from_message, is_carrier
+from seaclutter_cli.messages.metadata import from_text, is_carrier
 from seaclutter_cli.records import Bytes, Channel, Message, Schema
 from seaclutter_cli.sources.rosbag1.records import MAGIC, NANO, BagRecord, Op, parse_fields, read_record, walk
 from seaclutter_cli.sources.shared.chunked import MAX_AHEAD_BYTES, Chunk, ChunkedSource
@@ -158,7 +158,8 @@ class BagSource(ChunkedSource[Chunk, Content]):
     def _read_metadata(self) -> None:
         """Take the records that this program writes to a bag as a message, whose channels are then hidden."""
         carriers = {number for number, channel in self._channels.items() if is_carrier(channel)}
-        found = [from_message(message.data) for message in self.latest(carriers, _ANY_TIME[1])] if carriers else []
+        messages = self.latest(carriers, _ANY_TIME[1]) if carriers else []
+        found = [from_text(bytes(message.data[4:])) for message in messages]
         if found and all(found):
             self._hidden = carriers
             self.metadata = [record for records in found for record in records]
