@@ -30,6 +30,7 @@ class Db3Source(Source):
     """
 
     format = "ROS 2 bag (sqlite3)"
+    channels: Sequence[Channel] = ()
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -41,16 +42,12 @@ class Db3Source(Source):
             try:
                 self._db = open_database(file, stack)
                 self._channels = self._read_channels()
+                self.channels = list(self._channels.values())
                 self.metadata = self._read_metadata()
             except BROKEN as error:
                 raise InputError(f"{path}: not a readable ROS 2 recording: {error}") from error
             self._stack = stack.pop_all()
         self._at_opening = len(self.damage)
-
-    @property
-    def channels(self) -> Sequence[Channel]:
-        """Channels, including those without messages."""
-        return list(self._channels.values())
 
     @property
     def counts(self) -> dict[int, int]:
