@@ -5,6 +5,7 @@ from bisect import bisect, bisect_left
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -118,8 +119,8 @@ class Edge:
         # Beyond the samples, noise of the last two would grow.
         start_ns = last_ns - _SLOPE_NS if stamp_ns > last_ns else stamp_ns
         end_ns = first_ns + _SLOPE_NS if stamp_ns < first_ns else stamp_ns
-        before = known[max(bisect(known, start_ns, key=_stamp_ns) - 1, 0)]
-        after = known[min(bisect_left(known, end_ns, key=_stamp_ns), len(known) - 1)]
+        before = known[max(bisect(known, start_ns, key=itemgetter(0)) - 1, 0)]
+        after = known[min(bisect_left(known, end_ns, key=itemgetter(0)), len(known) - 1)]
         share = (stamp_ns - before.stamp_ns) / max(after.stamp_ns - before.stamp_ns, 1)
         sign = 1 if before.turn @ after.turn >= 0 else -1
         turn = before.turn + share * (sign * after.turn - before.turn)
@@ -130,10 +131,6 @@ def best(edges: Sequence[Edge], stamp_ns: int) -> Edge | None:
     """Return the transform of a frame that counts, of those known at a time if there are any; None without one."""
     known = [edge for edge in edges if edge.at(stamp_ns)] if len(edges) > 1 else edges
     return max(known or edges, key=lambda edge: edge.rank, default=None)
-
-
-def _stamp_ns(sample: Sample) -> int:
-    return sample.stamp_ns
 
 
 def last_name(path: str) -> str:

@@ -126,9 +126,8 @@ def _with_checksum(channel: Channel, encoding: str) -> Channel:
     if channel.schema is None or dict(channel.metadata).get(name):
         return channel
     try:
-        _, checksum = layouts.definition_of(
-            layouts.types_of(channel.schema), full_name(channel.schema.name), version_of(encoding)
-        )
+        types = layouts.types_of(channel.schema)
+        _, checksum = layouts.definition_of(types, full_name(channel.schema.name), version_of(encoding))
     except TranslationError:
         return channel
     return replace(channel, metadata=tuple(sorted({**dict(channel.metadata), name: checksum}.items())))

@@ -83,8 +83,7 @@ def has_metadata_beside(name: str) -> bool:
 
 def metadata_beside(log: Path) -> list[Path]:
     """Return the times of frames, or the metadata of a sensor, beside a log, which belong to it."""
-    is_log = is_log_name(log.name)
-    if not is_log and (times := times_beside(log if log.is_dir() else log.parent)):
+    if not is_log_name(log.name) and (times := times_beside(log if log.is_dir() else log.parent)):
         return [times]
     if not has_metadata_beside(log.name):
         return []

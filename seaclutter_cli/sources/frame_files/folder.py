@@ -2,6 +2,7 @@
 
 import os
 from bisect import bisect_left
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -138,14 +139,12 @@ def _frames_in(folder: Path) -> Iterator[Path]:
 
 
 def _of_one_format(path: Path, files: list[Path]) -> list[Path]:
-    by_suffix: dict[str, list[Path]] = {}
-    for file in files:
-        by_suffix.setdefault(file.suffix.lower(), []).append(file)
+    numbers = Counter(file.suffix.lower() for file in files)
+    (most, number), *_ = numbers.most_common(1)
     # A few CSV files next to more frames of another format are tables about them: poses, labels, results.
-    most = max(by_suffix, key=lambda suffix: len(by_suffix[suffix]))
-    if most != ".csv" and len(by_suffix.get(".csv", ())) < len(by_suffix[most]):
-        by_suffix.pop(".csv", None)
-    if len(by_suffix) > 1:
-        found = ", ".join(f"{len(files)} {suffix}" for suffix, files in sorted(by_suffix.items()))
+    if numbers[".csv"] < number:
+        del numbers[".csv"]
+    if len(numbers) > 1:
+        found = ", ".join(f"{number} {suffix}" for suffix, number in sorted(numbers.items()))
         raise InputError(f"{path}: frames of several formats ({found}); move each format to its own folder")
-    return by_suffix[most]
+    return [file for file in files if file.suffix.lower() == most]

@@ -84,9 +84,8 @@ def open_las(path: Path) -> Iterator[Any]:
         check_size(_unpack(file, _VLRS_AT, "<I")[0] * _VLR_BYTES, size)
         others = _ids_to_replace(file, *_unpack(file, _HEADER_BYTES_AT, "<H"), *_unpack(file, _VLRS_AT, "<I"))
         file.seek(0)
-        with laspy.open(
-            _Patched(file, others) if others else file, read_evlrs=False, laz_backend=laz, closefd=False
-        ) as reader:
+        source = _Patched(file, others) if others else file
+        with laspy.open(source, read_evlrs=False, laz_backend=laz, closefd=False) as reader:
             if not reader.header.point_count:  # some writers of LAS 1.4 fill in the number of earlier versions only
                 reader.header.point_count = _unpack(file, _LEGACY_COUNT_AT, "<I")[0]
                 file.seek(reader.header.offset_to_point_data)

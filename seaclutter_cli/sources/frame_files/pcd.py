@@ -34,9 +34,7 @@ def read_pcd(path: Path) -> Cloud:
         raise CloudError("no PCD header with a DATA line")
     header = _header(content[: match.start()])
     dtype, (height, width) = _layout(header), _shape(header)
-    points = np.empty(0, dtype)
-    if height * width:
-        points = _decode(content, match, dtype, height * width)
+    points = _decode(content, match, dtype, height * width) if height * width else np.empty(0, dtype)
     kept = [name for name in dtype.names or () if not name.startswith(_GAP)]
     return from_array(points if len(kept) == len(dtype.names or ()) else points[kept], height=max(height, 1))
 

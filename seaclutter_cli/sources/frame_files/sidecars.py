@@ -82,18 +82,16 @@ def from_names(files: Sequence[Path]) -> list[int] | None:
 
 def _in_two_parts(files: Sequence[Path]) -> list[int] | None:
     """Return the stamps of files named by seconds and nanoseconds without leading zeros, as the exporter of ROS did."""
-    found = [_TWO_PARTS.search(file.stem) for file in files]
-    parts = [(match[1], match[2], match[3]) for match in found if match]
-    nanoseconds = [part for _, _, part in parts]
-    if len(parts) < len(files) or len({mark for _, mark, _ in parts}) > 1:
+    found = [match.groups() for file in files if (match := _TWO_PARTS.search(file.stem))]
+    if len(found) < len(files) or len({mark for _, mark, _ in found}) > 1:
         return None
-    longest = max(map(len, nanoseconds))
-    is_decimal = parts[0][1] == "." and (
-        min(map(len, nanoseconds)) == longest or any(len(part) > 1 and part[0] == "0" for part in nanoseconds)
-    )
-    if longest != _NANO_DIGITS or is_decimal or max(map(int, nanoseconds)) < _NANO // 10:  # a counter, not a time
+    parts = [part for *_, part in found]
+    longest = max(map(len, parts))
+    is_padded = min(map(len, parts)) == longest or any(len(part) > 1 and part[0] == "0" for part in parts)
+    is_decimal = found[0][1] == "." and is_padded
+    if longest != _NANO_DIGITS or is_decimal or max(map(int, parts)) < _NANO // 10:  # a counter, not a time
         return None
-    stamps = [int(seconds) * _NANO + int(part) for seconds, _, part in parts]
+    stamps = [int(seconds) * _NANO + int(part) for seconds, _, part in found]
     return stamps if len(set(stamps)) == len(files) and max(stamps) < _LIMIT_NS else None
 
 

@@ -208,18 +208,16 @@ class BagSource(ChunkedSource[Chunk, Content]):
     def _unpack(self, chunk: Chunk) -> Content:
         end = chunk.offset + chunk.size
         record = read_record(self._file, chunk.offset)
-        if record is None or record.op != Op.CHUNK or record.data > end:
-            start, op = chunk.offset, None
-        else:
-            start, op = record.data, record
+        is_chunk = record is not None and record.op == Op.CHUNK and record.data <= end
+        start = record.data if record and is_chunk else chunk.offset
         if end - start > limits().chunk_bytes:
             return memoryview(b""), end - start, f"a chunk of {above(count(end - start, 'byte'), 'chunk_mib')}"
         data = self._file[start:end]
-        if op is None:
+        if record is None or not is_chunk:
             return data, chunk.size, None
-        whole = op._replace(end=end, repaired=op.end != end)
+        whole = record._replace(end=end, repaired=record.end != end)
         content, problem = _unpacked(data, whole, ends_bag=end == len(self._file), bag_bytes=len(self._file))
-        return content, op.number(b"size"), problem
+        return content, record.number(b"size"), problem
 
     def _parse(self, content: memoryview, gaps: list[tuple[int, int]]) -> tuple[list[Message], int]:
         """Return the messages of a chunk, at most one above the limit, and the number of unknown messages."""

@@ -264,19 +264,13 @@ def joined(
             groups.append([file])
             reasons.append(reason)
         last = content or last
-    for line in _lines(groups, reasons):
-        note(line)
-    return groups
-
-
-def _lines(groups: Sequence[Sequence[Path]], reasons: Sequence[str]) -> Iterator[str]:
     for group in groups:
         if len(group) > 1:
-            yield f"{group[0]} to {group[-1].name} are one recording; --no-join separates them"
+            note(f"{group[0]} to {group[-1].name} are one recording; --no-join separates them")
     if reasons:
         more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
-        files = f"{groups[0][0]} to {groups[-1][-1].name}"
-        yield f"{files} are {len(groups)} recordings: {reasons[0]}{more}; --join makes them one"
+        note(f"{files[0]} to {files[-1].name} are {len(groups)} recordings: {reasons[0]}{more}; --join makes them one")
+    return groups
 
 
 def _content(file: Path, open_file: Callable[[Path], Source]) -> _Content | None:
