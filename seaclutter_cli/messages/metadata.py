@@ -59,14 +59,13 @@ def recorded_topics(metadata: Iterable[Metadata]) -> dict[str, RecordedTopic]:
 
 
 def _topic(text: str) -> RecordedTopic | None:
-    try:
+    with suppress(DocumentError, KeyError, TypeError, ValueError):
         stored: dict[str, Any] = load_json(text)
-        content, clouds = str(stored["content"]), str(stored["clouds"])
+        content, clouds, first_frame = str(stored["content"]), str(stored["clouds"]), int(stored["first_frame"])
         methods = tuple(map(str, stored["methods"]))
-        topic = RecordedTopic(content, clouds, methods, int(stored["first_frame"]), bool(stored["is_part"]))
-    except (DocumentError, KeyError, TypeError, ValueError):
-        return None
-    return topic if topic.first_frame >= 0 else None
+        if first_frame >= 0:
+            return RecordedTopic(content, clouds, methods, first_frame, bool(stored["is_part"]))
+    return None
 
 
 def to_text(metadata: Sequence[Metadata]) -> str:
@@ -76,10 +75,9 @@ def to_text(metadata: Sequence[Metadata]) -> str:
 
 def from_text(text: str | bytes) -> list[Metadata]:
     """Return the metadata records in a text of `to_text`; none if it is something else."""
-    try:
+    with suppress(DocumentError, KeyError, TypeError, AttributeError):
         return [_metadata(one["name"], one["entries"]) for one in load_json(text)["metadata"]]
-    except (DocumentError, KeyError, TypeError, AttributeError):
-        return []
+    return []
 
 
 def _metadata(name: object, entries: Mapping[Any, Any]) -> Metadata:

@@ -252,8 +252,7 @@ class Navigation:
                 return found if moves else f"no transform leads from '{name}' to a fixed frame"
             if edge.parent == name:  # own ship's pose is in this frame, so it is fixed, as after registration
                 return _Chain(at, turn, name, True, path)
-            sample = edge.at(stamp_ns, late_ns)
-            if sample is None:
+            if (sample := edge.at(stamp_ns, late_ns)) is None:
                 return f"no transform from '{name}' to '{edge.parent}' within a second of the cloud"
             self._compare(edge, edges, sample)
             if edges is of_body and path and edge.topic in self._children:

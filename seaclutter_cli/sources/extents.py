@@ -117,8 +117,7 @@ def neighbors_of(tiles: Sequence[TileHead], margin_m: float) -> list[list[TileHe
     low, high = (np.array([getattr(tile.extent, side) for tile in ordered]).reshape(-1, 2) for side in ("low", "high"))
     found: list[list[TileHead]] = []
     for tile in tiles:
-        region = region_of(tile, margin_m)
-        if region is None:
+        if (region := region_of(tile, margin_m)) is None:
             found.append([])
             continue
         near = ((low < region.high) & (high > region.low)).all(axis=1)

@@ -176,9 +176,7 @@ def _expand(
 def _joined(group: list[Path], search: Search, note: Callable[[str], object]) -> list[list[Path]]:
     if len(group) == 1 or search.join:
         return [group]
-    if search.join is False:
-        return [[file] for file in group]
-    return joined(group, open_file, note)
+    return [[file] for file in group] if search.join is False else joined(group, open_file, note)
 
 
 def _has_recordings(path: Path, above: frozenset[Path]) -> bool:

@@ -18,13 +18,12 @@ from seaclutter_cli.frame import Frame
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.las import CHUNK_POINTS, open_las, parts_of, with_records
 from seaclutter_cli.sources.frame_files.reading import reading
-from seaclutter_cli.urls import is_url
+from seaclutter_cli.urls import PathLike, is_url
 
 if TYPE_CHECKING:
     from seaclutter_cli.cloud import Cloud
 
 Columns = dict[str, NDArray[Any]]
-PathLike = str | os.PathLike[str]
 
 LAS = (".las", ".laz")
 _KEPT_BYTES = 1 << 28

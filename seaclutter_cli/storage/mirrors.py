@@ -244,8 +244,7 @@ class Mirror:
                 raise InputError(f"{found.url}: {found.size:,} bytes are too many for this kind of file")
         if files:
             self._copy(files)
-        after = self._after.get(tuple(paths))
-        if after is not None:
+        if (after := self._after.get(tuple(paths))) is not None:
             self._fetch_ahead(after)
 
     def _missing(self, paths: Iterable[Path]) -> list[tuple[StoredObject, Path]]:

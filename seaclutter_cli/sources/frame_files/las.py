@@ -189,8 +189,7 @@ def _check_compressed(header: Any, file: BinaryIO, size: int) -> None:
     start, point_size = header.offset_to_point_data, header.point_format.size
     if header.point_count * point_size > limits().file_bytes(size):
         raise CloudError(f"the points have {above(count(header.point_count * point_size, 'byte'), 'file_ratio')}")
-    described = header.vlrs.get("LasZipVlr")
-    if not described:
+    if not (described := header.vlrs.get("LasZipVlr")):
         raise CloudError("the record that describes the compression is missing")
     record = described[0].record_data
     items = list(struct.iter_unpack("<HHH", record[_LASZIP_ITEMS_AT:]))

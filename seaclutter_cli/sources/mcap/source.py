@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -262,8 +263,7 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
         for op, start, end in records:
             if op == Opcode.MESSAGE and end - start >= MESSAGE.size:
                 number, sequence, log_time, publish_time = MESSAGE.unpack_from(view, start)
-                channel = self._declared.get(number)
-                if channel is None:
+                if (channel := self._declared.get(number)) is None:
                     undeclared[number] += 1
                 else:
                     yield Message(channel, log_time, publish_time, sequence, view[start + MESSAGE.size : end])
@@ -275,10 +275,8 @@ def _simulated_facts(records: Sequence[Metadata]) -> Mapping[str, SensorFacts]:
     """Return the lidar that a log by `simulate` names in its metadata record ``scene``; empty for other logs."""
     for record in records:
         if record.name == "scene":
-            try:
+            with suppress(DocumentError, KeyError, TypeError):
                 model = load_json(record.entries["scene"])["recording"]["lidar"]
-            except (DocumentError, KeyError, TypeError):
-                continue
-            if isinstance(model, str) and model in SENSORS:
-                return {"/points": SensorFacts(model, {"origin": "simulated"}, from_packets=False)}
+                if isinstance(model, str) and model in SENSORS:
+                    return {"/points": SensorFacts(model, {"origin": "simulated"}, from_packets=False)}
     return MappingProxyType({})

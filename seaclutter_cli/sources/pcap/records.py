@@ -241,8 +241,7 @@ class PcapngReader(RecordReader):
         if offset + _MIN_BLOCK > self._size:
             return 0, 0
         if self._file[offset : offset + 4] == PCAPNG_MAGIC:
-            order = _ORDER.get(bytes(self._file[offset + 8 : offset + 12]))
-            if order is None:
+            if (order := _ORDER.get(bytes(self._file[offset + 8 : offset + 12]))) is None:
                 return 0, 0
             self._order = order
         kind, length = self._unpack("II", offset)

@@ -9,7 +9,7 @@ import numpy as np
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.messages.definitions import ros2_schema
+from seaclutter_cli.messages.definitions import POINT_CLOUD, ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message
 from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
 from seaclutter_cli.sensors.families import PACKET_FAMILIES
@@ -24,7 +24,6 @@ from seaclutter_cli.text import count
 _TRIED_AT_ONCE, _TRIED = 4, 256
 _MAX_FLOWS = 10_000
 _FEW = 10
-_TYPE = "sensor_msgs/msg/PointCloud2"
 _MAX_WAITING = 16
 _LATEST_NS = (2**31 - 1) * 10**9
 _SHOWN_FLOWS = 5
@@ -195,7 +194,8 @@ class CaptureSource(Source):
         self._sensors = sensors = [sensor for sensor, _ in decoders]
         topics = [f"/points/{sensor.flow.address}" + f"/{sensor.flow.port}" * sensor.shares for sensor in sensors]
         topics = topics if len(topics) > 1 else ["/points"]
-        self.channels = [Channel(number, topic, "cdr", ros2_schema(_TYPE)) for number, topic in enumerate(topics, 1)]
+        schema = ros2_schema(POINT_CLOUD)
+        self.channels = [Channel(number, topic, "cdr", schema) for number, topic in enumerate(topics, 1)]
         self._start([decoder for _, decoder in decoders])
         models = dict.fromkeys(facts.model for facts in self.facts.values())
         kind = "PCAPNG" if self._file[:4] == PCAPNG_MAGIC else "PCAP"

@@ -226,8 +226,7 @@ class BagSource(ChunkedSource[Chunk, Content]):
         unknown = 0
         for record in walk(content, 0, gaps):
             if record.op == Op.MESSAGE:
-                channel = self._channels.get(record.number(b"conn"))
-                if channel is None:
+                if (channel := self._channels.get(record.number(b"conn"))) is None:
                     unknown += 1
                     continue
                 time_ns = record.time_ns()

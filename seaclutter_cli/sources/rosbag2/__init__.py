@@ -3,6 +3,7 @@
 import io
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
@@ -48,8 +49,7 @@ def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
         name = PureWindowsPath(path).name  # in early versions, the folder precedes it
         # The file of a name, or its packed or unpacked version.
         versions = (folder / name, folder / f"{name}.zstd", folder / name.removesuffix(".zstd"))
-        file = next((file for file in versions if file.is_file()), None)
-        if file is None:
+        if (file := next((file for file in versions if file.is_file()), None)) is None:
             problem = f"{METADATA} lists this file, but it does not exist"
             damage.append(Damage(folder / name, None, problem, lost_messages=counts.get(name)))
         else:
@@ -88,11 +88,9 @@ def _unnamed(folder: Path, named: list[Path]) -> list[Path]:
 
 
 def _read_text(path: Path) -> str:
-    try:
-        with io.TextIOWrapper(open_regular(path), encoding="utf-8", errors="replace") as file:
-            return file.read(MAX_YAML_CHARACTERS + 1)
-    except OSError:
-        return ""
+    with suppress(OSError), io.TextIOWrapper(open_regular(path), encoding="utf-8", errors="replace") as file:
+        return file.read(MAX_YAML_CHARACTERS + 1)
+    return ""
 
 
 def _read_info(folder: Path) -> tuple[dict[str, Any], list[Damage]]:

@@ -65,8 +65,7 @@ class Db3Source(Source):
         lost, large, most = 0, 0, limits().bytes_of("message", size)
         try:
             for _, time_ns, topic, data in read_rows(self._db, self._report, start_ns, end_ns):
-                message = self._message(time_ns, topic, data, most)
-                if message is not None:
+                if (message := self._message(time_ns, topic, data, most)) is not None:
                     yield message
                 elif is_large(data, most):
                     large += 1

@@ -7,7 +7,7 @@ import re
 from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -188,8 +188,7 @@ class SplitSource(JoinedSource[Path]):
     def _whole(self, key: Path, channel: Channel) -> Channel:
         unnumbered = replace(channel, id=0)
         occurrence = sum(replace(other, id=0) == unnumbered for other in self._known[key].values())
-        merged = self._merged.get((unnumbered, occurrence))
-        if merged is None:
+        if (merged := self._merged.get((unnumbered, occurrence))) is None:
             taken = {other.id for other in self._merged.values()}
             merged = replace(channel, id=max(taken) + 1) if channel.id in taken else channel
             self._merged[unnumbered, occurrence] = merged
@@ -274,12 +273,10 @@ def joined(
 
 
 def _content(file: Path, open_file: Callable[[Path], Source]) -> _Content | None:
-    try:
-        with closing(open_file(file)) as source:
-            clouds = ((c.topic, c.schema.name if c.schema else "") for c in main_clouds(source.channels))
-            return _Content(file, source.span_ns, frozenset(clouds)) if source.span_ns else None
-    except InputError:
-        return None
+    with suppress(InputError), closing(open_file(file)) as source:
+        clouds = ((c.topic, c.schema.name if c.schema else "") for c in main_clouds(source.channels))
+        return _Content(file, source.span_ns, frozenset(clouds)) if source.span_ns else None
+    return None
 
 
 def _difference(last: _Content, content: _Content) -> str | None:
