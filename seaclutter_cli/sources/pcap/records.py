@@ -139,11 +139,10 @@ class RecordReader(ABC):
 
     @abstractmethod
     def _is_likely(self, words: NDArray[np.uint32]) -> NDArray[np.bool_]:
-        """Return where a valid entry may begin."""
+        """Return where a valid entry may begin, to be checked by `_is_followed`."""
 
     @abstractmethod
-    def _is_followed(self, offset: int) -> bool:
-        """Return whether a likely entry is valid."""
+    def _is_followed(self, offset: int) -> bool: ...
 
 
 class PcapReader(RecordReader):
