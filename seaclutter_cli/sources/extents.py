@@ -166,13 +166,11 @@ def windows_of(path: Path, side_m: float) -> list[TileHead]:
 
     Raise `CloudError` if the file is damaged.
     """
-    if path.suffix.lower() != ".laz":
+    tile = LasTile(path) if path.suffix.lower() == ".laz" else None
+    index = tile and read_index(path, tile.header)
+    if tile is None or index is None:
         return [read_head(path)]
-    tile = LasTile(path)
-    extent, index = extent_of(tile), read_index(path, tile.header)
-    if index is None:
-        return [read_head(path)]
-    if extent is None:
+    if (extent := extent_of(tile)) is None:
         return []
     first, last = (np.floor(np.array(corner) / side_m).astype(int).tolist() for corner in (extent.low, extent.high))
     found = []
