@@ -53,8 +53,7 @@ def recorded_topics(metadata: Iterable[Metadata]) -> dict[str, RecordedTopic]:
     found: dict[str, RecordedTopic] = {}
     for record in metadata:
         if record.name == TOPICS_RECORD:
-            known = {name: _topic(text) for name, text in record.entries.items()}
-            found |= {name: topic for name, topic in known.items() if topic}
+            found |= {name: topic for name, text in record.entries.items() if (topic := _topic(text))}
     return found
 
 

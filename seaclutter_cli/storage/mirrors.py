@@ -170,8 +170,7 @@ class Mirror:
         for path, found in self._objects.items():
             if path not in self._complete:
                 _resize(path, found.size)
-        for paths, after in pairwise(recordings):
-            self._after[tuple(paths)] = after
+        self._after |= {tuple(paths): after for paths, after in pairwise(recordings)}
 
     def look(self, path: Path) -> None:
         """Let a path be what there is: a file, or a folder with what is directly in it."""

@@ -265,9 +265,7 @@ def read_index(view: Bytes, at: int) -> Index | None:
             last = max(chain([last], _ENTRY.iter_unpack(entries)))
             counts[record.number(b"conn")] += count
         at = record.end
-    if not counts:
-        return None
-    return first[0] * NANO + first[1], last[0] * NANO + last[1], counts
+    return (first[0] * NANO + first[1], last[0] * NANO + last[1], counts) if counts else None
 
 
 def _unpacked(packed: memoryview, chunk: BagRecord, *, ends_bag: bool, bag_bytes: int) -> tuple[memoryview, str | None]:

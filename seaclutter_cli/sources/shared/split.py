@@ -49,8 +49,7 @@ class JoinedSource(Source, Generic[K]):
         """Channels of the whole by source and by their ids in it."""
 
     @abstractmethod
-    def _source(self, key: K) -> Source:
-        """Return a source."""
+    def _source(self, key: K) -> Source: ...
 
     @abstractmethod
     def _whole(self, key: K, channel: Channel) -> Channel:
