@@ -5,7 +5,7 @@ from bisect import bisect, bisect_left
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from operator import itemgetter
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ _STEP_M, _FASTEST_MS, _STEP_RAD, _FASTEST_RAD_S = 0.5, 30.0, math.radians(5), ma
 _SAME_M, _SAME_RAD = 1e-6, 1e-6
 CONTINUOUS = "odom"
 """First letters of the name of the frame in which own ship's pose is never corrected."""
+_stamp_ns = attrgetter("stamp_ns")
 
 
 class Sample(NamedTuple):
@@ -119,8 +120,8 @@ class Edge:
         # Beyond the samples, noise of the last two would grow.
         start_ns = last_ns - _SLOPE_NS if stamp_ns > last_ns else stamp_ns
         end_ns = first_ns + _SLOPE_NS if stamp_ns < first_ns else stamp_ns
-        before = known[max(bisect(known, start_ns, key=itemgetter(0)) - 1, 0)]
-        after = known[min(bisect_left(known, end_ns, key=itemgetter(0)), len(known) - 1)]
+        before = known[max(bisect(known, start_ns, key=_stamp_ns) - 1, 0)]
+        after = known[min(bisect_left(known, end_ns, key=_stamp_ns), len(known) - 1)]
         share = (stamp_ns - before.stamp_ns) / max(after.stamp_ns - before.stamp_ns, 1)
         sign = 1 if before.turn @ after.turn >= 0 else -1
         turn = before.turn + share * (sign * after.turn - before.turn)

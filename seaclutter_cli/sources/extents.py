@@ -167,7 +167,7 @@ def windows_of(path: Path, side_m: float) -> list[TileHead]:
     Raise `CloudError` if the file is damaged.
     """
     tile = LasTile(path) if path.suffix.lower() == ".laz" else None
-    index = tile and read_index(path, tile.header)
+    index = read_index(path, tile.header) if tile else None
     if tile is None or index is None:
         return [read_head(path)]
     if (extent := extent_of(tile)) is None:

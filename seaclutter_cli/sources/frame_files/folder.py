@@ -137,7 +137,7 @@ def _frames_in(folder: Path) -> Iterator[Path]:
 
 def _of_one_format(path: Path, files: list[Path]) -> list[Path]:
     numbers = Counter(file.suffix.lower() for file in files)
-    (most, number), *_ = numbers.most_common(1)
+    most, number = numbers.most_common(1)[0]
     # A few CSV files next to more frames of another format are tables about them: poses, labels, results.
     if numbers[".csv"] < number:
         del numbers[".csv"]

@@ -186,8 +186,8 @@ class CaptureSource(Source):
             self._file.close()
             raise
         self._sensors = sensors = [sensor for sensor, _ in decoders]
-        at = Counter(sensor.flow.address for sensor in found)
-        topics = [f"/points/{one.flow.address}" + f"/{one.flow.port}" * (at[one.flow.address] > 1) for one in sensors]
+        used = Counter(sensor.flow.address for sensor in found)
+        topics = [f"/points/{one.flow.address}" + f"/{one.flow.port}" * (used[one.flow.address] > 1) for one in sensors]
         topics = topics if len(topics) > 1 else ["/points"]
         schema = ros2_schema(POINT_CLOUD)
         self.channels = [Channel(number, topic, "cdr", schema) for number, topic in enumerate(topics, 1)]
