@@ -46,7 +46,6 @@ _LIMITS = {
     "t": (0, 250_000_000),
     "timestamp": (946_684_800_000_000, 4_102_444_800_000_000),  # the years 2000 and 2100
 }
-_INTEGERS = ("ring",)
 _REACH_M = 5000
 _TINY = 1e-9
 """Nonzero numbers below are other numbers' bytes."""
@@ -185,7 +184,7 @@ def doubt(points: Points, most: float = _OFTEN) -> str | None:
 def _within(name: str, values: NDArray[np.float64]) -> NDArray[np.bool_]:
     least, limit = _LIMITS[name]
     is_within = (values >= least) & (values <= limit)
-    return is_within & (values == np.rint(values)) if name in _INTEGERS else is_within
+    return is_within & (values == np.rint(values)) if name == "ring" else is_within
 
 
 def _is_tiny(values: NDArray[np.floating]) -> bool:

@@ -16,8 +16,8 @@ from seaclutter_cli.records import Channel, Message, Metadata, Record, Schema
 from seaclutter_cli.sources.rosbag2.database import BROKEN, has_table, latest_row, open_database, read_rows
 from seaclutter_cli.sources.shared.unpacking import is_large, unpack_message, unpacked_file
 
-# Optional columns of topics, and their names in rosbag2's MCAP storage.
 _USUAL_ENCODING = "cdr"  # also if none is stated: not every program that writes recordings states it
+# Optional columns of topics, and their names in rosbag2's MCAP storage.
 _METADATA = {"offered_qos_profiles": "offered_qos_profiles", "type_description_hash": "topic_type_hash"}
 
 _COUNT = "SELECT topic_id, count(*) FROM messages"
