@@ -171,8 +171,7 @@ def _shown(leaf: Any) -> Any:
 
 def local(value: R) -> R:
     """Return a value from another process with paths in place of URLs."""
-    mirror = _current.get()
-    if mirror is None:
+    if (mirror := _current.get()) is None:
         return value
     result: R = _converted(value, lambda leaf: mirror.local(leaf) if isinstance(leaf, Url) else leaf)
     return result

@@ -51,8 +51,7 @@ class Limits:
         """Return the limits of an environment; `UsageError` if one of them is not a positive whole number."""
         given = {}
         for name in (field.name for field in fields(cls)):
-            text = environment.get(variable(name))
-            if text is not None:
+            if (text := environment.get(variable(name))) is not None:
                 if not (text.isascii() and text.isdigit() and len(text) <= 9 and int(text)):
                     raise UsageError(f"{variable(name)}: expected a positive whole number, got {text[:20]!r}")
                 given[name] = int(text)

@@ -5,6 +5,7 @@ import os
 import re
 import stat
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import BinaryIO
@@ -86,10 +87,9 @@ class Identities:
 def _ignores_case(folder: Path) -> bool:
     """Return whether a folder is also found by its name in the other case."""
     other = folder.with_name(folder.name.swapcase()) if folder.name else folder
-    try:
+    with suppress(OSError, ValueError):
         return os.name == "nt" or (other != folder and other.samefile(folder))
-    except (OSError, ValueError):
-        return False
+    return False
 
 
 def files_in(folder: str | Path, depth: int = _DEPTH) -> Iterator[Identity]:
@@ -99,11 +99,9 @@ def files_in(folder: str | Path, depth: int = _DEPTH) -> Iterator[Identity]:
     except OSError:
         return
     for entry in entries:
-        try:
+        with suppress(OSError):  # a broken link
             if not entry.is_dir():
                 found = entry.stat()
                 yield found.st_dev, found.st_ino
             elif depth > 1:
                 yield from files_in(entry.path, depth - 1)
-        except OSError:  # a broken link
-            continue

@@ -154,8 +154,7 @@ def _with_attitude(frame: Frame | None, navigation: "Navigation") -> Frame | Non
 
 def removed_points(message: Message) -> tuple[Cloud, Bytes]:
     """Return the points that an earlier run removed from a frame, shape (N,), and their reasons, given its message."""
-    codec = find_codec(message.channel)
-    if codec is None:
+    if (codec := find_codec(message.channel)) is None:
         raise CloudError(f"topic {message.channel.topic} contains no point clouds")
     cloud = codec.decode(message.data)
     # The filter added the last field, ``reason`` with or without underscores.

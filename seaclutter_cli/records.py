@@ -92,10 +92,7 @@ class Attachment:
 
     def pieces(self) -> Iterator[Buffer]:
         """Yield the data in order."""
-        if isinstance(self.data, bytes | memoryview):
-            yield self.data
-        else:
-            yield from self.data.pieces()
+        return self.data.pieces() if isinstance(self.data, FilePart) else iter([self.data])
 
 
 @dataclass(frozen=True, slots=True)

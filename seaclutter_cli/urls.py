@@ -117,8 +117,7 @@ def parse_url(text: str | os.PathLike[str] | Url) -> Url:
 
 def without_secrets(text: str) -> str:
     """Return a URL without user information and without its query."""
-    found = _URL.fullmatch(text)
-    if found is None:
+    if (found := _URL.fullmatch(text)) is None:
         return text
     host, slash, rest = found["rest"].partition("/")
     if "@" in host:

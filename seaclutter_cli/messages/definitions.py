@@ -51,6 +51,8 @@ _LIVOX_MESSAGES = {
 }
 """Clouds of Livox's drivers for ROS 2."""
 
+POINT_CLOUD, POSE = "sensor_msgs/msg/PointCloud2", "geometry_msgs/msg/PoseStamped"
+
 _RENAMED = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}
 
 
@@ -82,7 +84,7 @@ def ros2_schema(typename: str) -> Schema:
 def points_channel(channel: Channel) -> Channel:
     """Return a channel of ``sensor_msgs/PointCloud2`` in place of one of other ROS messages."""
     ros = version_of(channel.message_encoding)
-    return replace(channel, schema=_schema(typestore(ros), "sensor_msgs/msg/PointCloud2", ros))
+    return replace(channel, schema=_schema(typestore(ros), POINT_CLOUD, ros))
 
 
 @cache

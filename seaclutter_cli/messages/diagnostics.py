@@ -43,9 +43,8 @@ class Layout:
 
 
 _SIZES = ("frame", "points_in", "points_out")
-PLAIN = Layout(
-    "Diagnostics", (*_SIZES, *(reason.name.lower() for reason in Reason if reason and reason not in WATER_REASONS))
-)
+_DRY_REASONS = tuple(reason.name.lower() for reason in Reason if reason and reason not in WATER_REASONS)
+PLAIN = Layout("Diagnostics", (*_SIZES, *_DRY_REASONS))
 WATER = Layout("WaterDiagnostics", (*_SIZES, *_REASONS), WATER_COLUMNS)
 
 

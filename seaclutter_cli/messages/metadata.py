@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from seaclutter_cli.documents import DocumentError, load_json
-from seaclutter_cli.records import Buffer, Channel, Metadata
+from seaclutter_cli.records import Channel, Metadata
 
 METADATA_TOPIC = "/seaclutter/metadata"
 """Topic of the message with the metadata records in a ROS 1 bag."""
@@ -53,20 +53,18 @@ def recorded_topics(metadata: Iterable[Metadata]) -> dict[str, RecordedTopic]:
     found: dict[str, RecordedTopic] = {}
     for record in metadata:
         if record.name == TOPICS_RECORD:
-            known = {name: _topic(text) for name, text in record.entries.items()}
-            found |= {name: topic for name, topic in known.items() if topic}
+            found |= {name: topic for name, text in record.entries.items() if (topic := _topic(text))}
     return found
 
 
 def _topic(text: str) -> RecordedTopic | None:
-    try:
+    with suppress(DocumentError, KeyError, TypeError, ValueError):
         stored: dict[str, Any] = load_json(text)
-        content, clouds = str(stored["content"]), str(stored["clouds"])
+        content, clouds, first_frame = str(stored["content"]), str(stored["clouds"]), int(stored["first_frame"])
         methods = tuple(map(str, stored["methods"]))
-        topic = RecordedTopic(content, clouds, methods, int(stored["first_frame"]), bool(stored["is_part"]))
-    except (DocumentError, KeyError, TypeError, ValueError):
-        return None
-    return topic if topic.first_frame >= 0 else None
+        if first_frame >= 0:
+            return RecordedTopic(content, clouds, methods, first_frame, bool(stored["is_part"]))
+    return None
 
 
 def to_text(metadata: Sequence[Metadata]) -> str:
@@ -76,10 +74,9 @@ def to_text(metadata: Sequence[Metadata]) -> str:
 
 def from_text(text: str | bytes) -> list[Metadata]:
     """Return the metadata records in a text of `to_text`; none if it is something else."""
-    try:
+    with suppress(DocumentError, KeyError, TypeError, AttributeError):
         return [_metadata(one["name"], one["entries"]) for one in load_json(text)["metadata"]]
-    except (DocumentError, KeyError, TypeError, AttributeError):
-        return []
+    return []
 
 
 def _metadata(name: object, entries: Mapping[Any, Any]) -> Metadata:
@@ -92,14 +89,9 @@ def is_carrier(channel: Channel) -> bool:
 
 
 def to_message(metadata: Sequence[Metadata]) -> bytes:
-    """Return metadata records as a ROS 1 message with their text."""
+    """Return metadata records as a ROS 1 message with their text, after its length in four bytes."""
     text = to_text(metadata).encode()
     return len(text).to_bytes(4, "little") + text
-
-
-def from_message(data: Buffer) -> list[Metadata]:
-    """Return the metadata records in a message of `to_message`; none if it is something else."""
-    return from_text(bytes(data[4:]))
 
 
 def to_custom_data(metadata: Sequence[Metadata]) -> dict[str, str]:

@@ -252,8 +252,7 @@ class Navigation:
                 return found if moves else f"no transform leads from '{name}' to a fixed frame"
             if edge.parent == name:  # own ship's pose is in this frame, so it is fixed, as after registration
                 return _Chain(at, turn, name, True, path)
-            sample = edge.at(stamp_ns, late_ns)
-            if sample is None:
+            if (sample := edge.at(stamp_ns, late_ns)) is None:
                 return f"no transform from '{name}' to '{edge.parent}' within a second of the cloud"
             self._compare(edge, edges, sample)
             if edges is of_body and path and edge.topic in self._children:
@@ -318,7 +317,8 @@ class Navigation:
         if is_set and _note(self._fixes_on, message)[0] == message.channel.topic:
             stamp_ns, turn = head.stamp_ns or message.log_time_ns, np.array(_UNSET)
             self._antenna = _plain(head.frame_id)
-            self._places.add(Sample(stamp_ns, _on_sphere(math.radians(north), math.radians(east)), turn))
+            # On a sphere, whose distances are those on earth to a percent.
+            self._places.add(Sample(stamp_ns, _EQUATOR_M * _up(math.radians(north), math.radians(east)), turn))
 
     def _orientation(self, read: Reader, message: Message) -> None:
         head, turn = read.header(), np.array(read.numbers("dddd"))
@@ -363,10 +363,10 @@ def on_earth(fix: Fix, xy: Floats) -> Floats:
     return np.stack((fix.latitude_deg + np.degrees(north / meridian), longitudes), axis=1)
 
 
-def _on_sphere(north: float, east: float) -> Floats:
-    """Return a point whose distances to others are those between places on earth, to a percent."""
+def _up(north: float, east: float) -> Floats:
+    """Return the vertical at a latitude and longitude, a unit vector."""
     around = math.cos(north)
-    return _EQUATOR_M * np.array([around * math.cos(east), around * math.sin(east), math.sin(north)])
+    return np.array([around * math.cos(east), around * math.sin(east), math.sin(north)])
 
 
 def _from_earth(at: Floats, axes: Floats) -> Fix:
@@ -380,10 +380,7 @@ def _from_earth(at: Floats, axes: Floats) -> Fix:
     )
     longitude = math.atan2(y, x)
     east = np.array([-math.sin(longitude), math.cos(longitude), 0])
-    up = np.array(
-        [math.cos(latitude) * math.cos(longitude), math.cos(latitude) * math.sin(longitude), math.sin(latitude)]
-    )
-    forward = axes[:, 0]
+    forward, up = axes[:, 0], _up(latitude, longitude)
     yaw = math.atan2(float(forward @ np.cross(up, east)), float(forward @ east))
     return Fix(math.degrees(latitude), math.degrees(longitude), yaw)
 

@@ -67,8 +67,7 @@ class Reader:
 
     def blob(self, bytes_each: int = 1) -> memoryview:
         """Return a sequence of bytes, or of values of several bytes."""
-        size = bytes_each * self.number("I")
-        if size:
+        if size := bytes_each * self.number("I"):
             self.align(bytes_each)
         return self.take(size, is_declared=True)
 

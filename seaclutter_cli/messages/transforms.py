@@ -5,6 +5,7 @@ from bisect import bisect, bisect_left
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ _STEP_M, _FASTEST_MS, _STEP_RAD, _FASTEST_RAD_S = 0.5, 30.0, math.radians(5), ma
 _SAME_M, _SAME_RAD = 1e-6, 1e-6
 CONTINUOUS = "odom"
 """First letters of the name of the frame in which own ship's pose is never corrected."""
+_stamp_ns = attrgetter("stamp_ns")
 
 
 class Sample(NamedTuple):
@@ -130,10 +132,6 @@ def best(edges: Sequence[Edge], stamp_ns: int) -> Edge | None:
     """Return the transform of a frame that counts, of those known at a time if there are any; None without one."""
     known = [edge for edge in edges if edge.at(stamp_ns)] if len(edges) > 1 else edges
     return max(known or edges, key=lambda edge: edge.rank, default=None)
-
-
-def _stamp_ns(sample: Sample) -> int:
-    return sample.stamp_ns
 
 
 def last_name(path: str) -> str:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from seaclutter_cli.errors import CloudError, FieldError
 from seaclutter_cli.messages import CODECS, declares_latched, find_codec, layouts
-from seaclutter_cli.messages.definitions import full_name
+from seaclutter_cli.messages.definitions import POINT_CLOUD, full_name
 from seaclutter_cli.messages.layouts import Struct, TranslationError
 from seaclutter_cli.messages.serialisation import Ros, Writer, version_of
 from seaclutter_cli.records import Buffer, Channel, Schema
@@ -16,7 +16,6 @@ from seaclutter_cli.records import Buffer, Channel, Schema
 CDR, ROS1 = "cdr", "ros1"
 """Message encodings of ROS 2 and ROS 1."""
 
-_CLOUD = "sensor_msgs/msg/PointCloud2"
 _LATCHED_QOS = """\
 - history: 1
   depth: 1
@@ -41,7 +40,7 @@ class Translations:
 
     def __init__(self, encoding: str) -> None:
         self._encoding = encoding
-        self._translators: dict[int, tuple[str, Translator] | None] = {}
+        self._translators: dict[int, Translator | None] = {}
         self._topics: dict[str, None] = {}
         self.broken = Counter[str]()
         """Number of messages by topic that could not be translated."""
@@ -50,7 +49,8 @@ class Translations:
     def lost(self) -> Sequence[str]:
         """What the encoding cannot keep, in words."""
         found = filter(None, self._translators.values())
-        return [*dict.fromkeys(f"{name} of {topic}" for topic, one in found for name in one.lost), *self._topics]
+        lost = dict.fromkeys(f"{name} of {one.channel.topic}" for one in found for name in one.lost)
+        return [*lost, *self._topics]
 
     def channel(self, channel: Channel) -> Channel | None:
         """Return a channel in this encoding, under the same id; None if its messages cannot be translated."""
@@ -60,21 +60,19 @@ class Translations:
             self._topics[f"{channel.topic} ({error})"] = None
             self._translators[channel.id] = None
             return None
-        self._translators[channel.id] = channel.topic, found
+        self._translators[channel.id] = found
         return found.channel
 
     def message(self, channel: int, data: Buffer, *, is_frame: bool) -> Buffer | None:
         """Return a message of a channel in this encoding; None if it cannot be translated, or an error for a frame."""
-        found = self._translators[channel]
-        if found is None:
+        if (found := self._translators[channel]) is None:
             return None
-        topic, translator = found
         try:
-            return translator.translate(data)
+            return found.translate(data)
         except TranslationError as error:
             if is_frame:
-                raise TranslationError(f"{topic}: {error}; write MCAP instead") from error
-            self.broken[topic] += 1
+                raise TranslationError(f"{found.channel.topic}: {error}; write MCAP instead") from error
+            self.broken[found.channel.topic] += 1
             return None
 
 
@@ -126,9 +124,8 @@ def _with_checksum(channel: Channel, encoding: str) -> Channel:
     if channel.schema is None or dict(channel.metadata).get(name):
         return channel
     try:
-        _, checksum = layouts.definition_of(
-            layouts.types_of(channel.schema), full_name(channel.schema.name), version_of(encoding)
-        )
+        types = layouts.types_of(channel.schema)
+        _, checksum = layouts.definition_of(types, full_name(channel.schema.name), version_of(encoding))
     except TranslationError:
         return channel
     return replace(channel, metadata=tuple(sorted({**dict(channel.metadata), name: checksum}.items())))
@@ -152,7 +149,7 @@ def _cloud_translator(channel: Channel, encoding: str) -> Translator:
     codec, ros = find_codec(channel), version_of(encoding)
     if codec is None:
         raise TranslationError(f"its messages are encoded as {channel.message_encoding}")
-    schema, checksum = layouts.definition_of(layouts.known_types(ros), _CLOUD, ros)
+    schema, checksum = layouts.definition_of(layouts.known_types(ros), POINT_CLOUD, ros)
     target, lost = CODECS[schema.name, encoding], list[str]()
 
     def encode(data: Buffer) -> bytes:

@@ -16,13 +16,12 @@ from seaclutter_cli.cloud import from_array
 from seaclutter_cli.documents import DocumentError, load_json, read_document
 from seaclutter_cli.errors import InputError, about
 from seaclutter_cli.messages import CODECS
-from seaclutter_cli.messages.definitions import ros2_schema
+from seaclutter_cli.messages.definitions import POINT_CLOUD, POSE, ros2_schema
 from seaclutter_cli.records import Channel, Message
 from seaclutter_cli.sources.frame_files.sidecars import Pose, pose_message
 from seaclutter_cli.sources.shared import TimedSource
 
 _SUFFIX = "_detections.json"
-_CLOUD, _POSE = "sensor_msgs/msg/PointCloud2", "geometry_msgs/msg/PoseStamped"
 _TOPICS = {1: "/lidar/detections", 2: "/radar/detections"}
 """Topics by ``sensorID``; cameras (3 and 4) give bearings only."""
 _FRAME_ID, _MAP_ID = "own_ship", "map"
@@ -61,7 +60,7 @@ class DetectionSource(TimedSource):
         if bearings:
             self.warnings.append(f"{self.name}: {bearings:,} detections of cameras are left out; they are bearings")
         self._found.sort(key=lambda one: one.stamp_ns)
-        kinds = dict.fromkeys(_TOPICS.values(), _CLOUD) | {"/pose": _POSE}
+        kinds = dict.fromkeys(_TOPICS.values(), POINT_CLOUD) | {"/pose": POSE}
         self.channels = [Channel(k, topic, "cdr", ros2_schema(kinds[topic])) for k, topic in enumerate(kinds, 1)]
         self._channels = {channel.topic: channel for channel in self.channels}
         self._times_ns = {
@@ -79,7 +78,7 @@ class DetectionSource(TimedSource):
             points = np.zeros(one.places.shape[1], _POINT)
             points["x"], points["y"] = one.places[0], -one.places[1]
             cloud = from_array(points, stamp_ns=one.stamp_ns, frame_id=_FRAME_ID)
-            yield self._message(one.topic, one, index, CODECS[_CLOUD, "cdr"].encode(cloud))
+            yield self._message(one.topic, one, index, CODECS[POINT_CLOUD, "cdr"].encode(cloud))
 
     def _message(self, topic: str, one: _Detections, index: int, data: bytes) -> Message:
         return Message(self._channels[topic], one.stamp_ns, one.stamp_ns, index, data)
@@ -87,8 +86,7 @@ class DetectionSource(TimedSource):
 
 def _parsed(item: Any) -> _Detections | None:
     """Return the detections of a sensor at one time; None for bearings of a camera."""
-    topic = _TOPICS.get(item["sensorID"])
-    if topic is None:
+    if (topic := _TOPICS.get(item["sensorID"])) is None:
         return None
     # MATLAB writes one position as a list of two numbers, several as two lists, and none as an empty list.
     places = np.array(item["measurement"], np.float64).reshape(2, -1)

@@ -1,6 +1,7 @@
 """Where tiles are: extents and neighbours, windows of COPC files, and the points in the margin around a tile."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain, product
 from operator import itemgetter
@@ -64,7 +65,7 @@ class TileHead:
 
     path: Path
     crs: Crs
-    extent: Extent | None
+    extent: Extent | None = None
     window: Extent | None = None
     size: int = 0
 
@@ -84,13 +85,11 @@ class TileHead:
 
 def read_head(path: Path) -> TileHead:
     """Return where a tile is; without an extent if its format has none in the header, or it cannot be read."""
-    if path.suffix.lower() not in LAS:
-        return TileHead(path, Crs(), None)
-    try:
-        tile = open_tile(path)
-    except InputError:  # reported when the tile is processed
-        return TileHead(path, Crs(), None)
-    return TileHead(path, tile.crs, extent_of(tile) if isinstance(tile, LasTile) else None)
+    if path.suffix.lower() in LAS:
+        with suppress(InputError, OSError):  # reported when the tile is processed
+            tile = LasTile(path)
+            return TileHead(path, tile.crs, extent_of(tile))
+    return TileHead(path, Crs())
 
 
 def extent_of(tile: LasTile) -> Extent | None:
@@ -118,8 +117,7 @@ def neighbors_of(tiles: Sequence[TileHead], margin_m: float) -> list[list[TileHe
     low, high = (np.array([getattr(tile.extent, side) for tile in ordered]).reshape(-1, 2) for side in ("low", "high"))
     found: list[list[TileHead]] = []
     for tile in tiles:
-        region = region_of(tile, margin_m)
-        if region is None:
+        if (region := region_of(tile, margin_m)) is None:
             found.append([])
             continue
         near = ((low < region.high) & (high > region.low)).all(axis=1)
@@ -168,20 +166,17 @@ def windows_of(path: Path, side_m: float) -> list[TileHead]:
 
     Raise `CloudError` if the file is damaged.
     """
-    if path.suffix.lower() != ".laz":
+    tile = LasTile(path) if path.suffix.lower() == ".laz" else None
+    index = read_index(path, tile.header) if tile else None
+    if tile is None or index is None:
         return [read_head(path)]
-    tile = LasTile(path)
-    extent, index = extent_of(tile), read_index(path, tile.header)
-    if index is None:
-        return [read_head(path)]
-    if extent is None:
+    if (extent := extent_of(tile)) is None:
         return []
     first, last = (np.floor(np.array(corner) / side_m).astype(int).tolist() for corner in (extent.low, extent.high))
     found = []
     for cell in product(range(first[0], last[0] + 1), range(first[1], last[1] + 1)):
         low = np.array(cell) * side_m
-        chunks = index.within(low / tile.crs.unit_m, (low + side_m) / tile.crs.unit_m)
-        if chunks:
+        if chunks := index.within(low / tile.crs.unit_m, (low + side_m) / tile.crs.unit_m):
             window = Extent.of(low, low + side_m)
             size = sum(size for _, size, _ in chunks)
             found.append(TileHead(path, tile.crs, window.clipped(extent), window, size))

@@ -83,8 +83,7 @@ def has_metadata_beside(name: str) -> bool:
 
 def metadata_beside(log: Path) -> list[Path]:
     """Return the times of frames, or the metadata of a sensor, beside a log, which belong to it."""
-    is_log = is_log_name(log.name)
-    if not is_log and (times := times_beside(log if log.is_dir() else log.parent)):
+    if not is_log_name(log.name) and (times := times_beside(log if log.is_dir() else log.parent)):
         return [times]
     if not has_metadata_beside(log.name):
         return []
@@ -177,9 +176,7 @@ def _expand(
 def _joined(group: list[Path], search: Search, note: Callable[[str], object]) -> list[list[Path]]:
     if len(group) == 1 or search.join:
         return [group]
-    if search.join is False:
-        return [[file] for file in group]
-    return joined(group, open_file, note)
+    return [[file] for file in group] if search.join is False else joined(group, open_file, note)
 
 
 def _has_recordings(path: Path, above: frozenset[Path]) -> bool:

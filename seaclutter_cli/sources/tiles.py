@@ -18,13 +18,12 @@ from seaclutter_cli.frame import Frame
 from seaclutter_cli.sources.frame_files import FRAME_READERS
 from seaclutter_cli.sources.frame_files.las import CHUNK_POINTS, open_las, parts_of, with_records
 from seaclutter_cli.sources.frame_files.reading import reading
-from seaclutter_cli.urls import is_url
+from seaclutter_cli.urls import PathLike, is_url
 
 if TYPE_CHECKING:
     from seaclutter_cli.cloud import Cloud
 
 Columns = dict[str, NDArray[Any]]
-PathLike = str | os.PathLike[str]
 
 LAS = (".las", ".laz")
 _KEPT_BYTES = 1 << 28
@@ -106,14 +105,11 @@ class Tile(ABC):
 
     path: Path
     size: int
+    names: tuple[str, ...]
+    """Names of the points' fields."""
     crs = Crs()
     intensity_name: str | None = "intensity"
     """Name of the intensity field, by default that of LAS; None without."""
-
-    @property
-    @abstractmethod
-    def names(self) -> tuple[str, ...]:
-        """Names of the points' fields."""
 
     @abstractmethod
     def parts(self) -> Iterator[Any]:
@@ -155,14 +151,10 @@ class LasTile(Tile):
         with reading("LAS"), open_las(path) as reader:
             self.header = with_records(reader.header, path)
             self.size = int(reader.header.point_count)
+        self.names = tuple(self.header.point_format.dimension_names)
         self.crs = read_crs([*self.header.vlrs, *(self.header.evlrs or ())])
         self._small = self.size * self.header.point_format.size <= _KEPT_BYTES
         self._kept: list[Any] | None = None
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the dimensions."""
-        return tuple(self.header.point_format.dimension_names)
 
     def parts(self) -> Iterator[Any]:
         """Yield the points in parts, as laspy point records."""
@@ -183,14 +175,9 @@ class CloudTile(Tile):
         self.path = path
         self.cloud: Cloud = FRAME_READERS[path.suffix.lower()](path)
         self.size, self.intensity_name = self.cloud.size, Frame(self.cloud).intensity_name
-        missing = [axis for axis in "xyz" if axis not in self.names]
-        if missing:
+        self.names = self.cloud.dtype.names or ()
+        if missing := [axis for axis in "xyz" if axis not in self.names]:
             raise CloudError(f"no field {missing[0]!r}")
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the fields."""
-        return self.cloud.dtype.names or ()
 
     def parts(self) -> Iterator[Any]:
         """Yield the points in parts, as structured arrays."""

@@ -17,16 +17,8 @@ from typing import BinaryIO
 
 from seaclutter_cli.errors import InputError, OutputError, SeaclutterError, UsageError, opening
 from seaclutter_cli.parts import SCRATCH, part_path, release, remove_stale
-from seaclutter_cli.storage.objects import (
-    StoredObject,
-    Upload,
-    delete_object,
-    find_object,
-    list_folder,
-    list_objects,
-    open_object,
-    read_range,
-)
+from seaclutter_cli.storage import objects as stored
+from seaclutter_cli.storage.objects import StoredObject, Upload, list_objects, read_range
 from seaclutter_cli.urls import SCHEMES, WEB, Url
 
 _MAGIC = re.compile(r"[*?\[]")
@@ -178,12 +170,11 @@ class Mirror:
         for path, found in self._objects.items():
             if path not in self._complete:
                 _resize(path, found.size)
-        for paths, after in pairwise(recordings):
-            self._after[tuple(paths)] = after
+        self._after |= {tuple(paths): after for paths, after in pairwise(recordings)}
 
     def look(self, path: Path) -> None:
         """Let a path be what there is: a file, or a folder with what is directly in it."""
-        if found := find_object(self.url(path)):
+        if found := stored.find_object(self.url(path)):
             self._add([found])
         else:
             self.list_folder(path)
@@ -191,7 +182,7 @@ class Mirror:
     def list_folder(self, folder: Path) -> None:
         """Let a folder contain what there is directly in it."""
         url = self.url(folder)
-        objects, folders = list_folder(url)
+        objects, folders = stored.list_folder(url)
         self._listed.add(folder)
         if objects or folders or not url.key:
             folder.mkdir(parents=True, exist_ok=True)
@@ -212,7 +203,7 @@ class Mirror:
     def look_below(self, path: Path, *, sized: bool = True) -> list[StoredObject]:
         """Let a path be what there is: a file, or a folder with all that is below it; return the objects."""
         url = self.url(path)
-        found = find_object(url)
+        found = stored.find_object(url)
         objects = [found] if found else list(list_objects(url))
         self._add(objects, sized=sized)
         self._known_below.add(path)
@@ -252,8 +243,7 @@ class Mirror:
                 raise InputError(f"{found.url}: {found.size:,} bytes are too many for this kind of file")
         if files:
             self._copy(files)
-        after = self._after.get(tuple(paths))
-        if after is not None:
+        if (after := self._after.get(tuple(paths))) is not None:
             self._fetch_ahead(after)
 
     def _missing(self, paths: Iterable[Path]) -> list[tuple[StoredObject, Path]]:
@@ -363,7 +353,7 @@ class Mirror:
 
     def open(self, path: Path) -> BinaryIO:
         """Return an object as a file of which only what is read is fetched."""
-        return open_object(self._objects[path])
+        return stored.open_object(self._objects[path])
 
     def send(self, part: Path, path: Path, last: str) -> Upload:
         """Upload a complete file, or a folder of files; it does not appear yet."""
@@ -371,7 +361,7 @@ class Mirror:
 
     def delete(self, path: Path) -> None:
         """Delete an object, if there is one."""
-        delete_object(self.url(path))
+        stored.delete_object(self.url(path))
 
 
 def _remove(path: Path) -> None:

@@ -92,12 +92,10 @@ def _is_wrong(name: str, value: str) -> bool:
         return True
     if "ENDPOINT" not in name:
         return False
-    try:
+    with suppress(ValueError):
         place = urlsplit(value)
-        is_place = bool(place.hostname) and place.port != 0
-    except ValueError:
-        return True
-    return not is_place or " " in value
+        return not place.hostname or place.port == 0 or " " in value
+    return True
 
 
 def _profile(bucket: str) -> Any:

@@ -85,8 +85,7 @@ def read_npz(path: Path) -> Cloud:
 
 
 def _cloud(arrays: dict[str, NDArray[Any]]) -> Cloud:
-    missing = [axis for axis in "xyz" if axis not in arrays]
-    if missing:
+    if missing := [axis for axis in "xyz" if axis not in arrays]:
         found = ", ".join(sorted(arrays)) or "none"
         raise CloudError(f"no array {missing[0]!r}; the arrays are: {found}")
     shape = arrays["x"].shape

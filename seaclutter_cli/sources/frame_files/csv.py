@@ -95,9 +95,8 @@ def _head(content: bytes) -> _Head:
             return _Head(column_names(len(cells)), False, delimiter, content[at:], number)
         if line and not line.startswith(("#", "//")):
             hint = "; write decimal points, not commas" if _DECIMAL_COMMA.search(raw) else ""
-            raise CloudError(
-                f"line {number} contains neither numbers nor the column names x, y and z: {line[:60]!r}{hint}"
-            )
+            problem = "contains neither numbers nor the column names x, y and z"
+            raise CloudError(f"line {number} {problem}: {line[:60]!r}{hint}")
         at += len(raw)
     raise CloudError("the file contains no points and no column names")
 

@@ -2,6 +2,7 @@
 
 import os
 from bisect import bisect_left
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -11,7 +12,7 @@ from pathlib import Path
 from seaclutter_cli.documents import read_document
 from seaclutter_cli.errors import CloudError, InputError, opening
 from seaclutter_cli.messages import CODECS
-from seaclutter_cli.messages.definitions import ros2_schema
+from seaclutter_cli.messages.definitions import POINT_CLOUD, POSE, ros2_schema
 from seaclutter_cli.messages.metadata import SIDECAR, from_text
 from seaclutter_cli.paths import natural_order
 from seaclutter_cli.records import Channel, Message, Record
@@ -19,9 +20,7 @@ from seaclutter_cli.sources.frame_files import FRAME_READERS, reader_of
 from seaclutter_cli.sources.frame_files.sidecars import Pose, from_names, from_time_files, pose_message, poses_beside
 from seaclutter_cli.sources.shared import TimedSource
 
-_TYPE = "sensor_msgs/msg/PointCloud2"
 _LAYOUTS = ("point_clouds", "velodyne", "velodyne_points/data", "lidar", "points", "")
-_POSE = "geometry_msgs/msg/PoseStamped"
 _MAX_MESSAGE_BYTES = 2**32 - 2**16
 
 
@@ -54,8 +53,8 @@ class FolderSource(TimedSource):
         except InputError as error:
             self.warnings.append(f"{error}; the log has no poses")
         self.warnings += doubts
-        self._channel = Channel(1, "/points", "cdr", ros2_schema(_TYPE))
-        self._pose_channel = Channel(2, "/pose", "cdr", ros2_schema(_POSE))
+        self._channel = Channel(1, "/points", "cdr", ros2_schema(POINT_CLOUD))
+        self._pose_channel = Channel(2, "/pose", "cdr", ros2_schema(POSE))
         self.channels = [self._channel, self._pose_channel] if self._poses else [self._channel]
         self._times_ns = {1: stamps, 2: list(self._poses)} if self._poses else {1: stamps}
         kind = files[0].suffix[1:].upper()
@@ -64,8 +63,7 @@ class FolderSource(TimedSource):
         self.name = path.stem if single else (path if path.name not in ("", "..") else path.resolve()).name
 
     def _stamped(self, files: list[Path], rate_hz: float) -> list[tuple[int, Path]]:
-        stamps = from_names(files)
-        if stamps is not None:
+        if (stamps := from_names(files)) is not None:
             return sorted(zip(stamps, files, strict=True))
         try:
             stamps = from_time_files(files)
@@ -101,18 +99,18 @@ class FolderSource(TimedSource):
         cloud = replace(self._read(file), stamp_ns=stamp_ns, frame_id="lidar")
         if len(cloud.data) > _MAX_MESSAGE_BYTES:
             raise CloudError(f"{len(cloud.data)} bytes of points exceed the size of a PointCloud2 message")
-        return Message(self._channel, max(stamp_ns, 0), max(stamp_ns, 0), index, CODECS[_TYPE, "cdr"].encode(cloud))
+        data = CODECS[POINT_CLOUD, "cdr"].encode(cloud)
+        return Message(self._channel, max(stamp_ns, 0), max(stamp_ns, 0), index, data)
 
 
 def is_frame_folder(path: Path) -> bool:
     """Return whether a folder contains frame files, by their names and, as they may be any table, by lines of CSV."""
     from seaclutter_cli.sources.frame_files.csv import is_point_table
 
-    try:
+    with suppress(OSError):
         frames = (file for layout in _LAYOUTS for file in _frames_in(path / layout))
         return any(file.suffix.lower() != ".csv" or is_point_table(file) for file in frames)
-    except OSError:
-        return False
+    return False
 
 
 def _find_frames(path: Path) -> list[Path]:
@@ -138,14 +136,12 @@ def _frames_in(folder: Path) -> Iterator[Path]:
 
 
 def _of_one_format(path: Path, files: list[Path]) -> list[Path]:
-    by_suffix: dict[str, list[Path]] = {}
-    for file in files:
-        by_suffix.setdefault(file.suffix.lower(), []).append(file)
+    numbers = Counter(file.suffix.lower() for file in files)
+    most, number = numbers.most_common(1)[0]
     # A few CSV files next to more frames of another format are tables about them: poses, labels, results.
-    most = max(by_suffix, key=lambda suffix: len(by_suffix[suffix]))
-    if most != ".csv" and len(by_suffix.get(".csv", ())) < len(by_suffix[most]):
-        by_suffix.pop(".csv", None)
-    if len(by_suffix) > 1:
-        found = ", ".join(f"{len(files)} {suffix}" for suffix, files in sorted(by_suffix.items()))
+    if numbers[".csv"] < number:
+        del numbers[".csv"]
+    if len(numbers) > 1:
+        found = ", ".join(f"{number} {suffix}" for suffix, number in sorted(numbers.items()))
         raise InputError(f"{path}: frames of several formats ({found}); move each format to its own folder")
-    return by_suffix[most]
+    return [file for file in files if file.suffix.lower() == most]

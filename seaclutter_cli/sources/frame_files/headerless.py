@@ -46,13 +46,12 @@ _LIMITS = {
     "t": (0, 250_000_000),
     "timestamp": (946_684_800_000_000, 4_102_444_800_000_000),  # the years 2000 and 2100
 }
-_INTEGERS = ("ring",)
 _REACH_M = 5000
 _TINY = 1e-9
 """Nonzero numbers below are other numbers' bytes."""
 _RARE, _OFTEN = 0.001, 0.1
 _FEW_POINTS, _FEW_VALUES = 8, 400
-MANY_POINTS = 64
+MANY_POINTS, _LOOKED_AT = 64, 4096
 _BLOCK_BYTES, _BLOCKS = 12 * 31_920, 4
 """Blocks of a file that are looked at: whole groups of 2, 3 and 4 points of every known layout."""
 _LEAST_HALF, _GREATEST_HALF, _MOST_HALVES = 0.03, 100, 0.8
@@ -144,17 +143,15 @@ def points_of(content: bytes, layout: np.dtype[np.void]) -> Points:
     return points if len(kept) == _width(layout) else points[kept]
 
 
-def check_usual(points: Points, sample: int = 4096) -> Points:
+def check_usual(points: Points) -> Points:
     """Return points whose columns have usual names because they had none; `CloudError` if they can hardly be that.
 
     A fifth column that has no numbers of rings gets a number as its name.
     """
-    looked_at = points[:: max(len(points) // sample, 1)]
-    names = points.dtype.names or ()
-    if "ring" in names and not _within("ring", looked_at["ring"].astype(np.float64)).all():
+    names, step = points.dtype.names or (), max(len(points) // _LOOKED_AT, 1)
+    if "ring" in names and not _within("ring", points["ring"][::step].astype(np.float64)).all():
         points = points.view(np.dtype([(name.replace("ring", "field_4"), points.dtype[name]) for name in names]))
-        looked_at = points[:: max(len(points) // sample, 1)]
-    if problem := doubt(looked_at):
+    if problem := doubt(points[::step]):
         raise CloudError(f"{problem}, read as {title(points.dtype)}; name the columns with --columns")
     return points
 
@@ -187,7 +184,7 @@ def doubt(points: Points, most: float = _OFTEN) -> str | None:
 def _within(name: str, values: NDArray[np.float64]) -> NDArray[np.bool_]:
     least, limit = _LIMITS[name]
     is_within = (values >= least) & (values <= limit)
-    return is_within & (values == np.rint(values)) if name in _INTEGERS else is_within
+    return is_within & (values == np.rint(values)) if name == "ring" else is_within
 
 
 def _is_tiny(values: NDArray[np.floating]) -> bool:

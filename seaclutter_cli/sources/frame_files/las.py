@@ -84,9 +84,8 @@ def open_las(path: Path) -> Iterator[Any]:
         check_size(_unpack(file, _VLRS_AT, "<I")[0] * _VLR_BYTES, size)
         others = _ids_to_replace(file, *_unpack(file, _HEADER_BYTES_AT, "<H"), *_unpack(file, _VLRS_AT, "<I"))
         file.seek(0)
-        with laspy.open(
-            _Patched(file, others) if others else file, read_evlrs=False, laz_backend=laz, closefd=False
-        ) as reader:
+        source = _Patched(file, others) if others else file
+        with laspy.open(source, read_evlrs=False, laz_backend=laz, closefd=False) as reader:
             if not reader.header.point_count:  # some writers of LAS 1.4 fill in the number of earlier versions only
                 reader.header.point_count = _unpack(file, _LEGACY_COUNT_AT, "<I")[0]
                 file.seek(reader.header.offset_to_point_data)
@@ -190,8 +189,7 @@ def _check_compressed(header: Any, file: BinaryIO, size: int) -> None:
     start, point_size = header.offset_to_point_data, header.point_format.size
     if header.point_count * point_size > limits().file_bytes(size):
         raise CloudError(f"the points have {above(count(header.point_count * point_size, 'byte'), 'file_ratio')}")
-    described = header.vlrs.get("LasZipVlr")
-    if not described:
+    if not (described := header.vlrs.get("LasZipVlr")):
         raise CloudError("the record that describes the compression is missing")
     record = described[0].record_data
     items = list(struct.iter_unpack("<HHH", record[_LASZIP_ITEMS_AT:]))

@@ -20,7 +20,6 @@ from seaclutter_cli.sources.frame_files.laz_worker import SIZE
 _PROGRAM = Path(__file__).with_name("laz_worker.py")
 _Chunks = list[tuple[int, int, int]]
 """Offset, size in bytes and number of points of each chunk."""
-_Request = tuple[str, int | _Chunks, bytes, int, int]
 
 
 class LazBackend(AbstractContextManager["LazBackend"]):
@@ -79,7 +78,7 @@ class _Worker:
         self._requests = cast("BinaryIO", self._process.stdin)
         self._answers = cast("BinaryIO", self._process.stdout)
 
-    def request(self, request: _Request) -> None:
+    def request(self, request: tuple[str, int | _Chunks, bytes, int, int]) -> None:
         with suppress(BrokenPipeError):  # noticed when the answer is read
             pickle.dump(request, self._requests)
             self._requests.flush()

@@ -29,14 +29,11 @@ _GAP = "_ "  # Field names cannot contain a space.
 def read_pcd(path: Path) -> Cloud:
     """Return the points of a PCD file with all fields, height and width; `CloudError` if it is damaged."""
     content = read_whole(path)
-    match = _DATA_LINE.search(content[:_MAX_HEADER])
-    if match is None:
+    if (match := _DATA_LINE.search(content[:_MAX_HEADER])) is None:
         raise CloudError("no PCD header with a DATA line")
     header = _header(content[: match.start()])
     dtype, (height, width) = _layout(header), _shape(header)
-    points = np.empty(0, dtype)
-    if height * width:
-        points = _decode(content, match, dtype, height * width)
+    points = _decode(content, match, dtype, height * width) if height * width else np.empty(0, dtype)
     kept = [name for name in dtype.names or () if not name.startswith(_GAP)]
     return from_array(points if len(kept) == len(dtype.names or ()) else points[kept], height=max(height, 1))
 
@@ -47,10 +44,9 @@ def has_viewpoint(path: Path) -> bool:
         content = file.read(_MAX_HEADER)
     match = _DATA_LINE.search(content)
     words = _header(content[: match.start()]).get("VIEWPOINT") if match else None
-    try:
+    with suppress(ValueError):
         return words is not None and tuple(map(float, words)) != _NO_VIEWPOINT
-    except ValueError:
-        return True
+    return True
 
 
 def _header(content: bytes) -> dict[str, list[str]]:

@@ -38,8 +38,7 @@ class _Element:
 def read_ply(path: Path) -> Cloud:
     """Return the vertices of a PLY file with all their properties; `CloudError` if it is damaged, or has lists."""
     content = read_whole(path)
-    match = _HEADER.match(content[:_MAX_HEADER])
-    if match is None:
+    if (match := _HEADER.match(content[:_MAX_HEADER])) is None:
         raise CloudError("no PLY header from 'ply' to 'end_header'")
     encoding, elements = _parse_header(match[1].decode("utf-8", "replace"))
     names = [element.name for element in elements]

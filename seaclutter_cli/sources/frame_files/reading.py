@@ -93,11 +93,9 @@ def _first_fault(body: bytes, dtype: np.dtype[np.void], delimiter: str | None, f
         cells = line.split(delimiter) if line else []
         if line and len(cells) != len(kinds):
             return f"line {number} has {count(len(cells), 'value')}, expected {len(kinds)}"
-        bad = next(
-            (cell for cell, kind in zip(cells, kinds, strict=False) if kind != "S" and not is_number(cell)), None
-        )
-        if bad is not None:
-            return f"line {number}: {bad.strip()[:40]!r} is not a number"
+        for cell, kind in zip(cells, kinds, strict=False):
+            if kind != "S" and not is_number(cell):
+                return f"line {number}: {cell.strip()[:40]!r} is not a number"
     return None
 
 

@@ -14,12 +14,11 @@ import numpy as np
 
 from seaclutter_cli.errors import InputError, opening
 from seaclutter_cli.messages.metadata import SIDECAR
-from seaclutter_cli.messages.serialisation import Header, Writer
+from seaclutter_cli.messages.serialisation import NANO, Header, Writer
 from seaclutter_cli.paths import open_regular, read_whole
 from seaclutter_cli.text import count
 
-_NANO = 1_000_000_000
-_LIMIT_NS = 2**31 * _NANO  # ROS stamps have signed 32-bit seconds.
+_LIMIT_NS = 2**31 * NANO  # ROS stamps have signed 32-bit seconds.
 _UNITS_NS = ((10**18, 1), (10**15, 10**3), (10**12, 10**6))
 _IN_NAME = re.compile(r"(?<![\d.])([1-9]\d{18}|[1-9]\d{15}|[1-9]\d{12}|[1-9]\d{9}\.\d+)(?![\d.])", re.ASCII)
 
@@ -52,7 +51,7 @@ def parse_time(text: str) -> int | None:
     else:
         if not (value.is_finite() and abs(value) < 10**19):
             return None
-        unit = next((unit for least, unit in _UNITS_NS if value >= least), _NANO)
+        unit = next((unit for least, unit in _UNITS_NS if value >= least), NANO)
         stamp_ns = int(value * unit)
     return stamp_ns if stamp_ns is not None and -_LIMIT_NS <= stamp_ns < _LIMIT_NS else None
 
@@ -66,7 +65,7 @@ def _from_date(text: str) -> int | None:
     except ValueError:
         return None
     seconds = int((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp())
-    return seconds * _NANO + int((match[2] or "").ljust(9, "0"))
+    return seconds * NANO + int((match[2] or "").ljust(9, "0"))
 
 
 def from_names(files: Sequence[Path]) -> list[int] | None:
@@ -82,25 +81,22 @@ def from_names(files: Sequence[Path]) -> list[int] | None:
 
 def _in_two_parts(files: Sequence[Path]) -> list[int] | None:
     """Return the stamps of files named by seconds and nanoseconds without leading zeros, as the exporter of ROS did."""
-    found = [_TWO_PARTS.search(file.stem) for file in files]
-    parts = [(match[1], match[2], match[3]) for match in found if match]
-    nanoseconds = [part for _, _, part in parts]
-    if len(parts) < len(files) or len({mark for _, mark, _ in parts}) > 1:
+    found = [match.groups() for file in files if (match := _TWO_PARTS.search(file.stem))]
+    if len(found) < len(files) or len({mark for _, mark, _ in found}) > 1:
         return None
-    longest = max(map(len, nanoseconds))
-    is_decimal = parts[0][1] == "." and (
-        min(map(len, nanoseconds)) == longest or any(len(part) > 1 and part[0] == "0" for part in nanoseconds)
-    )
-    if longest != _NANO_DIGITS or is_decimal or max(map(int, nanoseconds)) < _NANO // 10:  # a counter, not a time
+    parts = [part for *_, part in found]
+    longest = max(map(len, parts))
+    is_padded = min(map(len, parts)) == longest or any(len(part) > 1 and part[0] == "0" for part in parts)
+    is_decimal = found[0][1] == "." and is_padded
+    if longest != _NANO_DIGITS or is_decimal or max(map(int, parts)) < NANO // 10:  # a counter, not a time
         return None
-    stamps = [int(seconds) * _NANO + int(part) for seconds, _, part in parts]
+    stamps = [int(seconds) * NANO + int(part) for seconds, _, part in found]
     return stamps if len(set(stamps)) == len(files) and max(stamps) < _LIMIT_NS else None
 
 
 def from_time_files(files: Sequence[Path]) -> list[int] | None:
     """Return one stamp per file from `times_beside`, None without; `InputError` if the times do not fit the frames."""
-    times = times_beside(files[0].parent)
-    if times is None:
+    if (times := times_beside(files[0].parent)) is None:
         return None
     stamps = [_in_file(times / f"{file.stem}.txt") for file in files] if times.is_dir() else _lines_for(files, times)
     late = next((index for index in range(1, len(stamps)) if stamps[index] <= stamps[index - 1]), None)

@@ -2,8 +2,8 @@
 
 import struct
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import TypeVar
 from zlib import crc32
 
 from mcap import records as mcap_records
@@ -11,7 +11,7 @@ from mcap.opcode import Opcode
 
 from seaclutter_cli.messages import find_codec
 from seaclutter_cli.sources.mcap.contents import Declarations, Trust
-from seaclutter_cli.sources.mcap.records import MAGIC, RECORD, BrokenRecordError, Span, parse, walk
+from seaclutter_cli.sources.mcap.records import MAGIC, RECORD, BrokenRecordError, Span, parse_all, walk
 
 _FOOTER = struct.Struct("<QQI")
 _END = RECORD.size + _FOOTER.size + len(MAGIC)
@@ -22,8 +22,6 @@ _CHUNKS = 3
 
 ReadRange = Callable[[int, int], bytes]
 """Returns the bytes between two offsets of a file."""
-
-R = TypeVar("R")
 
 
 @dataclass(frozen=True)
@@ -41,10 +39,9 @@ class Excerpt:
 
 def excerpt(read: ReadRange, size: int) -> Excerpt | None:
     """Return an excerpt of an MCAP file of a size; None if its summary cannot be used, or it has no clouds."""
-    try:
+    with suppress(BrokenRecordError, struct.error):
         return _excerpt(read, size)
-    except (BrokenRecordError, struct.error):
-        return None
+    return None
 
 
 def _excerpt(read: ReadRange, size: int) -> Excerpt | None:
@@ -60,7 +57,7 @@ def _excerpt(read: ReadRange, size: int) -> Excerpt | None:
     if crc not in (0, crc32(end[: _END - len(MAGIC) - 4], crc32(summary))):
         return None
     spans = list(walk(summary, _broken))
-    statistics = _parsed(summary, spans, Opcode.STATISTICS, mcap_records.Statistics.read)
+    statistics = parse_all(summary, spans, Opcode.STATISTICS, mcap_records.Statistics.read, _broken)
     chunks = _first_chunks(summary, spans)
     if not (statistics and chunks):
         return None
@@ -75,16 +72,12 @@ def _broken(_: int, problem: str, *__: object) -> None:
     raise BrokenRecordError(problem)
 
 
-def _parsed(summary: bytes, spans: Iterable[Span], op: Opcode, read: Callable[..., R]) -> list[R]:
-    return [parse(read, summary[span.start : span.end]) for span in spans if span.op == op]
-
-
 def _first_chunks(summary: bytes, spans: Sequence[Span]) -> list[mcap_records.ChunkIndex]:
     """Return the index of the first chunks with each topic that has clouds, in the order of the file."""
     declarations = Declarations(_broken)
     for span in spans:
         declarations.add(span.op, summary[span.start : span.end], span.offset, Trust.CHECKED)
-    indexed = _parsed(summary, spans, Opcode.CHUNK_INDEX, mcap_records.ChunkIndex.read)
+    indexed = parse_all(summary, spans, Opcode.CHUNK_INDEX, mcap_records.ChunkIndex.read, _broken)
     indexed.sort(key=lambda one: one.message_start_time)
     chosen: dict[int, mcap_records.ChunkIndex] = {}
     for channel in filter(find_codec, declarations.all()):

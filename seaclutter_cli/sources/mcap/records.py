@@ -5,7 +5,7 @@ The index at the end is not needed for this. A file with a missing or wrong inde
 
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from io import BytesIO
@@ -300,6 +300,20 @@ def parse(read: Callable[[ReadDataStream], R], content: Buffer) -> R:
         return read(ReadDataStream(BytesIO(content)))
     except (McapError, struct.error, ValueError, OverflowError) as error:
         raise BrokenRecordError(str(error)) from error
+
+
+def parse_all(
+    data: Bytes, spans: Iterable[Span], op: Opcode, read: Callable[[ReadDataStream], R], report: Gap
+) -> list[R]:
+    """Return the records of a kind among others; damaged ones are reported."""
+    found = []
+    for span in spans:
+        if span.op == op:
+            try:
+                found.append(parse(read, data[span.start : span.end]))
+            except BrokenRecordError as error:
+                report(span.offset, f"damaged {name_of(op)} ({error})", span.end - span.start)
+    return found
 
 
 def unpack(header: ChunkHeader, data: Bytes) -> Buffer:

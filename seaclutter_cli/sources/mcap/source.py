@@ -2,14 +2,13 @@
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeVar
 
 from mcap import records as mcap_records
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 
 from seaclutter_cli.documents import DocumentError, load_json
@@ -23,8 +22,8 @@ from seaclutter_cli.sources.mcap.records import (
     MAGIC,
     MESSAGE,
     BrokenRecordError,
-    name_of,
     parse,
+    parse_all,
     salvage,
     split,
     unpack,
@@ -33,8 +32,6 @@ from seaclutter_cli.sources.mcap.records import (
 from seaclutter_cli.sources.shared.chunked import ChunkedSource
 from seaclutter_cli.sources.shared.unpacking import ZSTD_MAGIC, unpack_message
 from seaclutter_cli.text import count
-
-R = TypeVar("R")
 
 _SMALL = 4 * 2**20
 _MAX_SALVAGED = 20_000
@@ -68,7 +65,8 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
         if has_valid_offset:
             self._check_chunk_index()
         if self._is_closed and trust > Trust.BROKEN:
-            self._statistics = next(iter(self._summary(Opcode.STATISTICS, mcap_records.Statistics.read)), None)
+            stated = parse_all(self._file, self._tail, Opcode.STATISTICS, mcap_records.Statistics.read, self._report)
+            self._statistics = next(iter(stated), None)
         self._inspect_chunks()
         self._declared.report_missing_schemas()
 
@@ -138,19 +136,9 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
             self._report(first.offset, "the index at the end is damaged; the log is read without it", 0)
         return trust, has_valid_offset and trust > Trust.BROKEN
 
-    def _summary(self, op: Opcode, read: Callable[[ReadDataStream], R]) -> list[R]:
-        records = []
-        for span in self._tail:
-            if span.op == op:
-                try:
-                    records.append(parse(read, self._file[span.start : span.end]))
-                except BrokenRecordError as error:
-                    self._report(span.offset, f"damaged {name_of(op)} ({error})", span.end - span.start)
-        return records
-
     def _check_chunk_index(self) -> None:
         """Compare the chunk index with the chunks; mark chunks that it describes differently as suspect."""
-        entries = self._summary(Opcode.CHUNK_INDEX, mcap_records.ChunkIndex.read)
+        entries = parse_all(self._file, self._tail, Opcode.CHUNK_INDEX, mcap_records.ChunkIndex.read, self._report)
         if not entries:
             return
         indexed = {(entry.chunk_start_offset, entry.message_start_time, entry.message_end_time) for entry in entries}
@@ -275,8 +263,7 @@ class McapSource(ChunkedSource[McapChunk, Buffer]):
         for op, start, end in records:
             if op == Opcode.MESSAGE and end - start >= MESSAGE.size:
                 number, sequence, log_time, publish_time = MESSAGE.unpack_from(view, start)
-                channel = self._declared.get(number)
-                if channel is None:
+                if (channel := self._declared.get(number)) is None:
                     undeclared[number] += 1
                 else:
                     yield Message(channel, log_time, publish_time, sequence, view[start + MESSAGE.size : end])
@@ -288,10 +275,8 @@ def _simulated_facts(records: Sequence[Metadata]) -> Mapping[str, SensorFacts]:
     """Return the lidar that a log by `simulate` names in its metadata record ``scene``; empty for other logs."""
     for record in records:
         if record.name == "scene":
-            try:
+            with suppress(DocumentError, KeyError, TypeError):
                 model = load_json(record.entries["scene"])["recording"]["lidar"]
-            except (DocumentError, KeyError, TypeError):
-                continue
-            if isinstance(model, str) and model in SENSORS:
-                return {"/points": SensorFacts(model, {"origin": "simulated"}, from_packets=False)}
+                if isinstance(model, str) and model in SENSORS:
+                    return {"/points": SensorFacts(model, {"origin": "simulated"}, from_packets=False)}
     return MappingProxyType({})

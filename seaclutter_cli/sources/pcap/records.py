@@ -139,11 +139,10 @@ class RecordReader(ABC):
 
     @abstractmethod
     def _is_likely(self, words: NDArray[np.uint32]) -> NDArray[np.bool_]:
-        """Return where a valid entry may begin."""
+        """Return where a valid entry may begin, to be checked by `_is_followed`."""
 
     @abstractmethod
-    def _is_followed(self, offset: int) -> bool:
-        """Return whether a likely entry is valid."""
+    def _is_followed(self, offset: int) -> bool: ...
 
 
 class PcapReader(RecordReader):
@@ -241,8 +240,7 @@ class PcapngReader(RecordReader):
         if offset + _MIN_BLOCK > self._size:
             return 0, 0
         if self._file[offset : offset + 4] == PCAPNG_MAGIC:
-            order = _ORDER.get(bytes(self._file[offset + 8 : offset + 12]))
-            if order is None:
+            if (order := _ORDER.get(bytes(self._file[offset + 8 : offset + 12]))) is None:
                 return 0, 0
             self._order = order
         kind, length = self._unpack("II", offset)

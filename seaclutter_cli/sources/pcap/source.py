@@ -1,6 +1,6 @@
 """Captures of lidar packets: PCAP and PCAPNG."""
 
-from collections import defaultdict, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -9,7 +9,7 @@ import numpy as np
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.interfaces import Source
-from seaclutter_cli.messages.definitions import ros2_schema
+from seaclutter_cli.messages.definitions import POINT_CLOUD, ros2_schema
 from seaclutter_cli.records import Channel, Damage, Message
 from seaclutter_cli.sensors.catalog import ADVICE, name_unsupported
 from seaclutter_cli.sensors.families import PACKET_FAMILIES
@@ -24,7 +24,6 @@ from seaclutter_cli.text import count
 _TRIED_AT_ONCE, _TRIED = 4, 256
 _MAX_FLOWS = 10_000
 _FEW = 10
-_TYPE = "sensor_msgs/msg/PointCloud2"
 _MAX_WAITING = 16
 _LATEST_NS = (2**31 - 1) * 10**9
 _SHOWN_FLOWS = 5
@@ -61,15 +60,11 @@ class Flow:
 
 @dataclass
 class CapturedSensor:
-    """A sensor in a capture: its main flow, the kinds of its packets, and samples of them.
-
-    It may share its address with others.
-    """
+    """A sensor in a capture: its main flow, the kinds of its packets, and samples of them."""
 
     flow: Flow
     kinds: set[Kind]
     samples: Samples
-    shares: bool = False
 
 
 class SensorSearch:
@@ -133,9 +128,6 @@ class SensorSearch:
             if flow.family is not None and flow.kind not in damaged:
                 groups[flow.address, flow.family].append(flow)
         found = _without_copies([sensor for group in groups.values() for sensor in _split(group)])
-        addresses = [sensor.flow.address for sensor in found]
-        for sensor in found:
-            sensor.shares = addresses.count(sensor.flow.address) > 1
         return sorted(found, key=lambda sensor: (sensor.flow.address, sensor.flow.port, sensor.flow.family))
 
 
@@ -188,14 +180,17 @@ class CaptureSource(Source):
         self._options = options or DecoderOptions()
         self._file = LogFile(path, _WINDOW)
         try:
-            decoders = self._usable(self._search())
+            found = self._search()
+            decoders = self._usable(found)
         except BaseException:
             self._file.close()
             raise
         self._sensors = sensors = [sensor for sensor, _ in decoders]
-        topics = [f"/points/{sensor.flow.address}" + f"/{sensor.flow.port}" * sensor.shares for sensor in sensors]
+        used = Counter(sensor.flow.address for sensor in found)
+        topics = [f"/points/{one.flow.address}" + f"/{one.flow.port}" * (used[one.flow.address] > 1) for one in sensors]
         topics = topics if len(topics) > 1 else ["/points"]
-        self.channels = [Channel(number, topic, "cdr", ros2_schema(_TYPE)) for number, topic in enumerate(topics, 1)]
+        schema = ros2_schema(POINT_CLOUD)
+        self.channels = [Channel(number, topic, "cdr", schema) for number, topic in enumerate(topics, 1)]
         self._start([decoder for _, decoder in decoders])
         models = dict.fromkeys(facts.model for facts in self.facts.values())
         kind = "PCAPNG" if self._file[:4] == PCAPNG_MAGIC else "PCAP"
@@ -208,8 +203,8 @@ class CaptureSource(Source):
             return PcapReader(self._file, self._path)
         raise InputError(f"{self._path}: not a packet capture: it does not begin with PCAP or PCAPNG magic bytes")
 
-    def _search(self) -> SensorSearch:
-        """Search the whole capture: a sensor's calibration may be anywhere in it."""
+    def _search(self) -> list[CapturedSensor]:
+        """Return the sensors in the whole capture: the calibration of one may be anywhere in it."""
         reader, udp = self._reader(), Udp(self._file)
         search = SensorSearch()
         for kind, packets in udp.packets(reader, lambda kind: kind):
@@ -227,17 +222,17 @@ class CaptureSource(Source):
             self.report(problem, number * flow.length, path=self._path)
         if udp.fragments.lost:
             self.warnings.append(f"fragments of {count(udp.fragments.lost, 'datagram')} are missing")
-        if not search.sensors():
+        if not (sensors := search.sensors()):
             found = _found(search, udp, self.damage)
             raise InputError(f"{self._path}: no packets of a supported lidar; {found}")
         self.warnings += [f"{flow} are not decoded" for flow in search.flows.values() if flow.unsupported]
-        return search
+        return sensors
 
-    def _usable(self, search: SensorSearch) -> list[tuple[CapturedSensor, PacketDecoder]]:
+    def _usable(self, found: Sequence[CapturedSensor]) -> list[tuple[CapturedSensor, PacketDecoder]]:
         """Return the sensors that can be decoded, and their decoders; `InputError` if there are no such sensors."""
         usable: list[tuple[CapturedSensor, PacketDecoder]] = []
         problems = []
-        for sensor in search.sensors():
+        for sensor in found:
             try:
                 usable.append((sensor, self._decoder(sensor)))
             except InputError as error:

@@ -8,7 +8,7 @@ from struct import Struct
 
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.limits import CHANNEL_BYTES, above, above_in_file, limits
-from seaclutter_cli.messages.metadata import from_message, is_carrier
+from seaclutter_cli.messages.metadata import from_text, is_carrier
 from seaclutter_cli.records import Bytes, Channel, Message, Schema
 from seaclutter_cli.sources.rosbag1.records import MAGIC, NANO, BagRecord, Op, parse_fields, read_record, walk
 from seaclutter_cli.sources.shared.chunked import MAX_AHEAD_BYTES, Chunk, ChunkedSource
@@ -158,7 +158,8 @@ class BagSource(ChunkedSource[Chunk, Content]):
     def _read_metadata(self) -> None:
         """Take the records that this program writes to a bag as a message, whose channels are then hidden."""
         carriers = {number for number, channel in self._channels.items() if is_carrier(channel)}
-        found = [from_message(message.data) for message in self.latest(carriers, _ANY_TIME[1])] if carriers else []
+        messages = self.latest(carriers, _ANY_TIME[1]) if carriers else []
+        found = [from_text(bytes(message.data[4:])) for message in messages]
         if found and all(found):
             self._hidden = carriers
             self.metadata = [record for records in found for record in records]
@@ -207,18 +208,16 @@ class BagSource(ChunkedSource[Chunk, Content]):
     def _unpack(self, chunk: Chunk) -> Content:
         end = chunk.offset + chunk.size
         record = read_record(self._file, chunk.offset)
-        if record is None or record.op != Op.CHUNK or record.data > end:
-            start, op = chunk.offset, None
-        else:
-            start, op = record.data, record
+        is_chunk = record is not None and record.op == Op.CHUNK and record.data <= end
+        start = record.data if record and is_chunk else chunk.offset
         if end - start > limits().chunk_bytes:
             return memoryview(b""), end - start, f"a chunk of {above(count(end - start, 'byte'), 'chunk_mib')}"
         data = self._file[start:end]
-        if op is None:
+        if record is None or not is_chunk:
             return data, chunk.size, None
-        whole = op._replace(end=end, repaired=op.end != end)
+        whole = record._replace(end=end, repaired=record.end != end)
         content, problem = _unpacked(data, whole, ends_bag=end == len(self._file), bag_bytes=len(self._file))
-        return content, op.number(b"size"), problem
+        return content, record.number(b"size"), problem
 
     def _parse(self, content: memoryview, gaps: list[tuple[int, int]]) -> tuple[list[Message], int]:
         """Return the messages of a chunk, at most one above the limit, and the number of unknown messages."""
@@ -227,8 +226,7 @@ class BagSource(ChunkedSource[Chunk, Content]):
         unknown = 0
         for record in walk(content, 0, gaps):
             if record.op == Op.MESSAGE:
-                channel = self._channels.get(record.number(b"conn"))
-                if channel is None:
+                if (channel := self._channels.get(record.number(b"conn"))) is None:
                     unknown += 1
                     continue
                 time_ns = record.time_ns()
@@ -267,9 +265,7 @@ def read_index(view: Bytes, at: int) -> Index | None:
             last = max(chain([last], _ENTRY.iter_unpack(entries)))
             counts[record.number(b"conn")] += count
         at = record.end
-    if not counts:
-        return None
-    return first[0] * NANO + first[1], last[0] * NANO + last[1], counts
+    return (first[0] * NANO + first[1], last[0] * NANO + last[1], counts) if counts else None
 
 
 def _unpacked(packed: memoryview, chunk: BagRecord, *, ends_bag: bool, bag_bytes: int) -> tuple[memoryview, str | None]:

@@ -3,6 +3,7 @@
 import io
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
@@ -42,13 +43,13 @@ def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
     if mode in {"file", "message"} and compression not in {"", "zstd"}:
         raise InputError(f"{folder}: unsupported compression {compression!r}; only zstd can be read")
     listed = [file for file in _list(info, "files", dict) if isinstance(file.get("path"), str)]
-    counts = {_name(file["path"]): _count(file) or 0 for file in listed}
+    counts = {PureWindowsPath(file["path"]).name: _count(file) or 0 for file in listed}
     files = []
-    for name in map(_name, _list(info, "relative_file_paths", str)):
+    for path in _list(info, "relative_file_paths", str):
+        name = PureWindowsPath(path).name  # in early versions, the folder precedes it
         # The file of a name, or its packed or unpacked version.
         versions = (folder / name, folder / f"{name}.zstd", folder / name.removesuffix(".zstd"))
-        file = next((file for file in versions if file.is_file()), None)
-        if file is None:
+        if (file := next((file for file in versions if file.is_file()), None)) is None:
             problem = f"{METADATA} lists this file, but it does not exist"
             damage.append(Damage(folder / name, None, problem, lost_messages=counts.get(name)))
         else:
@@ -57,13 +58,8 @@ def open_rosbag2(folder: Path, open_file: Callable[[Path], Source]) -> Source:
     if not files:
         raise InputError(f"{folder}: a ROS 2 recording without .mcap or .db3 files")
     messages = _count(info)
-    source = SplitSource(
-        files,
-        open_file,
-        name=folder.resolve().name,
-        damage=damage,
-        expected=None if messages is None else (folder / METADATA, messages),
-    )
+    expected = None if messages is None else (folder / METADATA, messages)
+    source = SplitSource(files, open_file, name=folder.resolve().name, damage=damage, expected=expected)
     used = {file.name.removesuffix(".zstd") for file in files}
     left = [file.name for file in _storage_files(folder) if file.name.removesuffix(".zstd") not in used]
     if left:
@@ -92,11 +88,9 @@ def _unnamed(folder: Path, named: list[Path]) -> list[Path]:
 
 
 def _read_text(path: Path) -> str:
-    try:
-        with io.TextIOWrapper(open_regular(path), encoding="utf-8", errors="replace") as file:
-            return file.read(MAX_YAML_CHARACTERS + 1)
-    except OSError:
-        return ""
+    with suppress(OSError), io.TextIOWrapper(open_regular(path), encoding="utf-8", errors="replace") as file:
+        return file.read(MAX_YAML_CHARACTERS + 1)
+    return ""
 
 
 def _read_info(folder: Path) -> tuple[dict[str, Any], list[Damage]]:
@@ -113,11 +107,6 @@ def _read_info(folder: Path) -> tuple[dict[str, Any], list[Damage]]:
     except DocumentError as error:
         problem = str(error)
     return {}, [Damage(path, None, f"{problem}; the files are read in the order of their numbers")]
-
-
-def _name(path: str) -> str:
-    """Return the name of a file; in early versions, the folder precedes it."""
-    return PureWindowsPath(path).name
 
 
 def _list(mapping: Mapping[str, Any], key: str, kind: type) -> list[Any]:

@@ -16,8 +16,8 @@ from seaclutter_cli.records import Channel, Message, Metadata, Record, Schema
 from seaclutter_cli.sources.rosbag2.database import BROKEN, has_table, latest_row, open_database, read_rows
 from seaclutter_cli.sources.shared.unpacking import is_large, unpack_message, unpacked_file
 
-# Optional columns of topics, and their names in rosbag2's MCAP storage.
 _USUAL_ENCODING = "cdr"  # also if none is stated: not every program that writes recordings states it
+# Optional columns of topics, and their names in rosbag2's MCAP storage.
 _METADATA = {"offered_qos_profiles": "offered_qos_profiles", "type_description_hash": "topic_type_hash"}
 
 _COUNT = "SELECT topic_id, count(*) FROM messages"
@@ -30,6 +30,7 @@ class Db3Source(Source):
     """
 
     format = "ROS 2 bag (sqlite3)"
+    channels: Sequence[Channel] = ()
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -41,16 +42,12 @@ class Db3Source(Source):
             try:
                 self._db = open_database(file, stack)
                 self._channels = self._read_channels()
+                self.channels = list(self._channels.values())
                 self.metadata = self._read_metadata()
             except BROKEN as error:
                 raise InputError(f"{path}: not a readable ROS 2 recording: {error}") from error
             self._stack = stack.pop_all()
         self._at_opening = len(self.damage)
-
-    @property
-    def channels(self) -> Sequence[Channel]:
-        """Channels, including those without messages."""
-        return list(self._channels.values())
 
     @property
     def counts(self) -> dict[int, int]:
@@ -68,8 +65,7 @@ class Db3Source(Source):
         lost, large, most = 0, 0, limits().bytes_of("message", size)
         try:
             for _, time_ns, topic, data in read_rows(self._db, self._report, start_ns, end_ns):
-                message = self._message(time_ns, topic, data, most)
-                if message is not None:
+                if (message := self._message(time_ns, topic, data, most)) is not None:
                     yield message
                 elif is_large(data, most):
                     large += 1

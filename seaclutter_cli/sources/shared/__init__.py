@@ -8,10 +8,8 @@ from seaclutter_cli.cloud import Cloud
 from seaclutter_cli.errors import CloudError
 from seaclutter_cli.interfaces import Source
 from seaclutter_cli.messages import CODECS
-from seaclutter_cli.messages.definitions import ros2_schema
+from seaclutter_cli.messages.definitions import POINT_CLOUD, ros2_schema
 from seaclutter_cli.records import Channel, Message
-
-_TYPE = "sensor_msgs/msg/PointCloud2"
 
 
 class SourceWrapper(Source):
@@ -70,7 +68,7 @@ class CloudSource(TimedSource):
     def __init__(self, name: str, stamps_ns: Sequence[int], topic: str = "/points") -> None:
         super().__init__()
         self.name = name
-        self.channels = [Channel(1, topic, "cdr", ros2_schema(_TYPE))]
+        self.channels = [Channel(1, topic, "cdr", ros2_schema(POINT_CLOUD))]
         self._times_ns = {1: list(stamps_ns)}
 
     @abstractmethod
@@ -82,7 +80,7 @@ class CloudSource(TimedSource):
         for index, stamp_ns in enumerate(self._times_ns[1]):
             if (start_ns is None or stamp_ns >= start_ns) and (end_ns is None or stamp_ns < end_ns):
                 try:
-                    data = CODECS[_TYPE, "cdr"].encode(self.cloud(index))
+                    data = CODECS[POINT_CLOUD, "cdr"].encode(self.cloud(index))
                 except CloudError as error:
                     self.report(f"cloud {index}: {error}", lost_messages=1)
                 else:

@@ -70,8 +70,7 @@ class _Candidate:
             self._note("only device information, no data packets")
 
     def _add_packets(self, found: Sequence[Packets]) -> None:
-        longest = max(found, key=len, default=None)
-        if longest is None:
+        if (longest := max(found, key=len, default=None)) is None:
             raise CloudError("the scan contains no packets")
         self._family = self._family or self._recognise(longest)
         if self._family is None:
@@ -256,8 +255,7 @@ class PacketTopics(SourceWrapper):
 
     def _take(self, message: Message, streams: dict[int, _Stream]) -> _Stream | None:
         """Take the packets of a message; return the stream if its packets are to be decoded now."""
-        stream = streams.get(message.channel.id)
-        if stream is None:
+        if (stream := streams.get(message.channel.id)) is None:
             channel, make, packet_bytes = self._topics[message.channel.id]
             stream = streams[message.channel.id] = _Stream(self, channel, make(), packet_bytes)
             self.facts[channel.topic] = stream.decoder.facts

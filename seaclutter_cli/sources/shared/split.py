@@ -7,7 +7,7 @@ import re
 from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -49,8 +49,7 @@ class JoinedSource(Source, Generic[K]):
         """Channels of the whole by source and by their ids in it."""
 
     @abstractmethod
-    def _source(self, key: K) -> Source:
-        """Return a source."""
+    def _source(self, key: K) -> Source: ...
 
     @abstractmethod
     def _whole(self, key: K, channel: Channel) -> Channel:
@@ -188,8 +187,7 @@ class SplitSource(JoinedSource[Path]):
     def _whole(self, key: Path, channel: Channel) -> Channel:
         unnumbered = replace(channel, id=0)
         occurrence = sum(replace(other, id=0) == unnumbered for other in self._known[key].values())
-        merged = self._merged.get((unnumbered, occurrence))
-        if merged is None:
+        if (merged := self._merged.get((unnumbered, occurrence))) is None:
             taken = {other.id for other in self._merged.values()}
             merged = replace(channel, id=max(taken) + 1) if channel.id in taken else channel
             self._merged[unnumbered, occurrence] = merged
@@ -264,28 +262,20 @@ def joined(
             groups.append([file])
             reasons.append(reason)
         last = content or last
-    for line in _lines(groups, reasons):
-        note(line)
+    for group in groups:
+        if len(group) > 1:
+            note(f"{group[0]} to {group[-1].name} are one recording; --no-join separates them")
+    if reasons:
+        more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
+        note(f"{files[0]} to {files[-1].name} are {len(groups)} recordings: {reasons[0]}{more}; --join makes them one")
     return groups
 
 
-def _lines(groups: Sequence[Sequence[Path]], reasons: Sequence[str]) -> Iterator[str]:
-    for group in groups:
-        if len(group) > 1:
-            yield f"{group[0]} to {group[-1].name} are one recording; --no-join separates them"
-    if reasons:
-        more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
-        files = f"{groups[0][0]} to {groups[-1][-1].name}"
-        yield f"{files} are {len(groups)} recordings: {reasons[0]}{more}; --join makes them one"
-
-
 def _content(file: Path, open_file: Callable[[Path], Source]) -> _Content | None:
-    try:
-        with closing(open_file(file)) as source:
-            clouds = ((c.topic, c.schema.name if c.schema else "") for c in main_clouds(source.channels))
-            return _Content(file, source.span_ns, frozenset(clouds)) if source.span_ns else None
-    except InputError:
-        return None
+    with suppress(InputError), closing(open_file(file)) as source:
+        clouds = ((c.topic, c.schema.name if c.schema else "") for c in main_clouds(source.channels))
+        return _Content(file, source.span_ns, frozenset(clouds)) if source.span_ns else None
+    return None
 
 
 def _difference(last: _Content, content: _Content) -> str | None:

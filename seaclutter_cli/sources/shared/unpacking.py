@@ -69,27 +69,20 @@ def unpack_message(data: Buffer, most: int) -> Buffer | None:
     """Return a message, unpacked if it is compressed; None if it is damaged or has more than ``most`` bytes."""
     if data[:4] != ZSTD_MAGIC:
         return data if len(data) <= most else None
-    try:
-        size = zstandard.frame_content_size(data)
-        if size > most:
-            return None
-        limit = min(most, 2**20 + _MAX_RATIO * len(data))
-        return zstandard.ZstdDecompressor().decompress(data, max_output_size=limit)
-    except zstandard.ZstdError:
-        return None
+    with suppress(zstandard.ZstdError):
+        if zstandard.frame_content_size(data) <= most:
+            limit = min(most, 2**20 + _MAX_RATIO * len(data))
+            return zstandard.ZstdDecompressor().decompress(data, max_output_size=limit)
+    return None
 
 
 def is_large(data: object, most: int) -> bool:
     """Return whether the data of a message, or the size that represents them, exceed ``most`` bytes if unpacked."""
-    if isinstance(data, int):
-        return data > most
-    try:
-        # Still larger sizes are damage.
-        return (
-            isinstance(data, bytes) and data[:4] == ZSTD_MAGIC and most < zstandard.frame_content_size(data) < _TERABYTE
-        )
-    except zstandard.ZstdError:
-        return False
+    size = data if isinstance(data, int) else 0
+    if isinstance(data, bytes) and data[:4] == ZSTD_MAGIC:
+        with suppress(zstandard.ZstdError):
+            size = zstandard.frame_content_size(data)
+    return most < size < _TERABYTE  # still larger sizes are damage
 
 
 @contextmanager
