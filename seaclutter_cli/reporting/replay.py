@@ -16,7 +16,7 @@ from seaclutter_cli.messages import find_codec
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
 from seaclutter_cli.messages.metadata import DIAGNOSTICS, recorded_topics
 from seaclutter_cli.reading import read, removed_points
-from seaclutter_cli.records import Message, Metadata
+from seaclutter_cli.records import Message
 from seaclutter_cli.selection import Selection
 
 _FILTERED, _REMOVED = "/filtered", "/removed"
@@ -34,16 +34,6 @@ def _diagnostics_topic(source: Source, topic: str) -> str:
     recorded = recorded_topics(source.metadata)
     found = (name for name, one in recorded.items() if (one.content, one.clouds) == (DIAGNOSTICS, topic))
     return next(found, TOPIC)
-
-
-def recorded_config(source: Source) -> str | None:
-    """Return the configuration that a log was filtered with, as YAML; None if it is not recorded."""
-    for record in source.records():
-        if isinstance(record, Metadata) and record.name == "seaclutter":
-            return record.entries.get("config")
-        if isinstance(record, Message):
-            break
-    return None
 
 
 def replay(source: Source, topic: str, selection: Selection) -> Iterator[FilterResult]:

@@ -11,8 +11,7 @@ from seaclutter_cli.config import Config
 from seaclutter_cli.errors import InputError, LabelError, UsageError
 from seaclutter_cli.evaluation import IDEAL
 from seaclutter_cli.evaluation.label_check import LabelCheck
-from seaclutter_cli.evaluation.scores import FrameScore, Parts, Summary, ideal, score_frame
-from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.evaluation.scores import Parts, Summary, ideal, score_frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import Filtered, run_each
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
@@ -35,7 +34,6 @@ from seaclutter_cli.selection import (
     studied,
 )
 from seaclutter_cli.text import count, json_text, printable, table
-from seaclutter_cli.truth import Truth
 
 
 @use_case_of(EvaluateOptions)
@@ -104,12 +102,6 @@ class Evaluated(Described):
         """Number of frames that at least one method could use, labelled or not."""
         return max((summary.frames + summary.unlabelled for summary in self.methods.values()), default=0)
 
-    def add(self, method: str, frame: Frame, score: FrameScore, seconds: float | None) -> None:
-        """Add a frame to the sums and rows of a method."""
-        self.methods[method].add(score, seconds)
-        if self.rows:
-            self.rows.add(method, frame, score)
-
     def figures(self) -> str:
         """Return frames and rates of the first method, for a line about the outcome."""
         name, first = next(iter(self.methods.items()))
@@ -154,8 +146,16 @@ class EvaluateWork(RecordingWork[Evaluated]):
         return super().run(observer)
 
     def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
-        """Filter the recording with every method, and score each frame."""
+        """Filter the recording with every method, and score each frame; warn once of each doubt."""
         outcome.rows = tables.FrameRows(self.recording.name) if self.tabulated else None
+        warn = cache(observer.warn)
+        for text in self._scored(source, labels, outcome, observer):
+            warn(f"{outcome.recording}: {text}")
+
+    def filtered(
+        self, source: Source, outcome: Evaluated, observer: Observer
+    ) -> tuple[Iterable[Filtered], Mapping[str, Checks]]:
+        """Return the frames with the result of every method, and the checks of methods by name."""
         selection = studied(source, self.reading.selection)
         clouds, by = cloud_channels(source, selection.topics), filtered_by(source, selection.topics)
         for other in set(main_topics(source)) - {clouds[0].topic} if selection != self.reading.selection else ():
@@ -173,9 +173,7 @@ class EvaluateWork(RecordingWork[Evaluated]):
         every = run_each(source, filters, selection, removed)
         if self.indicated:
             every = self._indicated(every, source, outcome)
-        stepped = self.stepped(every, source, observer, clouds)
-        frames = self._finished(stepped, source, labels, outcome, observer)
-        warn_once(observer, outcome, self.scored(frames, labels, outcome, checks))
+        return self.stepped(every, source, observer, clouds), checks
 
     def _removed(self, source: Source, topic: str, by: str, observer: Observer) -> str | None:
         """Return the topic of what an earlier run removed; `InputError` if that is lost. Warn of a second filter."""
@@ -190,11 +188,39 @@ class EvaluateWork(RecordingWork[Evaluated]):
             observer.warn(f"{text}; this run only filters the remaining points{also}")
         return removed
 
-    def _finished(
-        self, every: Iterable[Filtered], source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer
-    ) -> Iterator[Filtered]:
-        """Yield the frames of the recording; then raise `LabelError` or warn if they and the labels do not match."""
-        yield from every
+    def _scored(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> Iterator[str]:
+        """Score frames for every method that could use them; yield warnings about settings and labels."""
+        every, checks = self.filtered(source, outcome, observer)
+        evaluation = self.variants[0].config.evaluation
+        label_check = LabelCheck(evaluation)
+        for frame, results, seconds in every:
+            outcome.note(frame)
+            truth = labels.truth(frame) if labels else None
+            if truth and self.variants[-1].name == IDEAL:  # its place has the result of a stand-in
+                results = [*results[:-1], ideal(frame, truth, evaluation)]  # noqa: PLW2901
+            scores = score_frame(frame, results, truth, evaluation)
+            if truth:
+                label_check.add(frame, truth)
+                yield from [_AS_PROPOSED] if truth.proposed else ()
+            if truth and outcome.parts:
+                outcome.parts.add(scores)
+            for listener in self.listeners:
+                listener.add(ScoredFrame(frame, results, truth, scores))
+            for variant, result, found, spent in zip(self.variants, results, scores, seconds, strict=True):
+                if result is None or found is None:
+                    continue
+                outcome.methods[variant.name].add(found, None if variant.name == IDEAL else spent)
+                if outcome.rows:
+                    outcome.rows.add(variant.name, frame, found)
+                yield from checks[variant.name].add(result) if variant.name in checks else ()
+        self.end(source, labels, outcome, observer)
+        for check in checks.values():  # even after only a few frames
+            yield from check.finish()
+        most = max(outcome.methods.values(), key=attrgetter("frames"))
+        yield from (f"labels: {finding.text}" for finding in label_check.findings(most.targets, most.visible))
+
+    def end(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
+        """Raise `LabelError` or warn if the frames and the labels do not match."""
         self.finish(source, labels, outcome.frames)
         if labels and outcome.frames and not any(summary.frames for summary in outcome.methods.values()):
             recorded = recorded_of(source, self.reading.selection.topics)
@@ -202,36 +228,6 @@ class EvaluateWork(RecordingWork[Evaluated]):
                 text = f"it is a part of a recording, with frames from {first} on"
                 raise LabelError(f"{source.name}: no frame is labelled; {text}")
             observer.warn(f"{source.name}: no frame is labelled; check that the labels belong to this recording")
-
-    def scored(
-        self, frames: Iterable[Filtered], labels: Labels | None, outcome: Evaluated, checks: Mapping[str, Checks]
-    ) -> Iterator[str]:
-        """Score frames for every method that could use them; yield warnings about settings and labels."""
-        evaluation = self.variants[0].config.evaluation
-        label_check = LabelCheck(evaluation)
-        for frame, filtered, seconds in frames:
-            outcome.note(frame)
-            truth = labels.truth(frame) if labels else None
-            results = self._with_ideal(filtered, frame, truth)
-            scores = score_frame(frame, results, truth, evaluation)
-            if truth:
-                label_check.add(frame, truth)
-                if truth.proposed:
-                    yield _AS_PROPOSED
-            if truth is not None and outcome.parts:
-                outcome.parts.add(scores)
-            for listener in self.listeners:
-                listener.add(ScoredFrame(frame, results, truth, scores))
-            for variant, result, found, spent in zip(self.variants, results, scores, seconds, strict=True):
-                if result is None or found is None:
-                    continue
-                outcome.add(variant.name, frame, found, None if variant.name == IDEAL else spent)
-                if variant.name in checks:
-                    yield from checks[variant.name].add(result)
-        for check in checks.values():  # even after only a few frames
-            yield from check.finish()
-        most = max(outcome.methods.values(), key=attrgetter("frames"))
-        yield from (f"labels: {finding.text}" for finding in label_check.findings(most.targets, most.visible))
 
     def _indicated(self, every: Iterable[Filtered], source: Source, outcome: Evaluated) -> Iterator[Filtered]:
         from seaclutter_cli.runs.objects import mounting_of, recorded_configs  # not needed with labels
@@ -243,21 +239,6 @@ class EvaluateWork(RecordingWork[Evaluated]):
             indicator.add(frame, results)
             yield frame, results, seconds
         outcome.indications = indicator.finish()
-
-    def _with_ideal(
-        self, results: Sequence[FilterResult | None], frame: Frame, truth: Truth | None
-    ) -> Sequence[FilterResult | None]:
-        """Return the results with that of `IDEAL`, if it is compared, in place of that of its stand-in."""
-        if truth is None or self.variants[-1].name != IDEAL:
-            return results
-        return [*results[:-1], ideal(frame, truth, self.variants[0].config.evaluation)]
-
-
-def warn_once(observer: Observer, outcome: Evaluated, texts: Iterable[str]) -> None:
-    """Warn of each text when it comes first."""
-    warn = cache(observer.warn)
-    for text in texts:
-        warn(f"{outcome.recording}: {text}")
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """What shows the effect of a filter: a page that opens offline, figures for print, and the Rerun viewer."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -17,9 +17,10 @@ from seaclutter_cli.pipeline import Filtered
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.reporting.collector import Collector, FrameListener, Method, ScoredFrame
 from seaclutter_cli.reporting.page import render_page, report_data
-from seaclutter_cli.reporting.replay import filtered_topics, recorded_config, replay
+from seaclutter_cli.reporting.replay import filtered_topics, replay
 from seaclutter_cli.runs.batch import prepared
-from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork, warn_once
+from seaclutter_cli.runs.checks import Checks
+from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork
 from seaclutter_cli.runs.methods import Variant, bases, is_default, note_left_out, with_ideal
 from seaclutter_cli.runs.objects import follower_of
 from seaclutter_cli.runs.observer import Observer
@@ -82,10 +83,9 @@ class _Studied(FrameListener):
     def __init__(self, variants: Sequence[Variant], options: ReportOptions) -> None:
         methods = [Method(one.name, one.config.ring_edges, one.config.to_yaml()) for one in variants]
         self._config, labelled = variants[0].config, bool(options.labels)
-        params, frames, picks = self._config.evaluation, options.shown, options.picks
-        self.collector = Collector(
-            methods, params, follower_of(self._config), labelled=labelled, frames=frames, picks=picks
-        )
+        params, follower = self._config.evaluation, follower_of(self._config)
+        chosen: Any = {"labelled": labelled, "frames": options.shown, "picks": options.picks}
+        self.collector = Collector(methods, params, follower, **chosen)
         self._finders: list[tuple[str, SuspectFinder]] = []
         self._found: list[dict[str, Any]] = []
 
@@ -145,11 +145,9 @@ class ReportResult(Comparison):
 
     def shown(self) -> list[dict[str, Any]]:
         """Return the frames whose points are shown, and why."""
-        timeline, names = self.collected.timeline, self.collected.recordings
-        return [
-            {"recording": names[timeline[one.row][0]], "frame": one.item.frame, "why": one.why}
-            for one in self.collected.chosen
-        ]
+        timeline, names, chosen = self.collected.timeline, self.collected.recordings, self.collected.chosen
+        places = [(names[timeline[one.row][0]], one) for one in chosen]
+        return [{"recording": name, "frame": one.item.frame, "why": one.why} for name, one in places]
 
     def files(self) -> list[dict[str, Any]]:
         """Return the written files."""
@@ -279,9 +277,8 @@ def _recorded_run(recordings: Sequence[Recording], reading: ReadOptions) -> tupl
         return None, ()
     for recording, run in zip(recordings, runs, strict=True):
         if run is None or run[1] != known[0][1]:
-            raise UsageError(
-                f"{recording.name}: not filtered in the same way as the other logs; process each one alone"
-            )
+            text = "not filtered in the same way as the other logs; process each one alone"
+            raise UsageError(f"{recording.name}: {text}")
     try:
         config = parse_config(known[0][1], f"{recordings[0].name}, recorded configuration")
     except ConfigError as error:
@@ -302,7 +299,8 @@ def _recorded_in(recording: Recording, reading: ReadOptions) -> tuple[str, str] 
             return None
         if len(topics) > 1:
             raise UsageError(f"{source.name}: several filtered topics; choose from: -t {' -t '.join(topics)}")
-        return topics[0], recorded_config(source) or ""
+        run = next((one.entries for one in source.metadata if one.name == "seaclutter"), {})
+        return topics[0], run.get("config") or ""
 
 
 @dataclass(frozen=True)
@@ -311,16 +309,14 @@ class _ReplayWork(EvaluateWork):
 
     topic: str = ""
 
-    def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
+    def filtered(
+        self, source: Source, _: Evaluated, observer: Observer
+    ) -> tuple[Iterable[Filtered], Mapping[str, Checks]]:
         clouds = [channel for channel in source.channels if channel.topic == self.topic]
         results = self.stepped(replay(source, self.topic, self.reading.selection), source, observer, clouds)
-        frames = self._finished(((one.frame, [one], [None]) for one in results), source, labels, outcome, observer)
-        warn_once(observer, outcome, self.scored(frames, labels, outcome, {}))
+        return ((one.frame, [one], [None]) for one in results), {}
 
-    def _finished(
-        self, every: Iterable[Filtered], source: Source, labels: Labels | None, outcome: Evaluated, _: Observer
-    ) -> Iterator[Filtered]:
-        yield from every
+    def end(self, source: Source, labels: Labels | None, outcome: Evaluated, _: Observer) -> None:
         if not outcome.frames:
             require_frames(source, 0, self.reading.selection)
             missing = f"no frame of {self.topic} has removed points and diagnostics"
