@@ -95,14 +95,11 @@ class Body:
     kept: Ints
     changes: Ints
     looks: int = 0
-    rise: float = 0.0
-    alone: float = 0.0
-    linked: float = 0.0
-    loose: float = 0.0
-    size_m: float = 0.0
+    looked: Floats = field(default_factory=lambda: np.zeros(5))
+    """Sums of `Bodies.looks`."""
     is_flat: bool = False
     top_m: float = -math.inf
-    reasons: Ints = field(default_factory=lambda: np.zeros(len(Reason), np.int64))
+    reasons: Ints = field(default_factory=lambda: np.zeros(len(_JUDGED), np.int64))
     points_kept: int = 0
     best: dict[str, tuple[int, int, int, Floats]] = field(default_factory=dict)
     """Of the looks in which it was removed or kept, the most points, frame, stamp, and centre, shape (3,)."""
@@ -118,16 +115,17 @@ class Body:
     @property
     def is_unlikely(self) -> bool:
         """Whether it is hardly a body, although the centre of a large one, such as a quay, may jump."""
-        return self._likeness(_STEADY_M + _STEADY_SHARE * self.size_m / self.looks) < UNLIKELY
+        return self._likeness(_STEADY_M + _STEADY_SHARE * self.looked[4] / self.looks) < UNLIKELY
 
     def _likeness(self, steady_m: float) -> float:
         """Return how much it is like a body: it stands out or is alone, is solid, stays, and moves steadily.
 
         The product of four shares, each 1 for a body. What is met by one beam lies alone on the water at most.
         """
-        stands = min(max((self.rise / self.looks - 1) / _RISES, 0), 1)
-        alone = _ALONE_WEIGHT * self.alone / self.looks
-        linked = (self.linked + 1) / (self.linked + self.loose + 1)
+        rise, alone, linked, loose, _ = map(float, self.looked)
+        stands = min(max((rise / self.looks - 1) / _RISES, 0), 1)
+        alone = _ALONE_WEIGHT * alone / self.looks
+        linked = (linked + 1) / (linked + loose + 1)
         solid = min(max((linked - _LEAST_SOLID) / _SOLID_SPAN, 0), 1)
         seen = self.looks / (self.last[0] - self.first[0] + 1)
         stays = seen * (1 - math.exp(-(self.last[2] - self.first[2]) / _STAY_S))
@@ -138,7 +136,9 @@ class Body:
     def suspect(self, kind: Literal["removed", "kept"], score: float, frames: int) -> Suspect:
         """Return the body as a suspect of a kind, of which it has a ``best`` look."""
         points, frame, stamp_ns, (x, y, z) = self.best[kind]
-        removed = {reason.name.lower(): int(self.reasons[reason]) for reason in Reason if self.reasons[reason]}
+        removed = {
+            one.name.lower(): points for one, points in zip(_JUDGED, self.reasons.tolist(), strict=True) if points
+        }
         return Suspect(
             kind=kind,
             score=score,
@@ -248,19 +248,14 @@ class SuspectFinder:
         is_lost = ~is_kept & (removed >= _FEW_POINTS)
         for m, reason in enumerate(reasons):
             is_lost[m] &= ~_is_part(frame, bodies, reason, is_lost[m])
-        by_rule = [(rule, bodies.sums(reasons[0] == rule)) for rule in _JUDGED]
+        by_rule = np.array([bodies.sums(reasons[0] == rule) for rule in _JUDGED])
         moment = frame.index, frame.stamp_ns, self._time_s
         ends = np.append(bodies.start, len(bodies.points))
-        sizes = np.hypot(*np.ptp(bodies.found.hulls, axis=1).T)
         for k, track in enumerate(tracks):
             if track is None:
                 continue
             body = self._seen(track, is_kept[:, k], moment)
-            body.rise += float(bodies.rise[k])
-            body.alone += float(bodies.alone[k])
-            body.linked += float(bodies.linked[k])
-            body.loose += float(bodies.loose[k])
-            body.size_m += float(sizes[k])
+            body.looked += bodies.looks[:, k]
             body.top_m = max(body.top_m, float(bodies.top_m[k]))
             body.speed_ms = abs(track.velocity)
             body.moved(moment[2], bodies.found.centers[k])
@@ -269,9 +264,7 @@ class SuspectFinder:
             body.lost += is_lost[:, k]
             body.kept += is_kept[:, k]
             body.points_kept += int(kept[0, k])
-            if is_lost[0, k]:
-                for rule, points in by_rule:
-                    body.reasons[rule] += points[k]
+            body.reasons += by_rule[:, k] * is_lost[0, k]
             kind, size = ("removed", removed[0, k]) if is_lost[0, k] else ("kept", kept[0, k])
             if is_lost[0, k] or is_kept[0, k]:
                 own = bodies.points[bodies.start[k] : ends[k + 1]]
