@@ -5,7 +5,6 @@ One pass in constant memory: a histogram for each range ring, and the extent of 
 
 import math
 from collections.abc import Sequence
-from copy import deepcopy
 from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, Context
 from typing import Any, Self
@@ -172,10 +171,8 @@ class Calibration:
         self.frames += other.frames
         self._limit += other._limit
         for number, histogram in other._rings.items():
-            if number in self._rings:
-                self._rings[number] += histogram
-            else:
-                self._rings[number] = histogram
+            if (own := self._rings.setdefault(number, histogram)) is not histogram:
+                own += histogram
         return self
 
     def see(self, intensity: Floats) -> None:
@@ -213,7 +210,7 @@ class Calibration:
         """Return the calibration of a range ring from the points of those in ``source``."""
         histogram, rate = IntensityHistogram(), self.filter_rate
         for one in filter(self._rings.__contains__, source):
-            histogram += deepcopy(self._rings[one])
+            histogram += self._rings[one]
         if self.max_left is not None:
             left = max(self.max_left * self.frames, _FEW_ABOVE)
             rate = max(rate, 1 - left / histogram.points)

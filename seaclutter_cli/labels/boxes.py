@@ -206,12 +206,9 @@ class FileLabels:
 
     def finish(self) -> None:
         """Check, after a complete log, that it had frames for all files, and a labelled one; or raise `LabelError`."""
-        left = {number: file for number, file in self._files.items() if number > self._last}
-        if left:
-            first = min(left)
-            raise LabelError(
-                f"{self._folder}: the log has no frames for {count(len(left), 'label file')}, from "
-                f"{left[first].name} (frame {first}) on; {_HINT}"
-            )
+        if left := sorted(number for number in self._files if number > self._last):
+            first = f"{self._files[left[0]].name} (frame {left[0]})"
+            files = count(len(left), "label file")
+            raise LabelError(f"{self._folder}: the log has no frames for {files}, from {first} on; {_HINT}")
         if not self._labelled:
             raise LabelError(f"{self._folder}: no frame of the log is labelled; {_HINT}")

@@ -42,12 +42,10 @@ def draw_figures(collected: Collector, form: str) -> dict[str, bytes]:
     Figures of one method show the first; figures of one frame show `Collector.figure_sample`.
     """
     methods = len(collected.methods)
+    drawn = {f"{name}.{form}": one for name, one in FIGURES.items() if one.applies(collected)}
     return {
-        f"{name}.{form}": render(
-            one.draw, f".{form}", aspect=one.aspect + one.row_aspect * methods, collected=collected
-        )
-        for name, one in FIGURES.items()
-        if one.applies(collected)
+        name: render(one.draw, f".{form}", aspect=one.aspect + one.row_aspect * methods, collected=collected)
+        for name, one in drawn.items()
     }
 
 

@@ -185,10 +185,8 @@ def take_sample(
     found = [result.keep | unconfirmed(result) for result in results if result is not None]
     priority = frame.valid & np.any([(points != CLUTTER) & (points != IGNORED), *found], axis=0)
     shown, weight = _thin(np.flatnonzero(priority), np.flatnonzero(frame.valid & ~priority), limit)
-    reasons = np.full((len(results), len(shown)), Reason.INVALID, np.uint8)
-    for row, result in zip(reasons, results, strict=True):
-        if result is not None:
-            row[:] = result.reason[shown]
+    invalid = np.full(len(shown), Reason.INVALID, np.uint8)
+    reasons = np.array([invalid if result is None else result.reason[shown] for result in results])
     shown_truth = np.full(len(shown), UNKNOWN, np.uint8)
     if truth is not None:
         kinds = [points[shown] == CLUTTER, points[shown] == IGNORED]
@@ -204,13 +202,11 @@ def take_sample(
 def _thin(priority: Ints, others: Ints, limit: int) -> tuple[Ints, NDArray[np.float32]]:
     """Return the indices of at most ``limit`` points, and the number of points that each of them represents."""
     wanted = max(int(_PRIORITY_SHARE * limit), limit - len(others))
-    parts = [_subsample(priority, wanted)]
-    parts.append(_subsample(others, limit - len(parts[0])))
-    weights = [
-        np.full(len(part), len(whole) / max(len(part), 1))
-        for part, whole in zip(parts, (priority, others), strict=True)
-    ]
-    return np.concatenate(parts), np.concatenate(weights).astype(np.float32)
+    first = _subsample(priority, wanted)
+    rest = _subsample(others, limit - len(first))
+    pairs = (first, priority), (rest, others)
+    weights = [np.full(len(part), len(whole) / max(len(part), 1)) for part, whole in pairs]
+    return np.concatenate((first, rest)), np.concatenate(weights).astype(np.float32)
 
 
 def _subsample(members: Ints, count: int) -> Ints:

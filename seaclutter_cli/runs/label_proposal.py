@@ -22,7 +22,8 @@ from seaclutter_cli.labels.csv import COLUMNS, PROPOSED
 from seaclutter_cli.labels.json_boxes import SEEPERSEA, SUSTECHPOINTS, JsonForm
 from seaclutter_cli.reading import frames
 from seaclutter_cli.runs.batch import prepared, run_all
-from seaclutter_cli.runs.objects import ObjectsWork, RecordedObjects, objects_config
+from seaclutter_cli.runs.methods import configured
+from seaclutter_cli.runs.objects import ObjectsWork, RecordedObjects
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ProposeOptions
 from seaclutter_cli.runs.outputs import is_folder, may_appear
@@ -56,7 +57,7 @@ def propose_labels(options: ProposeOptions) -> "ProposalResult":
     >>> done.outcomes[0].boxes, done.outcomes[0].doubtful
     (120, 0)
     """
-    observer, config = options.watching, objects_config(options)
+    observer, config = options.watching, configured(options, default_method="confirmed")
     targets = _targets(options, expand(options, ahead=False))
     pairs = prepared(options, observer, [config], {"-o": targets})
     works = [ProposeWork(options.reading, *each, config) for each in pairs]

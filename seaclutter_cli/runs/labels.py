@@ -285,9 +285,8 @@ class LabelComparison(Result):
         if self.only_before:
             lines.append(f"{count(self.only_before, 'frame')} of the labels before have none after, and were left out")
         if self.only_after:
-            lines.append(
-                f"{count(self.only_after, 'frame')} of the labels after had none before; their boxes count as added"
-            )
+            frames = count(self.only_after, "frame")
+            lines.append(f"{frames} of the labels after had none before; their boxes count as added")
         return "\n".join(lines)
 
 

@@ -104,9 +104,8 @@ class RecordedSuspects(Outcome):
 
     def as_text(self) -> str:
         """Return the first suspects of each kind as tables."""
-        blocks = [
-            f"{printable(self.recording)}: {self.method} on {printable(self.topic)}, {count(self.frames, 'frame')}"
-        ]
+        recording, topic = printable(self.recording), printable(self.topic)
+        blocks = [f"{recording}: {self.method} on {topic}, {count(self.frames, 'frame')}"]
         for kind, title in _TITLES.items():
             found = self.suspects.get(kind, ())
             if not found:

@@ -79,9 +79,8 @@ def map_files(options: SeparateTilesOptions, tiles: Sequence[MappedTile], observ
     if options.plot_file:
         systems = {tile.crs.by_code for tile in tiles}
         if len(systems) > 1:
-            observer.warn(
-                f"{options.plot_file}: shows tiles with {len(systems)} coordinate reference systems as one map"
-            )
+            text = f"shows tiles with {len(systems)} coordinate reference systems as one map"
+            observer.warn(f"{options.plot_file}: {text}")
         parts = [tile.part for tile in tiles if tile.part]
         title = waves_line([tile.sea for tile in tiles if tile.sea])
         suffix = options.plot_file.suffix

@@ -93,12 +93,8 @@ def plan_tiles(
         names = [Path(tile.file_name) for tile in tiles]
         names = [one if one.suffix.lower() in (*LAS, *POINT_WRITERS) else one.with_suffix(".pcd") for one in names]
         targets = outputs_in(targets[0], names, paths, "tile", "rename one, or leave one out")
-    prepare_outputs(
-        {"-o": targets, **options.outputs},
-        {"TILE": paths, "-c": options.config, **inputs},
-        force=options.replaces,
-        observer=options.observer,
-    )
+    read: Paths = {"TILE": paths, "-c": options.config, **inputs}
+    prepare_outputs({"-o": targets, **options.outputs}, read, force=options.replaces, observer=options.observer)
     for tile, target in zip(tiles, targets, strict=True):
         suffix = target.suffix.lower()
         if suffix not in (*LAS, *POINT_WRITERS):
