@@ -88,13 +88,13 @@ _AS_PROPOSED = (
 
 @dataclass(kw_only=True)
 class Evaluated(Described):
-    """Sums over the frames of one recording for each variant; its rows and the scores of its parts, if wanted."""
+    """Sums over the frames of one recording for each variant; the scores of its parts; its rows, if wanted."""
 
     data = "recording status reason error damage seconds=rounded_s methods=known"
 
     methods: Mapping[str, Summary]
     rows: tables.FrameRows | None = field(default=None, repr=False)
-    parts: Parts | None = field(default=None, repr=False)
+    parts: Parts = field(repr=False)
     indications: "Indications | None" = field(default=None, repr=False)
 
     @property
@@ -124,20 +124,18 @@ class Evaluated(Described):
 class EvaluateWork(RecordingWork[Evaluated]):
     """Evaluation of one recording; without labels, clusters are only counted.
 
-    Listeners receive every frame in this process. ``tabulated`` and ``in_parts`` are what the outcome has besides sums.
+    Listeners receive every frame in this process. The outcome has rows if they are ``tabulated``.
     """
 
     variants: Sequence[Variant]
     listeners: Sequence[FrameListener] = ()
     tabulated: bool = False
-    in_parts: bool = False
     indicated: bool = False
 
     def without_result(self, reason: str | None) -> Evaluated:
         """Return an outcome without frames."""
         methods = {variant.name: Summary() for variant in self.variants}
-        parts = Parts(len(methods)) if self.in_parts else None
-        return Evaluated(recording=self.recording.name, methods=methods, parts=parts, error=reason)
+        return Evaluated(recording=self.recording.name, methods=methods, parts=Parts(len(methods)), error=reason)
 
     def run(self, observer: Observer) -> Evaluated:
         """Evaluate the recording, also for the listeners; store an error in the outcome."""
@@ -201,9 +199,9 @@ class EvaluateWork(RecordingWork[Evaluated]):
             scores = score_frame(frame, results, truth, evaluation)
             if truth:
                 label_check.add(frame, truth)
-                yield from [_AS_PROPOSED] if truth.proposed else ()
-            if truth and outcome.parts:
                 outcome.parts.add(scores)
+                if truth.proposed:
+                    yield _AS_PROPOSED
             for listener in self.listeners:
                 listener.add(ScoredFrame(frame, results, truth, scores))
             for variant, result, found, spent in zip(self.variants, results, scores, seconds, strict=True):
@@ -231,14 +229,15 @@ class EvaluateWork(RecordingWork[Evaluated]):
 
     def _indicated(self, every: Iterable[Filtered], source: Source, outcome: Evaluated) -> Iterator[Filtered]:
         from seaclutter_cli.runs.objects import mounting_of, recorded_configs  # not needed with labels
-        from seaclutter_cli.suspects.indications import Indicator
+        from seaclutter_cli.suspects.finder import SuspectFinder
 
         configs = [variant.config for variant in self.variants]
-        indicator = Indicator(len(configs), mounting_of(*configs, *recorded_configs(source)))
+        finder = SuspectFinder(len(configs), mounting_of(*configs, *recorded_configs(source)))
         for frame, results, seconds in every:
-            indicator.add(frame, results)
+            finder.indicate(frame, results)
             yield frame, results, seconds
-        outcome.indications = indicator.finish()
+        finder.finish()
+        outcome.indications = finder.tally
 
 
 @dataclass(frozen=True)
@@ -271,7 +270,9 @@ class Comparison(RecordingsResult[Evaluated]):
         found = [outcome.indications for outcome in self.outcomes if outcome.indications and outcome.known]
         if not found:
             return None
-        total = found[0].of(len(self.variants))
+        from seaclutter_cli.suspects.indications import Indications  # not needed with labels
+
+        total = Indications(len(self.variants))
         for one in found:
             total.update(one)
         return {variant.name: total.of_method(m) for m, variant in enumerate(self.variants)}

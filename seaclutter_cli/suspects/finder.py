@@ -5,7 +5,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal, Self
+from typing import Literal
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from seaclutter_cli.arrays import Bytes, Floats, Ints, Mask
 from seaclutter_cli.clustering import ClusterFinder
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.suspects.bodies import Bodies, BodyFinder
+from seaclutter_cli.suspects.indications import Indications
 from seaclutter_cli.tracking.clock import Clock
 from seaclutter_cli.tracking.detections import Detections
 from seaclutter_cli.tracking.tracker import Track, Tracker
@@ -173,34 +174,6 @@ class Body:
         self._before.append((time_s, place))
 
 
-@dataclass
-class Tally:
-    """Sums over the bodies of a recording for M methods, shape (M,): the looks of those that are likely targets.
-
-    ``lost`` and ``found`` are looks of these in which they are lost and kept; in neither, the configuration removes
-    them, such as own ship. ``changes`` are those between kept and not, within ``seconds``, the times from first to last
-    look at those that are ever lost or kept. ``doubtful`` are the looks of unlikely bodies that are kept, and clusters
-    of kept points near the water. ``kept_score`` and ``lost_score`` are sums of the scores of all bodies over the looks
-    in which they are kept or lost.
-    """
-
-    lost: Ints
-    found: Ints
-    changes: Ints
-    doubtful: Ints
-    kept_looks: Ints
-    lost_looks: Ints
-    kept_score: Floats
-    lost_score: Floats
-    seconds: Floats
-
-    @classmethod
-    def of(cls, methods: int) -> Self:
-        """Return the sums over no body."""
-        counts = np.zeros((6, methods), np.int64)
-        return cls(*counts, *np.zeros((3, methods)))
-
-
 class SuspectFinder:
     """Bodies of the frames of a recording under M methods; suspects are those of the first method.
 
@@ -208,13 +181,13 @@ class SuspectFinder:
     most 500 suspects of each kind are kept, and the bodies of the last five seconds.
     """
 
-    def __init__(self, methods: int = 1, mounting: Mounting | None = None, tally: Tally | None = None) -> None:
+    def __init__(self, methods: int = 1, mounting: Mounting | None = None) -> None:
         self._mounting = mounting or Mounting()
         self._bodies: dict[Track, Body] = {}
         self._listed: dict[str, list[tuple[float, int, Suspect]]] = {"removed": [], "kept": []}
         self._clock, self._time_s = Clock(), 0.0
         self._number = 0
-        self.tally = tally or Tally.of(methods)
+        self.tally = Indications(methods)
         self.unjudged = 0
         self._begin()
 
@@ -232,6 +205,12 @@ class SuspectFinder:
         self._count(frame, bodies, tracks, reasons)
         self._end([track for track, body in self._bodies.items() if time_s - body.last[2] > _GONE_S])
         return bodies
+
+    def indicate(self, frame: Frame, results: Sequence[FilterResult | None]) -> None:
+        """Add a frame to all indications; one that a method could not use, which has None, counts for none."""
+        used = [one for one in results if one is not None]
+        if len(used) == len(results):
+            self.tally.add(frame, used, self.add(frame, results))
 
     def finish(self) -> dict[str, list[Suspect]]:
         """Return the suspects of each kind, the most probable first."""
