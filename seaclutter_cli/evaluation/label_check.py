@@ -61,9 +61,8 @@ class LabelCheck:
 
     def findings(self, targets: int, visible: int) -> list[Finding]:
         """Return the probable mistakes, given the number of targets in all frames, and of those with enough points."""
-        found = [*self._class_names(), *self._counted()]
         fitted = list(self._fitted())
-        found += fitted
+        found = [*self._class_names(), *self._counted(), *fitted]
         if self._too_long and not any("sizes" in finding.text for finding in fitted):
             text = f"{self._of(self._too_long)} have a side of more than {LARGEST_M:g} m: check the unit"
             found.append(Finding("size", text))

@@ -157,9 +157,8 @@ def _draw_water(figure: "Figure", collected: Collector) -> None:
         values = water[:, WATER_COLUMNS.index(name)]
         _draw_series(axes, values, color=palette.LINES[0])
         axes.set(ylabel=label)
-    panels[1].set_ylim(bottom=0)
-    for axes in panels:
         _set_frame_axis(axes, len(water))
+    panels[1].set_ylim(bottom=0)
     panels[0].set_xlabel("")
 
 
