@@ -93,11 +93,7 @@ def point_truth(frame: Frame, truth: Truth, params: EvaluationParams) -> Ints:
     return found
 
 
-Finder = DbscanFinder | ClusterFinder
-"""Cluster search in several subsets of the same points."""
-
-
-def finder_of(frame: Frame, subsets: Iterable[Mask], params: EvaluationParams) -> Finder:
+def finder_of(frame: Frame, subsets: Iterable[Mask], params: EvaluationParams) -> DbscanFinder | ClusterFinder:
     """Return a cluster search for the valid points in any of several subsets of a frame."""
     among = np.zeros(frame.size, np.bool_)
     for subset in subsets:

@@ -89,11 +89,10 @@ def _rows(path: Path, names: Sequence[str], key: str, lines: Iterator[str], deli
     try:
         for line, row in enumerate(csv.reader(lines, delimiter=delimiter, strict=True), 2):
             if any(cell.strip() for cell in row):
-                yield _row(names, key, [cell.strip() for cell in row], line)
+                with about(f"{path}: line {line}", LabelError):
+                    yield _row(names, key, [cell.strip() for cell in row], line)
     except csv.Error as error:
         raise LabelError(f"{path}: line {line + 1}: {error}") from error
-    except LabelError as error:
-        raise LabelError(f"{path}: line {line}: {error}") from error
 
 
 def _row(names: Sequence[str], key: str, cells: Sequence[str], line: int) -> _Row:

@@ -82,14 +82,11 @@ class JsonForm:
 
     def _labelled(self, item: Any) -> Labelled:
         box = part(item, self.box)
-        return Labelled(
-            next(filter(None, (text(item, key) for key in self.tracks)), ""),
-            text(item, self.kind),
-            _numbers(part(box, self.position), ("x", "y", "z")),
-            _numbers(part(box, self.size[0]), self.size[1]),
-            number(part(box, self.yaw[0]), self.yaw[1]),
-            text(item, ANNOTATOR).startswith(PROPOSER),
-        )
+        track = next(filter(None, (text(item, key) for key in self.tracks)), "")
+        x, y, z = (number(part(box, self.position), axis) for axis in "xyz")
+        length, width, height = (number(part(box, self.size[0]), name) for name in self.size[1])
+        yaw, proposed = number(part(box, self.yaw[0]), self.yaw[1]), text(item, ANNOTATOR).startswith(PROPOSER)
+        return Labelled(track, text(item, self.kind), (x, y, z), (length, width, height), yaw, proposed)
 
     def content(self, objects: Sequence[Proposal]) -> Any:
         """Return the content of the file of a frame."""
@@ -154,11 +151,6 @@ def number(item: Any, key: str) -> float:
     if not math.isfinite(result):
         raise LabelError(f"{key!r} is not a finite number")
     return result
-
-
-def _numbers(item: Any, keys: tuple[str, str, str]) -> tuple[float, float, float]:
-    first, second, third = (number(item, key) for key in keys)
-    return first, second, third
 
 
 def text(item: Any, key: str) -> str:

@@ -19,7 +19,6 @@ from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
 _MAX_CLUSTERS = 400
 
 Shown = dict[str, Any]
-BoxesAndClusters = tuple[list[Shown], list[list[Shown]]]
 _CLUSTERS = {
     "target": (palette.STATES["detected"], ""),
     "false": (palette.STATES["false alarm"], "false alarm"),
@@ -45,7 +44,7 @@ def unconfirmed(result: FilterResult) -> Mask:
 
 def find_boxes(
     frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams
-) -> BoxesAndClusters:
+) -> tuple[list[Shown], list[list[Shown]]]:
     """Return labelled boxes and, for each method, the bounding boxes of its clusters.
 
     A box has ``track``, ``class``, ``center``, ``size``, ``yaw``, and ``state``: ``ignored``; ``hidden`` if not

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from seaclutter_cli import __version__
 from seaclutter_cli.buckets import shown, use_case_of
@@ -28,15 +28,12 @@ from seaclutter_cli.runs.options import MethodOptions, ReadOptions
 from seaclutter_cli.runs.options.logs import ReportOptions, ViewOptions
 from seaclutter_cli.runs.outputs import may_appear, write_files
 from seaclutter_cli.runs.recordings import LabelFile, open_recording, require_frames
-from seaclutter_cli.runs.suspects import finder_for, listed
+from seaclutter_cli.runs.suspects import finder_for
 from seaclutter_cli.selection import filtered_by
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import UNKNOWN, count, printable
 from seaclutter_cli.viewing import FrameStream, check_target, require_rerun, viewer
-
-if TYPE_CHECKING:
-    from seaclutter_cli.suspects.finder import SuspectFinder
 
 _NANO = 1_000_000_000
 _FIRST_YEAR = 1990
@@ -86,25 +83,23 @@ class _Studied(FrameListener):
         params, follower = self._config.evaluation, follower_of(self._config)
         chosen: Any = {"labelled": labelled, "frames": options.shown, "picks": options.picks}
         self.collector = Collector(methods, params, follower, **chosen)
-        self._finders: list[tuple[str, SuspectFinder]] = []
+        self._recording, self._finder = "", finder_for(self._config)
         self._found: list[dict[str, Any]] = []
 
     def begin(self, recording: str) -> None:
         self.finish()
-        self._finders.append((recording, finder_for(self._config)))
+        self._recording, self._finder = recording, finder_for(self._config)
         self.collector.begin(recording)
 
     def add(self, scored: ScoredFrame) -> None:
         self.collector.add(scored)
-        self._finders[-1][1].add(scored.frame, scored.results[:1])
+        self._finder.add(scored.frame, scored.results[:1])
 
     def finish(self) -> list[dict[str, Any]]:
         """Return the first suspects of each kind in each recording so far, as data of the page."""
-        for recording, finder in self._finders:
-            for found in finder.finish().values():
-                rows = [{"recording": recording, **listed(one), "of": len(found)} for one in found[:_MAX_SUSPECTS]]
-                self._found += rows
-        self._finders.clear()
+        for found in self._finder.finish().values():
+            first = found[:_MAX_SUSPECTS]
+            self._found += [{"recording": self._recording, **vars(one), "of": len(found)} for one in first]
         return self._found[:_MAX_LISTED]
 
 

@@ -47,7 +47,7 @@ class Suspect:
     ``z_m`` and the points are ``points``; ``frames`` is the number of frames in which it was removed or kept, from
     ``first_frame`` to ``last_frame``. ``reasons`` are the points removed by each rule, but those that follow from the
     configuration. ``top_m`` is the greatest height above the water, None if it is not known; ``speed_ms`` that against
-    the lidar.
+    the lidar; ``range_m`` the horizontal distance from it.
     """
 
     kind: Literal["removed", "kept"]
@@ -67,11 +67,7 @@ class Suspect:
     top_m: float | None
     speed_ms: float
     reasons: dict[str, int]
-
-    @property
-    def range_m(self) -> float:
-        """Horizontal distance from the lidar."""
-        return math.hypot(self.x_m, self.y_m)
+    range_m: float
 
     @property
     def weight(self) -> float:
@@ -158,6 +154,7 @@ class Body:
             top_m=self.top_m if math.isfinite(self.top_m) else None,
             speed_ms=self.speed_ms,
             reasons=removed if kind == "removed" else {},
+            range_m=math.hypot(x, y),
         )
 
     def looked_at(self, kind: str, points: int, moment: Moment, center: Floats) -> None:
