@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, Context
+from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
@@ -244,17 +245,11 @@ def _ring_sources(points: Sequence[int], enough: int) -> list[range]:
     >>> _ring_sources([900, 60, 0], 100), _ring_sources([8, 900], 100), _ring_sources([8, 9], 100)
     ([range(0, 1), range(0, 1), range(0, 1)], [range(1, 2), range(1, 2)], [range(0, 2), range(0, 2)])
     """
-    groups: list[range] = []
-    start = 0
+    starts = [0]
     for number, one in enumerate(points):
-        if one >= enough and start < number:
-            groups.append(range(start, number))
-            start = number
-        if sum(points[start : number + 1]) >= enough:
-            groups.append(range(start, number + 1))
-            start = number + 1
-    if start < len(points):
-        groups.append(range(start, len(points)))
+        if number > starts[-1] and (one >= enough or sum(points[starts[-1] : number]) >= enough):
+            starts.append(number)
+    groups = [range(*bounds) for bounds in pairwise((*starts, len(points)))]
     filled = [sum(points[number] for number in group) >= enough for group in groups]
     if not any(filled):
         return [range(len(points))] * len(points)

@@ -208,10 +208,8 @@ class LabelFit:
 
     def _best(self, made: Sequence[Change], fit: float, ways: Sequence[Sequence[Change]]) -> list[Guess]:
         fits = [self.of((*made, *way)) for way in ways]
-        probable = [
-            after if after >= max(fit + max(change.min_gain for change in way), _MIN_FIT[len(way)]) else 0.0
-            for way, after in zip(ways, fits, strict=True)
-        ]
+        least = [max(fit + max(change.min_gain for change in way), _MIN_FIT[len(way)]) for way in ways]
+        probable = np.where(np.greater_equal(fits, least), fits, 0.0).tolist()
         top = max(probable, default=0.0)
         if not top:
             return []

@@ -119,27 +119,21 @@ def files_in(folder: Path, suffixes: Collection[str]) -> list[Path]:
     return sorted(files, key=natural_order)
 
 
-def _assigned(folder: Path, suffix: str, clouds: str, *, complete: bool) -> tuple[dict[int, Path], bool]:
-    """Return the label files in a folder by the number of their frame, and whether every frame must have one.
+def _assigned(files: Sequence[Path], clouds: Sequence[Path], *, complete: bool) -> tuple[dict[int, Path], bool]:
+    """Return label files by the number of their frame, and whether every frame must have one.
 
-    If there are clouds, in the sibling folder of this name or in the folder itself, label files belong to those of the
-    same name: `LabelError` if a label file has no cloud or, if the labels must be ``complete``, a cloud no label file.
-    Otherwise they are assigned by order; incomplete ones by frame numbers in their names, if they are some.
+    If there are clouds, label files belong to those of the same name: `LabelError` if a label file has no cloud or, if
+    the labels must be ``complete``, a cloud no label file. Otherwise they are assigned by order; incomplete ones by
+    frame numbers in their names, if they are some.
     """
-    files = files_in(folder, (suffix,))
-    if beside := _clouds_beside(folder, clouds):
-        return _by_name(files, beside, complete=complete), complete
+    if clouds:
+        return _by_name(files, clouds, complete=complete), complete
     numbers = [_number(file) for file in files]
     # Consecutive numbers that start above 0 belong to a longer sequence, not to this log.
     consecutive = min(numbers) > 0 and max(numbers) - min(numbers) + 1 == len(set(numbers))
     if complete or min(numbers) < 0 or len(set(numbers)) < len(files) or consecutive:
         return dict(enumerate(files)), True
     return dict(zip(numbers, files, strict=True)), False
-
-
-def _clouds_beside(folder: Path, clouds: str) -> list[Path]:
-    """Return the clouds in the sibling folder of this name, or in the folder itself."""
-    return files_in(folder.parent / clouds, _CLOUDS) or files_in(folder, _CLOUDS)
 
 
 def _number(file: Path) -> int:
@@ -175,9 +169,10 @@ class FileLabels:
         complete: bool,
     ) -> None:
         self._folder, self._read = folder, read
-        self._files, self._complete = _assigned(folder, suffix, clouds, complete=complete)
+        beside = files_in(folder.parent / clouds, _CLOUDS) or files_in(folder, _CLOUDS)
+        self._files, self._complete = _assigned(files_in(folder, (suffix,)), beside, complete=complete)
         self._number = options.number
-        self._clouds = [] if options.by_sequence else _clouds_beside(folder, clouds)
+        self._clouds = [] if options.by_sequence else beside
         self._last = -1
         self._labelled = False
 

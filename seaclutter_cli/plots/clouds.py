@@ -166,11 +166,9 @@ def _add_legend(figure: "Figure", reasons: list[Reason], marks: "Mapping[str, Li
     for name in (*(name for name, _, _ in _BOX_STYLES.values()), _FALSE_ALARM):
         if name in marks:
             handles[name] = marks[name]
-    length = 1.4 if marks else 0.8
     columns = 4 if sum(map(len, handles)) <= _MAX_LEGEND_CHARACTERS else 3
-    figure.legend(
-        handles.values(), handles, loc="outside upper center", ncols=columns, handlelength=length, columnspacing=1.2
-    )
+    style: Any = {"ncols": columns, "handlelength": 1.4 if marks else 0.8, "columnspacing": 1.2}
+    figure.legend(handles.values(), handles, loc="outside upper center", **style)
 
 
 def draw_mask(figure: "Figure", *, mask: StructureMask, reach_m: float) -> None:

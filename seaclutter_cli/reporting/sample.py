@@ -186,10 +186,8 @@ def take_sample(
     shown, weight = _thin(np.flatnonzero(priority), np.flatnonzero(frame.valid & ~priority), limit)
     invalid = np.full(len(shown), Reason.INVALID, np.uint8)
     reasons = np.array([invalid if result is None else result.reason[shown] for result in results])
-    shown_truth = np.full(len(shown), UNKNOWN, np.uint8)
-    if truth is not None:
-        kinds = [points[shown] == CLUTTER, points[shown] == IGNORED]
-        shown_truth = np.select(kinds, [IS_CLUTTER, IS_IGNORED], IS_TARGET).astype(np.uint8)
+    kinds = [np.full(len(shown), truth is None), points[shown] == CLUTTER, points[shown] == IGNORED]
+    shown_truth = np.select(kinds, [UNKNOWN, IS_CLUTTER, IS_IGNORED], IS_TARGET).astype(np.uint8)
     intensity = np.full(frame.size, np.nan) if frame.intensity_name is None else frame.intensity
     numbers = frame.index, frame.size, int(np.count_nonzero(frame.valid))
     xyz, bright = (values.astype(np.float32) for values in (frame.coordinates[:, shown].T, intensity[shown]))
