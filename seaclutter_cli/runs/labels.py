@@ -31,7 +31,7 @@ from seaclutter_cli.truth import Boxes, Truth
 _LINE_CHARACTERS = 80
 _SAME_M, _SAME_RAD = 0.01, 0.001
 _GOOD = 0.5
-_NUMBERS = ("centers", "sizes", "yaws")
+_ARRAYS = ("centers", "sizes", "yaws")
 _MEANS = ("length_m", "width_m", "height_m", "points")
 
 
@@ -197,7 +197,7 @@ def _boxes(labels: Labels, number: int) -> Boxes:
     truth = labels.truth(Frame.of_arrays(np.empty((0, 3)), index=number))
     parts = [Boxes(), *((truth.targets or Boxes(), truth.ignored) if truth else ())]
     tracks, classes = (tuple(chain(*(getattr(part, name) for part in parts))) for name in ("tracks", "classes"))
-    centers, sizes, yaws = (np.concatenate([getattr(one, name) for one in parts]) for name in _NUMBERS)
+    centers, sizes, yaws = (np.concatenate([getattr(one, name) for one in parts]) for name in _ARRAYS)
     return Boxes(tracks, classes, centers, sizes, yaws)
 
 

@@ -1,7 +1,7 @@
 """Tables of scores, and of indications without labels: their columns, what these mean, and the best method in each."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from operator import attrgetter, itemgetter, methodcaller
 from typing import Any, Literal, TypeVar
@@ -139,10 +139,7 @@ def score_legend(text: str, columns: Iterable[Column], others: Mapping[str, str]
 
 def indications_text(found: Mapping[str, Any], title: str) -> str:
     """Return what indicates the quality of methods as human-readable text."""
-    tables = []
-    for columns in (_ERRORS, _MEANS):
-        rows = [(name, *(column.cell(one) for column in columns)) for name, one in found.items()]
-        tables.append(table(("method", *(column.head for column in columns)), rows))
+    tables = [score_table(found, [replace(one, best=None) for one in columns]) for columns in (_ERRORS, _MEANS)]
     text = "\n\n".join((title, *tables, _NOTE))
     return f"{text}\n\n{score_legend(UNKNOWN * (UNKNOWN in text), (*_ERRORS, *_MEANS))}"
 
