@@ -216,8 +216,7 @@ class Calibration:
             left = max(self.max_left * self.frames, _FEW_ABOVE)
             rate = max(rate, 1 - left / histogram.points)
         threshold = self._threshold(histogram, rate)
-        saturated = self.filter_rate < 1 and threshold > self.highest
-        if saturated:
+        if saturated := self.filter_rate < 1 and threshold > self.highest:
             threshold = self.highest
         values, counts = self._rings[number].distribution() if number in self._rings else (np.zeros(0), np.zeros(0))
         points, below = int(counts.sum()), int(counts[values < threshold].sum())

@@ -44,8 +44,7 @@ class LabelCheck:
 
     def add(self, frame: Frame, truth: Truth) -> None:
         """Check the boxes of a frame; frames with labels of points only have none."""
-        boxes = truth.targets
-        if not boxes:
+        if not (boxes := truth.targets):
             return
         self.boxes += len(boxes)
         self._classes.update(boxes.classes)

@@ -210,8 +210,7 @@ class LabelFit:
         fits = [self.of((*made, *way)) for way in ways]
         least = [max(fit + max(change.min_gain for change in way), _MIN_FIT[len(way)]) for way in ways]
         probable = np.where(np.greater_equal(fits, least), fits, 0.0).tolist()
-        top = max(probable, default=0.0)
-        if not top:
+        if not (top := max(probable, default=0.0)):
             return []
         best = next(k for k, after in enumerate(probable) if after >= top - _ALIKE)
         return [Guess(change, fit, fits[best]) for change in ways[best]]

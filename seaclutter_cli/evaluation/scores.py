@@ -330,7 +330,7 @@ class Parts:
 
     def add(self, scores: Sequence[FrameScore | None]) -> None:
         """Add a labelled frame: the score of each method, None for a method that could not use it."""
-        if self._frames_in_last == self._part_frames or not self._parts:
+        if self._frames_in_last == self._part_frames:
             if len(self._parts) == _MAX_PARTS:
                 self._parts = [self._sums(self._parts[k : k + 2]) for k in range(0, _MAX_PARTS, 2)]
                 self._part_frames *= 2

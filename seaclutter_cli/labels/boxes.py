@@ -48,8 +48,7 @@ class Proposal(NamedTuple):
 
 def checked(labelled: Labelled) -> Labelled:
     """Return a labelled object; `LabelError` if a size is negative."""
-    negative = [size for size in labelled.size if size < 0]
-    if negative:
+    if negative := [size for size in labelled.size if size < 0]:
         raise LabelError(f"box size must not be negative, got {negative[0]:g} m")
     return labelled
 
@@ -146,11 +145,9 @@ def _by_name(labels: Sequence[Path], clouds: Sequence[Path], *, complete: bool) 
     named = {label.stem: label for label in labels}
     stems = [cloud.stem for cloud in clouds]
     counts = f"{count(len(labels), 'label file')}, {count(len(clouds), 'frame')}"
-    orphan = next((label for label in labels if label.stem not in set(stems)), None)
-    if orphan is not None:
+    if orphan := next((label for label in labels if label.stem not in set(stems)), None):
         raise LabelError(f"{orphan}: no frame {orphan.stem} in {clouds[0].parent} ({counts})")
-    unlabelled = next((cloud for cloud in clouds if cloud.stem not in named), None)
-    if complete and unlabelled is not None:
+    if complete and (unlabelled := next((cloud for cloud in clouds if cloud.stem not in named), None)):
         raise LabelError(f"{labels[0].parent}: no labels for frame {unlabelled.name} ({counts})")
     return {number: named[stem] for number, stem in enumerate(stems) if stem in named}
 

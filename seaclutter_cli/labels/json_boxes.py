@@ -65,8 +65,7 @@ class JsonForm:
         A folder of the right name needs no typical file, because all files may be empty or broken, but no file may
         start with the mark of the other form.
         """
-        folder = label_folder(path, self.folder, ".json")
-        if folder is None:
+        if (folder := label_folder(path, self.folder, ".json")) is None:
             return None
         files = files_in(folder, (".json",))
         starts = re.compile(self.mark)
@@ -233,8 +232,7 @@ class AutoferryLabels(Labels):
 
     def truth(self, frame: Frame) -> Truth | None:
         """Return the targets relative to own ship; None if a frame has none, `LabelError` if they are not valid."""
-        found = self._targets.get((_SENSORS.get(frame.topic, 0), frame.stamp_ns))
-        if found is None:
+        if (found := self._targets.get((_SENSORS.get(frame.topic, 0), frame.stamp_ns))) is None:
             return None
         detections, targets = found
         try:

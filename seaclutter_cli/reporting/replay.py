@@ -75,8 +75,7 @@ def _reasons(frame: Frame, message: Message) -> Bytes:
     rows = [points.view(np.uint8).reshape(len(points), points.itemsize)[:, :size] for points in both]
     alike = np.concatenate(rows).view(f"V{size}").reshape(-1)
     keys = np.unique(alike, return_inverse=True)[1].reshape(-1)
-    indices = _find(keys[: removed.size], keys[removed.size :])
-    if indices is None:
+    if (indices := _find(keys[: removed.size], keys[removed.size :])) is None:
         raise CloudError(f"frame {frame.index}: a removed point is not in the raw cloud")
     reason = np.full(raw.size, Reason.KEPT, np.uint8)
     reason[indices] = reasons

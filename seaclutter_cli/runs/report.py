@@ -267,8 +267,7 @@ def filter_or_replay(
 def _recorded_run(recordings: Sequence[Recording], reading: ReadOptions) -> tuple[Variant | None, Sequence[str]]:
     """Return the method of filtered logs, and the raw topic of each; None for raw logs."""
     runs = [_recorded_in(recording, reading) for recording in recordings]
-    known = [run for run in runs if run]
-    if not known:
+    if not (known := [run for run in runs if run]):
         return None, ()
     for recording, run in zip(recordings, runs, strict=True):
         if run is None or run[1] != known[0][1]:

@@ -101,8 +101,7 @@ class RecordedSuspects(Outcome):
         recording, topic = printable(self.recording), printable(self.topic)
         blocks = [f"{recording}: {self.method} on {topic}, {count(self.frames, 'frame')}"]
         for kind, title in _TITLES.items():
-            found = self.suspects.get(kind, ())
-            if not found:
+            if not (found := self.suspects.get(kind, ())):
                 blocks.append(f"{title}: none")
                 continue
             heads = ("", *_HEADS, "removed by") if kind == "removed" else ("", *_HEADS)

@@ -105,8 +105,7 @@ class SceneModel:
             metadata = self._session.get_modelmeta().custom_metadata_map
         except UnicodeDecodeError as error:
             raise self._error("its metadata are not valid text") from error
-        missing = [key for key in (CLASSES_KEY, EXTENT_KEY) if key not in metadata]
-        if missing:
+        if missing := [key for key in (CLASSES_KEY, EXTENT_KEY) if key not in metadata]:
             raise self._error(f"its metadata lacks {' and '.join(missing)}")
         try:
             classes, extent_m = load_json(metadata[CLASSES_KEY]), float(metadata[EXTENT_KEY])
@@ -209,13 +208,11 @@ class SceneTracker:
 
     def scene(self, frame: Frame) -> SceneDecision:
         """Return the scene of a frame; called once for each frame, in order."""
-        self._wait -= 1
-        if self._wait < 0:
-            image = top_view(frame.coordinates, self._model.extent_m)
-            if image.any():
-                self._wait = self._every - 1
-                return self._decide(dict(zip(self.classes, self._model.probabilities(image).tolist(), strict=True)))
-            self._wait = 0
+        if self._wait:
+            self._wait -= 1
+        elif (image := top_view(frame.coordinates, self._model.extent_m)).any():
+            self._wait = self._every - 1
+            return self._decide(dict(zip(self.classes, self._model.probabilities(image).tolist(), strict=True)))
         return replace(self._decision, decided=False)
 
     def _decide(self, probabilities: dict[str, float]) -> SceneDecision:

@@ -26,8 +26,7 @@ _PIXELS = 1000
 
 def pixel_of(tiles: Sequence[TileHead]) -> float:
     """Return the width of a pixel of the picture of all tiles in metres; 0 if it is not known from headers."""
-    extents = [tile.extent for tile in tiles if tile.extent]
-    if not extents:
+    if not (extents := [tile.extent for tile in tiles if tile.extent]):
         return 0.0
     low, high = np.min([one.low for one in extents], axis=0), np.max([one.high for one in extents], axis=0)
     return float((high - low).max()) / _PIXELS
@@ -77,8 +76,7 @@ def map_files(options: SeparateTilesOptions, tiles: Sequence[MappedTile], observ
             observer.note("no shoreline: water and land do not meet in these tiles")
         files[options.geojson_file] = geojson_of(tiles, observer)
     if options.plot_file:
-        systems = {tile.crs.by_code for tile in tiles}
-        if len(systems) > 1:
+        if len(systems := {tile.crs.by_code for tile in tiles}) > 1:
             text = f"shows tiles with {len(systems)} coordinate reference systems as one map"
             observer.warn(f"{options.plot_file}: {text}")
         parts = [tile.part for tile in tiles if tile.part]

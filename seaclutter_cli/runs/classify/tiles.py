@@ -62,8 +62,7 @@ def warn_of_missing(
     if not (trusted := settings.separation.trust_classes):
         return
     given = tile.columns(["classification"]).get("classification")
-    missing = [code for code in trusted if given is None or not (given == code).any()]
-    if missing:
+    if missing := [code for code in trusted if given is None or not (given == code).any()]:
         observer.warn(f"{tile.path.stem}: no points of {' and '.join(f'class {code}' for code in missing)} to trust")
 
 
