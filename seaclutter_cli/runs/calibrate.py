@@ -11,7 +11,7 @@ from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.calibration import Calibration, ClutterSelector
 from seaclutter_cli.config import Config
 from seaclutter_cli.errors import FieldError, LabelError, TopicError, UsageError
-from seaclutter_cli.evaluation.scores import Summary
+from seaclutter_cli.evaluation.scores import Parts, Summary
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmed import Confirmed
@@ -153,8 +153,8 @@ def _trade_off(
     # The first half of the variants have thresholds from the first frames, the second half those from the last ones.
     scores, number = [Summary() for _ in compared], len(compared)
     for work in works:
-        judged = EvaluateWork(work.reading, work.recording, work.labels, variants).run(observer)
-        first, last = judged.parts.split(_HELD_OUT)
+        judged = EvaluateWork(work.reading, work.recording, work.labels, variants, in_parts=True).run(observer)
+        first, last = (judged.parts or Parts(len(variants))).split(_HELD_OUT)
         for total, *halves in zip(scores, last[:number], first[number:], strict=True):
             for summary in halves:
                 total.update(summary)

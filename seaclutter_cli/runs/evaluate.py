@@ -21,7 +21,7 @@ from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.methods import Variant, bases, note_left_out, with_ideal
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import EvaluateOptions
-from seaclutter_cli.runs.outputs import Contents, write_files, write_manifest
+from seaclutter_cli.runs.outputs import Contents, PackedRows, write_files, write_manifest
 from seaclutter_cli.runs.recordings import RecordingsResult, data_of
 from seaclutter_cli.runs.topic_statistics import Described
 from seaclutter_cli.selection import (
@@ -33,6 +33,7 @@ from seaclutter_cli.selection import (
     removed_topic,
     studied,
 )
+from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.text import count, json_text, printable, table
 
 
@@ -68,8 +69,9 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     outcomes = run_all(works, options, observer, earlier=earlier)
     comparison = Comparison(outcomes, chosen)
     rows = [one.rows for one in outcomes if one.rows and not one.error]
+    points_known = any(summary.points for summary in comparison.totals().values())
     files: Contents = {
-        options.frames_file: lambda it: it.stream.writelines(tables.frame_table(rows)),
+        options.frames_file: lambda it: it.stream.writelines(tables.frame_table(rows, points_known=points_known)),
         options.summary_file: json_text(shown(comparison.as_dict())).encode() + b"\n",
     }
     write_files(files, replace=options.force, outcomes=outcomes, observer=observer)
@@ -88,13 +90,13 @@ _AS_PROPOSED = (
 
 @dataclass(kw_only=True)
 class Evaluated(Described):
-    """Sums over the frames of one recording for each variant; the scores of its parts; its rows, if wanted."""
+    """Sums over the frames of one recording for each variant; its rows and the scores of its parts, if wanted."""
 
     data = "recording status reason error damage seconds=rounded_s methods=known"
 
     methods: Mapping[str, Summary]
-    rows: tables.FrameRows | None = field(default=None, repr=False)
-    parts: Parts = field(repr=False)
+    rows: PackedRows | None = field(default=None, repr=False)
+    parts: Parts | None = field(default=None, repr=False)
     indications: "Indications | None" = field(default=None, repr=False)
 
     @property
@@ -124,18 +126,20 @@ class Evaluated(Described):
 class EvaluateWork(RecordingWork[Evaluated]):
     """Evaluation of one recording; without labels, clusters are only counted.
 
-    Listeners receive every frame in this process. The outcome has rows if they are ``tabulated``.
+    Listeners receive every frame in this process. ``tabulated`` and ``in_parts`` are what the outcome has besides sums.
     """
 
     variants: Sequence[Variant]
     listeners: Sequence[FrameListener] = ()
     tabulated: bool = False
+    in_parts: bool = False
     indicated: bool = False
 
     def without_result(self, reason: str | None) -> Evaluated:
         """Return an outcome without frames."""
         methods = {variant.name: Summary() for variant in self.variants}
-        return Evaluated(recording=self.recording.name, methods=methods, parts=Parts(len(methods)), error=reason)
+        parts = Parts(len(methods)) if self.in_parts else None
+        return Evaluated(recording=self.recording.name, methods=methods, parts=parts, error=reason)
 
     def run(self, observer: Observer) -> Evaluated:
         """Evaluate the recording, also for the listeners; store an error in the outcome."""
@@ -145,7 +149,7 @@ class EvaluateWork(RecordingWork[Evaluated]):
 
     def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
         """Filter the recording with every method, and score each frame; warn once of each doubt."""
-        outcome.rows = tables.FrameRows(self.recording.name) if self.tabulated else None
+        outcome.rows = PackedRows() if self.tabulated else None
         warn = cache(observer.warn)
         for text in self._scored(source, labels, outcome, observer):
             warn(f"{outcome.recording}: {text}")
@@ -199,9 +203,9 @@ class EvaluateWork(RecordingWork[Evaluated]):
             scores = score_frame(frame, results, truth, evaluation)
             if truth:
                 label_check.add(frame, truth)
-                outcome.parts.add(scores)
-                if truth.proposed:
-                    yield _AS_PROPOSED
+                yield from [_AS_PROPOSED] if truth.proposed else ()
+                if outcome.parts:
+                    outcome.parts.add(scores)
             for listener in self.listeners:
                 listener.add(ScoredFrame(frame, results, truth, scores))
             for variant, result, found, spent in zip(self.variants, results, scores, seconds, strict=True):
@@ -209,7 +213,8 @@ class EvaluateWork(RecordingWork[Evaluated]):
                     continue
                 outcome.methods[variant.name].add(found, None if variant.name == IDEAL else spent)
                 if outcome.rows:
-                    outcome.rows.add(variant.name, frame, found)
+                    position = outcome.recording, variant.name, frame.index, frame.stamp_ns
+                    outcome.rows.write(csv_line((*position, *found.cells())))
                 yield from checks[variant.name].add(result) if variant.name in checks else ()
         self.end(source, labels, outcome, observer)
         for check in checks.values():  # even after only a few frames

@@ -10,7 +10,7 @@ import numpy as np
 from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.errors import UsageError
 from seaclutter_cli.evaluation.matching import point_truth
-from seaclutter_cli.evaluation.scores import Summary, best, ideal_threshold
+from seaclutter_cli.evaluation.scores import Parts, Summary, best, ideal_threshold
 from seaclutter_cli.plots.curves import draw_rates, draw_thresholds
 from seaclutter_cli.plots.figure import render
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
@@ -52,7 +52,7 @@ def tune(options: TuneOptions) -> "TuningResult":
     _check_plots(options, combinations, len(pairs))
     history = _ThresholdHistory(combinations, options.ring) if options.thresholds_file else None
     listeners = [history] if history else []
-    works = [EvaluateWork(options.reading, *each, combinations, listeners) for each in pairs]
+    works = [EvaluateWork(options.reading, *each, combinations, listeners, in_parts=True) for each in pairs]
     batch = BatchOptions() if history else options  # frames reach listeners in this process only
     outcomes = run_all(works, batch, observer, earlier=without_labels(works, observer))
     scores = _split_scores(outcomes, [one.name for one in combinations], options.hold_out)
@@ -125,7 +125,8 @@ def _split_scores(outcomes: Sequence[Evaluated], names: Sequence[str], share: fl
         held = [used[(k + 1) * len(used) // number - 1] for k in range(number)]
     tuned, held_out = ({name: Summary() for name in names} for _ in range(2))
     for outcome in used:
-        before, end = outcome.parts.split(float(any(outcome is one for one in held)) if held else share)
+        parts = outcome.parts or Parts(len(names))
+        before, end = parts.split(float(any(outcome is one for one in held)) if held else share)
         for name, first, last in zip(names, before, end, strict=True):
             tuned[name].update(first)
             held_out[name].update(last)
