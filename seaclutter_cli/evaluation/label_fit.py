@@ -181,8 +181,7 @@ class LabelFit:
         """
         found = []
         for one in self.frames:
-            large = np.flatnonzero(one.targets.sizes[:, :2].max(axis=1) >= _LONG_M)
-            boxes = one.targets.chosen(large)
+            boxes = one.targets.chosen(np.flatnonzero(one.targets.sizes[:, :2].max(axis=1) >= _LONG_M))
             middles = replace(boxes, sizes=boxes.sizes * [1 / 3, 1 / 3, 1])
             both = (_neighbourhoods(one.xyz, some, self.margin_m) for some in (boxes, middles))
             counts = [[np.count_nonzero(near.inside) for near in some] for some in both]

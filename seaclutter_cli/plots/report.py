@@ -154,8 +154,7 @@ def _draw_water(figure: "Figure", collected: Collector) -> None:
     water = collected.histories[0]["water"]
     panels = figure.subplots(2, 1, sharex=True)
     for axes, name, label in zip(panels, _WATER_LABELS, _WATER_LABELS.values(), strict=True):
-        values = water[:, WATER_COLUMNS.index(name)]
-        _draw_series(axes, values, color=palette.LINES[0])
+        _draw_series(axes, water[:, WATER_COLUMNS.index(name)], color=palette.LINES[0])
         axes.set(ylabel=label)
         _set_frame_axis(axes, len(water))
     panels[1].set_ylim(bottom=0)

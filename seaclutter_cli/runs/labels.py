@@ -47,8 +47,7 @@ def check_labels(options: LabelCheckOptions) -> "LabelCheckResult":
     (120, 120, [])
     """
     observer = options.watching
-    pairs = prepared(options, observer)
-    works = [_LabelCheckWork(options.reading, *each) for each in pairs]
+    works = [_LabelCheckWork(options.reading, *each) for each in prepared(options, observer)]
     return LabelCheckResult(run_all(works, options, observer, earlier=without_labels(works, observer)))
 
 

@@ -49,8 +49,7 @@ def find_objects(options: ObjectsOptions) -> "ObjectsResult":
     """
     observer, config = options.watching, configured(options, default_method="confirmed")
     check_objects_file(options.output)
-    pairs = prepared(options, observer, [config])
-    works = [ObjectsWork(options.reading, *each, config) for each in pairs]
+    works = [ObjectsWork(options.reading, *each, config) for each in prepared(options, observer, [config])]
     result = ObjectsResult(run_all(works, options, observer))
     files: Contents = {options.output: lambda it: write_objects(it.path, it.stream, result.lines())}
     write_files(files, replace=options.force, outcomes=result.outcomes, observer=observer)
