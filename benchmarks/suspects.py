@@ -27,7 +27,7 @@ from seaclutter_cli.pipeline import run_each
 from seaclutter_cli.selection import Selection
 from seaclutter_cli.sources.formats import open_source
 from seaclutter_cli.suspects.finder import CHOSEN, Suspect, SuspectFinder
-from seaclutter_cli.suspects.indications import Indications, Indicator
+from seaclutter_cli.suspects.indications import Indications
 from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes
 
 METHODS = ("joint", "confirmed", "sor", "ror", "lior", "none")
@@ -50,7 +50,7 @@ def study(log: Path) -> Study:
     """Return the suspects and scores of a log."""
     source, labels = open_source(log), open_labels(log.with_suffix(".labels.csv"))
     filters = [load_config(None, method=name).make_filter() for name in METHODS]
-    finders, indicator, found = [SuspectFinder() for _ in METHODS], Indicator(len(METHODS)), Study()
+    finders, indicator, found = [SuspectFinder() for _ in METHODS], SuspectFinder(len(METHODS)), Study()
     for frame, results, _ in run_each(source, filters, Selection(frames=FRAMES)):
         truth = labels.truth(frame)
         if truth is None or truth.targets is None:
@@ -66,9 +66,10 @@ def study(log: Path) -> Study:
             possible = targets.visible & detected(frame, targets, perfect & ~np.isin(result.reason, CHOSEN))
             missed = np.flatnonzero(possible & ~detected(frame, targets, result.keep))
             found.lost[m].update(truth.targets.tracks[k] for k in missed)
-        indicator.add(frame, results)
+        indicator.indicate(frame, results)
     found.suspects = [finder.finish()["removed"] for finder in finders]
-    found.indications = indicator.finish()
+    indicator.finish()
+    found.indications = indicator.tally
     return found
 
 

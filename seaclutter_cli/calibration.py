@@ -5,9 +5,9 @@ One pass in constant memory: a histogram for each range ring, and the extent of 
 
 import math
 from collections.abc import Sequence
-from copy import deepcopy
 from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, Context
+from itertools import pairwise
 from typing import Any, Self
 
 import numpy as np
@@ -172,10 +172,8 @@ class Calibration:
         self.frames += other.frames
         self._limit += other._limit
         for number, histogram in other._rings.items():
-            if number in self._rings:
-                self._rings[number] += histogram
-            else:
-                self._rings[number] = histogram
+            if (own := self._rings.setdefault(number, histogram)) is not histogram:
+                own += histogram
         return self
 
     def see(self, intensity: Floats) -> None:
@@ -213,13 +211,12 @@ class Calibration:
         """Return the calibration of a range ring from the points of those in ``source``."""
         histogram, rate = IntensityHistogram(), self.filter_rate
         for one in filter(self._rings.__contains__, source):
-            histogram += deepcopy(self._rings[one])
+            histogram += self._rings[one]
         if self.max_left is not None:
             left = max(self.max_left * self.frames, _FEW_ABOVE)
             rate = max(rate, 1 - left / histogram.points)
         threshold = self._threshold(histogram, rate)
-        saturated = self.filter_rate < 1 and threshold > self.highest
-        if saturated:
+        if saturated := self.filter_rate < 1 and threshold > self.highest:
             threshold = self.highest
         values, counts = self._rings[number].distribution() if number in self._rings else (np.zeros(0), np.zeros(0))
         points, below = int(counts.sum()), int(counts[values < threshold].sum())
@@ -247,17 +244,11 @@ def _ring_sources(points: Sequence[int], enough: int) -> list[range]:
     >>> _ring_sources([900, 60, 0], 100), _ring_sources([8, 900], 100), _ring_sources([8, 9], 100)
     ([range(0, 1), range(0, 1), range(0, 1)], [range(1, 2), range(1, 2)], [range(0, 2), range(0, 2)])
     """
-    groups: list[range] = []
-    start = 0
+    starts = [0]
     for number, one in enumerate(points):
-        if one >= enough and start < number:
-            groups.append(range(start, number))
-            start = number
-        if sum(points[start : number + 1]) >= enough:
-            groups.append(range(start, number + 1))
-            start = number + 1
-    if start < len(points):
-        groups.append(range(start, len(points)))
+        if number > starts[-1] and (one >= enough or sum(points[starts[-1] : number]) >= enough):
+            starts.append(number)
+    groups = [range(*bounds) for bounds in pairwise((*starts, len(points)))]
     filled = [sum(points[number] for number in group) >= enough for group in groups]
     if not any(filled):
         return [range(len(points))] * len(points)

@@ -18,11 +18,9 @@ class Confusion:
 
     @staticmethod
     def of(truth: NDArray[Any], found: NDArray[Any], codes: Sequence[int]) -> "Confusion":
-        """Return the matrix of true and predicted class codes, each of shape (N,); other codes are ignored."""
-        index = np.full(int(max(codes)) + 1, -1)
-        index[list(codes)] = np.arange(len(codes))
+        """Return the matrix of true and predicted class codes, each of shape (N,), but of those in ascending codes."""
         known = np.isin(truth, codes) & np.isin(found, codes)
-        rows, columns = index[truth[known]], index[found[known]]
+        rows, columns = (np.searchsorted(codes, one[known]) for one in (truth, found))
         return Confusion(np.bincount(rows * len(codes) + columns, minlength=len(codes) ** 2).reshape(len(codes), -1))
 
     @property

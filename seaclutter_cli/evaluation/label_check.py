@@ -18,11 +18,11 @@ _MIN_BOXES = 5
 _MOST = 0.85
 _FULL_TURN = 2 * np.pi + 0.01
 _SAME_M = 1e-3
-_MEANINGS = {"ignore": "areas to ignore", "none": "frames without a target"}
-_SIMILAR = {
-    "ignore": re.compile("ignor|dontcare"),
-    "none": re.compile("(empty|nothing|no(object|target|label)s?|null|nan)$"),
+_MEANINGS = {
+    "ignore": ("areas to ignore", re.compile("ignor|dontcare")),
+    "none": ("frames without a target", re.compile("(empty|nothing|no(object|target|label)s?|null|nan)$")),
 }
+"""Classes with a meaning, and what names are probably meant to be them."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,7 @@ class LabelCheck:
 
     def add(self, frame: Frame, truth: Truth) -> None:
         """Check the boxes of a frame; frames with labels of points only have none."""
-        boxes = truth.targets
-        if not boxes:
+        if not (boxes := truth.targets):
             return
         self.boxes += len(boxes)
         self._classes.update(boxes.classes)
@@ -61,9 +60,8 @@ class LabelCheck:
 
     def findings(self, targets: int, visible: int) -> list[Finding]:
         """Return the probable mistakes, given the number of targets in all frames, and of those with enough points."""
-        found = [*self._class_names(), *self._counted()]
         fitted = list(self._fitted())
-        found += fitted
+        found = [*self._class_names(), *self._counted(), *fitted]
         if self._too_long and not any("sizes" in finding.text for finding in fitted):
             text = f"{self._of(self._too_long)} have a side of more than {LARGEST_M:g} m: check the unit"
             found.append(Finding("size", text))
@@ -112,7 +110,7 @@ class LabelCheck:
     def _class_names(self) -> Iterator[Finding]:
         """Yield classes that look like one with a meaning, but count as targets."""
         for kind, number in self._classes.items():
-            for name, meaning in _MEANINGS.items():
+            for name, (meaning, _) in _MEANINGS.items():
                 if _resembles(kind, name):
                     text = f"{self._of(number)} have the class {kind!r} and count as targets; {meaning} have the class "
                     yield Finding("class", f"{printable(text)}{name!r}: rename it")
@@ -120,4 +118,4 @@ class LabelCheck:
 
 def _resembles(kind: str, name: str) -> bool:
     """Return whether a class is probably meant to be one of `_MEANINGS`."""
-    return bool(_SIMILAR[name].match(re.sub(r"[^a-z]", "", kind.lower())))
+    return bool(_MEANINGS[name][1].match(re.sub(r"[^a-z]", "", kind.lower())))

@@ -181,8 +181,7 @@ class LabelFit:
         """
         found = []
         for one in self.frames:
-            large = np.flatnonzero(one.targets.sizes[:, :2].max(axis=1) >= _LONG_M)
-            boxes = one.targets.chosen(large)
+            boxes = one.targets.chosen(np.flatnonzero(one.targets.sizes[:, :2].max(axis=1) >= _LONG_M))
             middles = replace(boxes, sizes=boxes.sizes * [1 / 3, 1 / 3, 1])
             both = (_neighbourhoods(one.xyz, some, self.margin_m) for some in (boxes, middles))
             counts = [[np.count_nonzero(near.inside) for near in some] for some in both]
@@ -208,12 +207,9 @@ class LabelFit:
 
     def _best(self, made: Sequence[Change], fit: float, ways: Sequence[Sequence[Change]]) -> list[Guess]:
         fits = [self.of((*made, *way)) for way in ways]
-        probable = [
-            after if after >= max(fit + max(change.min_gain for change in way), _MIN_FIT[len(way)]) else 0.0
-            for way, after in zip(ways, fits, strict=True)
-        ]
-        top = max(probable, default=0.0)
-        if not top:
+        least = [max(fit + max(change.min_gain for change in way), _MIN_FIT[len(way)]) for way in ways]
+        probable = np.where(np.greater_equal(fits, least), fits, 0.0).tolist()
+        if not (top := max(probable, default=0.0)):
             return []
         best = next(k for k, after in enumerate(probable) if after >= top - _ALIKE)
         return [Guess(change, fit, fits[best]) for change in ways[best]]

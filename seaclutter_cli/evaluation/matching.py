@@ -64,10 +64,9 @@ def targets_of(frame: Frame, truth: Truth, params: EvaluationParams) -> FrameTar
             members.append(inside[valid[inside]])
             total += len(inside)
             if total > MAX_MEMBERS:  # they would fill the memory
-                boxes = f"its {len(truth.targets):,} labelled boxes overlap too much; together they contain more than"
-                raise LabelError(
-                    f"frame {frame.index} of {printable(frame.topic)}: {boxes} {count(MAX_MEMBERS, 'point')}"
-                )
+                boxes = f"its {len(truth.targets):,} labelled boxes overlap too much"
+                text = f"{boxes}; together they contain more than {count(MAX_MEMBERS, 'point')}"
+                raise LabelError(f"frame {frame.index} of {printable(frame.topic)}: {text}")
     elif truth.points is not None:
         labelled = np.flatnonzero((truth.points != CLUTTER) & (truth.points != IGNORED))
         order = labelled[np.argsort(truth.points[labelled], kind="stable")]
@@ -94,11 +93,7 @@ def point_truth(frame: Frame, truth: Truth, params: EvaluationParams) -> Ints:
     return found
 
 
-Finder = DbscanFinder | ClusterFinder
-"""Cluster search in several subsets of the same points."""
-
-
-def finder_of(frame: Frame, subsets: Iterable[Mask], params: EvaluationParams) -> Finder:
+def finder_of(frame: Frame, subsets: Iterable[Mask], params: EvaluationParams) -> DbscanFinder | ClusterFinder:
     """Return a cluster search for the valid points in any of several subsets of a frame."""
     among = np.zeros(frame.size, np.bool_)
     for subset in subsets:

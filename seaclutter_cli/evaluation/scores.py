@@ -293,12 +293,9 @@ def best(summaries: Mapping[K, Summary]) -> K | None:
     (:math:`N_{FP} + N_{FN}`). Ties are resolved by the rate of false alarms plus missed targets, then by order.
     """
     # Rates, since a method may be unable to process some frames.
-    errors = {
-        name: ((one.n_fp + one.n_fn) / one.frames, (one.false_alarms + one.missed) / one.frames)
-        for name, one in summaries.items()
-        if one.frames
-    }
-    return min(errors, key=lambda name: errors[name], default=None)
+    known = [(name, one) for name, one in summaries.items() if one.frames]
+    errors = [((one.n_fp + one.n_fn) / one.frames, (one.false_alarms + one.missed) / one.frames) for _, one in known]
+    return known[errors.index(min(errors))][0] if known else None
 
 
 def ideal_threshold(intensity: Floats, points: Ints) -> float | None:
@@ -333,7 +330,7 @@ class Parts:
 
     def add(self, scores: Sequence[FrameScore | None]) -> None:
         """Add a labelled frame: the score of each method, None for a method that could not use it."""
-        if self._frames_in_last == self._part_frames or not self._parts:
+        if self._frames_in_last == self._part_frames:
             if len(self._parts) == _MAX_PARTS:
                 self._parts = [self._sums(self._parts[k : k + 2]) for k in range(0, _MAX_PARTS, 2)]
                 self._part_frames *= 2

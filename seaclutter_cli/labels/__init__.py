@@ -7,9 +7,10 @@ from typing import Any
 
 from seaclutter_cli.errors import LabelError, opening
 from seaclutter_cli.interfaces import Labels
-from seaclutter_cli.labels import csv, point_labels
+from seaclutter_cli.labels import csv
 from seaclutter_cli.labels.boxes import LabelOptions
 from seaclutter_cli.labels.json_boxes import SEEPERSEA, SUSTECHPOINTS, AutoferryLabels, find_scenario
+from seaclutter_cli.labels.point_labels import CloudLabels, find_log, find_semantickitti, open_semantickitti
 from seaclutter_cli.registry import Registry
 
 __all__ = ["LABELS", "LabelFormat", "LabelOptions", "has_labels", "open_labels"]
@@ -28,19 +29,13 @@ _BUILT_IN: Mapping[str, LabelFormat] = {
     "csv": LabelFormat(f"a CSV file with the columns {','.join(csv.COLUMNS)}", csv.find, csv.CsvLabels),
     "seepersea": LabelFormat("a SeePerSea sequence with annotations/*.json", SEEPERSEA.find, SEEPERSEA.open),
     "sustechpoints": LabelFormat("a SUSTechPOINTS scene with label/*.json", SUSTECHPOINTS.find, SUSTECHPOINTS.open),
-    "semantickitti": LabelFormat(
-        "a SemanticKITTI folder of .label files", point_labels.find_semantickitti, point_labels.open_semantickitti
-    ),
+    "semantickitti": LabelFormat("a SemanticKITTI folder of .label files", find_semantickitti, open_semantickitti),
     "autoferry": LabelFormat(
         "a scenario of the Autoferry sensor fusion data set with *_groundTruth.json and *_detections.json",
         find_scenario,
         AutoferryLabels,
     ),
-    "cloud": LabelFormat(
-        "a log whose clouds have a field 'label' (.mcap, .bag, rosbag2)",
-        point_labels.find_log,
-        point_labels.CloudLabels,
-    ),
+    "cloud": LabelFormat("a log whose clouds have a field 'label' (.mcap, .bag, rosbag2)", find_log, CloudLabels),
 }
 """Label formats by name. A new format takes one line here."""
 

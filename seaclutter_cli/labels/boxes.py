@@ -48,8 +48,7 @@ class Proposal(NamedTuple):
 
 def checked(labelled: Labelled) -> Labelled:
     """Return a labelled object; `LabelError` if a size is negative."""
-    negative = [size for size in labelled.size if size < 0]
-    if negative:
+    if negative := [size for size in labelled.size if size < 0]:
         raise LabelError(f"box size must not be negative, got {negative[0]:g} m")
     return labelled
 
@@ -119,27 +118,21 @@ def files_in(folder: Path, suffixes: Collection[str]) -> list[Path]:
     return sorted(files, key=natural_order)
 
 
-def _assigned(folder: Path, suffix: str, clouds: str, *, complete: bool) -> tuple[dict[int, Path], bool]:
-    """Return the label files in a folder by the number of their frame, and whether every frame must have one.
+def _assigned(files: Sequence[Path], clouds: Sequence[Path], *, complete: bool) -> tuple[dict[int, Path], bool]:
+    """Return label files by the number of their frame, and whether every frame must have one.
 
-    If there are clouds, in the sibling folder of this name or in the folder itself, label files belong to those of the
-    same name: `LabelError` if a label file has no cloud or, if the labels must be ``complete``, a cloud no label file.
-    Otherwise they are assigned by order; incomplete ones by frame numbers in their names, if they are some.
+    If there are clouds, label files belong to those of the same name: `LabelError` if a label file has no cloud or, if
+    the labels must be ``complete``, a cloud no label file. Otherwise they are assigned by order; incomplete ones by
+    frame numbers in their names, if they are some.
     """
-    files = files_in(folder, (suffix,))
-    if beside := _clouds_beside(folder, clouds):
-        return _by_name(files, beside, complete=complete), complete
+    if clouds:
+        return _by_name(files, clouds, complete=complete), complete
     numbers = [_number(file) for file in files]
     # Consecutive numbers that start above 0 belong to a longer sequence, not to this log.
     consecutive = min(numbers) > 0 and max(numbers) - min(numbers) + 1 == len(set(numbers))
     if complete or min(numbers) < 0 or len(set(numbers)) < len(files) or consecutive:
         return dict(enumerate(files)), True
     return dict(zip(numbers, files, strict=True)), False
-
-
-def _clouds_beside(folder: Path, clouds: str) -> list[Path]:
-    """Return the clouds in the sibling folder of this name, or in the folder itself."""
-    return files_in(folder.parent / clouds, _CLOUDS) or files_in(folder, _CLOUDS)
 
 
 def _number(file: Path) -> int:
@@ -152,11 +145,9 @@ def _by_name(labels: Sequence[Path], clouds: Sequence[Path], *, complete: bool) 
     named = {label.stem: label for label in labels}
     stems = [cloud.stem for cloud in clouds]
     counts = f"{count(len(labels), 'label file')}, {count(len(clouds), 'frame')}"
-    orphan = next((label for label in labels if label.stem not in set(stems)), None)
-    if orphan is not None:
+    if orphan := next((label for label in labels if label.stem not in set(stems)), None):
         raise LabelError(f"{orphan}: no frame {orphan.stem} in {clouds[0].parent} ({counts})")
-    unlabelled = next((cloud for cloud in clouds if cloud.stem not in named), None)
-    if complete and unlabelled is not None:
+    if complete and (unlabelled := next((cloud for cloud in clouds if cloud.stem not in named), None)):
         raise LabelError(f"{labels[0].parent}: no labels for frame {unlabelled.name} ({counts})")
     return {number: named[stem] for number, stem in enumerate(stems) if stem in named}
 
@@ -175,9 +166,10 @@ class FileLabels:
         complete: bool,
     ) -> None:
         self._folder, self._read = folder, read
-        self._files, self._complete = _assigned(folder, suffix, clouds, complete=complete)
+        beside = files_in(folder.parent / clouds, _CLOUDS) or files_in(folder, _CLOUDS)
+        self._files, self._complete = _assigned(files_in(folder, (suffix,)), beside, complete=complete)
         self._number = options.number
-        self._clouds = [] if options.by_sequence else _clouds_beside(folder, clouds)
+        self._clouds = [] if options.by_sequence else beside
         self._last = -1
         self._labelled = False
 
@@ -206,12 +198,9 @@ class FileLabels:
 
     def finish(self) -> None:
         """Check, after a complete log, that it had frames for all files, and a labelled one; or raise `LabelError`."""
-        left = {number: file for number, file in self._files.items() if number > self._last}
-        if left:
-            first = min(left)
-            raise LabelError(
-                f"{self._folder}: the log has no frames for {count(len(left), 'label file')}, from "
-                f"{left[first].name} (frame {first}) on; {_HINT}"
-            )
+        if left := sorted(number for number in self._files if number > self._last):
+            first = f"{self._files[left[0]].name} (frame {left[0]})"
+            files = count(len(left), "label file")
+            raise LabelError(f"{self._folder}: the log has no frames for {files}, from {first} on; {_HINT}")
         if not self._labelled:
             raise LabelError(f"{self._folder}: no frame of the log is labelled; {_HINT}")

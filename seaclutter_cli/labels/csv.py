@@ -64,14 +64,12 @@ def _names(header: str) -> list[str]:
 
 
 def _check_header(path: Path, names: Sequence[str]) -> str:
-    key = next((key for key in _KEYS if key in names), None)
-    missing = [name for name in COLUMNS[1:] if name not in names]
-    if key is None:
-        missing.insert(0, "frame (or stamp_ns)")
-    if key is None or missing:
+    key = next((key for key in _KEYS if key in names), "")
+    missing = [] if key else ["frame (or stamp_ns)"]
+    missing += [name for name in COLUMNS[1:] if name not in names]
+    if missing:
         raise LabelError(f"{path}: line 1: missing column {', '.join(missing)}; required: {','.join(COLUMNS)}")
-    duplicate = next((name for name in (key, *COLUMNS[1:]) if names.count(name) > 1), None)
-    if duplicate is not None:
+    if duplicate := next((name for name in (key, *COLUMNS[1:]) if names.count(name) > 1), None):
         raise LabelError(f"{path}: line 1: duplicate column {duplicate}")
     return key
 
@@ -89,11 +87,10 @@ def _rows(path: Path, names: Sequence[str], key: str, lines: Iterator[str], deli
     try:
         for line, row in enumerate(csv.reader(lines, delimiter=delimiter, strict=True), 2):
             if any(cell.strip() for cell in row):
-                yield _row(names, key, [cell.strip() for cell in row], line)
+                with about(f"{path}: line {line}", LabelError):
+                    yield _row(names, key, [cell.strip() for cell in row], line)
     except csv.Error as error:
         raise LabelError(f"{path}: line {line + 1}: {error}") from error
-    except LabelError as error:
-        raise LabelError(f"{path}: line {line}: {error}") from error
 
 
 def _row(names: Sequence[str], key: str, cells: Sequence[str], line: int) -> _Row:
@@ -135,8 +132,7 @@ def _by_key(path: Path, rows: Sequence[_Row]) -> dict[int, list[_Row]]:
             raise LabelError(f"{path}: line {row.line}: more than {MAX_OBJECTS:,} labels for the same frame")
         if row.labelled is None or not row.labelled.track or row.labelled.kind.lower() == IGNORE:
             continue
-        first = first_lines.setdefault((row.key, row.labelled.track), row.line)
-        if first != row.line:
+        if (first := first_lines.setdefault((row.key, row.labelled.track), row.line)) != row.line:
             track = _quoted(row.labelled.track)
             raise LabelError(f"{path}: line {row.line}: track {track} is already in line {first} for the same frame")
     return frames
@@ -238,8 +234,7 @@ class StampMatcher:
         gaps = [later - earlier for (_, earlier), (_, later) in pairwise(self._recent) if later > earlier]
         if nearest is None or abs(nearest - stamp_ns) > (min(gaps) // 2 if gaps else _FIRST_TOLERANCE_NS):
             return None
-        owner = self._owners.setdefault(nearest, number)
-        if owner != number:
+        if (owner := self._owners.setdefault(nearest, number)) != number:
             raise LabelError(f"labels with stamp {nearest} match both frame {owner} and frame {number}")
         return nearest
 

@@ -65,8 +65,7 @@ class JsonForm:
         A folder of the right name needs no typical file, because all files may be empty or broken, but no file may
         start with the mark of the other form.
         """
-        folder = label_folder(path, self.folder, ".json")
-        if folder is None:
+        if (folder := label_folder(path, self.folder, ".json")) is None:
             return None
         files = files_in(folder, (".json",))
         starts = re.compile(self.mark)
@@ -82,14 +81,11 @@ class JsonForm:
 
     def _labelled(self, item: Any) -> Labelled:
         box = part(item, self.box)
-        return Labelled(
-            next(filter(None, (text(item, key) for key in self.tracks)), ""),
-            text(item, self.kind),
-            _numbers(part(box, self.position), ("x", "y", "z")),
-            _numbers(part(box, self.size[0]), self.size[1]),
-            number(part(box, self.yaw[0]), self.yaw[1]),
-            text(item, ANNOTATOR).startswith(PROPOSER),
-        )
+        track = next(filter(None, (text(item, key) for key in self.tracks)), "")
+        x, y, z = (number(part(box, self.position), axis) for axis in "xyz")
+        length, width, height = (number(part(box, self.size[0]), name) for name in self.size[1])
+        yaw, proposed = number(part(box, self.yaw[0]), self.yaw[1]), text(item, ANNOTATOR).startswith(PROPOSER)
+        return Labelled(track, text(item, self.kind), (x, y, z), (length, width, height), yaw, proposed)
 
     def content(self, objects: Sequence[Proposal]) -> Any:
         """Return the content of the file of a frame."""
@@ -154,11 +150,6 @@ def number(item: Any, key: str) -> float:
     if not math.isfinite(result):
         raise LabelError(f"{key!r} is not a finite number")
     return result
-
-
-def _numbers(item: Any, keys: tuple[str, str, str]) -> tuple[float, float, float]:
-    first, second, third = (number(item, key) for key in keys)
-    return first, second, third
 
 
 def text(item: Any, key: str) -> str:
@@ -241,8 +232,7 @@ class AutoferryLabels(Labels):
 
     def truth(self, frame: Frame) -> Truth | None:
         """Return the targets relative to own ship; None if a frame has none, `LabelError` if they are not valid."""
-        found = self._targets.get((_SENSORS.get(frame.topic, 0), frame.stamp_ns))
-        if found is None:
+        if (found := self._targets.get((_SENSORS.get(frame.topic, 0), frame.stamp_ns))) is None:
             return None
         detections, targets = found
         try:

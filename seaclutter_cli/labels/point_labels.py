@@ -55,8 +55,7 @@ class CloudLabels(Labels):
 
     def truth(self, frame: Frame) -> Truth:
         """Return the truth of the points of a frame; `LabelError` if the cloud has no labels."""
-        points = point_labels(frame)
-        if points is None:
+        if (points := point_labels(frame)) is None:
             names = printable(", ".join(frame.cloud.dtype.names or ())) or "no fields"
             raise LabelError(
                 f"{self._path}: frame {frame.index} of {printable(frame.topic)}: no field {_FIELD!r} with a whole "

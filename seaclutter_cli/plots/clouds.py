@@ -105,8 +105,7 @@ def draw_suspect(figure: "Figure", sample: Sample, place: tuple[float, float]) -
 def draw_cloud(axes: "Axes", sample: Sample, method: int, shown: Mask) -> None:
     """Draw some points of a sample in top view, coloured by the reasons of a method, with x up and y to the left."""
     for reason, size in _SIZES.items():
-        own = shown & (sample.reasons[method] == reason)
-        xy = sample.xyz[own]
+        xy = sample.xyz[shown & (sample.reasons[method] == reason)]
         color = palette.REASONS[reason]
         axes.plot(-xy[:, 1], xy[:, 0], ".", color=color, markersize=size, markeredgewidth=0, rasterized=True)
     axes.plot(0, 0, "+", color="black", markersize=5, markeredgewidth=0.7)
@@ -166,11 +165,9 @@ def _add_legend(figure: "Figure", reasons: list[Reason], marks: "Mapping[str, Li
     for name in (*(name for name, _, _ in _BOX_STYLES.values()), _FALSE_ALARM):
         if name in marks:
             handles[name] = marks[name]
-    length = 1.4 if marks else 0.8
     columns = 4 if sum(map(len, handles)) <= _MAX_LEGEND_CHARACTERS else 3
-    figure.legend(
-        handles.values(), handles, loc="outside upper center", ncols=columns, handlelength=length, columnspacing=1.2
-    )
+    style: Any = {"ncols": columns, "handlelength": 1.4 if marks else 0.8, "columnspacing": 1.2}
+    figure.legend(handles.values(), handles, loc="outside upper center", **style)
 
 
 def draw_mask(figure: "Figure", *, mask: StructureMask, reach_m: float) -> None:
@@ -206,7 +203,6 @@ def draw_mask(figure: "Figure", *, mask: StructureMask, reach_m: float) -> None:
     lower.plot(0, 0, "+", color="0.2", markersize=8)
     lower.annotate("lidar", (0, 0), xytext=(6, 4), textcoords="offset points", fontsize=6.5)
     if sectors:
-        bar = figure.colorbar(drawn, ax=lower, shrink=0.7)
-        bar.set_label("Nearest masked range (m)")
+        figure.colorbar(drawn, ax=lower, shrink=0.7, label="Nearest masked range (m)")
     else:
         upper.set_title("No own structure found", fontsize=8)

@@ -42,12 +42,10 @@ def draw_figures(collected: Collector, form: str) -> dict[str, bytes]:
     Figures of one method show the first; figures of one frame show `Collector.figure_sample`.
     """
     methods = len(collected.methods)
+    drawn = {f"{name}.{form}": one for name, one in FIGURES.items() if one.applies(collected)}
     return {
-        f"{name}.{form}": render(
-            one.draw, f".{form}", aspect=one.aspect + one.row_aspect * methods, collected=collected
-        )
-        for name, one in FIGURES.items()
-        if one.applies(collected)
+        name: render(one.draw, f".{form}", aspect=one.aspect + one.row_aspect * methods, collected=collected)
+        for name, one in drawn.items()
     }
 
 
@@ -156,12 +154,10 @@ def _draw_water(figure: "Figure", collected: Collector) -> None:
     water = collected.histories[0]["water"]
     panels = figure.subplots(2, 1, sharex=True)
     for axes, name, label in zip(panels, _WATER_LABELS, _WATER_LABELS.values(), strict=True):
-        values = water[:, WATER_COLUMNS.index(name)]
-        _draw_series(axes, values, color=palette.LINES[0])
+        _draw_series(axes, water[:, WATER_COLUMNS.index(name)], color=palette.LINES[0])
         axes.set(ylabel=label)
-    panels[1].set_ylim(bottom=0)
-    for axes in panels:
         _set_frame_axis(axes, len(water))
+    panels[1].set_ylim(bottom=0)
     panels[0].set_xlabel("")
 
 

@@ -40,9 +40,7 @@ def draw_tile(figure: "Figure", sea: Floats, points: Mapping[str, Floats], boxes
     `LEFT_OUT`.
     """
     axes = figure.add_subplot()
-    corner = np.array(
-        [min(axis.min(initial=np.inf) for axis in (sea[k], *(p[k] for p in points.values()))) for k in (0, 1)]
-    )
+    corner = np.concatenate((sea, *points.values()), axis=1).min(axis=1, initial=np.inf)
     some = sea[:, :: max(1, sea.shape[1] // _MAX_SEA_POINTS)] - corner[:, None]
     axes.scatter(some[0], some[1], s=0.2, color="#C6DBEF", linewidths=0, rasterized=True)
     for name, positions in points.items():

@@ -107,10 +107,14 @@ def binned(values: Series, starts: Ints) -> tuple[Series, Series, Series]:
     return mean.astype(np.float32), low, high
 
 
-def density_of(samples: Sequence[Sample], method: int, edges: Sequence[float], threshold: float) -> "Density | None":
+def density_of(
+    samples: Sequence[Sample], method: int, edges: Sequence[float], threshold: float
+) -> tuple[float, float, float, NDArray[np.float32]] | None:
     """Return the density of the points of several frames by the reasons of a method; None without intensities.
 
-    The rows extend above the highest threshold; there are no edges without range rings.
+    It is the mean number of points per frame for each `Reason`, shape (reasons, rows, columns), in cells of equal size.
+    Columns go from 0 to the range that comes first, rows from the least to the greatest intensity, and extend above the
+    highest threshold; there are no edges without range rings.
     """
     if not samples:
         return None
@@ -136,12 +140,6 @@ def density_of(samples: Sequence[Sample], method: int, edges: Sequence[float], t
     counts, _ = np.histogramdd(points, (len(Reason), rows, _COLUMNS), bins, weights=weight[shown])
     return reach_m, low, high, counts.astype(np.float32)
 
-
-Density = tuple[float, float, float, NDArray[np.float32]]
-"""Mean number of points per frame for each `Reason`, shape (reasons, rows, columns), in cells of equal size.
-
-Columns go from 0 to the range that comes first, rows from the least to the greatest intensity.
-"""
 
 _MIN_SPACING = 5
 """Minimum distance in frames between selected frames of a kind; closer frames look alike."""

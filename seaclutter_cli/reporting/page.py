@@ -116,8 +116,7 @@ def mean_thresholds(history: History) -> list[float]:
 def _density(collected: Collector, number: int, history: History) -> dict[str, Any] | None:
     method = collected.methods[number]
     top = float(np.nanmax(history["thresholds"], initial=0)) if len(method.edges) else 0.0
-    found = density_of(collected.spread, number, method.edges, top)
-    if found is None:
+    if (found := density_of(collected.spread, number, method.edges, top)) is None:
         return None
     reach_m, low, high, counts = found
     return {

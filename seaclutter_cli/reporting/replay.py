@@ -16,7 +16,7 @@ from seaclutter_cli.messages import find_codec
 from seaclutter_cli.messages.diagnostics import TOPIC, read_diagnostics
 from seaclutter_cli.messages.metadata import DIAGNOSTICS, recorded_topics
 from seaclutter_cli.reading import read, removed_points
-from seaclutter_cli.records import Message, Metadata
+from seaclutter_cli.records import Message
 from seaclutter_cli.selection import Selection
 
 _FILTERED, _REMOVED = "/filtered", "/removed"
@@ -34,16 +34,6 @@ def _diagnostics_topic(source: Source, topic: str) -> str:
     recorded = recorded_topics(source.metadata)
     found = (name for name, one in recorded.items() if (one.content, one.clouds) == (DIAGNOSTICS, topic))
     return next(found, TOPIC)
-
-
-def recorded_config(source: Source) -> str | None:
-    """Return the configuration that a log was filtered with, as YAML; None if it is not recorded."""
-    for record in source.records():
-        if isinstance(record, Metadata) and record.name == "seaclutter":
-            return record.entries.get("config")
-        if isinstance(record, Message):
-            break
-    return None
 
 
 def replay(source: Source, topic: str, selection: Selection) -> Iterator[FilterResult]:
@@ -85,8 +75,7 @@ def _reasons(frame: Frame, message: Message) -> Bytes:
     rows = [points.view(np.uint8).reshape(len(points), points.itemsize)[:, :size] for points in both]
     alike = np.concatenate(rows).view(f"V{size}").reshape(-1)
     keys = np.unique(alike, return_inverse=True)[1].reshape(-1)
-    indices = _find(keys[: removed.size], keys[removed.size :])
-    if indices is None:
+    if (indices := _find(keys[: removed.size], keys[removed.size :])) is None:
         raise CloudError(f"frame {frame.index}: a removed point is not in the raw cloud")
     reason = np.full(raw.size, Reason.KEPT, np.uint8)
     reason[indices] = reasons

@@ -19,7 +19,6 @@ from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes, Truth
 _MAX_CLUSTERS = 400
 
 Shown = dict[str, Any]
-BoxesAndClusters = tuple[list[Shown], list[list[Shown]]]
 _CLUSTERS = {
     "target": (palette.STATES["detected"], ""),
     "false": (palette.STATES["false alarm"], "false alarm"),
@@ -45,7 +44,7 @@ def unconfirmed(result: FilterResult) -> Mask:
 
 def find_boxes(
     frame: Frame, results: Sequence[FilterResult | None], truth: Truth | None, params: EvaluationParams
-) -> BoxesAndClusters:
+) -> tuple[list[Shown], list[list[Shown]]]:
     """Return labelled boxes and, for each method, the bounding boxes of its clusters.
 
     A box has ``track``, ``class``, ``center``, ``size``, ``yaw``, and ``state``: ``ignored``; ``hidden`` if not
@@ -185,14 +184,10 @@ def take_sample(
     found = [result.keep | unconfirmed(result) for result in results if result is not None]
     priority = frame.valid & np.any([(points != CLUTTER) & (points != IGNORED), *found], axis=0)
     shown, weight = _thin(np.flatnonzero(priority), np.flatnonzero(frame.valid & ~priority), limit)
-    reasons = np.full((len(results), len(shown)), Reason.INVALID, np.uint8)
-    for row, result in zip(reasons, results, strict=True):
-        if result is not None:
-            row[:] = result.reason[shown]
-    shown_truth = np.full(len(shown), UNKNOWN, np.uint8)
-    if truth is not None:
-        kinds = [points[shown] == CLUTTER, points[shown] == IGNORED]
-        shown_truth = np.select(kinds, [IS_CLUTTER, IS_IGNORED], IS_TARGET).astype(np.uint8)
+    invalid = np.full(len(shown), Reason.INVALID, np.uint8)
+    reasons = np.array([invalid if result is None else result.reason[shown] for result in results])
+    kinds = [np.full(len(shown), truth is None), points[shown] == CLUTTER, points[shown] == IGNORED]
+    shown_truth = np.select(kinds, [UNKNOWN, IS_CLUTTER, IS_IGNORED], IS_TARGET).astype(np.uint8)
     intensity = np.full(frame.size, np.nan) if frame.intensity_name is None else frame.intensity
     numbers = frame.index, frame.size, int(np.count_nonzero(frame.valid))
     xyz, bright = (values.astype(np.float32) for values in (frame.coordinates[:, shown].T, intensity[shown]))
@@ -204,13 +199,11 @@ def take_sample(
 def _thin(priority: Ints, others: Ints, limit: int) -> tuple[Ints, NDArray[np.float32]]:
     """Return the indices of at most ``limit`` points, and the number of points that each of them represents."""
     wanted = max(int(_PRIORITY_SHARE * limit), limit - len(others))
-    parts = [_subsample(priority, wanted)]
-    parts.append(_subsample(others, limit - len(parts[0])))
-    weights = [
-        np.full(len(part), len(whole) / max(len(part), 1))
-        for part, whole in zip(parts, (priority, others), strict=True)
-    ]
-    return np.concatenate(parts), np.concatenate(weights).astype(np.float32)
+    first = _subsample(priority, wanted)
+    rest = _subsample(others, limit - len(first))
+    pairs = (first, priority), (rest, others)
+    weights = [np.full(len(part), len(whole) / max(len(part), 1)) for part, whole in pairs]
+    return np.concatenate((first, rest)), np.concatenate(weights).astype(np.float32)
 
 
 def _subsample(members: Ints, count: int) -> Ints:

@@ -232,8 +232,7 @@ class CalibrationResult(RecordingsResult[Calibrated]):
             )
         if used < few_points(self.calibration.filter_rate):
             found.append(f"the thresholds are from {count(used, 'clutter point')} only; use longer logs")
-        saturated = [ring for ring in rings if ring.saturated]
-        if saturated:
+        if saturated := [ring for ring in rings if ring.saturated]:
             spans = ", ".join(f"{ring.start_m:g} to {ring.end_m:g} m" for ring in saturated)
             found.append(
                 f"{spans}: too many points have the highest intensity, {self.calibration.highest:g}: the lidar is "

@@ -11,8 +11,7 @@ from seaclutter_cli.config import Config
 from seaclutter_cli.errors import InputError, LabelError, UsageError
 from seaclutter_cli.evaluation import IDEAL
 from seaclutter_cli.evaluation.label_check import LabelCheck
-from seaclutter_cli.evaluation.scores import FrameScore, Parts, Summary, ideal, score_frame
-from seaclutter_cli.frame import FilterResult, Frame
+from seaclutter_cli.evaluation.scores import Parts, Summary, ideal, score_frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import Filtered, run_each
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
@@ -22,7 +21,7 @@ from seaclutter_cli.runs.checks import Checks
 from seaclutter_cli.runs.methods import Variant, bases, note_left_out, with_ideal
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import EvaluateOptions
-from seaclutter_cli.runs.outputs import Contents, write_files, write_manifest
+from seaclutter_cli.runs.outputs import Contents, PackedRows, write_files, write_manifest
 from seaclutter_cli.runs.recordings import RecordingsResult, data_of
 from seaclutter_cli.runs.topic_statistics import Described
 from seaclutter_cli.selection import (
@@ -34,8 +33,8 @@ from seaclutter_cli.selection import (
     removed_topic,
     studied,
 )
+from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.text import count, json_text, printable, table
-from seaclutter_cli.truth import Truth
 
 
 @use_case_of(EvaluateOptions)
@@ -70,8 +69,9 @@ def evaluate(options: EvaluateOptions) -> "Comparison":
     outcomes = run_all(works, options, observer, earlier=earlier)
     comparison = Comparison(outcomes, chosen)
     rows = [one.rows for one in outcomes if one.rows and not one.error]
+    points_known = any(summary.points for summary in comparison.totals().values())
     files: Contents = {
-        options.frames_file: lambda it: it.stream.writelines(tables.frame_table(rows)),
+        options.frames_file: lambda it: it.stream.writelines(tables.frame_table(rows, points_known=points_known)),
         options.summary_file: json_text(shown(comparison.as_dict())).encode() + b"\n",
     }
     write_files(files, replace=options.force, outcomes=outcomes, observer=observer)
@@ -95,7 +95,7 @@ class Evaluated(Described):
     data = "recording status reason error damage seconds=rounded_s methods=known"
 
     methods: Mapping[str, Summary]
-    rows: tables.FrameRows | None = field(default=None, repr=False)
+    rows: PackedRows | None = field(default=None, repr=False)
     parts: Parts | None = field(default=None, repr=False)
     indications: "Indications | None" = field(default=None, repr=False)
 
@@ -103,12 +103,6 @@ class Evaluated(Described):
     def frames(self) -> int:
         """Number of frames that at least one method could use, labelled or not."""
         return max((summary.frames + summary.unlabelled for summary in self.methods.values()), default=0)
-
-    def add(self, method: str, frame: Frame, score: FrameScore, seconds: float | None) -> None:
-        """Add a frame to the sums and rows of a method."""
-        self.methods[method].add(score, seconds)
-        if self.rows:
-            self.rows.add(method, frame, score)
 
     def figures(self) -> str:
         """Return frames and rates of the first method, for a line about the outcome."""
@@ -154,8 +148,16 @@ class EvaluateWork(RecordingWork[Evaluated]):
         return super().run(observer)
 
     def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
-        """Filter the recording with every method, and score each frame."""
-        outcome.rows = tables.FrameRows(self.recording.name) if self.tabulated else None
+        """Filter the recording with every method, and score each frame; warn once of each doubt."""
+        outcome.rows = PackedRows() if self.tabulated else None
+        warn = cache(observer.warn)
+        for text in self._scored(source, labels, outcome, observer):
+            warn(f"{outcome.recording}: {text}")
+
+    def filtered(
+        self, source: Source, outcome: Evaluated, observer: Observer
+    ) -> tuple[Iterable[Filtered], Mapping[str, Checks]]:
+        """Return the frames with the result of every method, and the checks of methods by name."""
         selection = studied(source, self.reading.selection)
         clouds, by = cloud_channels(source, selection.topics), filtered_by(source, selection.topics)
         for other in set(main_topics(source)) - {clouds[0].topic} if selection != self.reading.selection else ():
@@ -173,9 +175,7 @@ class EvaluateWork(RecordingWork[Evaluated]):
         every = run_each(source, filters, selection, removed)
         if self.indicated:
             every = self._indicated(every, source, outcome)
-        stepped = self.stepped(every, source, observer, clouds)
-        frames = self._finished(stepped, source, labels, outcome, observer)
-        warn_once(observer, outcome, self.scored(frames, labels, outcome, checks))
+        return self.stepped(every, source, observer, clouds), checks
 
     def _removed(self, source: Source, topic: str, by: str, observer: Observer) -> str | None:
         """Return the topic of what an earlier run removed; `InputError` if that is lost. Warn of a second filter."""
@@ -190,11 +190,40 @@ class EvaluateWork(RecordingWork[Evaluated]):
             observer.warn(f"{text}; this run only filters the remaining points{also}")
         return removed
 
-    def _finished(
-        self, every: Iterable[Filtered], source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer
-    ) -> Iterator[Filtered]:
-        """Yield the frames of the recording; then raise `LabelError` or warn if they and the labels do not match."""
-        yield from every
+    def _scored(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> Iterator[str]:
+        """Score frames for every method that could use them; yield warnings about settings and labels."""
+        every, checks = self.filtered(source, outcome, observer)
+        evaluation = self.variants[0].config.evaluation
+        label_check = LabelCheck(evaluation)
+        for frame, results, seconds in every:
+            outcome.note(frame)
+            truth = labels.truth(frame) if labels else None
+            if truth and self.variants[-1].name == IDEAL:  # its place has the result of a stand-in
+                results = [*results[:-1], ideal(frame, truth, evaluation)]  # noqa: PLW2901
+            scores = score_frame(frame, results, truth, evaluation)
+            if truth:
+                label_check.add(frame, truth)
+                yield from [_AS_PROPOSED] if truth.proposed else ()
+                if outcome.parts:
+                    outcome.parts.add(scores)
+            for listener in self.listeners:
+                listener.add(ScoredFrame(frame, results, truth, scores))
+            for variant, result, found, spent in zip(self.variants, results, scores, seconds, strict=True):
+                if result is None or found is None:
+                    continue
+                outcome.methods[variant.name].add(found, None if variant.name == IDEAL else spent)
+                if outcome.rows:
+                    position = outcome.recording, variant.name, frame.index, frame.stamp_ns
+                    outcome.rows.write(csv_line((*position, *found.cells())))
+                yield from checks[variant.name].add(result) if variant.name in checks else ()
+        self.end(source, labels, outcome, observer)
+        for check in checks.values():  # even after only a few frames
+            yield from check.finish()
+        most = max(outcome.methods.values(), key=attrgetter("frames"))
+        yield from (f"labels: {finding.text}" for finding in label_check.findings(most.targets, most.visible))
+
+    def end(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
+        """Raise `LabelError` or warn if the frames and the labels do not match."""
         self.finish(source, labels, outcome.frames)
         if labels and outcome.frames and not any(summary.frames for summary in outcome.methods.values()):
             recorded = recorded_of(source, self.reading.selection.topics)
@@ -203,61 +232,17 @@ class EvaluateWork(RecordingWork[Evaluated]):
                 raise LabelError(f"{source.name}: no frame is labelled; {text}")
             observer.warn(f"{source.name}: no frame is labelled; check that the labels belong to this recording")
 
-    def scored(
-        self, frames: Iterable[Filtered], labels: Labels | None, outcome: Evaluated, checks: Mapping[str, Checks]
-    ) -> Iterator[str]:
-        """Score frames for every method that could use them; yield warnings about settings and labels."""
-        evaluation = self.variants[0].config.evaluation
-        label_check = LabelCheck(evaluation)
-        for frame, filtered, seconds in frames:
-            outcome.note(frame)
-            truth = labels.truth(frame) if labels else None
-            results = self._with_ideal(filtered, frame, truth)
-            scores = score_frame(frame, results, truth, evaluation)
-            if truth:
-                label_check.add(frame, truth)
-                if truth.proposed:
-                    yield _AS_PROPOSED
-            if truth is not None and outcome.parts:
-                outcome.parts.add(scores)
-            for listener in self.listeners:
-                listener.add(ScoredFrame(frame, results, truth, scores))
-            for variant, result, found, spent in zip(self.variants, results, scores, seconds, strict=True):
-                if result is None or found is None:
-                    continue
-                outcome.add(variant.name, frame, found, None if variant.name == IDEAL else spent)
-                if variant.name in checks:
-                    yield from checks[variant.name].add(result)
-        for check in checks.values():  # even after only a few frames
-            yield from check.finish()
-        most = max(outcome.methods.values(), key=attrgetter("frames"))
-        yield from (f"labels: {finding.text}" for finding in label_check.findings(most.targets, most.visible))
-
     def _indicated(self, every: Iterable[Filtered], source: Source, outcome: Evaluated) -> Iterator[Filtered]:
         from seaclutter_cli.runs.objects import mounting_of, recorded_configs  # not needed with labels
-        from seaclutter_cli.suspects.indications import Indicator
+        from seaclutter_cli.suspects.finder import SuspectFinder
 
         configs = [variant.config for variant in self.variants]
-        indicator = Indicator(len(configs), mounting_of(*configs, *recorded_configs(source)))
+        finder = SuspectFinder(len(configs), mounting_of(*configs, *recorded_configs(source)))
         for frame, results, seconds in every:
-            indicator.add(frame, results)
+            finder.indicate(frame, results)
             yield frame, results, seconds
-        outcome.indications = indicator.finish()
-
-    def _with_ideal(
-        self, results: Sequence[FilterResult | None], frame: Frame, truth: Truth | None
-    ) -> Sequence[FilterResult | None]:
-        """Return the results with that of `IDEAL`, if it is compared, in place of that of its stand-in."""
-        if truth is None or self.variants[-1].name != IDEAL:
-            return results
-        return [*results[:-1], ideal(frame, truth, self.variants[0].config.evaluation)]
-
-
-def warn_once(observer: Observer, outcome: Evaluated, texts: Iterable[str]) -> None:
-    """Warn of each text when it comes first."""
-    warn = cache(observer.warn)
-    for text in texts:
-        warn(f"{outcome.recording}: {text}")
+        finder.finish()
+        outcome.indications = finder.tally
 
 
 @dataclass(frozen=True)
@@ -290,7 +275,9 @@ class Comparison(RecordingsResult[Evaluated]):
         found = [outcome.indications for outcome in self.outcomes if outcome.indications and outcome.known]
         if not found:
             return None
-        total = found[0].of(len(self.variants))
+        from seaclutter_cli.suspects.indications import Indications  # not needed with labels
+
+        total = Indications(len(self.variants))
         for one in found:
             total.update(one)
         return {variant.name: total.of_method(m) for m, variant in enumerate(self.variants)}

@@ -22,13 +22,15 @@ from seaclutter_cli.labels.csv import COLUMNS, PROPOSED
 from seaclutter_cli.labels.json_boxes import SEEPERSEA, SUSTECHPOINTS, JsonForm
 from seaclutter_cli.reading import frames
 from seaclutter_cli.runs.batch import prepared, run_all
-from seaclutter_cli.runs.objects import ObjectsWork, RecordedObjects, objects_config
+from seaclutter_cli.runs.methods import configured
+from seaclutter_cli.runs.objects import ObjectsWork, RecordedObjects
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import ProposeOptions
 from seaclutter_cli.runs.outputs import is_folder, may_appear
 from seaclutter_cli.runs.recordings import LABEL_SUFFIX, RecordingsResult, expand, open_recording
 from seaclutter_cli.selection import cloud_channels
 from seaclutter_cli.sinks.atomic import AtomicFile, AtomicFolder, OutputGroup
+from seaclutter_cli.sinks.csv import csv_lines
 from seaclutter_cli.sinks.objects import rows_as_mappings
 from seaclutter_cli.sinks.point_files import FRAME_WRITERS
 from seaclutter_cli.sources.recordings import Recording
@@ -56,7 +58,7 @@ def propose_labels(options: ProposeOptions) -> "ProposalResult":
     >>> done.outcomes[0].boxes, done.outcomes[0].doubtful
     (120, 0)
     """
-    observer, config = options.watching, objects_config(options)
+    observer, config = options.watching, configured(options, default_method="confirmed")
     targets = _targets(options, expand(options, ahead=False))
     pairs = prepared(options, observer, [config], {"-o": targets})
     works = [ProposeWork(options.reading, *each, config) for each in pairs]
@@ -225,14 +227,13 @@ def _is_inside(place: tuple[float, float], box: Mapping[str, Any]) -> bool:
 
 def write_proposals(stream: BinaryIO, found: Sequence[Proposal], frames: Iterable[int]) -> None:
     """Write a CSV file; frames without an object are labelled as empty, and marked as proposed, too."""
-    stream.write(f"{','.join((*COLUMNS, PROPOSED, 'score'))}\n".encode())
+    rows: list[Iterable[object]] = [(*COLUMNS, PROPOSED, "score")]
     for one in found:
-        box = (*one.labelled.center, *one.labelled.size, one.labelled.yaw)
-        numbers = ",".join(f"{value:.3f}" for value in box)
-        row = f"{one.frame},{one.labelled.track},{one.labelled.kind},{numbers},{one.mark},{one.score:.3f}\n"
-        stream.write(row.encode())
+        track, kind, center, size, yaw, _ = one.labelled
+        numbers = (f"{value:.3f}" for value in (*center, *size, yaw))
+        rows.append((one.frame, track, kind, *numbers, one.mark, f"{one.score:.3f}"))
     empty = sorted(set(frames) - {one.frame for one in found})
-    stream.writelines(f"{frame},,none,,,,,,,,{SURE},\n".encode() for frame in empty)
+    stream.write(csv_lines([*rows, *((frame, "", "none", *[""] * 7, SURE, "") for frame in empty)]))
 
 
 def files_of(form: JsonForm, found: Iterable[Proposal], frames: Sequence[int]) -> Iterator[tuple[str, bytes]]:

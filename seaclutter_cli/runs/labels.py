@@ -4,6 +4,7 @@ import textwrap
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ from seaclutter_cli.truth import Boxes, Truth
 _LINE_CHARACTERS = 80
 _SAME_M, _SAME_RAD = 0.01, 0.001
 _GOOD = 0.5
+_ARRAYS = ("centers", "sizes", "yaws")
 _MEANS = ("length_m", "width_m", "height_m", "points")
 
 
@@ -45,8 +47,7 @@ def check_labels(options: LabelCheckOptions) -> "LabelCheckResult":
     (120, 120, [])
     """
     observer = options.watching
-    pairs = prepared(options, observer)
-    works = [_LabelCheckWork(options.reading, *each) for each in pairs]
+    works = [_LabelCheckWork(options.reading, *each) for each in prepared(options, observer)]
     return LabelCheckResult(run_all(works, options, observer, earlier=without_labels(works, observer)))
 
 
@@ -193,14 +194,10 @@ def _opened(path: Path) -> tuple[Labels, set[int]]:
 
 def _boxes(labels: Labels, number: int) -> Boxes:
     truth = labels.truth(Frame.of_arrays(np.empty((0, 3)), index=number))
-    parts = [part for part in (truth.targets, truth.ignored) if part is not None] if truth else []
-    return Boxes(
-        tuple(name for part in parts for name in part.tracks),
-        tuple(name for part in parts for name in part.classes),
-        np.concatenate([np.empty((0, 3)), *(part.centers for part in parts)]),
-        np.concatenate([np.empty((0, 3)), *(part.sizes for part in parts)]),
-        np.concatenate([np.empty(0), *(part.yaws for part in parts)]),
-    )
+    parts = [Boxes(), *((truth.targets or Boxes(), truth.ignored) if truth else ())]
+    tracks, classes = (tuple(chain(*(getattr(part, name) for part in parts))) for name in ("tracks", "classes"))
+    centers, sizes, yaws = (np.concatenate([getattr(one, name) for one in parts]) for name in _ARRAYS)
+    return Boxes(tracks, classes, centers, sizes, yaws)
 
 
 @dataclass
@@ -285,9 +282,8 @@ class LabelComparison(Result):
         if self.only_before:
             lines.append(f"{count(self.only_before, 'frame')} of the labels before have none after, and were left out")
         if self.only_after:
-            lines.append(
-                f"{count(self.only_after, 'frame')} of the labels after had none before; their boxes count as added"
-            )
+            frames = count(self.only_after, "frame")
+            lines.append(f"{frames} of the labels after had none before; their boxes count as added")
         return "\n".join(lines)
 
 

@@ -17,7 +17,6 @@ from seaclutter_cli.runs.batch import RecordingWork, prepared, run_all
 from seaclutter_cli.runs.checks import FitChecks, warn_if_filtered
 from seaclutter_cli.runs.methods import configured
 from seaclutter_cli.runs.observer import Observer
-from seaclutter_cli.runs.options import ConfigOptions
 from seaclutter_cli.runs.options.logs import ObjectsOptions
 from seaclutter_cli.runs.outputs import Contents, PackedRows, write_files
 from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
@@ -48,10 +47,9 @@ def find_objects(options: ObjectsOptions) -> "ObjectsResult":
     >>> table.dtype.names[2:6], len(set(table["track_id"][table["state"] == "confirmed"].tolist()))
     (('frame', 'stamp_ns', 'track_id', 'state'), 2)
     """
-    observer, config = options.watching, objects_config(options)
+    observer, config = options.watching, configured(options, default_method="confirmed")
     check_objects_file(options.output)
-    pairs = prepared(options, observer, [config])
-    works = [ObjectsWork(options.reading, *each, config) for each in pairs]
+    works = [ObjectsWork(options.reading, *each, config) for each in prepared(options, observer, [config])]
     result = ObjectsResult(run_all(works, options, observer))
     files: Contents = {options.output: lambda it: write_objects(it.path, it.stream, result.lines())}
     write_files(files, replace=options.force, outcomes=result.outcomes, observer=observer)
@@ -159,11 +157,6 @@ def follower_of(config: Config) -> "partial[Follower]":
     """Return what makes followers of the objects that a configuration finds."""
     params = config.evaluation
     return partial(Follower, params.cluster_tolerance_m, params.min_cluster_points, mounting_of(config))
-
-
-def objects_config(options: ConfigOptions) -> Config:
-    """Return the configuration of a run, with ``confirmed`` where nothing names a method."""
-    return configured(options, default_method="confirmed")
 
 
 class ObjectsResult(RecordingsResult[RecordedObjects]):

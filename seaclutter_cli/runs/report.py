@@ -1,12 +1,12 @@
 """What shows the effect of a filter: a page that opens offline, figures for print, and the Rerun viewer."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from seaclutter_cli import __version__
 from seaclutter_cli.buckets import shown, use_case_of
@@ -17,9 +17,10 @@ from seaclutter_cli.pipeline import Filtered
 from seaclutter_cli.plots.report import FIGURES, draw_figures
 from seaclutter_cli.reporting.collector import Collector, FrameListener, Method, ScoredFrame
 from seaclutter_cli.reporting.page import render_page, report_data
-from seaclutter_cli.reporting.replay import filtered_topics, recorded_config, replay
+from seaclutter_cli.reporting.replay import filtered_topics, replay
 from seaclutter_cli.runs.batch import prepared
-from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork, warn_once
+from seaclutter_cli.runs.checks import Checks
+from seaclutter_cli.runs.evaluate import Comparison, Evaluated, EvaluateWork
 from seaclutter_cli.runs.methods import Variant, bases, is_default, note_left_out, with_ideal
 from seaclutter_cli.runs.objects import follower_of
 from seaclutter_cli.runs.observer import Observer
@@ -27,15 +28,12 @@ from seaclutter_cli.runs.options import MethodOptions, ReadOptions
 from seaclutter_cli.runs.options.logs import ReportOptions, ViewOptions
 from seaclutter_cli.runs.outputs import may_appear, write_files
 from seaclutter_cli.runs.recordings import LabelFile, open_recording, require_frames
-from seaclutter_cli.runs.suspects import finder_for, listed
+from seaclutter_cli.runs.suspects import finder_for
 from seaclutter_cli.selection import filtered_by
 from seaclutter_cli.sinks.atomic import AtomicFile, OutputGroup
 from seaclutter_cli.sources.recordings import Recording
 from seaclutter_cli.text import UNKNOWN, count, printable
 from seaclutter_cli.viewing import FrameStream, check_target, require_rerun, viewer
-
-if TYPE_CHECKING:
-    from seaclutter_cli.suspects.finder import SuspectFinder
 
 _NANO = 1_000_000_000
 _FIRST_YEAR = 1990
@@ -82,29 +80,26 @@ class _Studied(FrameListener):
     def __init__(self, variants: Sequence[Variant], options: ReportOptions) -> None:
         methods = [Method(one.name, one.config.ring_edges, one.config.to_yaml()) for one in variants]
         self._config, labelled = variants[0].config, bool(options.labels)
-        params, frames, picks = self._config.evaluation, options.shown, options.picks
-        self.collector = Collector(
-            methods, params, follower_of(self._config), labelled=labelled, frames=frames, picks=picks
-        )
-        self._finders: list[tuple[str, SuspectFinder]] = []
+        params, follower = self._config.evaluation, follower_of(self._config)
+        chosen: Any = {"labelled": labelled, "frames": options.shown, "picks": options.picks}
+        self.collector = Collector(methods, params, follower, **chosen)
+        self._recording, self._finder = "", finder_for(self._config)
         self._found: list[dict[str, Any]] = []
 
     def begin(self, recording: str) -> None:
         self.finish()
-        self._finders.append((recording, finder_for(self._config)))
+        self._recording, self._finder = recording, finder_for(self._config)
         self.collector.begin(recording)
 
     def add(self, scored: ScoredFrame) -> None:
         self.collector.add(scored)
-        self._finders[-1][1].add(scored.frame, scored.results[:1])
+        self._finder.add(scored.frame, scored.results[:1])
 
     def finish(self) -> list[dict[str, Any]]:
         """Return the first suspects of each kind in each recording so far, as data of the page."""
-        for recording, finder in self._finders:
-            for found in finder.finish().values():
-                rows = [{"recording": recording, **listed(one), "of": len(found)} for one in found[:_MAX_SUSPECTS]]
-                self._found += rows
-        self._finders.clear()
+        for found in self._finder.finish().values():
+            first = found[:_MAX_SUSPECTS]
+            self._found += [{"recording": self._recording, **vars(one), "of": len(found)} for one in first]
         return self._found[:_MAX_LISTED]
 
 
@@ -145,11 +140,9 @@ class ReportResult(Comparison):
 
     def shown(self) -> list[dict[str, Any]]:
         """Return the frames whose points are shown, and why."""
-        timeline, names = self.collected.timeline, self.collected.recordings
-        return [
-            {"recording": names[timeline[one.row][0]], "frame": one.item.frame, "why": one.why}
-            for one in self.collected.chosen
-        ]
+        timeline, names, chosen = self.collected.timeline, self.collected.recordings, self.collected.chosen
+        places = [(names[timeline[one.row][0]], one) for one in chosen]
+        return [{"recording": name, "frame": one.item.frame, "why": one.why} for name, one in places]
 
     def files(self) -> list[dict[str, Any]]:
         """Return the written files."""
@@ -274,14 +267,12 @@ def filter_or_replay(
 def _recorded_run(recordings: Sequence[Recording], reading: ReadOptions) -> tuple[Variant | None, Sequence[str]]:
     """Return the method of filtered logs, and the raw topic of each; None for raw logs."""
     runs = [_recorded_in(recording, reading) for recording in recordings]
-    known = [run for run in runs if run]
-    if not known:
+    if not (known := [run for run in runs if run]):
         return None, ()
     for recording, run in zip(recordings, runs, strict=True):
         if run is None or run[1] != known[0][1]:
-            raise UsageError(
-                f"{recording.name}: not filtered in the same way as the other logs; process each one alone"
-            )
+            text = "not filtered in the same way as the other logs; process each one alone"
+            raise UsageError(f"{recording.name}: {text}")
     try:
         config = parse_config(known[0][1], f"{recordings[0].name}, recorded configuration")
     except ConfigError as error:
@@ -302,7 +293,8 @@ def _recorded_in(recording: Recording, reading: ReadOptions) -> tuple[str, str] 
             return None
         if len(topics) > 1:
             raise UsageError(f"{source.name}: several filtered topics; choose from: -t {' -t '.join(topics)}")
-        return topics[0], recorded_config(source) or ""
+        run = next((one.entries for one in source.metadata if one.name == "seaclutter"), {})
+        return topics[0], run.get("config") or ""
 
 
 @dataclass(frozen=True)
@@ -311,16 +303,14 @@ class _ReplayWork(EvaluateWork):
 
     topic: str = ""
 
-    def study(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
+    def filtered(
+        self, source: Source, _: Evaluated, observer: Observer
+    ) -> tuple[Iterable[Filtered], Mapping[str, Checks]]:
         clouds = [channel for channel in source.channels if channel.topic == self.topic]
         results = self.stepped(replay(source, self.topic, self.reading.selection), source, observer, clouds)
-        frames = self._finished(((one.frame, [one], [None]) for one in results), source, labels, outcome, observer)
-        warn_once(observer, outcome, self.scored(frames, labels, outcome, {}))
+        return ((one.frame, [one], [None]) for one in results), {}
 
-    def _finished(
-        self, every: Iterable[Filtered], source: Source, labels: Labels | None, outcome: Evaluated, _: Observer
-    ) -> Iterator[Filtered]:
-        yield from every
+    def end(self, source: Source, labels: Labels | None, outcome: Evaluated, _: Observer) -> None:
         if not outcome.frames:
             require_frames(source, 0, self.reading.selection)
             missing = f"no frame of {self.topic} has removed points and diagnostics"

@@ -354,9 +354,8 @@ class SceneTraining(Result):
         """Return the training as human-readable text."""
         trained, examples = self.trained, self.examples
         best, confusion = trained.epochs[trained.best], trained.test.as_text()
-        parts = ", ".join(
-            f"{len(part)} {name}" for name, part in zip(trained.split._fields, trained.split, strict=True)
-        )
+        sizes = dict(zip(trained.split._fields, map(len, trained.split), strict=True))
+        parts = ", ".join(f"{size} {name}" for name, size in sizes.items())
         frames = f"{count(len(examples), 'frame')} of {count(len(examples.recordings), 'recording')} ({parts})"
         precision = f"{best.train_precision:.3f} in training, {best.validation_precision:.3f} on validation"
         epoch = f"best epoch {trained.best + 1} of {len(trained.epochs)}: precision {precision}; test:"

@@ -1,14 +1,13 @@
 """Tables of scores, and of indications without labels: their columns, what these mean, and the best method in each."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from operator import attrgetter, itemgetter, methodcaller
 from typing import Any, Literal, TypeVar
 
 from seaclutter_cli.evaluation import IDEAL
-from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, FrameScore, Summary
-from seaclutter_cli.frame import Frame
+from seaclutter_cli.evaluation.scores import ALARM_COLUMNS, POINT_COLUMNS, Summary
 from seaclutter_cli.runs.outputs import PackedRows
 from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.text import UNKNOWN, legend, table
@@ -139,31 +138,14 @@ def score_legend(text: str, columns: Iterable[Column], others: Mapping[str, str]
 
 def indications_text(found: Mapping[str, Any], title: str) -> str:
     """Return what indicates the quality of methods as human-readable text."""
-    tables = []
-    for columns in (_ERRORS, _MEANS):
-        rows = [(name, *(column.cell(one) for column in columns)) for name, one in found.items()]
-        tables.append(table(("method", *(column.head for column in columns)), rows))
+    tables = [score_table(found, [replace(one, best=None) for one in columns]) for columns in (_ERRORS, _MEANS)]
     text = "\n\n".join((title, *tables, _NOTE))
     return f"{text}\n\n{score_legend(UNKNOWN * (UNKNOWN in text), (*_ERRORS, *_MEANS))}"
 
 
-class FrameRows(PackedRows):
-    """Rows of the frames of one recording, and whether the labels of points are known for any."""
-
-    def __init__(self, recording: str) -> None:
-        super().__init__()
-        self._recording, self.points_known = recording, False
-
-    def add(self, method: str, frame: Frame, score: FrameScore) -> None:
-        """Add the row of a method; cells are empty for what the labels of the frame do not tell."""
-        self.points_known |= score.points is not None
-        self.write(csv_line((self._recording, method, frame.index, frame.stamp_ns, *score.cells())))
-
-
-def frame_table(recordings: Sequence[FrameRows]) -> Iterator[bytes]:
-    """Yield the lines of a table (CSV); it has columns for points if their labels are known for any frame."""
-    points_known = any(rows.points_known for rows in recordings)
+def frame_table(rows: Iterable[PackedRows], *, points_known: bool) -> Iterator[bytes]:
+    """Yield the lines of a table (CSV) of frames; it has columns for points if their labels are known for any."""
     columns = (*ALARM_COLUMNS, *(POINT_COLUMNS if points_known else ()))
     yield csv_line(("recording", "method", "frame", "stamp_ns", *columns))
-    for line in chain.from_iterable(recordings):
+    for line in chain.from_iterable(rows):
         yield line if points_known else line.replace(_UNKNOWN_POINTS, b"\n")

@@ -70,9 +70,8 @@ def _simulate_recording(name: str, output: Path, options: SimulateOptions, obser
 
     if is_tile_scene(name):
         raise UsageError(f"{output}: {name} is an airborne tile; the name of its file must end in .las or .laz")
-    scene = find_scene(name, options.seed, wide=options.physics == "wide").with_recording(
-        frames=options.frames, lidar=options.lidar
-    )
+    found = find_scene(name, options.seed, wide=options.physics == "wide")
+    scene = found.with_recording(frames=options.frames, lidar=options.lidar)
     endings = [f".{name}" for name in ([options.form] if options.form else FORMATS)]
     if output.suffix not in endings:
         raise UsageError(f"{output}: the name of the recording must end in {' or '.join(endings)}")
@@ -99,9 +98,8 @@ def _simulate_tile(name: str, output: Path, options: SimulateOptions, observer: 
     named = {"frames": options.frames, "lidar": options.lidar, "format": options.form, "physics": options.physics}
     for option, value in named.items():
         if value is not None:
-            raise UsageError(
-                f"--{option}: not available for tiles; set height, density and returns in the scene's section lidar"
-            )
+            remedy = "set height, density and returns in the scene's section lidar"
+            raise UsageError(f"--{option}: not available for tiles; {remedy}")
     scene = load_tile_scene(name).with_tile(seed=options.seed)
     prepare_outputs({"-o": output, **options.outputs}, {"SCENE": Path(name)}, force=options.force, observer=observer)
     land, points = 0, Counter[int]()

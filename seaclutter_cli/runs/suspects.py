@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
 
 from seaclutter_cli.buckets import use_case_of
 from seaclutter_cli.config import Config, is_named, load_config
@@ -20,7 +19,7 @@ from seaclutter_cli.runs.objects import mounting_of, recorded_configs
 from seaclutter_cli.runs.observer import Observer
 from seaclutter_cli.runs.options.logs import SuspectsOptions
 from seaclutter_cli.runs.outputs import write_files
-from seaclutter_cli.runs.recordings import Outcome, RecordingsResult, data_of
+from seaclutter_cli.runs.recordings import Outcome, RecordingsResult
 from seaclutter_cli.selection import (
     Selection,
     cloud_channels,
@@ -38,8 +37,7 @@ from seaclutter_cli.text import UNKNOWN, count, printable, table
 _EVERY_POINT = 1 << 40
 _TITLES = {"removed": "removed, and may have been targets", "kept": "kept, and may be clutter"}
 _HEADS = ("score", "frames", "from s", "to s", "range m", "x m", "y m", "points", "top m")
-_DATA = " ".join((*(one.name for one in fields(Suspect)), "range_m"))
-COLUMNS = ("recording", "kind", "rank", *(name for name in _DATA.split() if name != "kind"))
+COLUMNS = ("recording", "kind", "rank", *(one.name for one in fields(Suspect) if one.name != "kind"))
 
 
 @use_case_of(SuspectsOptions)
@@ -81,7 +79,7 @@ class RecordedSuspects(Outcome):
     The text has so many of each kind as are ``shown``.
     """
 
-    data = "recording error damage seconds=rounded_s method topic frames unjudged suspects=listed_suspects"
+    data = "recording error damage seconds=rounded_s method topic frames unjudged suspects"
 
     method: str = ""
     topic: str = ""
@@ -92,10 +90,6 @@ class RecordedSuspects(Outcome):
     pictures: dict[str, bytes] = field(default_factory=dict, repr=False)
     shown: int = 10
 
-    def listed_suspects(self) -> dict[str, list[dict[str, Any]]]:
-        """Return the suspects of each kind as JSON-compatible data."""
-        return {kind: [listed(one) for one in found] for kind, found in self.suspects.items()}
-
     def figures(self) -> str:
         """Return the number of suspects, for a line about the outcome."""
         removed, kept = (len(self.suspects.get(kind, ())) for kind in _TITLES)
@@ -104,12 +98,10 @@ class RecordedSuspects(Outcome):
 
     def as_text(self) -> str:
         """Return the first suspects of each kind as tables."""
-        blocks = [
-            f"{printable(self.recording)}: {self.method} on {printable(self.topic)}, {count(self.frames, 'frame')}"
-        ]
+        recording, topic = printable(self.recording), printable(self.topic)
+        blocks = [f"{recording}: {self.method} on {topic}, {count(self.frames, 'frame')}"]
         for kind, title in _TITLES.items():
-            found = self.suspects.get(kind, ())
-            if not found:
+            if not (found := self.suspects.get(kind, ())):
                 blocks.append(f"{title}: none")
                 continue
             heads = ("", *_HEADS, "removed by") if kind == "removed" else ("", *_HEADS)
@@ -172,11 +164,6 @@ class _SuspectsWork(RecordingWork[RecordedSuspects]):
         self.finish(source, labels, outcome.frames)
 
 
-def listed(one: Suspect) -> dict[str, Any]:
-    """Return a suspect as JSON-compatible data."""
-    return data_of(one, _DATA)
-
-
 def finder_for(*configs: Config) -> SuspectFinder:
     """Return a new finder for the lidar of the first of some configurations that tells how it is mounted."""
     return SuspectFinder(1, mounting_of(*configs))
@@ -227,7 +214,7 @@ class SuspectsResult(RecordingsResult[RecordedSuspects]):
         for outcome in self.outcomes:
             for found in outcome.suspects.values():
                 for rank, one in enumerate(found, 1):
-                    row = {"recording": outcome.recording, "rank": rank, **listed(one)}
+                    row = {"recording": outcome.recording, "rank": rank, **vars(one)}
                     row["reasons"] = " ".join(f"{name}:{points}" for name, points in one.reasons.items())
                     lines.append(csv_line("" if row[name] is None else row[name] for name in COLUMNS))
         return b"".join(lines)

@@ -21,7 +21,6 @@ from seaclutter_cli.threads import waited
 IMAGE_SIZE = 224
 """Number of rows, and of columns, of a top view."""
 
-_BLOCK = 16384
 CLASSES_KEY = "seaclutter.classes"
 EXTENT_KEY = "seaclutter.extent_m"
 """Metadata keys: a JSON list of class names in the order of the outputs; half the side of the square."""
@@ -42,34 +41,13 @@ def top_view(xyz: Floats, extent_m: float, size: int = IMAGE_SIZE) -> Bytes:
     This is the binary image of [Bi] (point cloud to image converter). It is computed in single precision, which may
     shift the edge of a cell by some micrometres.
     """
-    image = np.zeros(size * size, np.uint8)
-    middle, in_middle = (size + 1) * (size // 2), 0
-    # In blocks, because allocating arrays for a whole frame each time costs more than the computation.
-    for start in range(0, xyz.shape[1], _BLOCK):
-        cells = _cells(xyz[:, start : start + _BLOCK], extent_m, size)
-        image[cells] = 1
-        in_middle += int(np.count_nonzero(cells == middle))
-    if in_middle:
-        at_origin = np.flatnonzero(xyz[0] == 0)
-        image[middle] = in_middle > np.count_nonzero(~xyz[:, at_origin].any(axis=0))
-    return image.reshape(size, size)
-
-
-def _cells(xyz: Floats, extent_m: float, size: int) -> NDArray[np.int32]:
-    """Return the row-major indices of the cells of the points inside the square."""
     with np.errstate(invalid="ignore", over="ignore"):
-        position = xyz[:2].astype(np.float32)
-        np.subtract(np.float32(extent_m), position, out=position)
-        position *= np.float32(size / (2 * extent_m))
-        row, column = position
-        inside = np.minimum(row, column) >= 0  # False where either is NaN
-        inside &= np.maximum(row, column) < size
-        inside &= np.isfinite(xyz[2])
-    seen = np.flatnonzero(inside)
-    cells: NDArray[np.int32] = row.take(seen).astype(np.int32)
-    cells *= size
-    cells += column.take(seen).astype(np.int32)
-    return cells
+        row, column = (np.float32(extent_m) - xyz[:2].astype(np.float32)) * np.float32(size / (2 * extent_m))
+        inside = (np.minimum(row, column) >= 0) & (np.maximum(row, column) < size)  # False where either is NaN
+    inside &= np.isfinite(xyz[2]) & xyz.any(axis=0)
+    image = np.zeros((size, size), np.uint8)
+    image[row[inside].astype(np.int32), column[inside].astype(np.int32)] = 1
+    return image
 
 
 class SceneModel:
@@ -127,8 +105,7 @@ class SceneModel:
             metadata = self._session.get_modelmeta().custom_metadata_map
         except UnicodeDecodeError as error:
             raise self._error("its metadata are not valid text") from error
-        missing = [key for key in (CLASSES_KEY, EXTENT_KEY) if key not in metadata]
-        if missing:
+        if missing := [key for key in (CLASSES_KEY, EXTENT_KEY) if key not in metadata]:
             raise self._error(f"its metadata lacks {' and '.join(missing)}")
         try:
             classes, extent_m = load_json(metadata[CLASSES_KEY]), float(metadata[EXTENT_KEY])
@@ -227,18 +204,15 @@ class SceneTracker:
         even = dict.fromkeys(self.classes, 1 / len(self.classes))
         self._decision = SceneDecision(self.classes[0], False, even)
         self._wait = 0
-        self._has_decided = False
         self._rival, self._rival_count = self.classes[0], 0
 
     def scene(self, frame: Frame) -> SceneDecision:
         """Return the scene of a frame; called once for each frame, in order."""
-        self._wait -= 1
-        if self._wait < 0:
-            image = top_view(frame.coordinates, self._model.extent_m)
-            if image.any():
-                self._wait = self._every - 1
-                return self._decide(dict(zip(self.classes, self._model.probabilities(image).tolist(), strict=True)))
-            self._wait = 0
+        if self._wait:
+            self._wait -= 1
+        elif (image := top_view(frame.coordinates, self._model.extent_m)).any():
+            self._wait = self._every - 1
+            return self._decide(dict(zip(self.classes, self._model.probabilities(image).tolist(), strict=True)))
         return replace(self._decision, decided=False)
 
     def _decide(self, probabilities: dict[str, float]) -> SceneDecision:
@@ -246,8 +220,7 @@ class SceneTracker:
         name = self._decision.name
         self._rival_count = self._rival_count + 1 if most_probable == self._rival else 1
         self._rival = most_probable
-        if not self._has_decided or self._rival_count >= self._hold:
+        if not self._decision.decided or self._rival_count >= self._hold:
             name = most_probable
-        self._has_decided = True
         self._decision = SceneDecision(name, True, probabilities)
         return self._decision

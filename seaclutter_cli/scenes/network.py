@@ -39,13 +39,9 @@ def make_network(classes: int) -> Any:
     before = _STEM_MAPS
     for maps, stride in _BLOCKS:
         wide = _EXPANSION * before
-        layers.append(
-            (Residual if stride == 1 else nn.Sequential)(
-                _convolution(before, wide, 1),
-                _convolution(wide, wide, 3, stride=stride, groups=wide),
-                _convolution(wide, maps, 1, activated=False),
-            )
-        )
+        block = Residual if stride == 1 else nn.Sequential
+        first, second = _convolution(before, wide, 1), _convolution(wide, wide, 3, stride=stride, groups=wide)
+        layers.append(block(first, second, _convolution(wide, maps, 1, activated=False)))
         before = maps
     return nn.Sequential(*layers, nn.AdaptiveAvgPool2d(1), nn.Flatten(), nn.Linear(maps, classes))
 

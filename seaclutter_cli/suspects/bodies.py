@@ -23,21 +23,18 @@ class Bodies:
     """The K bodies of a frame.
 
     ``points``, shape (n,), are indices of points of the frame, body by body; those of a body begin at ``start``, shape
-    (K,). ``found`` are the bodies for a tracker. ``top_m`` are heights above the water, NaN without water, ``rise``
-    multiples of the height at which points stand out, at most 4. ``alone`` is 1 where the water around has no echoes, 0
-    where it has many. ``linked`` and ``loose`` are numbers of neighbours that lie on one surface, or do not. ``flat``,
-    shape (N,), are the points of the frame near the water, ``height_m``, shape (N,), heights above it of the points in
-    no body, NaN where unknown. All other arrays have the shape (K,).
+    (K,). ``found`` are the bodies for a tracker, ``top_m``, shape (K,), heights above the water, NaN without water.
+    ``looks``, shape (5, K), are multiples of the height at which points stand out, at most 4; 1 where the water around
+    has no echoes, 0 where it has many; numbers of neighbours that lie on one surface, and that do not; and sizes in
+    metres. ``flat``, shape (N,), are the points of the frame near the water, ``height_m``, shape (N,), heights above it
+    of the points in no body, NaN where unknown.
     """
 
     points: Indices
     start: Ints
     found: Detections
     top_m: Floats
-    rise: Floats
-    alone: Floats
-    linked: Floats
-    loose: Floats
+    looks: Floats
     flat: Mask
     height_m: Floats
 
@@ -79,13 +76,14 @@ class BodyFinder:
         owner = np.repeat(np.arange(len(clusters)), clusters.count)
         found = Detections.made(frame.coordinates.take(points, axis=1), owner, len(clusters))
         if not len(clusters):
-            none = np.empty(0)
-            return Bodies(points, clusters.start, found, none, none, none, none, none, flat, height)
+            return Bodies(points, clusters.start, found, np.empty(0), np.empty((5, 0)), flat, height)
         (top,) = clusters.ranked(heights.height_m, clusters.count - 1 - np.clip(clusters.count // 4, 0, 3))
         rise = np.minimum(top / clusters.mean(heights.rise_m), _MAX_RISE)
         top = top if heights.water is not None else np.full(len(top), np.nan)
-        alone, linked, loose = clusters.mean(heights.unseen), clusters.sum(heights.linked), clusters.sum(heights.loose)
-        return Bodies(points, clusters.start, found, top, rise, alone, linked, loose, flat, height)
+        neighbours = clusters.sum(heights.linked), clusters.sum(heights.loose)
+        sizes = np.hypot(*np.ptp(found.hulls, axis=1).T)
+        looks = np.stack((rise, clusters.mean(heights.unseen), *neighbours, sizes))
+        return Bodies(points, clusters.start, found, top, looks, flat, height)
 
 
 def _largest(clusters: Clusters) -> Clusters:

@@ -5,7 +5,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal, Self
+from typing import Literal
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from seaclutter_cli.arrays import Bytes, Floats, Ints, Mask
 from seaclutter_cli.clustering import ClusterFinder
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.suspects.bodies import Bodies, BodyFinder
+from seaclutter_cli.suspects.indications import Indications
 from seaclutter_cli.tracking.clock import Clock
 from seaclutter_cli.tracking.detections import Detections
 from seaclutter_cli.tracking.tracker import Track, Tracker
@@ -46,7 +47,7 @@ class Suspect:
     ``z_m`` and the points are ``points``; ``frames`` is the number of frames in which it was removed or kept, from
     ``first_frame`` to ``last_frame``. ``reasons`` are the points removed by each rule, but those that follow from the
     configuration. ``top_m`` is the greatest height above the water, None if it is not known; ``speed_ms`` that against
-    the lidar.
+    the lidar; ``range_m`` the horizontal distance from it.
     """
 
     kind: Literal["removed", "kept"]
@@ -66,11 +67,7 @@ class Suspect:
     top_m: float | None
     speed_ms: float
     reasons: dict[str, int]
-
-    @property
-    def range_m(self) -> float:
-        """Horizontal distance from the lidar."""
-        return math.hypot(self.x_m, self.y_m)
+    range_m: float
 
     @property
     def weight(self) -> float:
@@ -95,14 +92,11 @@ class Body:
     kept: Ints
     changes: Ints
     looks: int = 0
-    rise: float = 0.0
-    alone: float = 0.0
-    linked: float = 0.0
-    loose: float = 0.0
-    size_m: float = 0.0
+    looked: Floats = field(default_factory=lambda: np.zeros(5))
+    """Sums of `Bodies.looks`."""
     is_flat: bool = False
     top_m: float = -math.inf
-    reasons: Ints = field(default_factory=lambda: np.zeros(len(Reason), np.int64))
+    reasons: Ints = field(default_factory=lambda: np.zeros(len(_JUDGED), np.int64))
     points_kept: int = 0
     best: dict[str, tuple[int, int, int, Floats]] = field(default_factory=dict)
     """Of the looks in which it was removed or kept, the most points, frame, stamp, and centre, shape (3,)."""
@@ -118,16 +112,17 @@ class Body:
     @property
     def is_unlikely(self) -> bool:
         """Whether it is hardly a body, although the centre of a large one, such as a quay, may jump."""
-        return self._likeness(_STEADY_M + _STEADY_SHARE * self.size_m / self.looks) < UNLIKELY
+        return self._likeness(_STEADY_M + _STEADY_SHARE * self.looked[4] / self.looks) < UNLIKELY
 
     def _likeness(self, steady_m: float) -> float:
         """Return how much it is like a body: it stands out or is alone, is solid, stays, and moves steadily.
 
         The product of four shares, each 1 for a body. What is met by one beam lies alone on the water at most.
         """
-        stands = min(max((self.rise / self.looks - 1) / _RISES, 0), 1)
-        alone = _ALONE_WEIGHT * self.alone / self.looks
-        linked = (self.linked + 1) / (self.linked + self.loose + 1)
+        rise, alone, linked, loose, _ = map(float, self.looked)
+        stands = min(max((rise / self.looks - 1) / _RISES, 0), 1)
+        alone = _ALONE_WEIGHT * alone / self.looks
+        linked = (linked + 1) / (linked + loose + 1)
         solid = min(max((linked - _LEAST_SOLID) / _SOLID_SPAN, 0), 1)
         seen = self.looks / (self.last[0] - self.first[0] + 1)
         stays = seen * (1 - math.exp(-(self.last[2] - self.first[2]) / _STAY_S))
@@ -138,7 +133,9 @@ class Body:
     def suspect(self, kind: Literal["removed", "kept"], score: float, frames: int) -> Suspect:
         """Return the body as a suspect of a kind, of which it has a ``best`` look."""
         points, frame, stamp_ns, (x, y, z) = self.best[kind]
-        removed = {reason.name.lower(): int(self.reasons[reason]) for reason in Reason if self.reasons[reason]}
+        removed = {
+            one.name.lower(): points for one, points in zip(_JUDGED, self.reasons.tolist(), strict=True) if points
+        }
         return Suspect(
             kind=kind,
             score=score,
@@ -157,6 +154,7 @@ class Body:
             top_m=self.top_m if math.isfinite(self.top_m) else None,
             speed_ms=self.speed_ms,
             reasons=removed if kind == "removed" else {},
+            range_m=math.hypot(x, y),
         )
 
     def looked_at(self, kind: str, points: int, moment: Moment, center: Floats) -> None:
@@ -173,34 +171,6 @@ class Body:
         self._before.append((time_s, place))
 
 
-@dataclass
-class Tally:
-    """Sums over the bodies of a recording for M methods, shape (M,): the looks of those that are likely targets.
-
-    ``lost`` and ``found`` are looks of these in which they are lost and kept; in neither, the configuration removes
-    them, such as own ship. ``changes`` are those between kept and not, within ``seconds``, the times from first to last
-    look at those that are ever lost or kept. ``doubtful`` are the looks of unlikely bodies that are kept, and clusters
-    of kept points near the water. ``kept_score`` and ``lost_score`` are sums of the scores of all bodies over the looks
-    in which they are kept or lost.
-    """
-
-    lost: Ints
-    found: Ints
-    changes: Ints
-    doubtful: Ints
-    kept_looks: Ints
-    lost_looks: Ints
-    kept_score: Floats
-    lost_score: Floats
-    seconds: Floats
-
-    @classmethod
-    def of(cls, methods: int) -> Self:
-        """Return the sums over no body."""
-        counts = np.zeros((6, methods), np.int64)
-        return cls(*counts, *np.zeros((3, methods)))
-
-
 class SuspectFinder:
     """Bodies of the frames of a recording under M methods; suspects are those of the first method.
 
@@ -208,13 +178,13 @@ class SuspectFinder:
     most 500 suspects of each kind are kept, and the bodies of the last five seconds.
     """
 
-    def __init__(self, methods: int = 1, mounting: Mounting | None = None, tally: Tally | None = None) -> None:
+    def __init__(self, methods: int = 1, mounting: Mounting | None = None) -> None:
         self._mounting = mounting or Mounting()
         self._bodies: dict[Track, Body] = {}
         self._listed: dict[str, list[tuple[float, int, Suspect]]] = {"removed": [], "kept": []}
         self._clock, self._time_s = Clock(), 0.0
         self._number = 0
-        self.tally = tally or Tally.of(methods)
+        self.tally = Indications(methods)
         self.unjudged = 0
         self._begin()
 
@@ -233,6 +203,12 @@ class SuspectFinder:
         self._end([track for track, body in self._bodies.items() if time_s - body.last[2] > _GONE_S])
         return bodies
 
+    def indicate(self, frame: Frame, results: Sequence[FilterResult | None]) -> None:
+        """Add a frame to all indications; one that a method could not use, which has None, counts for none."""
+        used = [one for one in results if one is not None]
+        if len(used) == len(results):
+            self.tally.add(frame, used, self.add(frame, results))
+
     def finish(self) -> dict[str, list[Suspect]]:
         """Return the suspects of each kind, the most probable first."""
         self._end(list(self._bodies))
@@ -248,19 +224,14 @@ class SuspectFinder:
         is_lost = ~is_kept & (removed >= _FEW_POINTS)
         for m, reason in enumerate(reasons):
             is_lost[m] &= ~_is_part(frame, bodies, reason, is_lost[m])
-        by_rule = [(rule, bodies.sums(reasons[0] == rule)) for rule in _JUDGED]
+        by_rule = np.array([bodies.sums(reasons[0] == rule) for rule in _JUDGED])
         moment = frame.index, frame.stamp_ns, self._time_s
         ends = np.append(bodies.start, len(bodies.points))
-        sizes = np.hypot(*np.ptp(bodies.found.hulls, axis=1).T)
         for k, track in enumerate(tracks):
             if track is None:
                 continue
             body = self._seen(track, is_kept[:, k], moment)
-            body.rise += float(bodies.rise[k])
-            body.alone += float(bodies.alone[k])
-            body.linked += float(bodies.linked[k])
-            body.loose += float(bodies.loose[k])
-            body.size_m += float(sizes[k])
+            body.looked += bodies.looks[:, k]
             body.top_m = max(body.top_m, float(bodies.top_m[k]))
             body.speed_ms = abs(track.velocity)
             body.moved(moment[2], bodies.found.centers[k])
@@ -269,9 +240,7 @@ class SuspectFinder:
             body.lost += is_lost[:, k]
             body.kept += is_kept[:, k]
             body.points_kept += int(kept[0, k])
-            if is_lost[0, k]:
-                for rule, points in by_rule:
-                    body.reasons[rule] += points[k]
+            body.reasons += by_rule[:, k] * is_lost[0, k]
             kind, size = ("removed", removed[0, k]) if is_lost[0, k] else ("kept", kept[0, k])
             if is_lost[0, k] or is_kept[0, k]:
                 own = bodies.points[bodies.start[k] : ends[k + 1]]

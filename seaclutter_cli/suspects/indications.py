@@ -1,15 +1,12 @@
 """Indications of the quality of methods without labels: bodies lost, doubtful clusters kept, agreement, water kept."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
-from seaclutter_cli.arrays import Ints
 from seaclutter_cli.frame import FilterResult, Frame, Reason
-from seaclutter_cli.suspects.finder import SuspectFinder, Tally
-from seaclutter_cli.water import Mounting
+from seaclutter_cli.suspects.bodies import Bodies
 
 RANGES_M = (0.0, 15.0, 30.0, 60.0, np.inf)
 HEIGHTS_M = (-np.inf, 0.0, 0.25, 0.5)
@@ -17,32 +14,47 @@ HEIGHTS_M = (-np.inf, 0.0, 0.25, 0.5)
 _SHAPE = len(HEIGHTS_M) - 1, len(RANGES_M) - 1
 
 
-@dataclass
-class Indications(Tally):
-    """Sums over the frames of recordings for M methods, and what they indicate.
+class Indications:
+    """Sums over the frames of recordings for M methods, shape (M,), and what they indicate.
+
+    They count the looks at bodies that are likely targets: ``lost`` and ``found`` are those in which they are lost and
+    kept; in neither, the configuration removes them, such as own ship. ``changes`` are those between kept and not,
+    within ``seconds``, the times from first to last look at those that are ever lost or kept. ``doubtful`` are the
+    looks of unlikely bodies that are kept, and clusters of kept points near the water. ``kept_score`` and
+    ``lost_score`` are sums of the scores of all bodies over the looks in which they are kept or lost.
 
     ``water`` are the points of the water by height and range, shape (H, R), ``water_kept`` those kept, shape (M, H, R);
     ``same``, shape (M, M), the points that two methods treat alike, of all ``points``.
     """
 
-    frames: int = 0
-    points: int = 0
-    water: Ints = field(default_factory=lambda: np.zeros(_SHAPE, np.int64))
-    water_kept: Ints = field(default_factory=lambda: np.zeros((0, *_SHAPE), np.int64))
-    same: Ints = field(default_factory=lambda: np.zeros((0, 0), np.int64))
-
-    @classmethod
-    def of(cls, methods: int) -> Self:
-        """Return the sums over no frame."""
-        sums = super().of(methods)
-        sums.water_kept = np.zeros((methods, *_SHAPE), np.int64)
-        sums.same = np.zeros((methods, methods), np.int64)
-        return sums
+    def __init__(self, methods: int) -> None:
+        self.lost, self.found, self.changes, self.doubtful = np.zeros((4, methods), np.int64)
+        self.kept_looks, self.lost_looks = np.zeros((2, methods), np.int64)
+        self.kept_score, self.lost_score, self.seconds = np.zeros((3, methods))
+        self.water, self.water_kept = np.zeros(_SHAPE, np.int64), np.zeros((methods, *_SHAPE), np.int64)
+        self.same = np.zeros((methods, methods), np.int64)
+        self.frames = self.points = 0
 
     def update(self, other: "Indications") -> None:
         """Add the frames of another recording, of the same methods."""
-        for item in fields(self):
-            setattr(self, item.name, getattr(self, item.name) + getattr(other, item.name))
+        for name, value in vars(other).items():
+            setattr(self, name, getattr(self, name) + value)
+
+    def add(self, frame: Frame, results: Sequence[FilterResult], bodies: Bodies) -> None:
+        """Add a frame with its results and bodies to all but what counts looks at bodies."""
+        self.frames += 1
+        valid = np.flatnonzero(frame.valid)
+        kept = np.array([np.equal(one.reason, Reason.KEPT)[valid] for one in results])
+        self.points += len(valid)
+        for m, own in enumerate(kept):
+            self.same[m] += np.count_nonzero(kept == own, axis=1)
+        height = bodies.height_m[valid]
+        water = np.flatnonzero(height < HEIGHTS_M[-1])  # false for NaN
+        row = np.searchsorted(HEIGHTS_M, height[water], side="right") - 1
+        column = np.searchsorted(RANGES_M, frame.range_m[valid[water]], side="right") - 1
+        np.add.at(self.water, (row, column), 1)
+        for counts, own in zip(self.water_kept, kept[:, water], strict=True):
+            np.add.at(counts, (row[own], column[own]), 1)
 
     def of_method(self, m: int) -> dict[str, Any]:
         """Return what the sums indicate for a method; None where there is nothing to count."""
@@ -66,35 +78,3 @@ class Indications(Tally):
 
 def _ratio(part: float, whole: float) -> float | None:
     return float(part / whole) if whole else None
-
-
-class Indicator:
-    """Collector of the indications of a recording for several methods."""
-
-    def __init__(self, methods: int, mounting: Mounting | None = None) -> None:
-        self._sums = Indications.of(methods)
-        self._finder = SuspectFinder(methods, mounting, self._sums)
-
-    def add(self, frame: Frame, results: Sequence[FilterResult | None]) -> None:
-        """Add a frame with its results; one that a method could not use, which has None, counts for none."""
-        if None in results:
-            return
-        bodies, sums = self._finder.add(frame, results), self._sums
-        sums.frames += 1
-        valid = np.flatnonzero(frame.valid)
-        kept = np.array([np.equal(one.reason, Reason.KEPT)[valid] for one in results if one])
-        sums.points += len(valid)
-        for m, own in enumerate(kept):
-            sums.same[m] += np.count_nonzero(kept == own, axis=1)
-        height = bodies.height_m[valid]
-        water = np.flatnonzero(height < HEIGHTS_M[-1])  # false for NaN
-        row = np.searchsorted(HEIGHTS_M, height[water], side="right") - 1
-        column = np.searchsorted(RANGES_M, frame.range_m[valid[water]], side="right") - 1
-        np.add.at(sums.water, (row, column), 1)
-        for counts, own in zip(sums.water_kept, kept[:, water], strict=True):
-            np.add.at(counts, (row[own], column[own]), 1)
-
-    def finish(self) -> Indications:
-        """Return the sums."""
-        self._finder.finish()
-        return self._sums

@@ -11,7 +11,6 @@ from seaclutter_cli.evaluation.scores import ideal
 from seaclutter_cli.frame import FilterResult, Reason
 from seaclutter_cli.labels import open_labels
 from seaclutter_cli.suspects.finder import LIKELY, SuspectFinder
-from seaclutter_cli.suspects.indications import Indicator
 from seaclutter_cli.truth import IGNORED
 from tests.paths import ROOT
 
@@ -155,12 +154,13 @@ def test_the_order_of_methods_does_not_matter(labelled):
 def test_frames_that_one_method_cannot_use_count_for_no_method(labelled):
     told = []
     for left_out in (slice(0, 0), slice(1, None, 2)):
-        indicator = Indicator(2)
+        finder = SuspectFinder(2)
         for k, (frame, truth) in enumerate(labelled):
             if k not in range(len(labelled))[left_out]:
                 result = right(frame, truth)
-                indicator.add(frame, [result, None if k % 2 else without(1)(result, truth)])
-        sums = indicator.finish()
+                finder.indicate(frame, [result, None if k % 2 else without(1)(result, truth)])
+        finder.finish()
+        sums = finder.tally
         told.append([sums.of_method(m) for m in range(2)])
         assert sums.frames == (FRAMES + 1) // 2
     assert told[0] == told[1]

@@ -26,8 +26,7 @@ _PIXELS = 1000
 
 def pixel_of(tiles: Sequence[TileHead]) -> float:
     """Return the width of a pixel of the picture of all tiles in metres; 0 if it is not known from headers."""
-    extents = [tile.extent for tile in tiles if tile.extent]
-    if not extents:
+    if not (extents := [tile.extent for tile in tiles if tile.extent]):
         return 0.0
     low, high = np.min([one.low for one in extents], axis=0), np.max([one.high for one in extents], axis=0)
     return float((high - low).max()) / _PIXELS
@@ -77,11 +76,9 @@ def map_files(options: SeparateTilesOptions, tiles: Sequence[MappedTile], observ
             observer.note("no shoreline: water and land do not meet in these tiles")
         files[options.geojson_file] = geojson_of(tiles, observer)
     if options.plot_file:
-        systems = {tile.crs.by_code for tile in tiles}
-        if len(systems) > 1:
-            observer.warn(
-                f"{options.plot_file}: shows tiles with {len(systems)} coordinate reference systems as one map"
-            )
+        if len(systems := {tile.crs.by_code for tile in tiles}) > 1:
+            text = f"shows tiles with {len(systems)} coordinate reference systems as one map"
+            observer.warn(f"{options.plot_file}: {text}")
         parts = [tile.part for tile in tiles if tile.part]
         title = waves_line([tile.sea for tile in tiles if tile.sea])
         suffix = options.plot_file.suffix
@@ -103,28 +100,18 @@ def _range(values: Sequence[float], digits: int) -> str:
     return low if low == high else f"{low.removesuffix(' m')} to {high}"
 
 
-def _conversions(tiles: Sequence[MappedTile], observer: Observer) -> list[ToLongitudeLatitude | None]:
-    """Return the conversion of each tile's positions to WGS 84; warn of the tiles for which there is none."""
-    found: list[ToLongitudeLatitude | None] = []
-    without: dict[str, list[str]] = {}
-    for tile in tiles:
-        try:
-            conversion, reason = tile.crs.to_wgs84(), "its CRS is unknown"
-        except MissingExtraError as error:
-            conversion, reason = None, str(error)
-        if conversion is None:
-            without.setdefault(reason, []).append(tile.name)
-        found.append(conversion)
-    for reason, names in without.items():
-        observer.warn(f"{listed(names)}: GeoJSON is in the coordinates of the tile, not in WGS 84: {reason}")
-    return found
-
-
 def geojson_of(tiles: Sequence[MappedTile], observer: Observer) -> bytes:
     """Return objects, then shorelines, as GeoJSON: in WGS 84, or in the coordinates of a tile without a known CRS."""
     objects: list[dict[str, Any]] = []
     shorelines: list[dict[str, Any]] = []
-    for tile, convert in zip(tiles, _conversions(tiles, observer), strict=True):
+    without: dict[str, list[str]] = {}
+    for tile in tiles:
+        try:
+            convert, reason = tile.crs.to_wgs84(), "its CRS is unknown"
+        except MissingExtraError as error:
+            convert, reason = None, str(error)
+        if convert is None:
+            without.setdefault(reason, []).append(tile.name)
         origin = {"coordinates": "WGS 84" if convert else "tile", "tile": tile.name}
         for one in tile.objects:
             corners = one.corners(tile.crs.unit_m)
@@ -133,6 +120,8 @@ def geojson_of(tiles: Sequence[MappedTile], observer: Observer) -> bytes:
         for line in tile.shoreline:
             properties = {**origin, "kind": "shoreline", "length_m": round(length_m(line), 1)}
             shorelines.append(_feature("LineString", _places(line / tile.crs.unit_m, convert), properties))
+    for reason, names in without.items():
+        observer.warn(f"{listed(names)}: GeoJSON is in the coordinates of the tile, not in WGS 84: {reason}")
     return json.dumps({"type": "FeatureCollection", "features": [*objects, *shorelines]}).encode()
 
 

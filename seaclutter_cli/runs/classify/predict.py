@@ -61,7 +61,13 @@ def classify_tiles(options: ClassifyTilesOptions) -> "PredictResult":
     # The tiles are the main output: a single one appears after the tables.
     with OutputGroup(replace=options.force) as files, OutputGroup(files) as tiles:
         found = run_tiles(works, tiles)
-        write_files(_files(found, options, observer), files, outcomes=found, observer=observer)
+        maps, rows = [tile.map for tile in found if not tile.error], (row for tile in found for row in tile.rows())
+        contents: Contents = {
+            plot_file: found[0].picture,
+            options.csv_file: csv_lines([_COLUMNS, *rows]),
+            options.geojson_file: lambda it: it.stream.write(geojson_of(maps, observer)),
+        }
+        write_files(contents, files, outcomes=found, observer=observer)
     return PredictResult(found, model.settings.objects.min_probability)
 
 
@@ -149,15 +155,6 @@ class _PredictWork(TileWork["ClassifiedTile"]):
         outcome.map = MappedTile(self.tile.path.stem, tile.crs, objects=objects)
         if self.options.plot_file:
             outcome.picture = _picture(tile, found, self.options.plot_file.suffix)
-
-
-def _files(tiles: Sequence["ClassifiedTile"], options: ClassifyTilesOptions, observer: Observer) -> Contents:
-    maps, rows = [tile.map for tile in tiles if not tile.error], (row for tile in tiles for row in tile.rows())
-    return {
-        options.plot_file: tiles[0].picture,
-        options.csv_file: csv_lines([_COLUMNS, *rows]),
-        options.geojson_file: lambda it: it.stream.write(geojson_of(maps, observer)),
-    }
 
 
 def _load(options: ClassifyTilesOptions, observer: Observer) -> ObjectModel:

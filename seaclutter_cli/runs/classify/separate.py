@@ -93,8 +93,7 @@ def _margins_of(heads: Sequence[TileHead], margin_m: float, observer: Observer) 
     """Return the margin of each tile, wider around small ones; None for those without neighbours, or a width of 0."""
     if len(heads) < 2 or margin_m <= 0:
         return [None] * len(heads)
-    systems = {head.crs.by_code for head in heads if head.extent}
-    if len(systems) > 1:
+    if len(systems := {head.crs.by_code for head in heads if head.extent}) > 1:
         observer.warn(f"tiles have {len(systems)} coordinate reference systems; margins come from tiles with the same")
     found = neighbors_of(heads, margin_m)
     pairs = sum(map(len, found)) // 2

@@ -62,8 +62,7 @@ def warn_of_missing(
     if not (trusted := settings.separation.trust_classes):
         return
     given = tile.columns(["classification"]).get("classification")
-    missing = [code for code in trusted if given is None or not (given == code).any()]
-    if missing:
+    if missing := [code for code in trusted if given is None or not (given == code).any()]:
         observer.warn(f"{tile.path.stem}: no points of {' and '.join(f'class {code}' for code in missing)} to trust")
 
 
@@ -93,12 +92,8 @@ def plan_tiles(
         names = [Path(tile.file_name) for tile in tiles]
         names = [one if one.suffix.lower() in (*LAS, *POINT_WRITERS) else one.with_suffix(".pcd") for one in names]
         targets = outputs_in(targets[0], names, paths, "tile", "rename one, or leave one out")
-    prepare_outputs(
-        {"-o": targets, **options.outputs},
-        {"TILE": paths, "-c": options.config, **inputs},
-        force=options.replaces,
-        observer=options.observer,
-    )
+    read: Paths = {"TILE": paths, "-c": options.config, **inputs}
+    prepare_outputs({"-o": targets, **options.outputs}, read, force=options.replaces, observer=options.observer)
     for tile, target in zip(tiles, targets, strict=True):
         suffix = target.suffix.lower()
         if suffix not in (*LAS, *POINT_WRITERS):

@@ -73,9 +73,8 @@ def _samples(number: int, path: Path, settings: TileSettings, options: TrainFore
     other = separation.other
     code = truth[class_field][other].astype(np.int64)
     if ((code < 0) | (code > len(OBJECT_CLASSES))).any():
-        raise InputError(
-            f"{path}: {class_field} contains {code.max()}; classes are 1 to {len(OBJECT_CLASSES)}, 0 for none"
-        )
+        known = f"classes are 1 to {len(OBJECT_CLASSES)}, 0 for none"
+        raise InputError(f"{path}: {class_field} contains {code.max()}; {known}")
     if object_field in truth:
         objects = truth[object_field][other].astype(np.int64)
     else:  # the offset by class separates touching clusters of different classes
@@ -152,9 +151,8 @@ class TrainingReport(Result):
         if not self.tested:
             return f"{trained}; no test, because nothing could be held out"
         points, objects = self.points, self.objects
-        rows = [
-            (n, _3(p), _3(r), _3(f), f"{c:,}", _3(o)) for n, p, r, f, c, o in (one.values() for one in self.classes())
-        ]
+        every = (one.values() for one in self.classes())
+        rows = [(n, _3(p), _3(r), _3(f), f"{c:,}", _3(o)) for n, p, r, f, c, o in every]
         head = ("class", "precision", "recall", "F1", "points", "  object F1")
         rows.append(("mean", "", "", _3(points.macro_f1), f"{points.counts.sum():,}", _3(objects.macro_f1)))
         ranked = sorted(self.importances.items(), key=lambda item: -item[1])
