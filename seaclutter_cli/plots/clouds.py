@@ -166,8 +166,10 @@ def _add_legend(figure: "Figure", reasons: list[Reason], marks: "Mapping[str, Li
         if name in marks:
             handles[name] = marks[name]
     columns = 4 if sum(map(len, handles)) <= _MAX_LEGEND_CHARACTERS else 3
-    style: Any = {"ncols": columns, "handlelength": 1.4 if marks else 0.8, "columnspacing": 1.2}
-    figure.legend(handles.values(), handles, loc="outside upper center", **style)
+    length = 1.4 if marks else 0.8
+    figure.legend(
+        handles.values(), handles, loc="outside upper center", ncols=columns, handlelength=length, columnspacing=1.2
+    )
 
 
 def draw_mask(figure: "Figure", *, mask: StructureMask, reach_m: float) -> None:

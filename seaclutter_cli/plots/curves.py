@@ -1,7 +1,7 @@
 """Curves over parameters, frames and epochs; clutter and thresholds over range ([Li2023], Fig. 5 to 7)."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -164,8 +164,9 @@ def draw_clutter(figure: "Figure", density: ClutterDensity, found: Thresholds) -
     mesh = axes.pcolormesh(range_m, intensity, shown, norm=norm, cmap=visible, rasterized=True)
     figure.colorbar(mesh, ax=axes, label="Clutter points per cell", pad=0.02, aspect=30)
     edges = [ring.start_m for ring in found.rings] + [found.end_m]
-    style: Any = {"linewidth": 1.6, "color": "#d1495b", "zorder": 3, "label": "threshold"}
-    axes.stairs(found.initial_thresholds, edges, baseline=None, **style)
+    axes.stairs(
+        found.initial_thresholds, edges, baseline=None, linewidth=1.6, color="#d1495b", zorder=3, label="threshold"
+    )
     axes.axvline(found.end_m, color="#333333", linewidth=0.9, linestyle="--", label=f"far limit ({found.end_m:g} m)")
     axes.set(xlim=(edges[0], range_m[-1]), ylim=(intensity[0], intensity[-1]))
     axes.set(xlabel="Range (m)", ylabel="Intensity (sensor units)")

@@ -11,7 +11,8 @@ from seaclutter_cli.config import Config
 from seaclutter_cli.errors import InputError, LabelError, UsageError
 from seaclutter_cli.evaluation import IDEAL
 from seaclutter_cli.evaluation.label_check import LabelCheck
-from seaclutter_cli.evaluation.scores import Parts, Summary, ideal, score_frame
+from seaclutter_cli.evaluation.scores import FrameScore, Parts, Summary, ideal, score_frame
+from seaclutter_cli.frame import FilterResult, Frame
 from seaclutter_cli.interfaces import Labels, Source
 from seaclutter_cli.pipeline import Filtered, run_each
 from seaclutter_cli.reporting.collector import FrameListener, ScoredFrame
@@ -35,6 +36,7 @@ from seaclutter_cli.selection import (
 )
 from seaclutter_cli.sinks.csv import csv_line
 from seaclutter_cli.text import count, json_text, printable, table
+from seaclutter_cli.truth import Truth
 
 
 @use_case_of(EvaluateOptions)
@@ -103,6 +105,12 @@ class Evaluated(Described):
     def frames(self) -> int:
         """Number of frames that at least one method could use, labelled or not."""
         return max((summary.frames + summary.unlabelled for summary in self.methods.values()), default=0)
+
+    def add(self, method: str, frame: Frame, score: FrameScore, seconds: float | None) -> None:
+        """Add a frame to the sums and rows of a method."""
+        self.methods[method].add(score, seconds)
+        if self.rows:
+            self.rows.write(csv_line((self.recording, method, frame.index, frame.stamp_ns, *score.cells())))
 
     def figures(self) -> str:
         """Return frames and rates of the first method, for a line about the outcome."""
@@ -195,15 +203,15 @@ class EvaluateWork(RecordingWork[Evaluated]):
         every, checks = self.filtered(source, outcome, observer)
         evaluation = self.variants[0].config.evaluation
         label_check = LabelCheck(evaluation)
-        for frame, results, seconds in every:
+        for frame, filtered, seconds in every:
             outcome.note(frame)
             truth = labels.truth(frame) if labels else None
-            if truth and self.variants[-1].name == IDEAL:  # its place has the result of a stand-in
-                results = [*results[:-1], ideal(frame, truth, evaluation)]  # noqa: PLW2901
+            results = self._with_ideal(filtered, frame, truth)
             scores = score_frame(frame, results, truth, evaluation)
             if truth:
                 label_check.add(frame, truth)
-                yield from [_AS_PROPOSED] if truth.proposed else ()
+                if truth.proposed:
+                    yield _AS_PROPOSED
                 if outcome.parts:
                     outcome.parts.add(scores)
             for listener in self.listeners:
@@ -211,16 +219,22 @@ class EvaluateWork(RecordingWork[Evaluated]):
             for variant, result, found, spent in zip(self.variants, results, scores, seconds, strict=True):
                 if result is None or found is None:
                     continue
-                outcome.methods[variant.name].add(found, None if variant.name == IDEAL else spent)
-                if outcome.rows:
-                    position = outcome.recording, variant.name, frame.index, frame.stamp_ns
-                    outcome.rows.write(csv_line((*position, *found.cells())))
-                yield from checks[variant.name].add(result) if variant.name in checks else ()
+                outcome.add(variant.name, frame, found, None if variant.name == IDEAL else spent)
+                if variant.name in checks:
+                    yield from checks[variant.name].add(result)
         self.end(source, labels, outcome, observer)
         for check in checks.values():  # even after only a few frames
             yield from check.finish()
         most = max(outcome.methods.values(), key=attrgetter("frames"))
         yield from (f"labels: {finding.text}" for finding in label_check.findings(most.targets, most.visible))
+
+    def _with_ideal(
+        self, results: Sequence[FilterResult | None], frame: Frame, truth: Truth | None
+    ) -> Sequence[FilterResult | None]:
+        """Return the results with that of `IDEAL`, if it is compared, in place of that of its stand-in."""
+        if truth is None or self.variants[-1].name != IDEAL:
+            return results
+        return [*results[:-1], ideal(frame, truth, self.variants[0].config.evaluation)]
 
     def end(self, source: Source, labels: Labels | None, outcome: Evaluated, observer: Observer) -> None:
         """Raise `LabelError` or warn if the frames and the labels do not match."""

@@ -80,9 +80,10 @@ class _Studied(FrameListener):
     def __init__(self, variants: Sequence[Variant], options: ReportOptions) -> None:
         methods = [Method(one.name, one.config.ring_edges, one.config.to_yaml()) for one in variants]
         self._config, labelled = variants[0].config, bool(options.labels)
-        params, follower = self._config.evaluation, follower_of(self._config)
-        chosen: Any = {"labelled": labelled, "frames": options.shown, "picks": options.picks}
-        self.collector = Collector(methods, params, follower, **chosen)
+        params, frames, picks = self._config.evaluation, options.shown, options.picks
+        self.collector = Collector(
+            methods, params, follower_of(self._config), labelled=labelled, frames=frames, picks=picks
+        )
         self._recording, self._finder = "", finder_for(self._config)
         self._found: list[dict[str, Any]] = []
 
