@@ -11,10 +11,10 @@ from seaclutter_cli.arrays import Bytes, Ints
 from seaclutter_cli.documents import read_document
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.catalog import ADVICE
-from seaclutter_cli.sensors.packets import DecoderOptions
+from seaclutter_cli.sensors.packets import DecoderOptions, view_packets
 from seaclutter_cli.sensors.robosense import models
 from seaclutter_cli.sensors.robosense.models import RobosenseModel
-from seaclutter_cli.sensors.robosense.packets import ANGLE_LIMIT, VERTICAL_AT, Angles, data_packets, make_angles
+from seaclutter_cli.sensors.robosense.packets import ANGLE_LIMIT, VERTICAL_AT, Angles, data_layout, make_angles
 
 _ANGLES_HINT = "pass the angles with --calibration FILE (one line 'elevation,azimuth offset' in degrees per laser)"
 _CLASSIC = ("RS-LiDAR-32", "RS-LiDAR-16")
@@ -199,7 +199,7 @@ def find_device(
         warnings.append(
             "no device information (DIFOP): rotation rate and return mode are inferred, the distance unit is assumed"
         )
-        device = _assumed_device(model, data_packets(model, data)["blocks"]["azimuth"].astype(np.int64))
+        device = _assumed_device(model, view_packets(data, data_layout(model))["blocks"]["azimuth"].astype(np.int64))
     intensity = device.details.get("intensity", "")
     if intensity.startswith(("raw", "unknown")):
         warnings.append(f"intensity is {intensity}: thresholds for calibrated intensity do not apply")
