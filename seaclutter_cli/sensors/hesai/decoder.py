@@ -29,7 +29,7 @@ _NAMES = [model.name for model in MODELS]
 _MAX_SLOTS = 4_000_000
 
 
-class HesaiDecoder:
+class _Decoder:
     """Decoder for the packets of one Hesai sensor.
 
     Points are in the frame of Hesai's own drivers: y at azimuth 0, x to its right, z up. Two identical returns of a
@@ -57,7 +57,6 @@ class HesaiDecoder:
         return data["sequence"].astype(np.int64) if is_numbered else utc_ns(data) // 1000 % self.places_end
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
-        """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
         layout = self._model.layouts.get(packets.payloads.shape[1])
         if layout is None or not len(packets):
             self.facts.bad_packets += len(packets) if packets.payloads.shape[1] != _GPS_LENGTH else 0
@@ -73,7 +72,6 @@ class HesaiDecoder:
         yield from self._complete()
 
     def finish(self) -> Iterator[PacketFrame]:
-        """Yield the remaining points."""
         for number in sorted(self._revolutions):
             yield self._frame(number)
 
@@ -161,7 +159,7 @@ class Hesai(PacketFamily):
         """Return whether a UDP payload, shape (L,), is a packet of a supported sensor."""
         return _model(payload[None]) is not None
 
-    def decoder(self, packets: Packets, options: DecoderOptions) -> HesaiDecoder:
+    def decoder(self, packets: Packets, options: DecoderOptions) -> _Decoder:
         """Return a decoder for the sensor that sent these packets; `InputError` if it is not supported."""
         model = _model(packets.payloads)
         if model is None:
@@ -170,7 +168,7 @@ class Hesai(PacketFamily):
             raise InputError(f"the packets are not from a supported Hesai sensor ({', '.join(_NAMES)})")
         returns = bool(np.isin(_matching(model, packets.payloads)["mode"], DUAL_MODES).any())
         scan, source = make_scan(model, options)
-        decoder = HesaiDecoder(model, scan, returns=returns)
+        decoder = _Decoder(model, scan, returns=returns)
         decoder.facts.details["angles"] = source
         if source == "nominal":
             decoder.facts.warnings.append(

@@ -80,7 +80,7 @@ def used_blocks(packets: NDArray[Any]) -> Mask:
     return np.asarray(~short[:, None] | (np.arange(12) < 8))
 
 
-class VelodyneClock:
+class _Clock:
     """Converter from microseconds of the hour to Unix time; a clock that is not set follows the recording time."""
 
     def __init__(self, facts: SensorFacts) -> None:
@@ -134,21 +134,8 @@ class Cut:
         azimuth = (begin + size // 2) % 360
         return cls(azimuth * 100, np.roll(covered, -azimuth), (begin * 100, (begin + size) % 360 * 100))
 
-    def revolution_starts(self, azimuths: Ints) -> Ints:
-        """Return the flat indices of blocks, shape (P, 12), that start a revolution."""
-        flat = ((azimuths - self.azimuth) % FULL_CIRCLE).ravel()
-        return np.flatnonzero(np.diff(flat) < -int(self.covered.sum()) * 100 // 2) + 1
 
-    def is_start(self, azimuth: int) -> bool:
-        """Return whether the sensor measures nothing between the cut and an azimuth relative to it."""
-        return not self.covered[: max(azimuth // 100 - 1, 0)].any()
-
-    def is_end(self, azimuth: int) -> bool:
-        """Return whether the sensor measures nothing between an azimuth relative to the cut and the next cut."""
-        return not self.covered[azimuth // 100 + 2 :].any()
-
-
-class VelodyneLosses:
+class _Losses:
     """Counter of lost packets, from gaps in the sensor time that the recording times confirm."""
 
     def __init__(self, facts: SensorFacts, model: VelodyneModel) -> None:
@@ -189,12 +176,12 @@ class Velodyne(PacketFamily):
         """Return whether a UDP payload, shape (L,), is a data packet; position packets contain nothing useful."""
         return len(_known_models(payload[None])) > 0
 
-    def decoder(self, packets: Packets, options: DecoderOptions) -> "VelodyneDecoder":
+    def decoder(self, packets: Packets, options: DecoderOptions) -> "_Decoder":
         """Return a decoder for the model that most packets name; `InputError` if it is unknown or ambiguous."""
         known = _known_models(packets.payloads)
         if not len(known):
             raise InputError("the packets are not from a supported Velodyne sensor")
-        return VelodyneDecoder(int(np.bincount(known).argmax()), options)
+        return _Decoder(int(np.bincount(known).argmax()), options)
 
 
 def _known_models(payloads: Bytes) -> Bytes:
@@ -204,7 +191,7 @@ def _known_models(payloads: Bytes) -> Bytes:
     return np.asarray(models[np.isin(models, list(MODELS))])
 
 
-class VelodyneDecoder:
+class _Decoder:
     """Decoder for the packets of one sensor, whose model a factory byte identifies.
 
     Revolutions are split at azimuth 0, or in the middle of a blind sector. A file of angles in the format of
@@ -229,8 +216,8 @@ class VelodyneDecoder:
         )
         self._decoder = library.ScanDecoder(config)
         self.facts = SensorFacts(self._model.name)
-        self._clock = VelodyneClock(self.facts)
-        self._losses = VelodyneLosses(self.facts, self._model)
+        self._clock = _Clock(self.facts)
+        self._losses = _Losses(self.facts, self._model)
         self._cut: Cut | None = None
         self._packets = np.empty(0, PACKET)
         self._times_ns = np.empty(0, np.int64)
@@ -242,7 +229,6 @@ class VelodyneDecoder:
         return views["time_us"].astype(np.int64) if len(views) else np.full(len(packets), -1)
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
-        """Yield the frames that these packets complete. Position packets are ignored; invalid packets are counted."""
         views = view_packets(packets.payloads, PACKET)
         good = valid_packets(views) & (views["model"] == self._factory)
         if packets.payloads.shape[1] != _POSITION_BYTES:
@@ -288,8 +274,9 @@ class VelodyneDecoder:
             return None
         elapsed = self._times_ns - self._times_ns[0]
         late = np.flatnonzero((elapsed > MAX_REVOLUTION_NS) | (elapsed < -CLOCK_NS))
-        for index in cut.revolution_starts(self._azimuths()):
-            packet, block = divmod(int(index), 12)
+        azimuths = ((self._azimuths() - cut.azimuth) % FULL_CIRCLE).ravel()
+        starts = np.flatnonzero(np.diff(azimuths) < -int(cut.covered.sum()) * 100 // 2) + 1
+        for packet, block in (divmod(start, 12) for start in starts.tolist()):
             if len(late) and late[0] <= packet:
                 break
             if not self._starts_at_cut or elapsed[packet] > _MIN_REVOLUTION_NS:
@@ -302,10 +289,11 @@ class VelodyneDecoder:
         if block:
             self._split_packet(packet, block)
             packet += 1
-        azimuths = (self._azimuths()[:packet] - cut.azimuth) % FULL_CIRCLE
+        degrees = (self._azimuths()[:packet] - cut.azimuth) % FULL_CIRCLE // 100
         points, stamp_ns = self._decode(packet)
-        begun = self._starts_at_cut or cut.is_start(int(azimuths[0, 0]))
-        partial = not (begun and (ended or cut.is_end(int(azimuths[-1, -1]))))
+        # A revolution is whole if the sensor measures nothing between its ends and the cut.
+        begun = self._starts_at_cut or not cut.covered[: max(degrees[0, 0] - 1, 0)].any()
+        partial = not (begun and (ended or not cut.covered[degrees[-1, -1] + 2 :].any()))
         self._packets, self._times_ns = self._packets[packet:], self._times_ns[packet:]
         self._starts_at_cut = ended
         return PacketFrame(points, stamp_ns, partial=partial)
