@@ -279,7 +279,7 @@ def clearance_m(scene: Scene, item: SceneObjectParams) -> float:
     if item.shape in ("bridge", "bird"):
         return np.inf
     times_s = np.arange(0.0, SECONDS, 0.2)
-    x, y, heading = scene.vessel.smooth_track.at(times_s)
+    x, y, heading = scene.vessel.track.smooth_at(times_s)
     keel = x + 1j * y + np.exp(1j * heading) * scene.vessel.length_m * np.linspace(-0.5, 0.5, 5)[:, None]
     x, y, heading = item.track.at(times_s)
     offset = (keel - x - 1j * y) * np.exp(-1j * heading)

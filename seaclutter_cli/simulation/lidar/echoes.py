@@ -5,7 +5,6 @@ The noise of the receiver is of the two kinds in [Bi].
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,11 +34,6 @@ class Shots:
 
     def __len__(self) -> int:
         return len(self.azimuths)
-
-    @cached_property
-    def spread_m(self) -> float:
-        """Largest distance of an origin from the first one, in metres."""
-        return float(np.linalg.norm(self.origins - self.origins[0], axis=1).max())
 
     def between(self, first: float, last: float) -> Ints:
         """Return the shots from one azimuth counter-clockwise to another, both in radians, in firing order."""

@@ -80,16 +80,12 @@ class Lidar:
 
         Azimuths are in the frame of the lidar, in radians, shape (N,).
         """
-        if not self.rotates:
-            return np.zeros(len(azimuths))
-        return azimuths / self.step_rad % self.columns / (self.columns * self.rate_hz)
+        return self.rotates * (azimuths / self.step_rad % self.columns / (self.columns * self.rate_hz))
 
     @cached_property
     def times_s(self) -> Floats:
         """Time of each shot from the start of the frame, shape (C, K), in seconds."""
-        if not self.rotates:
-            return np.zeros((self.columns, len(self.elevations_deg)))
-        column = np.arange(self.columns) / (self.columns * self.rate_hz)
+        column = self.rotates * np.arange(self.columns) / (self.columns * self.rate_hz)
         return column[:, None] + np.array(self.firing_us) * 1e-6
 
     @cached_property

@@ -19,7 +19,7 @@ from seaclutter_cli.sensors.robosense.packets import DATA_PORT, INFO_PORT, Angle
 from seaclutter_cli.simulation.lidar.echoes import Echoes, Receiver, Shots, extinction
 from seaclutter_cli.simulation.lidar.models import LIDARS, Lidar
 from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody, add_body_echoes
-from seaclutter_cli.simulation.marine.motion import Ride
+from seaclutter_cli.simulation.marine.motion import Pose, Ride
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 from seaclutter_cli.simulation.marine.terrain import Ground, GroundParams, SeaTerrain, Terrain
@@ -63,14 +63,14 @@ class Renderer:
         hulls += [(item.track, item.size_m[0], item.size_m[1]) for item in moving]
         self._terrain = _terrain(scene, hulls)
         mast = np.array([vessel.lidar_forward_m, 0.0, vessel.lidar_height_m])
-        track, rocking = vessel.track, None
+        places, rocking = vessel.track.at, None
         noise, near_m, response = scene.noise or self.lidar.noise, self.lidar.min_range_m, (0.0, 1.0)
         loss = extinction(scene.terrain.visibility_km)
         if isinstance(self._terrain, WideSea):
-            physics, track, rocking = self._terrain.physics, vessel.smooth_track, self._terrain.rocking
+            physics, places, rocking = self._terrain.physics, vessel.track.smooth_at, self._terrain.rocking
             loss, near_m = self._terrain.weather.extinction, max(near_m, self._terrain.near_m)
             response = physics.intensity_offset, physics.intensity_exponent
-        self._ride = Ride(track, self._terrain.motion, vessel.wave_response, mast, rocking)
+        self._ride = Ride(places, self._terrain.motion, vessel.wave_response, mast, rocking)
         self._receiver = Receiver(self.lidar, noise, loss, recording.dropout, near_m, response)
 
     def frame(self, index: int) -> SimulatedFrame:
@@ -84,7 +84,8 @@ class Renderer:
 
         echoes = Echoes.empty(len(shots))
         moment.add_echoes(shots, echoes, rng)
-        hull, lidar = self._ride.hull(start_s), self._ride.lidar(start_s)
+        lidar = self._ride.lidar(start_s)
+        hull = Pose(lidar.position - lidar.rotation @ self._ride.mast, lidar.rotation)
         own = PlacedBody(self._own, _DARK_REFLECTIVITY, IGNORED, hull, lidar, -np.inf)
         own.add_echoes(shots, echoes, np.arange(len(shots)))
         add_body_echoes(shots, echoes, placed)

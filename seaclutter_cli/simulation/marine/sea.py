@@ -255,7 +255,7 @@ class Wake:
         """
         speed = next((leg.speed_ms for leg in reversed(self.track.legs) if leg.start_s <= time_s), 0.0)
         if speed >= _SPRAY_SPEED_MS:
-            x, y, heading = self.track.place(time_s)
+            x, y, heading = self.track.at(time_s)
             back = -self.length_m / 2 - 0.4 * speed
             corners = np.array([[back, -self.width_m, 0.0], [self.length_m / 2, self.width_m, 0.08 * speed + 0.2]])
             pose = Pose.of(np.array([x, y, 0.0]), yaw=heading)
