@@ -179,12 +179,10 @@ class LandKind:
 
 
 def _beach(distance: Map, relief: Relief) -> tuple[Map, None]:
-    """Return ground that rises evenly from below the water to its height."""
     return np.clip(relief.slope * distance, DEEP_M, relief.height_m), None
 
 
 def _cliff(distance: Map, relief: Relief) -> tuple[Map, None]:
-    """Return ground at its height from the shoreline on, above deep water."""
     return np.where(distance > 0, relief.height_m, DEEP_M), None
 
 
@@ -196,7 +194,6 @@ def _polder(distance: Map, relief: Relief) -> tuple[Map, float]:
 
 
 def _basin(distance: Map, relief: Relief) -> tuple[Map, float]:
-    """Return a wall, and water at its own level inside."""
     return np.where((distance > 0) & (distance < _WALL_M), relief.crest_m, DEEP_M), relief.height_m
 
 
@@ -338,9 +335,7 @@ def parse_tile_scene(raw: Mapping[str, Any], where: str) -> TileScene:
 
 
 def _random(raw: Any, problems: list[str]) -> list[TileObjectParams]:
-    if not isinstance(raw, dict):
-        problems.append(f"random: must be a section with keys, got {validation.kind_of(raw)}")
-        return []
+    raw = validation.sections_of({"random": raw}, ["random"], problems)["random"]
     problems += [f"random.{key}: unknown class; allowed: {', '.join(KINDS)}" for key in raw if key not in KINDS]
     wrong = [key for key, count in raw.items() if type(count) is not int or not 0 <= count <= 50]
     problems += [f"random.{key}: must be a whole number from 0 to 50" for key in wrong]
