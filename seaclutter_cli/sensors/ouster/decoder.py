@@ -226,9 +226,9 @@ class _Decoder:
 
     def _points(self, data: Rows, ids: Ints, indices: Indices, column_ns: Ints) -> Rows:
         """Return the points of columns, given their ids and flat indices, shape (C,), column by column."""
-        returns = self._profile.returns
-        pixels = data["columns"]["pixels"]
-        ranges, intensities = (pixels[name].reshape(-1, self._rows, returns)[indices] for name in pixels.dtype.names)
+        pixels, returns = data["columns"]["pixels"], self._profile.returns
+        shape = -1, self._rows, returns
+        ranges, intensities = (pixels[name].reshape(shape)[indices] for name in ("range", "intensity"))
         ranges &= self._profile.range_mask
         hit = np.flatnonzero(ranges)
         column = np.repeat(np.arange(len(ids)), np.count_nonzero(ranges, axis=(1, 2)))

@@ -26,7 +26,6 @@ from seaclutter_cli.sensors.packets import (
 from seaclutter_cli.sensors.robosense import models
 from seaclutter_cli.sensors.robosense import packets as layouts
 from seaclutter_cli.sensors.robosense.device import Device, find_device, find_model
-from seaclutter_cli.sensors.robosense.models import RobosenseModel
 from seaclutter_cli.sensors.robosense.packets import Angles, data_layout, header_times
 
 BLIND = 100
@@ -35,18 +34,6 @@ _MIN_AZIMUTH, _MAX_AZIMUTH = -9000, 45000
 _SWAPPED = 0x8000
 _TOLERANCE = 100
 _DATA_IDS = models.CLASSIC_ID, models.HELIOS_ID
-
-
-@cache
-def block_dtype(model: RobosenseModel) -> np.dtype[Any]:
-    """Return the layout of decoded blocks.
-
-    They have the azimuth at their start and the rotation until the next one in hundredths of a degree, their start time
-    in nanoseconds of Unix time, whether they contain second returns, and the raw bytes of distances and intensities.
-    """
-    numbers: list[Any] = [(name, np.int64) for name in ("azimuth", "step", "times_ns")]
-    channels = data_layout(model)["blocks"].base["channels"]
-    return np.dtype([*numbers, ("second", np.bool_), ("channels", channels)])
 
 
 def second_returns(azimuth: Ints, device: Device, before: int) -> Mask:
@@ -242,7 +229,11 @@ class _Decoder:
             yield self._frame(is_last=True)
 
     def _blocks(self, packets: Rows, record_ns: Ints, valid: Mask) -> tuple[Rows, Ints]:
-        """Return the valid blocks of packets, and the revolution of each, shape (B,); 0 for the current one."""
+        """Return the valid blocks of packets, and the revolution of each, shape (B,); 0 for the current one.
+
+        Blocks have the azimuth at their start and the rotation until the next one in hundredths of a degree, their
+        start time in nanoseconds of Unix time, whether they contain second returns, and the raw bytes of channels.
+        """
         raw = packets["blocks"]
         azimuth = raw["azimuth"].astype(np.int64)
         used = azimuth[valid]
@@ -253,7 +244,8 @@ class _Decoder:
         times_ns = header_ns + self._clock.shifts(header_ns, record_ns - self._device.model.packet_ns)
         self._count_lost(header_ns, azimuth)
         self._azimuth = int(used[-1])
-        blocks = np.empty(len(used), block_dtype(self._device.model))
+        numbers = ((name, np.int64) for name in ("azimuth", "step", "times_ns"))
+        blocks = np.empty(len(used), [*numbers, ("second", np.bool_), ("channels", raw["channels"].dtype)])
         columns = azimuth, step, times_ns[:, None] + after_ns, second, raw["channels"]
         for name, values in zip(blocks.dtype.names or (), columns, strict=True):
             blocks[name] = values[valid]

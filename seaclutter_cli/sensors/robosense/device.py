@@ -43,13 +43,12 @@ def find_model(data: Bytes, info: Bytes, options: DecoderOptions, warnings: list
         names = f"{', '.join(allowed[:-1])} and {allowed[-1]}"
         hint = "" if len(info) or options.calibration else f", and {_ANGLES_HINT}"
         raise InputError(f"RoboSense: {names} share a packet format: select one with --sensor{hint}")
-    if wanted is None or wanted not in allowed:
-        if wanted in models.MODELS or guessed is None:
-            raise InputError(f"RoboSense: the packets are from {' or '.join(allowed)}, not from {wanted}")
-        return _version(models.MODELS[guessed], data, info)
-    if guessed not in (None, wanted):
+    name = wanted if wanted in allowed else guessed
+    if name is None or (name != wanted and wanted in models.MODELS):
+        raise InputError(f"RoboSense: the packets are from {' or '.join(allowed)}, not from {wanted}")
+    if name == wanted and guessed not in (None, wanted):
         warnings.append(f"the device information is from {guessed}, but the packets are decoded as {wanted}")
-    return _version(models.MODELS[wanted], data, info)
+    return _version(models.MODELS[name], data, info)
 
 
 def _possible(data: Bytes) -> Sequence[str]:

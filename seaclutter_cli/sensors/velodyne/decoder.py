@@ -38,18 +38,17 @@ _UNIT = re.compile(r"^distance_resolution:.*$", re.MULTILINE)
 
 @dataclass(frozen=True)
 class VelodyneModel:
-    """A sensor: name, name in the library, lasers, period of single-return packets (µs), blocks per column."""
+    """A sensor: name, name in the library, lasers, period of single-return packets (µs), blocks per column.
+
+    ``dual_rate`` is the number of dual-return packets in that period.
+    """
 
     name: str
     library: str
     lasers: int
     period_us: float
     banks: int = 1
-
-    @property
-    def dual_rate(self) -> int:
-        """Number of dual-return packets in the period of a single-return packet."""
-        return 3 if self.banks > 1 else 2
+    dual_rate: int = 2
 
 
 MODELS: Mapping[int, VelodyneModel] = {
@@ -58,7 +57,7 @@ MODELS: Mapping[int, VelodyneModel] = {
     0x23: VelodyneModel("VLP-32A", "VLP32A", 32, 663.552),
     0x24: VelodyneModel("Puck Hi-Res", "PuckHiRes", 16, 1327.104),
     0x28: VelodyneModel("VLP-32C", "VLP32C", 32, 663.552),
-    0xA1: VelodyneModel("Alpha Prime", "VLS128", 128, 173.4, banks=4),
+    0xA1: VelodyneModel("Alpha Prime", "VLS128", 128, 173.4, banks=4, dual_rate=3),
 }
 """Models by factory byte. VLP-32A and VLP-32B share one."""
 VLP32B = VelodyneModel("VLP-32B", "VLP32B", 32, 663.552)
