@@ -245,8 +245,7 @@ class TileScene:
         Raises `ConfigError` if there is no room for an object.
         """
         placed: list[TileObject] = []
-        order = sorted(range(len(self.objects)), key=lambda index: self.objects[index].position_m is None)
-        for index in order:
+        for index in sorted(range(len(self.objects)), key=lambda index: self.objects[index].position_m is None):
             placed.append(self._place(index, placed))
         return sorted(placed, key=lambda item: item.number)
 

@@ -178,11 +178,8 @@ def _fence(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Rows:
     spacing, sag = rng.uniform(2, 5), rng.uniform(0.55, 0.85)
     mesh = rng.uniform(0.35, 0.6)
     if rng.random() < 0.5:
-        ends = [(-length / 2, 0.0, 0.3 * length, 0.0), (0.3 * length, 0.0, 0.48 * length, 0.4 * width)]
-        ends += [
-            (0.3 * length, 0, 0.48 * length, -0.4 * width),
-            (0.48 * length, 0.4 * width, 0.48 * length, -0.4 * width),
-        ]
+        pen, end, side = 0.3 * length, 0.48 * length, 0.4 * width
+        ends = [(-length / 2, 0.0, pen, 0.0), (pen, 0.0, end, side), (pen, 0.0, end, -side), (end, side, end, -side)]
     else:
         rows = max(1, round(width / rng.uniform(7, 14)))
         ends = [(-0.48 * length, y0, 0.48 * length, y0) for y0 in np.linspace(-0.45, 0.45, rows) * width * (rows > 1)]

@@ -15,7 +15,7 @@ from seaclutter_cli.simulation.layouts import generators
 from seaclutter_cli.simulation.layouts.generators import APPLE, POPLAR, WILLOW, plantation
 from seaclutter_cli.simulation.layouts.plan import Plan
 from seaclutter_cli.simulation.layouts.worlds import draw_world, with_wide_physics
-from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.lidar import LIDARS
 from seaclutter_cli.simulation.marine.motion import Pose
 from seaclutter_cli.simulation.marine.scene import Scene, SceneObjectParams, builtin_scenes, load_scene
 from seaclutter_cli.simulation.marine.sea import SeaParams

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seaclutter_cli.arrays import Floats, Ints
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
-from seaclutter_cli.simulation.lidar.models import Lidar
+from seaclutter_cli.simulation.lidar import Echoes, Lidar, Shots
 from seaclutter_cli.simulation.marine.motion import Pose, Ride, rotations
 from seaclutter_cli.simulation.marine.scene import SceneObjectParams
 from seaclutter_cli.simulation.marine.shapes import SHAPES, Mesh, intersect_box, intersect_triangles

@@ -16,8 +16,7 @@ from seaclutter_cli.errors import UsageError
 from seaclutter_cli.records import Metadata
 from seaclutter_cli.sensors.robosense.models import BLOCKS, CHANNELS, MODELS
 from seaclutter_cli.sensors.robosense.packets import DATA_PORT, INFO_PORT, Angles, Columns, write_data, write_info
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Receiver, Shots, extinction
-from seaclutter_cli.simulation.lidar.models import LIDARS, Lidar
+from seaclutter_cli.simulation.lidar import LIDARS, Echoes, Lidar, Receiver, Shots, extinction
 from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody, add_body_echoes
 from seaclutter_cli.simulation.marine.motion import Pose, Ride
 from seaclutter_cli.simulation.marine.scene import Scene
@@ -192,12 +191,9 @@ def _columns(lidar: Lidar, frame: SimulatedFrame) -> Columns:
     distance[frame.shots], intensity[frame.shots] = frame.distances_m, frame.points["intensity"]
     blocks = np.arange(shots // CHANNELS)
     packets = blocks[::BLOCKS] / len(blocks) + frame.index
-    return Columns(
-        np.round(36000 * blocks / len(blocks)).astype(np.int64),
-        distance.reshape(-1, CHANNELS),
-        intensity.reshape(-1, CHANNELS),
-        START_NS + np.round(packets * 10**9 / lidar.rate_hz).astype(np.int64),
-    )
+    azimuth = np.round(36000 * blocks / len(blocks)).astype(np.int64)
+    times_ns = START_NS + np.round(packets * 10**9 / lidar.rate_hz).astype(np.int64)
+    return Columns(azimuth, distance.reshape(-1, CHANNELS), intensity.reshape(-1, CHANNELS), times_ns)
 
 
 FORMATS: Mapping[str, Callable[[Scene, BinaryIO, Iterable[SimulatedFrame]], None]] = {

@@ -11,7 +11,7 @@ from annotated_types import Ge, Interval, Len
 from seaclutter_cli import validation
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.params import NotNegative, OneOf, Positive, Share, key
-from seaclutter_cli.simulation.lidar.models import LIDARS, Lidar, NoiseParams
+from seaclutter_cli.simulation.lidar import LIDARS, Lidar, NoiseParams
 from seaclutter_cli.simulation.marine.motion import Places, Track
 from seaclutter_cli.simulation.marine.physics import PhysicsParams
 from seaclutter_cli.simulation.marine.sea import SeaParams

@@ -11,7 +11,7 @@ from scipy import fft
 
 from seaclutter_cli.arrays import Floats, Ints, Rng
 from seaclutter_cli.params import Positive, Share, key
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
+from seaclutter_cli.simulation.lidar import Echoes, Shots
 from seaclutter_cli.simulation.marine.motion import Leg, Motion, Pose, Track
 from seaclutter_cli.simulation.marine.shapes import intersect_box
 from seaclutter_cli.truth import CLUTTER

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import gammaincinv
 
 from seaclutter_cli.arrays import Floats, Mask, Rng
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots, extinction
+from seaclutter_cli.simulation.lidar import Echoes, Shots, extinction
 from seaclutter_cli.simulation.marine import physics as optics
 from seaclutter_cli.simulation.marine.bodies import PlacedBody, add_body_echoes
 from seaclutter_cli.simulation.marine.motion import Pose

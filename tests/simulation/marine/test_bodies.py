@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
+from seaclutter_cli.simulation.lidar import Echoes, Shots
 from seaclutter_cli.simulation.marine.bodies import PlacedBody, bearings
 from seaclutter_cli.simulation.marine.motion import Pose
 from seaclutter_cli.simulation.marine.shapes import SHAPES
