@@ -179,7 +179,6 @@ _KINDS: Sequence[tuple[str, bytes, int | None]] = (
 
 def name_unsupported(payload: Bytes) -> str | None:
     """Return the name of a known sensor without a decoder that sent a UDP payload, shape (L,); None if unknown."""
-    for name, begins, length in _KINDS:
-        if length in (None, len(payload)) and payload[: len(begins)].tobytes() == begins:
-            return name
-    return None
+    start = payload[:8].tobytes()
+    kinds = (name for name, begins, length in _KINDS if start.startswith(begins) and length in (None, len(payload)))
+    return next(kinds, None)

@@ -130,9 +130,8 @@ class _Decoder:
         shape = (positions.size, units.shape[1] // positions.shape[1], channels)
         distances, intensities = (units[name].reshape(shape).swapaxes(1, 2) for name in ("distance", "intensity"))
         hit = np.flatnonzero(_distinct(distances, intensities, self._model.least_distance))
-        slots, number = (hit, 0) if shape[1] == 1 else (hit // shape[1], hit % shape[1])
-        firings = slots // channels
-        channel = slots - firings * channels
+        slots, number = np.divmod(hit, shape[1])
+        firings, channel = np.divmod(slots, channels)
         units_m = self._model.unit_m(data)[firings // positions.shape[1]]
         ranges = distances.ravel()[hit] * units_m
         angles, cosines, sines = self._scan.directions(positions.ravel(), firings, channel)

@@ -192,14 +192,12 @@ class _Decoder:
             if 1 < step <= _MAX_LOST_FRAMES:
                 self.facts.lost_packets += (step - 1) * int(self._expected.sum())
         self._frame_id = frame_id
-        begin = 0
-        while begin < len(packets):
-            count = sum(map(len, self._pending))
-            if count >= most:
-                yield self._complete()
-                count = 0
-            self._pending.append(packets[begin : begin + most - count])
-            begin += most - count
+        self._pending.append(packets)
+        while sum(map(len, self._pending)) > most:
+            together = Packets.joined(self._pending)
+            self._pending = [together[:most]]
+            yield self._complete()
+            self._pending = [together[most:]]
 
     def _complete(self, *, is_last: bool = False) -> PacketFrame:
         packets, self._pending = Packets.joined(self._pending), []

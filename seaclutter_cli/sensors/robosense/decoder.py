@@ -69,9 +69,7 @@ class Geometry:
         channel_ns = model.channel_ns(dual=device.dual)
         self.last_ns = int(channel_ns[-1])
         self._channel_s = channel_ns / 1e9
-        share = (channel_ns / device.step_ns).astype(np.float32)
-        rotation = np.arange(max(BLIND, device.step) + 1, dtype=np.float32)[:, None] * share
-        self._rotation = rotation.astype(np.int64)
+        self._share = (channel_ns / device.step_ns).astype(np.float32)
         self._forward, self._up = np.array(model.lens_m, np.float32)
         vertical = angles.vertical * 0.01 * np.pi / 180
         self._cos, self._sin = np.cos(vertical).astype("f4"), np.sin(vertical).astype("f4")
@@ -86,7 +84,8 @@ class Geometry:
         distance, intensity = self._measured(layouts.channels(blocks["channels"]))
         hit = np.flatnonzero(self._is_valid[distance])
         block, channel = np.divmod(hit, distance.shape[1])
-        azimuth = (blocks["azimuth"][:, None] + self._rotation[blocks["step"]] - _MIN_AZIMUTH).ravel()[hit]
+        rotation = (blocks["step"][:, None].astype(np.float32) * self._share).astype(np.int64)
+        azimuth = (blocks["azimuth"][:, None] + rotation - _MIN_AZIMUTH).ravel()[hit]
         range_m = distance.ravel()[hit] * self._unit
         directions = _directions()
         positions = directions.take(azimuth + self._horizontal[channel], mode="clip")
