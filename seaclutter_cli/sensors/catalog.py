@@ -1,5 +1,6 @@
 """Known lidars: models, recognition of the one that made a cloud, and those whose packets are not decoded."""
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -138,12 +139,8 @@ def recognise(
     """
     if facts:
         return RecognisedSensor((facts.model,), frozenset({facts.model}), facts.details.get("intensity"), True)
-    names = {name.lower() for name in fields}
-    possible = {
-        name: sensor
-        for name, sensor in SENSORS.items()
-        if rings is not None and rings <= sensor.beams and sensor.fields <= names
-    }
+    names, seen = {name.lower() for name in fields}, math.inf if rings is None else rings
+    possible = {name: one for name, one in SENSORS.items() if seen <= one.beams and one.fields <= names}
     fitting = sorted(
         (sensor.beams, abs(sensor.beams * sensor.columns - points), name)
         for name, sensor in possible.items()

@@ -107,14 +107,13 @@ def packet_angles(model: RobosenseModel, packet: Bytes) -> Angles | None:
     """Return the angles in a device information packet, shape (1248,); None if they are not programmed."""
     if model.name != "RS-LiDAR-16":
         begins, size = (VERTICAL_AT, model.format.horizontal_at), 3 * model.lasers
-        tables = np.stack([packet[begin : begin + size] for begin in begins]).astype(np.int64).reshape(2, -1, 3)
-        if (tables[..., 0] == 0xFF).any() or (model.name == "RS-LiDAR-32" and not tables[0, 0].any()):
+        tables = np.stack([packet[begin : begin + size] for begin in begins]).view([("sign", "u1"), ("size", ">u2")])
+        if (tables["sign"] == 0xFF).any() or (model.name == "RS-LiDAR-32" and not any(tables[0, 0].tolist())):
             return None
-        raw = (tables[..., 1] << 8 | tables[..., 2]).astype(np.float32)
         # Single precision, and halves rounded up, as in the vendor's driver.
-        sizes = np.floor((raw * np.float32(model.angle_unit)).astype(np.float64) + 0.5).astype(np.int64)
-        vertical, horizontal = np.where(tables[..., 0] != 0, -sizes, sizes)
-        return make_angles(vertical, horizontal)
+        raw = tables["size"].astype(np.float32) * np.float32(model.angle_unit)
+        sizes = np.floor(raw.astype(np.float64) + 0.5).astype(np.int64)
+        return make_angles(*np.where(tables["sign"] != 0, -sizes, sizes))
     table = packet[1165:1213].astype(np.int64).reshape(16, 3)
     if (packet[1165:1169] == 0).all() or (packet[1165:1169] == 0xFF).all():
         return None

@@ -79,26 +79,6 @@ def used_blocks(packets: NDArray[Any]) -> Mask:
     return np.asarray(~short[:, None] | (np.arange(12) < 8))
 
 
-class _Clock:
-    """Converter from microseconds of the hour to Unix time; a clock that is not set follows the recording time."""
-
-    def __init__(self, facts: SensorFacts) -> None:
-        self._details = facts.details
-        self._offset_ns: int | None = None
-
-    def unix_ns(self, host_ns: Ints, time_us: NDArray[np.uint32]) -> Ints:
-        """Return the times of packets, shape (P,), in nanoseconds of Unix time, the nearest to the recording times."""
-        times_ns = time_us.astype(np.int64) * 1000
-        near = _near(host_ns, times_ns + (self._offset_ns or 0))
-        if self._offset_ns is None or abs(host_ns[0] - near[0]) > CLOCK_NS:
-            error = int((host_ns - _near(host_ns, times_ns))[0])
-            self._offset_ns = error if abs(error) > CLOCK_NS else 0
-            relation = "shifted to the recording time" if self._offset_ns else "consistent with the recording time"
-            self._details["clock"] = f"sensor time, {relation}"
-            near = _near(host_ns, times_ns + self._offset_ns)
-        return near
-
-
 def _near(host_ns: Ints, times_ns: Ints) -> Ints:
     """Return the times nearest to the recording times that differ from given ones by whole hours."""
     return host_ns + (times_ns - host_ns + _HOUR_NS // 2) % _HOUR_NS - _HOUR_NS // 2
@@ -215,7 +195,7 @@ class _Decoder:
         )
         self._decoder = library.ScanDecoder(config)
         self.facts = SensorFacts(self._model.name)
-        self._clock = _Clock(self.facts)
+        self._offset_ns: int | None = None
         self._losses = _Losses(self.facts, self._model)
         self._cut: Cut | None = None
         self._packets = np.empty(0, PACKET)
@@ -238,7 +218,7 @@ class _Decoder:
             yield from self._process(views[part], packets.times_ns[part])
 
     def _process(self, packets: NDArray[Any], host_ns: Ints) -> Iterator[PacketFrame]:
-        times_ns = self._clock.unix_ns(host_ns, packets["time_us"])
+        times_ns = self._unix_ns(host_ns, packets["time_us"].astype(np.int64) * 1000)
         self.facts.details["return mode"] = MODES[int(packets["mode"][-1])]
         self._packets = np.concatenate((self._packets, packets))
         self._times_ns = np.concatenate((self._times_ns, times_ns))
@@ -247,6 +227,17 @@ class _Decoder:
         self._losses.add(packets, host_ns, self._cut)
         if self._cut is not None:
             yield from self._revolutions(self._cut)
+
+    def _unix_ns(self, host_ns: Ints, times_ns: Ints) -> Ints:
+        """Return times of the hour, shape (P,), as Unix times; a clock that is not set follows the recording time."""
+        near = _near(host_ns, times_ns + (self._offset_ns or 0))
+        if self._offset_ns is None or abs(host_ns[0] - near[0]) > CLOCK_NS:
+            error = int((host_ns - _near(host_ns, times_ns))[0])
+            self._offset_ns = error if abs(error) > CLOCK_NS else 0
+            relation = "shifted to the recording time" if self._offset_ns else "consistent with the recording time"
+            self.facts.details["clock"] = f"sensor time, {relation}"
+            near = _near(host_ns, times_ns + self._offset_ns)
+        return near
 
     def finish(self) -> Iterator[PacketFrame]:
         """Yield the remaining points; they are partial unless they reach the end of a revolution."""
