@@ -247,7 +247,7 @@ def _groups(hits: Rows, block: Indices, lidar: AirborneParams) -> list[Rows]:
     rays = hits[block]
     order = np.argsort(-rays["z"], axis=1, kind="stable")
     z, reflectivity, number, code = (np.take_along_axis(rays[name], order, 1) for name in _RAY.names or ())
-    group = np.concatenate((np.zeros((len(z), 1), np.int64), np.cumsum(-np.diff(z, axis=1) > _RESOLUTION_M, axis=1)), 1)
+    group = np.cumsum(-np.diff(z, axis=1, prepend=z[:, :1]) > _RESOLUTION_M, axis=1)
     found = []
     for echo in range(lidar.max_returns):
         rows = np.flatnonzero((group == echo).any(axis=1))

@@ -16,7 +16,7 @@ from seaclutter_cli.simulation.layouts.generators import APPLE, POPLAR, WILLOW, 
 from seaclutter_cli.simulation.layouts.plan import Plan
 from seaclutter_cli.simulation.layouts.worlds import draw_world, with_wide_physics
 from seaclutter_cli.simulation.lidar import LIDARS
-from seaclutter_cli.simulation.marine.motion import Pose
+from seaclutter_cli.simulation.marine.motion import rotations
 from seaclutter_cli.simulation.marine.scene import Scene, SceneObjectParams, builtin_scenes, load_scene
 from seaclutter_cli.simulation.marine.sea import SeaParams
 from seaclutter_cli.simulation.marine.shapes import intersect_box
@@ -84,7 +84,7 @@ def scene_class(scene: Scene) -> str | None:
 def _distances(rays: Floats, origin: tuple[float, float], item: SceneObjectParams, time_s: float) -> Floats:
     """Return the distance along each horizontal ray to the footprint of an object, shape (120,); infinity for none."""
     x, y, heading = item.track.at(time_s)
-    offset, rotation = np.array([[origin[0] - x, origin[1] - y, 0.0]]), Pose.of(np.zeros(3), yaw=heading).rotation
+    offset, rotation = np.array([[origin[0] - x, origin[1] - y, 0.0]]), rotations(heading)
     half = np.array([item.size_m[0] / 2, item.size_m[1] / 2, 1.0])
     begin, end = intersect_box(offset @ rotation, rays @ rotation, -half, half)
     return np.where(end > begin, begin, np.inf)

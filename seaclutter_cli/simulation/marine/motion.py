@@ -53,7 +53,7 @@ class Track:
         return x + along * np.cos(heading), y + along * np.sin(heading), heading
 
     def smooth_at(self, times_s: Floats | float) -> tuple[Any, Any, Any]:
-        """Return the same, but the heading turns evenly from the middle of each leg to that of the next one."""
+        """Return the same as `at`, with a heading that turns evenly from the middle of each leg to that of the next."""
         x, y, heading = self.at(times_s)
         middles = [(leg.start_s + leg.end_s) / 2 for leg in self.legs[:-1]]
         if middles:
@@ -61,15 +61,18 @@ class Track:
         return x, y, heading
 
 
-def rotations(yaw: Floats, pitch: Floats, roll: Floats) -> Floats:
-    """Return rotation matrices from body (x forward, y left, z up) to world, shape (T, 3, 3); angles in radians."""
+def rotations(yaw: Floats | float, pitch: Floats | float = 0.0, roll: Floats | float = 0.0) -> Floats:
+    """Return rotation matrices from body (x forward, y left, z up) to world, shape (T, 3, 3), of angles in radians.
+
+    Without arrays, there is one, shape (3, 3).
+    """
     cy, sy, cp, sp, cr, sr = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll)
     rows = (
         (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
         (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
         (-sp, cp * sr, cp * cr),
     )
-    return np.moveaxis(np.array(rows), -1, 0)
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
 @dataclass(frozen=True)
@@ -78,11 +81,6 @@ class Pose:
 
     position: Floats
     rotation: Floats
-
-    @classmethod
-    def of(cls, position: Floats, *, yaw: float, pitch: float = 0.0, roll: float = 0.0) -> "Pose":
-        """Return a pose from angles in radians."""
-        return cls(position, rotations(np.array([yaw]), np.array([pitch]), np.array([roll]))[0])
 
 
 Motion = Callable[[Floats, Floats, Floats], Floats]

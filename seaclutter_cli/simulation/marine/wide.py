@@ -10,7 +10,7 @@ from seaclutter_cli.arrays import Floats, Mask, Rng
 from seaclutter_cli.simulation.lidar import Echoes, Shots, extinction
 from seaclutter_cli.simulation.marine import physics as optics
 from seaclutter_cli.simulation.marine.bodies import PlacedBody, add_body_echoes
-from seaclutter_cli.simulation.marine.motion import Pose
+from seaclutter_cli.simulation.marine.motion import Pose, rotations
 from seaclutter_cli.simulation.marine.physics import PhysicsParams, Weather
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.simulation.marine.sea import GRAVITY, SeaParams, add_droplet_echoes, patches
@@ -215,4 +215,4 @@ class WideWater(MarineWater):
         half = np.array([0.5 + 0.25 * wind * age_s, 0.3 + 0.8 * age_s, 0.3 + 0.8 * age_s])
         position = np.array([x, y, height + 0.2])
         half[2] = min(half[2], position[2])
-        return Pose.of(position, yaw=float(angle)), np.stack((-half, half))
+        return Pose(position, rotations(angle)), np.stack((-half, half))
