@@ -10,7 +10,7 @@ from seaclutter_cli.simulation.airborne.scene import (
     TileParams,
     WaterParams,
 )
-from seaclutter_cli.simulation.lidar.models import NoiseParams
+from seaclutter_cli.simulation.lidar import NoiseParams
 from seaclutter_cli.simulation.marine.physics import PhysicsParams
 from seaclutter_cli.simulation.marine.scene import RecordingParams, SceneObjectParams, VesselParams
 from seaclutter_cli.simulation.marine.terrain import TERRAINS

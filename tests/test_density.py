@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.lidar import LIDARS
 
 formulas = pytest.importorskip("benchmarks.density", reason="benchmarks are not in the source distribution")
 STEPS_DEG, points_in_rectangle, mean_spacing = formulas.STEPS_DEG, formulas.points_in_rectangle, formulas.mean_spacing

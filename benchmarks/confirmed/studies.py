@@ -22,7 +22,7 @@ from tables import (
 )
 from variants import CALIBRATED, IDEAL, PAPER, UNUSED, ablations, all_methods, some_methods
 
-from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.lidar import LIDARS
 
 Section = tuple[str, str]
 LIDAR_SCENES = ("passing_speedboat", "departure", "rough", "harbour")

@@ -12,7 +12,7 @@ from seaclutter_cli.runs.recordings import Result
 from seaclutter_cli.sensors.catalog import SENSORS, SensorModel
 from seaclutter_cli.simulation.airborne.scene import builtin_tiles
 from seaclutter_cli.simulation.layouts import LAYOUTS, RANDOM
-from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.lidar import LIDARS
 from seaclutter_cli.simulation.marine.scene import builtin_scenes
 from seaclutter_cli.sources.formats import SOURCES
 from seaclutter_cli.sources.frame_files import FRAME_READERS

@@ -7,7 +7,7 @@ import numpy as np
 from seaclutter_cli.arrays import Floats, Indices, Ints, Mask
 from seaclutter_cli.filters.zones import AUTO_M, LEAST_M
 from seaclutter_cli.frame import Frame, WaterState
-from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.lidar import LIDARS
 from seaclutter_cli.structure.mask import azimuth_deg
 from seaclutter_cli.structure.own_ship import OwnShip
 from seaclutter_cli.structure.search import BeamGrid

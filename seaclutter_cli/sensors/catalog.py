@@ -1,5 +1,6 @@
 """Known lidars: models, recognition of the one that made a cloud, and those whose packets are not decoded."""
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -138,12 +139,8 @@ def recognise(
     """
     if facts:
         return RecognisedSensor((facts.model,), frozenset({facts.model}), facts.details.get("intensity"), True)
-    names = {name.lower() for name in fields}
-    possible = {
-        name: sensor
-        for name, sensor in SENSORS.items()
-        if rings is not None and rings <= sensor.beams and sensor.fields <= names
-    }
+    names, seen = {name.lower() for name in fields}, math.inf if rings is None else rings
+    possible = {name: one for name, one in SENSORS.items() if seen <= one.beams and one.fields <= names}
     fitting = sorted(
         (sensor.beams, abs(sensor.beams * sensor.columns - points), name)
         for name, sensor in possible.items()
@@ -179,7 +176,6 @@ _KINDS: Sequence[tuple[str, bytes, int | None]] = (
 
 def name_unsupported(payload: Bytes) -> str | None:
     """Return the name of a known sensor without a decoder that sent a UDP payload, shape (L,); None if unknown."""
-    for name, begins, length in _KINDS:
-        if length in (None, len(payload)) and payload[: len(begins)].tobytes() == begins:
-            return name
-    return None
+    start = payload[:8].tobytes()
+    kinds = (name for name, begins, length in _KINDS if start.startswith(begins) and length in (None, len(payload)))
+    return next(kinds, None)

@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from seaclutter_cli.commands import cli
 from seaclutter_cli.frame import Frame, WaterState
 from seaclutter_cli.runs.surroundings import Ground, Surroundings, met_up_to_m, smallest
-from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.lidar import LIDARS
 from tests.filters.seas import Body
 from tests.paths import ROOT
 from tests.structure.test_own_ship import MAST, sea

@@ -29,7 +29,7 @@ _NAMES = [model.name for model in MODELS]
 _MAX_SLOTS = 4_000_000
 
 
-class HesaiDecoder:
+class _Decoder:
     """Decoder for the packets of one Hesai sensor.
 
     Points are in the frame of Hesai's own drivers: y at azimuth 0, x to its right, z up. Two identical returns of a
@@ -57,7 +57,6 @@ class HesaiDecoder:
         return data["sequence"].astype(np.int64) if is_numbered else utc_ns(data) // 1000 % self.places_end
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
-        """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
         layout = self._model.layouts.get(packets.payloads.shape[1])
         if layout is None or not len(packets):
             self.facts.bad_packets += len(packets) if packets.payloads.shape[1] != _GPS_LENGTH else 0
@@ -73,7 +72,6 @@ class HesaiDecoder:
         yield from self._complete()
 
     def finish(self) -> Iterator[PacketFrame]:
-        """Yield the remaining points."""
         for number in sorted(self._revolutions):
             yield self._frame(number)
 
@@ -132,9 +130,8 @@ class HesaiDecoder:
         shape = (positions.size, units.shape[1] // positions.shape[1], channels)
         distances, intensities = (units[name].reshape(shape).swapaxes(1, 2) for name in ("distance", "intensity"))
         hit = np.flatnonzero(_distinct(distances, intensities, self._model.least_distance))
-        slots, number = (hit, 0) if shape[1] == 1 else (hit // shape[1], hit % shape[1])
-        firings = slots // channels
-        channel = slots - firings * channels
+        slots, number = np.divmod(hit, shape[1])
+        firings, channel = np.divmod(slots, channels)
         units_m = self._model.unit_m(data)[firings // positions.shape[1]]
         ranges = distances.ravel()[hit] * units_m
         angles, cosines, sines = self._scan.directions(positions.ravel(), firings, channel)
@@ -161,7 +158,7 @@ class Hesai(PacketFamily):
         """Return whether a UDP payload, shape (L,), is a packet of a supported sensor."""
         return _model(payload[None]) is not None
 
-    def decoder(self, packets: Packets, options: DecoderOptions) -> HesaiDecoder:
+    def decoder(self, packets: Packets, options: DecoderOptions) -> _Decoder:
         """Return a decoder for the sensor that sent these packets; `InputError` if it is not supported."""
         model = _model(packets.payloads)
         if model is None:
@@ -170,7 +167,7 @@ class Hesai(PacketFamily):
             raise InputError(f"the packets are not from a supported Hesai sensor ({', '.join(_NAMES)})")
         returns = bool(np.isin(_matching(model, packets.payloads)["mode"], DUAL_MODES).any())
         scan, source = make_scan(model, options)
-        decoder = HesaiDecoder(model, scan, returns=returns)
+        decoder = _Decoder(model, scan, returns=returns)
         decoder.facts.details["angles"] = source
         if source == "nominal":
             decoder.facts.warnings.append(

@@ -32,24 +32,14 @@ DUAL_MODES = [mode for mode, names in RETURN_MODES.items() if "," in names]
 """Codes of modes with two returns."""
 
 _MARK: list[Any] = [("start", "u1", 2)]
-_HEADER: list[Any] = [
-    *_MARK,
-    ("version", "u1", 2),
-    ("status_version", "u1"),
-    ("reserved", "u1"),
-    ("lasers", "u1"),
-    ("blocks_number", "u1"),
-    ("first_return", "u1"),
-    ("unit_mm", "u1"),
-    ("returns", "u1"),
-    ("flags", "u1"),
-]
+_BYTES = ("status_version", "reserved", "lasers", "blocks_number", "first_return", "unit_mm", "returns", "flags")
+_HEADER = [*_MARK, ("version", "u1", 2), *((name, "u1") for name in _BYTES)]
 _NONE: list[Any] = []
 _STATUS = [("status", "u1", 8)]
 _TAIL: list[Any] = [("rpm", "<u2"), ("microseconds", "<u4"), ("mode", "u1"), ("factory", "u1"), ("utc", "u1", 6)]
 _LATE_TAIL = [_TAIL[at] for at in (2, 0, 4, 1, 3)]
 _SEQUENCE, _CHECKSUM, _TAIL_CHECKSUM = [("sequence", "<u4")], [("checksum", "<u4")], [("tail_checksum", "<u4")]
-_SIGNATURE = [("signature", "u1", 32)]
+_MAY_NUMBER, _MAY_SIGN = (_SEQUENCE, _NONE), ([("signature", "u1", 32)], _NONE)
 
 
 def _blocks(
@@ -69,25 +59,12 @@ def _layouts(*parts: list[Any] | tuple[list[Any], ...]) -> Layouts:
     return {layout.itemsize: layout for layout in layouts}
 
 
-_PANDAR40 = _layouts(_blocks(10, 40, 3, _MARK), _STATUS, _TAIL, (_SEQUENCE, _NONE))
-_PANDAR64 = _layouts(
-    [*_MARK, *_HEADER[4:6], ("reserved", "u1"), ("unit_mm", "u1"), ("spare", "u1", 2)],
-    _blocks(6, 64, 3),
-    _STATUS,
-    _TAIL,
-    (_SEQUENCE, _NONE),
-)
+_PANDAR40 = _layouts(_blocks(10, 40, 3, _MARK), _STATUS, _TAIL, _MAY_NUMBER)
+_PANDAR64_HEADER = [*_MARK, *_HEADER[4:6], ("reserved", "u1"), ("unit_mm", "u1"), ("spare", "u1", 2)]
+_PANDAR64 = _layouts(_PANDAR64_HEADER, _blocks(6, 64, 3), _STATUS, _TAIL, _MAY_NUMBER)
 _PANDARQT = _layouts(_HEADER, _blocks(4, 64, 4), [("status", "u1", 10)], _TAIL, _SEQUENCE)
-_MIRRORS = _layouts(
-    _HEADER,
-    _blocks(2, 128, 4, fine=[("fine", "u1")]),
-    _CHECKSUM,
-    [("status", "u1", 18)],
-    _TAIL,
-    (_SEQUENCE, _NONE),
-    _TAIL_CHECKSUM,
-    (_SIGNATURE, _NONE),
-)
+_AT_BODY = [*_blocks(2, 128, 4, fine=[("fine", "u1")]), *_CHECKSUM, ("status", "u1", 18), *_TAIL]
+_MIRRORS = _layouts(_HEADER, _AT_BODY, _MAY_NUMBER, _TAIL_CHECKSUM, _MAY_SIGN)
 """Packets of protocol 4.3: with and without sequence number and signature."""
 _FLAGGED = _layouts(
     _HEADER,
@@ -96,10 +73,10 @@ _FLAGGED = _layouts(
     ([("safety", "u1", 17)], _NONE),
     [("status", "u1", 5), ("mode_flag", "u1"), ("more_status", "u1", 3), ("azimuth_state", "<u2"), ("operation", "u1")],
     _LATE_TAIL,
-    (_SEQUENCE, _NONE),
+    _MAY_NUMBER,
     ([("inertial", "u1", 22)], _NONE),
     _TAIL_CHECKSUM,
-    (_SIGNATURE, _NONE),
+    _MAY_SIGN,
 )
 """Packets of protocols 1.4 and 3.2, which have parts that flags announce and that their lengths determine.
 

@@ -7,7 +7,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Bytes, Indices, Ints, Mask, Rows
 from seaclutter_cli.errors import InputError
@@ -33,30 +32,28 @@ class Profile:
     """Layout of the pixels in a column; each return has a range, in the bits of a mask, and an intensity."""
 
     pixel: np.dtype[Any]
-    ranges: tuple[str, ...]
-    intensities: tuple[str, ...]
     range_mask: int
     range_unit_mm: int = 1
+    has_signal: bool = True
+
+    @property
+    def returns(self) -> int:
+        """Number of returns of a pixel."""
+        return int(self.pixel["range"].shape[0])
 
 
-def _pixel(size: int, **fields: tuple[str, int]) -> np.dtype[Any]:
-    formats, offsets = zip(*fields.values(), strict=True)
-    return np.dtype({"names": list(fields), "formats": formats, "offsets": offsets, "itemsize": size})
+def _pixel(size: int, kinds: tuple[str, str], intensity_at: int, returns: int = 1) -> np.dtype[Any]:
+    formats = [(kind, (returns,)) for kind in kinds]
+    offsets = [0, intensity_at]
+    return np.dtype({"names": ["range", "intensity"], "formats": formats, "offsets": offsets, "itemsize": size})
 
 
-_SINGLE = _pixel(12, range=("<u4", 0), signal=("<u2", 6))
+_SINGLE = _pixel(12, ("<u4", "<u2"), 6)
 PROFILES = {
-    "LEGACY": Profile(_SINGLE, ("range",), ("signal",), 0xFFFFF),
-    "RNG19_RFL8_SIG16_NIR16": Profile(_SINGLE, ("range",), ("signal",), 0x7FFFF),
-    "RNG19_RFL8_SIG16_NIR16_DUAL": Profile(
-        _pixel(16, range=("<u4", 0), range2=("<u4", 4), signal=("<u2", 8), signal2=("<u2", 10)),
-        ("range", "range2"),
-        ("signal", "signal2"),
-        0x7FFFF,
-    ),
-    "RNG15_RFL8_NIR8": Profile(
-        _pixel(4, range=("<u2", 0), reflectivity=("u1", 2)), ("range",), ("reflectivity",), 0x7FFF, range_unit_mm=8
-    ),
+    "LEGACY": Profile(_SINGLE, 0xFFFFF),
+    "RNG19_RFL8_SIG16_NIR16": Profile(_SINGLE, 0x7FFFF),
+    "RNG19_RFL8_SIG16_NIR16_DUAL": Profile(_pixel(16, ("<u4", "<u2"), 8, returns=2), 0x7FFFF),
+    "RNG15_RFL8_NIR8": Profile(_pixel(4, ("<u2", "u1"), 2), 0x7FFF, range_unit_mm=8, has_signal=False),
 }
 """Profiles by name."""
 
@@ -103,7 +100,7 @@ def valid_packets(packets: Rows, columns: int) -> Mask:
     return np.asarray(intact)
 
 
-class OusterDecoder:
+class _Decoder:
     """Decoder for the packets of one Ouster sensor.
 
     Points are in the sensor frame, x away from the connector and z up, column by column. The intensity is the signal in
@@ -141,7 +138,6 @@ class OusterDecoder:
         return frames.astype(np.int64) * len(self._expected) + first_columns(data) // self._metadata.packet_columns
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
-        """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
         length = packets.payloads.shape[1]
         if length != self._layout.itemsize or not len(packets):
             self.facts.bad_packets += len(packets) if length != _IMU_LENGTH else 0
@@ -179,10 +175,8 @@ class OusterDecoder:
             self._place = int(places[end - 1])
 
     def finish(self) -> Iterator[PacketFrame]:
-        """Yield the remaining points as frames."""
         if self._waiting is not None:
             yield from self._collect(int(self.places(self._waiting)[0]) // len(self._expected), self._waiting)
-            self._waiting = None
         if self._pending:
             yield self._complete(is_last=True)
 
@@ -198,14 +192,12 @@ class OusterDecoder:
             if 1 < step <= _MAX_LOST_FRAMES:
                 self.facts.lost_packets += (step - 1) * int(self._expected.sum())
         self._frame_id = frame_id
-        begin = 0
-        while begin < len(packets):
-            count = sum(map(len, self._pending))
-            if count >= most:
-                yield self._complete()
-                count = 0
-            self._pending.append(packets[begin : begin + most - count])
-            begin += most - count
+        self._pending.append(packets)
+        while sum(map(len, self._pending)) > most:
+            together = Packets.joined(self._pending)
+            self._pending = [together[:most]]
+            yield self._complete()
+            self._pending = [together[most:]]
 
     def _complete(self, *, is_last: bool = False) -> PacketFrame:
         packets, self._pending = Packets.joined(self._pending), []
@@ -225,31 +217,27 @@ class OusterDecoder:
         seen[first_columns(data) // self._metadata.packet_columns] = True
         missing = np.flatnonzero(self._expected & ~seen)
         first, last = np.flatnonzero(seen)[[0, -1]]
-        before = missing < first if self._is_first else np.zeros(len(missing), bool)
-        after = missing > last if is_last else np.zeros(len(missing), bool)
+        cut = ((missing < first) & self._is_first) | ((missing > last) & is_last)
         self._is_first = False
-        self.facts.lost_packets += int((~before & ~after).sum())
-        return bool((before | after).any())
+        self.facts.lost_packets += int((~cut).sum())
+        return bool(cut.any())
 
     def _points(self, data: Rows, ids: Ints, indices: Indices, column_ns: Ints) -> Rows:
         """Return the points of columns, given their ids and flat indices, shape (C,), column by column."""
-        profile, returns = self._profile, len(self._profile.ranges)
-
-        def values(names: tuple[str, ...]) -> NDArray[np.uint32]:
-            pixels = data["columns"]["pixels"]
-            return np.stack([pixels[name].reshape(-1, self._rows)[indices] for name in names], axis=-1)
-
-        ranges = values(profile.ranges) & profile.range_mask
+        pixels, returns = data["columns"]["pixels"], self._profile.returns
+        shape = -1, self._rows, returns
+        ranges, intensities = (pixels[name].reshape(shape)[indices] for name in ("range", "intensity"))
+        ranges &= self._profile.range_mask
         hit = np.flatnonzero(ranges)
         column = np.repeat(np.arange(len(ids)), np.count_nonzero(ranges, axis=(1, 2)))
-        beam = hit >> 1 if returns == 2 else hit
+        beam, number = np.divmod(hit, returns)
         row = beam - column * self._rows
         pixel = beam if len(ids) == self._metadata.columns else ids[column] * self._rows + row
         units = ranges.ravel()[hit].astype(np.float32)
         beams = zip(self._directions, self._origins, strict=True)
         xyz = (units * direction.ravel()[pixel] + origin.ravel()[pixel] for direction, origin in beams)
-        number = (hit & 1) + 1 if returns == 2 else None
-        return make_points(xyz, values(profile.intensities).ravel()[hit], row, (column_ns / 1e9)[column], number)
+        times_s, numbers = (column_ns / 1e9)[column], number + 1 if returns > 1 else None
+        return make_points(xyz, intensities.ravel()[hit], row, times_s, numbers)
 
 
 def _is_damaged(place: int, after: int, *, before: int, per_revolution: int) -> bool:
@@ -260,16 +248,15 @@ def _is_damaged(place: int, after: int, *, before: int, per_revolution: int) -> 
 
 
 def _details(metadata: OusterMetadata) -> dict[str, str]:
-    signal = "signal" in PROFILES[metadata.profile].intensities
-    first, last = metadata.window
+    profile, (first, last) = PROFILES[metadata.profile], metadata.window
     details = {
         "serial number": metadata.serial,
         "firmware": metadata.firmware,
         "profile": metadata.profile,
         "columns": f"{metadata.columns} per revolution, {first} to {last} sent",
         "timestamp mode": metadata.clock,
-        "intensity": "signal, photons" if signal else "reflectivity, 0 to 255: this profile has no signal",
-        "return mode": "strongest, second strongest" if len(PROFILES[metadata.profile].ranges) > 1 else "single",
+        "intensity": "signal, photons" if profile.has_signal else "reflectivity, 0 to 255: this profile has no signal",
+        "return mode": "strongest, second strongest" if profile.returns > 1 else "single",
     }
     return {name: text for name, text in details.items() if text}
 
@@ -285,7 +272,7 @@ class Ouster(PacketFamily):
         packets = (view_packets(payload[None], layout) for layout in layouts)
         return any(len(one) and valid_packets(one, _MAX_COLUMNS)[0] and valid_columns(one).any() for one in packets)
 
-    def decoder(self, packets: Packets, options: DecoderOptions) -> OusterDecoder:
+    def decoder(self, packets: Packets, options: DecoderOptions) -> _Decoder:
         """Return a decoder for the sensor that sent these packets; `InputError` without matching metadata."""
         if options.unit is None:
             raise InputError(
@@ -302,4 +289,4 @@ class Ouster(PacketFamily):
                 f"{name}: the metadata ({metadata.model}, {metadata.profile}) describes packets of "
                 f"{length} bytes, the recorded ones have {found}: pass the metadata of this sensor"
             )
-        return OusterDecoder(metadata)
+        return _Decoder(metadata)

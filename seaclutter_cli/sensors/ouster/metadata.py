@@ -91,6 +91,9 @@ def _metadata(flat: Mapping[str, Any]) -> OusterMetadata:
     azimuth = _angles(flat["beam_azimuth_angles"])
     if len(altitude) != len(azimuth) or len(altitude) != layout.get("pixels_per_column", len(altitude)):
         raise ValueError(f"expected one altitude and one azimuth angle per row, got {len(altitude)} and {len(azimuth)}")
+    # The transform of newer firmware overrides the distance of older firmware.
+    distance = float(flat.get("lidar_origin_to_beam_origin_mm") or 0.0)
+    beams = _transform(flat.get("beam_to_lidar_transform"), [1, 0, 0, distance, 0, 1, 0, 0, 0, 0, 1, 0])
     family = re.match(r"OS-?([0-9A-Z]+)", str(flat.get("prod_line", "")))  # OS-1-128 and OS-1-128-U1 are an OS1-128
     return OusterMetadata(
         model=f"OS{family[1]}-{len(altitude)}" if family else f"OS-{len(altitude)}",
@@ -103,7 +106,7 @@ def _metadata(flat: Mapping[str, Any]) -> OusterMetadata:
         window=(int(first), int(last)),
         altitude_rad=altitude,
         azimuth_rad=azimuth,
-        beam_offset_m=_beam_offset(flat),
+        beam_offset_m=(float(beams[0, 3]), float(beams[2, 3])),
         to_sensor=_transform(flat.get("lidar_to_sensor_transform"), [-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 36.18]),
     )
 
@@ -113,13 +116,6 @@ def _angles(degrees: Any) -> Floats:
     if angles.ndim != 1 or not 0 < angles.size <= 1024 or not np.isfinite(angles).all():
         raise ValueError("beam angles must be a list of 1 to 1024 finite numbers")
     return angles
-
-
-def _beam_offset(flat: Mapping[str, Any]) -> tuple[float, float]:
-    """Return the origin of the beams; the transform of newer firmware overrides the distance of older firmware."""
-    distance = float(flat.get("lidar_origin_to_beam_origin_mm") or 0.0)
-    transform = _transform(flat.get("beam_to_lidar_transform"), [1, 0, 0, distance, 0, 1, 0, 0, 0, 0, 1, 0])
-    return float(transform[0, 3]), float(transform[2, 3])
 
 
 def _transform(values: Any, default: list[float]) -> Floats:

@@ -20,33 +20,20 @@ from seaclutter_cli.sensors.packets import (
     PacketFrame,
     Packets,
     SensorClock,
-    point_dtype,
+    make_points,
+    view_packets,
 )
 from seaclutter_cli.sensors.robosense import models
 from seaclutter_cli.sensors.robosense import packets as layouts
 from seaclutter_cli.sensors.robosense.device import Device, find_device, find_model
-from seaclutter_cli.sensors.robosense.models import RobosenseModel
-from seaclutter_cli.sensors.robosense.packets import Angles, data_packets, header_times
+from seaclutter_cli.sensors.robosense.packets import Angles, data_layout, header_times
 
-_WHOLE = 0xFFFF
 BLIND = 100
 """Azimuth step between blocks, in hundredths of a degree, above which a blind sector separates them."""
 _MIN_AZIMUTH, _MAX_AZIMUTH = -9000, 45000
 _SWAPPED = 0x8000
 _TOLERANCE = 100
 _DATA_IDS = models.CLASSIC_ID, models.HELIOS_ID
-
-
-@cache
-def block_dtype(model: RobosenseModel) -> np.dtype[Any]:
-    """Return the layout of decoded blocks.
-
-    They have the azimuth at their start and the rotation until the next one in hundredths of a degree, their start time
-    in nanoseconds of Unix time, whether they contain second returns, and the raw bytes of distances and intensities.
-    """
-    numbers: list[Any] = [(name, np.int64) for name in ("azimuth", "step", "times_ns")]
-    channels = layouts.data_layout(model)["blocks"].base["channels"]
-    return np.dtype([*numbers, ("second", np.bool_), ("channels", channels)])
 
 
 def second_returns(azimuth: Ints, device: Device, before: int) -> Mask:
@@ -82,46 +69,39 @@ class Geometry:
         channel_ns = model.channel_ns(dual=device.dual)
         self.last_ns = int(channel_ns[-1])
         self._channel_s = channel_ns / 1e9
-        share = (channel_ns / device.step_ns).astype(np.float32)
-        rotation = np.arange(max(BLIND, device.step) + 1, dtype=np.float32)[:, None] * share
-        self._rotation = rotation.astype(np.int64)
-        forward, up = np.array(model.lens_m, np.float32)
-        self._directions = _directions()
-        self._lens = self._directions * forward
+        self._share = (channel_ns / device.step_ns).astype(np.float32)
+        self._forward, self._up = np.array(model.lens_m, np.float32)
         vertical = angles.vertical * 0.01 * np.pi / 180
-        self._cos, self._sin, self._up = np.cos(vertical).astype("f4"), np.sin(vertical).astype("f4"), up
+        self._cos, self._sin = np.cos(vertical).astype("f4"), np.sin(vertical).astype("f4")
         self._unit = np.float32(model.unit_m)
         least, most = np.array(model.range_m, np.float32)
         ranges = np.arange(2**16, dtype=np.float32) * self._unit
-        valid = np.flatnonzero((ranges >= least) & (ranges <= most))
-        self._limits = np.uint16(max(valid[0], 1)), np.uint16(valid[-1])  # least and greatest valid distance in units
-        self._dtype = point_dtype(returns=device.dual)
-        self._packed = _packed(self._dtype)
+        self._is_valid = (ranges >= least) & (ranges <= most)
+        self._is_valid[0] = False
 
     def points(self, blocks: Rows) -> Rows:
         """Return the points of blocks, shape (N,), in firing order."""
         distance, intensity = self._measured(layouts.channels(blocks["channels"]))
-        azimuth = blocks["azimuth"][:, None] + self._rotation[blocks["step"]] - _MIN_AZIMUTH
-        range_m = distance * self._unit
-        points = np.empty(distance.shape, self._packed)
-        positions = self._directions.take(azimuth + self._horizontal, mode="clip")
-        positions *= range_m * self._cos
-        positions += self._lens.take(azimuth, mode="clip")
-        points["xy"] = positions.conj() if self._device.reversed else positions
-        points["z"] = range_m * self._sin + self._up
-        points["intensity"] = intensity
-        points["ring"] = self._rings
-        points["timestamp"] = (blocks["times_ns"] / 1e9)[:, None] + self._channel_s
+        hit = np.flatnonzero(self._is_valid[distance])
+        block, channel = np.divmod(hit, distance.shape[1])
+        rotation = (blocks["step"][:, None].astype(np.float32) * self._share).astype(np.int64)
+        azimuth = (blocks["azimuth"][:, None] + rotation - _MIN_AZIMUTH).ravel()[hit]
+        range_m = distance.ravel()[hit] * self._unit
+        directions = _directions()
+        positions = directions.take(azimuth + self._horizontal[channel], mode="clip")
+        positions *= range_m * self._cos[channel]
+        positions += directions.take(azimuth, mode="clip") * self._forward
+        left = -positions.imag if self._device.reversed else positions.imag
+        xyz = positions.real, left, range_m * self._sin[channel] + self._up
+        times_s = blocks["times_ns"][block] / 1e9 + self._channel_s[channel]
+        number = None
         if self._device.dual:
-            lasers = np.arange(self._device.model.channels) // self._device.model.lasers
-            points["return_number"] = 1 + (blocks["second"][:, None] if self._device.paired else lasers)
-        least, most = self._limits
-        return _select(points.reshape(-1).view(self._dtype), (distance >= least) & (distance <= most))
+            number = 1 + (blocks["second"][block] if self._device.paired else channel // self._device.model.lasers)
+        return make_points(xyz, intensity.ravel()[hit], self._rings[channel], times_s, number)
 
     def _measured(self, measured: NDArray[Any]) -> tuple[NDArray[np.uint16], Bytes]:
-        distance, intensity = measured["distance"].astype(np.uint16), measured["intensity"]
-        if (mask := self._device.model.format.distance_mask) != _WHOLE:
-            distance &= mask
+        distance = measured["distance"].astype(np.uint16) & np.uint16(self._device.model.format.distance_mask)
+        intensity = measured["intensity"]
         if self._device.model.swaps_halves:
             swapped = distance[:, 0] >= _SWAPPED
             distance &= _SWAPPED - 1
@@ -142,23 +122,6 @@ def _directions() -> NDArray[np.complex64]:
     return directions
 
 
-def _packed(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    """Return the layout of points with x and y as one complex number, which is faster to write."""
-    fields = dict(dtype.fields or {})
-    names = [name for name in fields if name not in "xy"]
-    formats = ["<c8", *(fields[name][0] for name in names)]
-    offsets = [0, *(fields[name][1] for name in names)]
-    return np.dtype({"names": ["xy", *names], "formats": formats, "offsets": offsets, "itemsize": dtype.itemsize})
-
-
-def _select(points: Rows, keep: Mask) -> Rows:
-    kept = np.flatnonzero(keep)
-    if len(kept) == len(points):
-        return points
-    # Points copy several times faster as raw bytes.
-    return points.view(np.dtype((np.void, points.dtype.itemsize))).take(kept).view(points.dtype)
-
-
 class RoboSense(PacketFamily):
     """RoboSense's rotating lidars. First bytes and lengths identify data and device information packets."""
 
@@ -168,19 +131,19 @@ class RoboSense(PacketFamily):
     def recognises(self, payload: Bytes) -> bool:
         """Return whether a UDP payload, shape (L,), is a data packet or a device information packet."""
         payloads = payload[None]
-        return bool((self.is_calibration(payloads) | _are(payloads, _DATA_IDS, models.DATA_BYTES))[0])
+        return bool((_are_info(payloads) | _are(payloads, _DATA_IDS, models.DATA_BYTES))[0])
 
     def is_calibration(self, payloads: Bytes) -> Mask:
         """Return which UDP payloads, shape (P, L), are device information packets, which contain the laser angles."""
-        return _are(payloads, [layouts.INFO_ID[:4]], {models.INFO_BYTES})
+        return _are_info(payloads)
 
-    def decoder(self, packets: Packets, options: DecoderOptions) -> "RoboSenseDecoder":
+    def decoder(self, packets: Packets, options: DecoderOptions) -> "_Decoder":
         """Return a decoder for the sensor that sent these packets: data, and device information from anywhere.
 
         Options contain device information if data packets have another length, a file of angles, which overrides those
         in the packets, and the model if packets do not identify it. `InputError` if model or angles are unknown.
         """
-        info = packets.payloads[self.is_calibration(packets.payloads)] if options.info is None else options.info
+        info = packets.payloads[_are_info(packets.payloads)] if options.info is None else options.info
         is_data = _are(packets.payloads, _DATA_IDS, models.DATA_BYTES)
         data = packets.payloads[is_data]
         if not len(data):
@@ -188,7 +151,7 @@ class RoboSense(PacketFamily):
         warnings: list[str] = []
         model = find_model(data[0], info, options, warnings)
         device, angles = find_device(model, data, info, options, warnings)
-        return RoboSenseDecoder(device, angles, warnings, packets[is_data])
+        return _Decoder(device, angles, warnings, packets[is_data])
 
 
 def _are(payloads: Bytes, begins: Collection[bytes], lengths: Collection[int]) -> Mask:
@@ -199,7 +162,11 @@ def _are(payloads: Bytes, begins: Collection[bytes], lengths: Collection[int]) -
     return np.asarray(np.any(found, axis=0))
 
 
-class RoboSenseDecoder:
+def _are_info(payloads: Bytes) -> Mask:
+    return _are(payloads, [layouts.INFO_ID[:4]], {models.INFO_BYTES})
+
+
+class _Decoder:
     """Decoder for the packets of one sensor, with known angles; some of them show whether its clock is right.
 
     State: the blocks of the current revolution (about 200 kB), the azimuth of the last block, and the clock.
@@ -216,7 +183,7 @@ class RoboSenseDecoder:
         self._gaps_ns = 0
         self._is_first = True
         self.facts = SensorFacts(device.model.name, dict(device.details), warnings=warnings)
-        packets = data_packets(device.model, sample.payloads)
+        packets = view_packets(sample.payloads, data_layout(device.model))
         header_ns = header_times(packets)
         wrong = bool(((abs(header_ns - sample.times_ns) > DAY_NS) & (sample.times_ns > 0)).mean() > 0.5)
         raw, big_endian = packets["temperature"][0].tolist(), device.model.format.temperature_big_endian
@@ -232,49 +199,40 @@ class RoboSenseDecoder:
         is_data = self._are_data(packets)
         if not is_data.any():
             return np.full(len(packets), -1)
-        times_ns = header_times(data_packets(self._device.model, packets.payloads))
+        times_ns = header_times(view_packets(packets.payloads, data_layout(self._device.model)))
         return np.where(is_data, times_ns, -1)
 
     def _are_data(self, packets: Packets) -> Mask:
         return _are(packets.payloads, [self._device.model.format.id], {self._device.model.packet_bytes})
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
-        """Yield the frames that these packets complete. Invalid packets are counted and raise no error."""
-        model = self._device.model
         is_data = self._are_data(packets)
-        if not is_data.all():
-            is_info = _are(packets.payloads, [layouts.INFO_ID[:4]], {models.INFO_BYTES})
-            self.facts.bad_packets += int((~is_data & ~is_info).sum())
-            packets = packets[is_data]
-        if len(packets):
-            yield from self._frames_of(data_packets(model, packets.payloads), packets.times_ns)
-
-    def finish(self) -> Iterator[PacketFrame]:
-        """Yield the last revolution."""
-        if self._parts:
-            yield self._frame(is_last=True)
-
-    def _frames_of(self, packets: NDArray[Any], record_ns: Ints) -> Iterator[PacketFrame]:
-        raw, (mask, value) = packets["blocks"], self._device.model.format.block_id
-        ids = raw["id"] if mask == _WHOLE else raw["id"] & mask
+        self.facts.bad_packets += int((~is_data & ~_are_info(packets.payloads)).sum())
+        data = view_packets(packets.payloads[is_data], data_layout(self._device.model))
+        raw, (mask, value) = data["blocks"], self._device.model.format.block_id
         # A block is valid if its azimuth is below 360° and there is no invalid id up to it.
-        valid = np.logical_and.accumulate(ids == value, axis=1) & (raw["azimuth"] < 36000)
+        valid = np.logical_and.accumulate(raw["id"] & mask == value, axis=1) & (raw["azimuth"] < 36000)
         self.facts.bad_packets += int((~valid.any(axis=1)).sum())
         if not valid.any():
             return
-        blocks, revolution = self._blocks(packets, record_ns, valid)
-        starts = np.flatnonzero(np.diff(revolution, prepend=0))
-        begin = 0
-        for start in starts.tolist():
-            if start > begin:
-                self._parts.append(blocks[begin:start])
-            begin = start
+        blocks, revolution = self._blocks(data, packets.times_ns[is_data], valid)
+        rest, *begun = np.split(blocks, np.flatnonzero(np.diff(revolution, prepend=0)))
+        self._parts += [rest.copy()] if len(rest) else []
+        for part in begun:
             if self._parts:
                 yield self._frame()
-        self._parts.append(blocks[begin:].copy())
+            self._parts = [part.copy()]
 
-    def _blocks(self, packets: NDArray[Any], record_ns: Ints, valid: Mask) -> tuple[Rows, Ints]:
-        """Return the valid blocks of packets, and the revolution of each, shape (B,); 0 for the current one."""
+    def finish(self) -> Iterator[PacketFrame]:
+        if self._parts:
+            yield self._frame(is_last=True)
+
+    def _blocks(self, packets: Rows, record_ns: Ints, valid: Mask) -> tuple[Rows, Ints]:
+        """Return the valid blocks of packets, and the revolution of each, shape (B,); 0 for the current one.
+
+        Blocks have the azimuth at their start and the rotation until the next one in hundredths of a degree, their
+        start time in nanoseconds of Unix time, whether they contain second returns, and the raw bytes of channels.
+        """
         raw = packets["blocks"]
         azimuth = raw["azimuth"].astype(np.int64)
         used = azimuth[valid]
@@ -285,15 +243,11 @@ class RoboSenseDecoder:
         times_ns = header_ns + self._clock.shifts(header_ns, record_ns - self._device.model.packet_ns)
         self._count_lost(header_ns, azimuth)
         self._azimuth = int(used[-1])
-        blocks = np.empty(len(used), block_dtype(self._device.model))
-        for name, values in (
-            ("step", step),
-            ("times_ns", times_ns[:, None] + after_ns),
-            ("second", second),
-            ("channels", raw["channels"]),
-        ):
+        numbers = ((name, np.int64) for name in ("azimuth", "step", "times_ns"))
+        blocks = np.empty(len(used), [*numbers, ("second", np.bool_), ("channels", raw["channels"].dtype)])
+        columns = azimuth, step, times_ns[:, None] + after_ns, second, raw["channels"]
+        for name, values in zip(blocks.dtype.names or (), columns, strict=True):
             blocks[name] = values[valid]
-        blocks["azimuth"] = used
         return blocks, revolution
 
     def _count_lost(self, times_ns: Ints, azimuth: Ints) -> None:

@@ -11,10 +11,10 @@ from seaclutter_cli.arrays import Bytes, Ints
 from seaclutter_cli.documents import read_document
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.sensors.catalog import ADVICE
-from seaclutter_cli.sensors.packets import DecoderOptions
+from seaclutter_cli.sensors.packets import DecoderOptions, view_packets
 from seaclutter_cli.sensors.robosense import models
 from seaclutter_cli.sensors.robosense.models import RobosenseModel
-from seaclutter_cli.sensors.robosense.packets import ANGLE_LIMIT, VERTICAL_AT, Angles, data_packets, make_angles
+from seaclutter_cli.sensors.robosense.packets import ANGLE_LIMIT, VERTICAL_AT, Angles, data_layout, make_angles
 
 _ANGLES_HINT = "pass the angles with --calibration FILE (one line 'elevation,azimuth offset' in degrees per laser)"
 _CLASSIC = ("RS-LiDAR-32", "RS-LiDAR-16")
@@ -43,13 +43,12 @@ def find_model(data: Bytes, info: Bytes, options: DecoderOptions, warnings: list
         names = f"{', '.join(allowed[:-1])} and {allowed[-1]}"
         hint = "" if len(info) or options.calibration else f", and {_ANGLES_HINT}"
         raise InputError(f"RoboSense: {names} share a packet format: select one with --sensor{hint}")
-    if wanted is None or wanted not in allowed:
-        if wanted in models.MODELS or guessed is None:
-            raise InputError(f"RoboSense: the packets are from {' or '.join(allowed)}, not from {wanted}")
-        return _version(models.MODELS[guessed], data, info)
-    if guessed not in (None, wanted):
+    name = wanted if wanted in allowed else guessed
+    if name is None or (name != wanted and wanted in models.MODELS):
+        raise InputError(f"RoboSense: the packets are from {' or '.join(allowed)}, not from {wanted}")
+    if name == wanted and guessed not in (None, wanted):
         warnings.append(f"the device information is from {guessed}, but the packets are decoded as {wanted}")
-    return _version(models.MODELS[wanted], data, info)
+    return _version(models.MODELS[name], data, info)
 
 
 def _possible(data: Bytes) -> Sequence[str]:
@@ -108,14 +107,13 @@ def packet_angles(model: RobosenseModel, packet: Bytes) -> Angles | None:
     """Return the angles in a device information packet, shape (1248,); None if they are not programmed."""
     if model.name != "RS-LiDAR-16":
         begins, size = (VERTICAL_AT, model.format.horizontal_at), 3 * model.lasers
-        tables = np.stack([packet[begin : begin + size] for begin in begins]).astype(np.int64).reshape(2, -1, 3)
-        if (tables[..., 0] == 0xFF).any() or (model.name == "RS-LiDAR-32" and not tables[0, 0].any()):
+        tables = np.stack([packet[begin : begin + size] for begin in begins]).view([("sign", "u1"), ("size", ">u2")])
+        if (tables["sign"] == 0xFF).any() or (model.name == "RS-LiDAR-32" and not any(tables[0, 0].tolist())):
             return None
-        raw = (tables[..., 1] << 8 | tables[..., 2]).astype(np.float32)
         # Single precision, and halves rounded up, as in the vendor's driver.
-        sizes = np.floor((raw * np.float32(model.angle_unit)).astype(np.float64) + 0.5).astype(np.int64)
-        vertical, horizontal = np.where(tables[..., 0] != 0, -sizes, sizes)
-        return make_angles(vertical, horizontal)
+        raw = tables["size"].astype(np.float32) * np.float32(model.angle_unit)
+        sizes = np.floor(raw.astype(np.float64) + 0.5).astype(np.int64)
+        return make_angles(*np.where(tables["sign"] != 0, -sizes, sizes))
     table = packet[1165:1213].astype(np.int64).reshape(16, 3)
     if (packet[1165:1169] == 0).all() or (packet[1165:1169] == 0xFF).all():
         return None
@@ -199,7 +197,7 @@ def find_device(
         warnings.append(
             "no device information (DIFOP): rotation rate and return mode are inferred, the distance unit is assumed"
         )
-        device = _assumed_device(model, data_packets(model, data)["blocks"]["azimuth"].astype(np.int64))
+        device = _assumed_device(model, view_packets(data, data_layout(model))["blocks"]["azimuth"].astype(np.int64))
     intensity = device.details.get("intensity", "")
     if intensity.startswith(("raw", "unknown")):
         warnings.append(f"intensity is {intensity}: thresholds for calibrated intensity do not apply")

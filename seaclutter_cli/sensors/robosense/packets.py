@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Bytes, Ints
-from seaclutter_cli.sensors.packets import unix_seconds, view_packets
+from seaclutter_cli.sensors.packets import unix_seconds
 from seaclutter_cli.sensors.robosense.models import CLASSIC_ID, INFO_BYTES, RobosenseModel
 
 VERTICAL_AT = 468
@@ -55,11 +55,6 @@ def data_layout(model: RobosenseModel) -> np.dtype[Any]:
             "itemsize": model.packet_bytes,
         }
     )
-
-
-def data_packets(model: RobosenseModel, payloads: Bytes) -> NDArray[Any]:
-    """Return data packets, shape (P,), structured, from payloads, shape (P, L)."""
-    return view_packets(payloads, data_layout(model))
 
 
 def channels(raw: NDArray[Any]) -> NDArray[Any]:

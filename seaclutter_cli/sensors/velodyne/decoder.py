@@ -38,18 +38,17 @@ _UNIT = re.compile(r"^distance_resolution:.*$", re.MULTILINE)
 
 @dataclass(frozen=True)
 class VelodyneModel:
-    """A sensor: name, name in the library, lasers, period of single-return packets (µs), blocks per column."""
+    """A sensor: name, name in the library, lasers, period of single-return packets (µs), blocks per column.
+
+    ``dual_rate`` is the number of dual-return packets in that period.
+    """
 
     name: str
     library: str
     lasers: int
     period_us: float
     banks: int = 1
-
-    @property
-    def dual_rate(self) -> int:
-        """Number of dual-return packets in the period of a single-return packet."""
-        return 3 if self.banks > 1 else 2
+    dual_rate: int = 2
 
 
 MODELS: Mapping[int, VelodyneModel] = {
@@ -58,7 +57,7 @@ MODELS: Mapping[int, VelodyneModel] = {
     0x23: VelodyneModel("VLP-32A", "VLP32A", 32, 663.552),
     0x24: VelodyneModel("Puck Hi-Res", "PuckHiRes", 16, 1327.104),
     0x28: VelodyneModel("VLP-32C", "VLP32C", 32, 663.552),
-    0xA1: VelodyneModel("Alpha Prime", "VLS128", 128, 173.4, banks=4),
+    0xA1: VelodyneModel("Alpha Prime", "VLS128", 128, 173.4, banks=4, dual_rate=3),
 }
 """Models by factory byte. VLP-32A and VLP-32B share one."""
 VLP32B = VelodyneModel("VLP-32B", "VLP32B", 32, 663.552)
@@ -78,26 +77,6 @@ def used_blocks(packets: NDArray[Any]) -> Mask:
     """Return which blocks contain data, shape (P, 12); the last four of a dual-return Alpha Prime do not."""
     short = (packets["model"] == 0xA1) & (packets["mode"] == DUAL)
     return np.asarray(~short[:, None] | (np.arange(12) < 8))
-
-
-class VelodyneClock:
-    """Converter from microseconds of the hour to Unix time; a clock that is not set follows the recording time."""
-
-    def __init__(self, facts: SensorFacts) -> None:
-        self._details = facts.details
-        self._offset_ns: int | None = None
-
-    def unix_ns(self, host_ns: Ints, time_us: NDArray[np.uint32]) -> Ints:
-        """Return the times of packets, shape (P,), in nanoseconds of Unix time, the nearest to the recording times."""
-        times_ns = time_us.astype(np.int64) * 1000
-        near = _near(host_ns, times_ns + (self._offset_ns or 0))
-        if self._offset_ns is None or abs(host_ns[0] - near[0]) > CLOCK_NS:
-            error = int((host_ns - _near(host_ns, times_ns))[0])
-            self._offset_ns = error if abs(error) > CLOCK_NS else 0
-            relation = "shifted to the recording time" if self._offset_ns else "consistent with the recording time"
-            self._details["clock"] = f"sensor time, {relation}"
-            near = _near(host_ns, times_ns + self._offset_ns)
-        return near
 
 
 def _near(host_ns: Ints, times_ns: Ints) -> Ints:
@@ -134,21 +113,8 @@ class Cut:
         azimuth = (begin + size // 2) % 360
         return cls(azimuth * 100, np.roll(covered, -azimuth), (begin * 100, (begin + size) % 360 * 100))
 
-    def revolution_starts(self, azimuths: Ints) -> Ints:
-        """Return the flat indices of blocks, shape (P, 12), that start a revolution."""
-        flat = ((azimuths - self.azimuth) % FULL_CIRCLE).ravel()
-        return np.flatnonzero(np.diff(flat) < -int(self.covered.sum()) * 100 // 2) + 1
 
-    def is_start(self, azimuth: int) -> bool:
-        """Return whether the sensor measures nothing between the cut and an azimuth relative to it."""
-        return not self.covered[: max(azimuth // 100 - 1, 0)].any()
-
-    def is_end(self, azimuth: int) -> bool:
-        """Return whether the sensor measures nothing between an azimuth relative to the cut and the next cut."""
-        return not self.covered[azimuth // 100 + 2 :].any()
-
-
-class VelodyneLosses:
+class _Losses:
     """Counter of lost packets, from gaps in the sensor time that the recording times confirm."""
 
     def __init__(self, facts: SensorFacts, model: VelodyneModel) -> None:
@@ -189,12 +155,12 @@ class Velodyne(PacketFamily):
         """Return whether a UDP payload, shape (L,), is a data packet; position packets contain nothing useful."""
         return len(_known_models(payload[None])) > 0
 
-    def decoder(self, packets: Packets, options: DecoderOptions) -> "VelodyneDecoder":
+    def decoder(self, packets: Packets, options: DecoderOptions) -> "_Decoder":
         """Return a decoder for the model that most packets name; `InputError` if it is unknown or ambiguous."""
         known = _known_models(packets.payloads)
         if not len(known):
             raise InputError("the packets are not from a supported Velodyne sensor")
-        return VelodyneDecoder(int(np.bincount(known).argmax()), options)
+        return _Decoder(int(np.bincount(known).argmax()), options)
 
 
 def _known_models(payloads: Bytes) -> Bytes:
@@ -204,7 +170,7 @@ def _known_models(payloads: Bytes) -> Bytes:
     return np.asarray(models[np.isin(models, list(MODELS))])
 
 
-class VelodyneDecoder:
+class _Decoder:
     """Decoder for the packets of one sensor, whose model a factory byte identifies.
 
     Revolutions are split at azimuth 0, or in the middle of a blind sector. A file of angles in the format of
@@ -229,8 +195,8 @@ class VelodyneDecoder:
         )
         self._decoder = library.ScanDecoder(config)
         self.facts = SensorFacts(self._model.name)
-        self._clock = VelodyneClock(self.facts)
-        self._losses = VelodyneLosses(self.facts, self._model)
+        self._offset_ns: int | None = None
+        self._losses = _Losses(self.facts, self._model)
         self._cut: Cut | None = None
         self._packets = np.empty(0, PACKET)
         self._times_ns = np.empty(0, np.int64)
@@ -242,7 +208,6 @@ class VelodyneDecoder:
         return views["time_us"].astype(np.int64) if len(views) else np.full(len(packets), -1)
 
     def add(self, packets: Packets) -> Iterator[PacketFrame]:
-        """Yield the frames that these packets complete. Position packets are ignored; invalid packets are counted."""
         views = view_packets(packets.payloads, PACKET)
         good = valid_packets(views) & (views["model"] == self._factory)
         if packets.payloads.shape[1] != _POSITION_BYTES:
@@ -253,7 +218,7 @@ class VelodyneDecoder:
             yield from self._process(views[part], packets.times_ns[part])
 
     def _process(self, packets: NDArray[Any], host_ns: Ints) -> Iterator[PacketFrame]:
-        times_ns = self._clock.unix_ns(host_ns, packets["time_us"])
+        times_ns = self._unix_ns(host_ns, packets["time_us"].astype(np.int64) * 1000)
         self.facts.details["return mode"] = MODES[int(packets["mode"][-1])]
         self._packets = np.concatenate((self._packets, packets))
         self._times_ns = np.concatenate((self._times_ns, times_ns))
@@ -262,6 +227,17 @@ class VelodyneDecoder:
         self._losses.add(packets, host_ns, self._cut)
         if self._cut is not None:
             yield from self._revolutions(self._cut)
+
+    def _unix_ns(self, host_ns: Ints, times_ns: Ints) -> Ints:
+        """Return times of the hour, shape (P,), as Unix times; a clock that is not set follows the recording time."""
+        near = _near(host_ns, times_ns + (self._offset_ns or 0))
+        if self._offset_ns is None or abs(host_ns[0] - near[0]) > CLOCK_NS:
+            error = int((host_ns - _near(host_ns, times_ns))[0])
+            self._offset_ns = error if abs(error) > CLOCK_NS else 0
+            relation = "shifted to the recording time" if self._offset_ns else "consistent with the recording time"
+            self.facts.details["clock"] = f"sensor time, {relation}"
+            near = _near(host_ns, times_ns + self._offset_ns)
+        return near
 
     def finish(self) -> Iterator[PacketFrame]:
         """Yield the remaining points; they are partial unless they reach the end of a revolution."""
@@ -288,8 +264,9 @@ class VelodyneDecoder:
             return None
         elapsed = self._times_ns - self._times_ns[0]
         late = np.flatnonzero((elapsed > MAX_REVOLUTION_NS) | (elapsed < -CLOCK_NS))
-        for index in cut.revolution_starts(self._azimuths()):
-            packet, block = divmod(int(index), 12)
+        azimuths = ((self._azimuths() - cut.azimuth) % FULL_CIRCLE).ravel()
+        starts = np.flatnonzero(np.diff(azimuths) < -int(cut.covered.sum()) * 100 // 2) + 1
+        for packet, block in (divmod(start, 12) for start in starts.tolist()):
             if len(late) and late[0] <= packet:
                 break
             if not self._starts_at_cut or elapsed[packet] > _MIN_REVOLUTION_NS:
@@ -302,10 +279,11 @@ class VelodyneDecoder:
         if block:
             self._split_packet(packet, block)
             packet += 1
-        azimuths = (self._azimuths()[:packet] - cut.azimuth) % FULL_CIRCLE
+        degrees = (self._azimuths()[:packet] - cut.azimuth) % FULL_CIRCLE // 100
         points, stamp_ns = self._decode(packet)
-        begun = self._starts_at_cut or cut.is_start(int(azimuths[0, 0]))
-        partial = not (begun and (ended or cut.is_end(int(azimuths[-1, -1]))))
+        # A revolution is whole if the sensor measures nothing between its ends and the cut.
+        begun = self._starts_at_cut or not cut.covered[: max(degrees[0, 0] - 1, 0)].any()
+        partial = not (begun and (ended or not cut.covered[degrees[-1, -1] + 2 :].any()))
         self._packets, self._times_ns = self._packets[packet:], self._times_ns[packet:]
         self._starts_at_cut = ended
         return PacketFrame(points, stamp_ns, partial=partial)

@@ -23,8 +23,8 @@ _CLEAR_M = 0.3
 _TINT = ((0.12, 0.6), (0.12, 6.0), (0.2, 60.0))
 """Standard deviation of the logarithm of the reflectivity, and width in metres, of variations of the ground."""
 _BOTTOM_M, _WET_SAND, _WET_M = -1000.0, 0.3, 0.5
-_SPREAD = {"wave": 4, "swell": 40}
-_ENHANCEMENT = {"wave": 3.3, "swell": 6.0}
+_WIND_SEA, _SWELL = (3.3, 4), (6.0, 40)
+"""Peak enhancement, and exponent of the directional spread."""
 
 
 @dataclass(frozen=True)
@@ -68,18 +68,19 @@ def water(params: WaterParams, size_m: float, rng: Rng, coast: "Coast | None" = 
     their sum is the inverse Fourier transform of random amplitudes. Waves shorter than 2 m are left out.
     """
     cells = int(fft.next_fast_len(int(size_m) + 64))
-    wind = _field(cells, params.wave_m, params.wave_period_s, params.direction_deg, "wave", rng)
-    swell = _field(cells, params.swell_m, params.swell_period_s, params.direction_deg, "swell", rng)
+    wind = _field(cells, (params.wave_m, params.wave_period_s, *_WIND_SEA), params.direction_deg, rng)
+    swell = _field(cells, (params.swell_m, params.swell_period_s, *_SWELL), params.direction_deg, rng)
     return TileWater(wind + swell, swell, coast)
 
 
-def _field(cells: int, height_m: float, period_s: float, direction_deg: float, kind: str, rng: Rng) -> Floats:
+def _field(cells: int, waves: tuple[float, float, float, int], direction_deg: float, rng: Rng) -> Floats:
+    height_m, period_s, enhancement, spreading = waves
     wave = 2 * np.pi * fft.fftfreq(cells)
     noise = rng.standard_normal((2, cells, cells))
     if not height_m:
         return np.zeros((cells, cells))
-    spectrum = height_m, 2 * np.pi / period_s, _ENHANCEMENT[kind]
-    variance = directional_variance((wave[:, None], wave[None, :]), spectrum, direction_deg, _SPREAD[kind])
+    spectrum = height_m, 2 * np.pi / period_s, enhancement
+    variance = directional_variance((wave[:, None], wave[None, :]), spectrum, direction_deg, spreading)
     heights = fft.ifft2(np.sqrt(variance) * (noise[0] + 1j * noise[1]), workers=1).real
     # The grid truncates the spectrum, so the remainder is scaled to the wave height.
     return np.asarray(heights * (height_m / 4) / max(float(heights.std()), 1e-12))

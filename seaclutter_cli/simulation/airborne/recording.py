@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from seaclutter_cli.arrays import Bytes, Floats, Indices, Rng, Rows
 from seaclutter_cli.simulation.airborne.coast import VEGETATION, Coast, TileWater, leaves, make_coast, water
 from seaclutter_cli.simulation.airborne.scene import AirborneParams, TileObject, TileScene, WaterParams
-from seaclutter_cli.simulation.airborne.shapes import KINDS, STEP_M, Patch
+from seaclutter_cli.simulation.airborne.shapes import KINDS, STEP_M
 from seaclutter_cli.sinks.atomic import OutputGroup
 from seaclutter_cli.sinks.las import import_laspy, write_las
 from seaclutter_cli.threads import in_order, threads
@@ -67,11 +67,10 @@ _ECHO = np.dtype([("pulse", "i8"), ("z", "f8"), ("power", "f8"), ("number", "u2"
 """A possible echo of a pulse: its mean height and power, object and class of the ray in its middle."""
 
 
-def _rays(z: Floats, reflectivity: Floats, code: Bytes | int) -> Rows:
-    """Return the rays of P pulses, shape (P, 7), all of which end on the water or ground at one height."""
-    rays = np.zeros((len(z), _BEAMS), _RAY)
-    for name, values in (("z", z), ("reflectivity", reflectivity), ("code", np.broadcast_to(code, z.shape))):
-        rays[name] = values[:, None]
+def _rays(z: Floats, reflectivity: Floats, code: Bytes | int, number: int = 0) -> Rows:
+    """Return the rays of P pulses, shape (P, 7), from arrays of that shape or, for equal rays, (P, 1)."""
+    rays = np.empty((len(z), _BEAMS), _RAY)
+    rays["z"], rays["reflectivity"], rays["number"], rays["code"] = z, reflectivity, number, code
     return rays
 
 
@@ -151,10 +150,11 @@ class TileRenderer:
         mirror = np.exp(-tilt / (2 * _MEAN_SQUARE_SLOPE))
         reflectivity = params.reflectivity * (_DIFFUSE + (1 - _DIFFUSE) * mirror) * rng.gamma(2.0, 0.5, len(tilt))
         z = sea.height(pulses.x, pulses.y) + rng.normal(0, 0.02, len(tilt))
-        return _rays(z, reflectivity, _WATER)
+        return _rays(z[:, None], reflectivity[:, None], _WATER)
 
-    def _hit_object(self, item: TileObject, patch: Patch, pulses: Pulses, sea: TileWater, hits: Rows, rng: Rng) -> None:
-        highest = float(patch.top.max()) + 1.0 + abs(sea.heave(*item.position_m))
+    def _hit_object(self, item: TileObject, patch: Rows, pulses: Pulses, sea: TileWater, hits: Rows, rng: Rng) -> None:
+        motion, heave = KINDS[item.kind].motion, sea.heave(*item.position_m)
+        highest = float(patch["top"].max()) + 1.0 + abs(heave)
         reach = 0.5 * float(np.hypot(*item.size_m[:2])) + 2.0
         along, across = np.abs(pulses.x - item.position_m[0]), np.abs(pulses.y - item.position_m[1])
         near = np.flatnonzero((along < reach) & (across < reach + highest * np.abs(pulses.slope)))
@@ -162,18 +162,12 @@ class TileRenderer:
             return
         x, y = _beams(pulses.x[near], pulses.y[near], self.scene.lidar)
         slope = np.repeat(pulses.slope[near], _BEAMS)
-        if patch.motion == "drifts":
-            waterline = sea.height(x, y)
-        else:
-            waterline = np.full_like(x, sea.heave(*item.position_m) if patch.motion == "floats" else 0.0)
+        waterline = sea.height(x, y) if motion == "drifts" else np.full_like(x, heave if motion == "floats" else 0.0)
         z, reflectivity = _trace(item, patch, (x, y, slope), waterline, highest, rng)
-        tilt = np.cos(np.arctan(slope)) ** (0.5 if patch.motion == "fixed" else 1)
-        z, reflectivity = z.reshape(-1, _BEAMS), (reflectivity * tilt).reshape(-1, _BEAMS)
-        rays = hits[near]
-        hit = z > rays["z"]
-        rays["z"][hit], rays["reflectivity"][hit], rays["number"][hit] = z[hit], reflectivity[hit], item.number
-        rays["code"][hit] = _OTHER
-        hits[near] = rays
+        tilt = np.cos(np.arctan(slope)) ** (0.5 if motion == "fixed" else 1)
+        shape = len(near), _BEAMS
+        found = _rays(z.reshape(shape), (reflectivity * tilt).reshape(shape), _OTHER, item.number)
+        hits[near] = np.where(found["z"] > hits[near]["z"], found, hits[near])
 
 
 def _land_hits(coast: Coast, pulses: Pulses, water: Rows, rng: Rng) -> Rows:
@@ -182,7 +176,8 @@ def _land_hits(coast: Coast, pulses: Pulses, water: Rows, rng: Rng) -> Rows:
     z += rng.normal(0, _GROUND_NOISE_M, len(z))
     reflectivity = coast.reflectivity[cells] * np.cos(np.arctan(pulses.slope)) ** 0.5
     dry = (coast.ground[cells] >= coast.level[cells]) & (z > water["z"][:, 0])
-    rays = np.where(dry[:, None], _rays(z, reflectivity, coast.code[cells]), water)
+    land = _rays(z[:, None], reflectivity[:, None], coast.code[cells][:, None])
+    rays = np.where(dry[:, None], land, water)
     trees = np.flatnonzero(dry & (coast.canopy[cells] > 0))
     if len(trees):
         own, canopy = rays[trees], coast.canopy[cells][trees].astype(np.float64)
@@ -201,7 +196,7 @@ def _beams(x: Floats, y: Floats, lidar: AirborneParams) -> tuple[Floats, Floats]
 
 
 def _trace(
-    item: TileObject, patch: Patch, rays: tuple[Floats, Floats, Floats], waterline: Floats, highest: float, rng: Rng
+    item: TileObject, patch: Rows, rays: tuple[Floats, Floats, Floats], waterline: Floats, highest: float, rng: Rng
 ) -> tuple[Floats, Floats]:
     """Return the height at which each of R rays ends on an object, or minus infinity, and the reflectivity there."""
     x, y, slope = rays
@@ -212,28 +207,27 @@ def _trace(
     for step in range(steps):
         upper, lower = highest * (1 - step / steps), highest * (1 - (step + 1) / steps) - (step + 1 == steps)
         above, cells = _cells_below(item, patch, x[remaining], y[remaining] - slope[remaining] * 0.5 * (upper + lower))
-        top = patch.top[cells] + waterline[remaining[above]]
-        stopped = (top >= lower) & (draw[remaining[above]] < patch.cover[cells])
-        ended = remaining[above[stopped]]
-        hit = np.minimum(top[stopped], upper) - depth[ended] * patch.depth[cells][stopped]
-        z[ended], reflectivity[ended] = hit, patch.reflectivity[cells][stopped]
+        top = cells["top"] + waterline[remaining[above]]
+        stopped = (top >= lower) & (draw[remaining[above]] < cells["cover"])
+        ended, cells = remaining[above[stopped]], cells[stopped]
+        z[ended] = np.minimum(top[stopped], upper) - depth[ended] * cells["depth"]
+        reflectivity[ended] = cells["reflectivity"]
         remaining = np.delete(remaining, above[stopped])
     above, cells = _cells_below(item, patch, x[remaining], y[remaining])
-    ground = patch.base[cells]
-    z[remaining[above]], reflectivity[remaining[above]] = ground, 0.6 * patch.reflectivity[cells]
+    z[remaining[above]], reflectivity[remaining[above]] = cells["base"], 0.6 * cells["reflectivity"]
     return z, reflectivity
 
 
-def _cells_below(item: TileObject, patch: Patch, x: Floats, y: Floats) -> tuple[Indices, tuple[Indices, ...]]:
+def _cells_below(item: TileObject, patch: Rows, x: Floats, y: Floats) -> tuple[Indices, Rows]:
+    """Return which positions are on the map of an object, and its cells there."""
     c, s = np.cos(item.heading), np.sin(item.heading)
     dx, dy = x - item.position_m[0], y - item.position_m[1]
-    cells = [
+    along, across = (
         np.floor(side / STEP_M + count / 2).astype(np.intp)
-        for side, count in zip((c * dx + s * dy, c * dy - s * dx), patch.top.shape, strict=True)
-    ]
-    inside = [(at >= 0) & (at < count) for at, count in zip(cells, patch.top.shape, strict=True)]
-    above = np.flatnonzero(inside[0] & inside[1])
-    return above, (cells[0][above], cells[1][above])
+        for side, count in zip((c * dx + s * dy, c * dy - s * dx), patch.shape, strict=True)
+    )
+    inside = (along >= 0) & (along < patch.shape[0]) & (across >= 0) & (across < patch.shape[1])
+    return np.flatnonzero(inside), patch[along[inside], across[inside]]
 
 
 def _echoes(pulses: Pulses, hits: Rows, lidar: AirborneParams, rng: Rng) -> Rows:
@@ -253,7 +247,7 @@ def _groups(hits: Rows, block: Indices, lidar: AirborneParams) -> list[Rows]:
     rays = hits[block]
     order = np.argsort(-rays["z"], axis=1, kind="stable")
     z, reflectivity, number, code = (np.take_along_axis(rays[name], order, 1) for name in _RAY.names or ())
-    group = np.concatenate((np.zeros((len(z), 1), np.int64), np.cumsum(-np.diff(z, axis=1) > _RESOLUTION_M, axis=1)), 1)
+    group = np.cumsum(-np.diff(z, axis=1, prepend=z[:, :1]) > _RESOLUTION_M, axis=1)
     found = []
     for echo in range(lidar.max_returns):
         rows = np.flatnonzero((group == echo).any(axis=1))

@@ -19,6 +19,8 @@ from seaclutter_cli.truth import OBJECT_CLASSES
 
 Map = Floats
 Side = Annotated[float, Interval(gt=0, le=10_000)]
+Elevation = Annotated[float, Interval(ge=-20, le=200)]
+Pair = Annotated[tuple[float, ...], Len(2, 2)]
 
 DRY_M = -100.0
 """Level of the water where there is none, which is below all ground."""
@@ -38,7 +40,7 @@ class TileParams:
     size_m: Annotated[tuple[Annotated[float, Interval(ge=50, le=3000)], ...], Len(2, 2)] = key(
         (875.0, 695.0), "Extent along x and y."
     )
-    origin_m: Annotated[tuple[float, ...], Len(2, 2)] = key((512_000.0, 3_458_000.0), "Corner in map coordinates.")
+    origin_m: Pair = key((512_000.0, 3_458_000.0), "Corner in map coordinates.")
     seed: Annotated[int, Ge(0)] = key(1, "Seed of all random values.")
     gap_m: NotNegative = key(25.0, "Minimum gap around objects at random positions.")
 
@@ -81,9 +83,7 @@ class TileObjectParams:
     """An object in the water; values that are null are random."""
 
     kind: Annotated[str, OneOf("class", tuple(KINDS))] = key(meaning="Class.")
-    position_m: Annotated[tuple[float, ...], Len(2, 2)] | None = key(
-        None, "Centre, from the corner of the tile.", formerly="at_m"
-    )
+    position_m: Pair | None = key(None, "Centre, from the corner of the tile.", formerly="at_m")
     heading_deg: float | None = key(None, "Heading, counter-clockwise from x.")
     size_m: Annotated[tuple[Annotated[float, Interval(gt=0, le=3000)], ...], Len(3, 3)] | None = key(
         None, "Length, width and height."
@@ -113,18 +113,14 @@ class LandParams:
     """Land, or water behind a wall; values that are null are those of the kind."""
 
     kind: Annotated[str, OneOf("kind of land", ("beach", "cliff", "polder", "island", "basin"))] = key(meaning="Kind.")
-    position_m: Annotated[tuple[float, ...], Len(2, 2)] = key(meaning="Centre, from the corner of the tile.")
+    position_m: Pair = key(meaning="Centre, from the corner of the tile.")
     size_m: Annotated[tuple[Side, ...], Len(2, 2)] = key(meaning="Length and width; both may go beyond the tile.")
     heading_deg: float = key(0.0, "Direction of the length, counter-clockwise from x.")
-    height_m: Annotated[float, Interval(ge=-20, le=200)] | None = key(
-        None, "Elevation of the ground above mean sea level, or of the water in a basin."
-    )
+    height_m: Elevation | None = key(None, "Elevation of the ground above mean sea level, or of the water in a basin.")
     slope: Positive | None = key(
         None, "Rise per metre from the shore of a beach or island up to height_m, and of the bottom in front of it."
     )
-    crest_m: Annotated[float, Interval(ge=-20, le=200)] | None = key(
-        None, "Elevation of the dike around a polder, or of the wall around a basin."
-    )
+    crest_m: Elevation | None = key(None, "Elevation of the dike around a polder, or of the wall around a basin.")
     relief_m: NotNegative | None = key(None, "Standard deviation of the undulation of the ground.")
     ragged_m: NotNegative | None = key(None, "Standard deviation of the position of the shoreline.")
     trees: Share | None = key(None, "Share of the ground under trees.")
@@ -179,12 +175,10 @@ class LandKind:
 
 
 def _beach(distance: Map, relief: Relief) -> tuple[Map, None]:
-    """Return ground that rises evenly from below the water to its height."""
     return np.clip(relief.slope * distance, DEEP_M, relief.height_m), None
 
 
 def _cliff(distance: Map, relief: Relief) -> tuple[Map, None]:
-    """Return ground at its height from the shoreline on, above deep water."""
     return np.where(distance > 0, relief.height_m, DEEP_M), None
 
 
@@ -196,7 +190,6 @@ def _polder(distance: Map, relief: Relief) -> tuple[Map, float]:
 
 
 def _basin(distance: Map, relief: Relief) -> tuple[Map, float]:
-    """Return a wall, and water at its own level inside."""
     return np.where((distance > 0) & (distance < _WALL_M), relief.crest_m, DEEP_M), relief.height_m
 
 
@@ -248,8 +241,7 @@ class TileScene:
         Raises `ConfigError` if there is no room for an object.
         """
         placed: list[TileObject] = []
-        order = sorted(range(len(self.objects)), key=lambda index: self.objects[index].position_m is None)
-        for index in order:
+        for index in sorted(range(len(self.objects)), key=lambda index: self.objects[index].position_m is None):
             placed.append(self._place(index, placed))
         return sorted(placed, key=lambda item: item.number)
 
@@ -338,9 +330,7 @@ def parse_tile_scene(raw: Mapping[str, Any], where: str) -> TileScene:
 
 
 def _random(raw: Any, problems: list[str]) -> list[TileObjectParams]:
-    if not isinstance(raw, dict):
-        problems.append(f"random: must be a section with keys, got {validation.kind_of(raw)}")
-        return []
+    raw = validation.sections_of({"random": raw}, ["random"], problems)["random"]
     problems += [f"random.{key}: unknown class; allowed: {', '.join(KINDS)}" for key in raw if key not in KINDS]
     wrong = [key for key, count in raw.items() if type(count) is not int or not 0 <= count <= 50]
     problems += [f"random.{key}: must be a whole number from 0 to 50" for key in wrong]

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy import ndimage
 
-from seaclutter_cli.arrays import Floats, Indices, Mask, Rng
+from seaclutter_cli.arrays import Floats, Indices, Mask, Rng, Rows
 
 Map = Floats
 Size = tuple[float, float, float]
@@ -17,22 +17,13 @@ STEP_M = 0.25
 """Width of the cells of a map in metres."""
 
 
-@dataclass(frozen=True)
-class Patch:
-    """Maps of one object in its own axes, length along the first; all have the shape (L, W), in cells of `STEP_M`.
+PATCH = np.dtype([(name, np.float64) for name in ("top", "cover", "depth", "base", "reflectivity")])
+"""A cell of the map of one object in its own axes, length along the first, in cells of `STEP_M`: a patch.
 
-    ``top`` is the height above the waterline, minus infinity without an object; ``cover`` the share of the rays that
-    the object stops, less than 1 for nets, debris and leaves, within ``depth`` below the top; ``base`` the height of
-    the ground below, minus infinity over water. It is fixed to the ground, floats as one body, or drifts, following the
-    surface everywhere.
-    """
-
-    top: Map
-    cover: Map
-    depth: Map
-    base: Map
-    reflectivity: Map
-    motion: Motion
+``top`` is the height above the waterline, minus infinity without an object; ``cover`` the share of the rays that the
+object stops, less than 1 for nets, debris and leaves, within ``depth`` below the top; ``base`` the height of the ground
+below, minus infinity over water.
+"""
 
 
 def _noise(rng: Rng, shape: tuple[int, ...], scale_m: float) -> Map:
@@ -58,21 +49,16 @@ def _blocks(shape: tuple[int, ...], sides: tuple[int, int]) -> tuple[tuple[Indic
 
 
 def _patch(
-    top: Map,
-    reflectivity: Map | float,
-    motion: Motion,
-    *,
-    cover: Map | float = 1.0,
-    depth: Map | float = 0.0,
-    base: Map | float = -np.inf,
-) -> Patch:
+    top: Map, reflectivity: Map, *, cover: Map | float = 1.0, depth: Map | float = 0.0, base: Map | float = -np.inf
+) -> Rows:
     """Return a patch, by default a solid one over water."""
-    maps = cover, depth, base, reflectivity
-    full = [np.broadcast_to(np.asarray(one, np.float64), top.shape) for one in maps]
-    return Patch(top, full[0], full[1], full[2], full[3], motion)
+    patch = np.empty(top.shape, PATCH)
+    for name, values in zip(PATCH.names or (), (top, cover, depth, base, reflectivity), strict=True):
+        patch[name] = values
+    return patch
 
 
-def _ship(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
+def _ship(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Rows:
     """Return a ship with bulwark, house, containers, masts: a freighter, a tanker or a fishing boat."""
     length, width, height = size
     along = x / (length / 2)
@@ -95,7 +81,7 @@ def _ship(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     top[inside & ends & (np.abs(y) < 0.4 * width)] = height * rng.uniform(0.7, 0.85)
     for position in rng.uniform(-0.5, 0.8, rng.integers(1, 4)):
         top[inside & (np.abs(x - position * length / 2) <= STEP_M) & (np.abs(y) <= STEP_M)] = height
-    return _patch(top, paint, "floats")
+    return _patch(top, paint)
 
 
 def _stack(rng: Rng, top: Map, where: Mask, deck: float, height: float) -> None:
@@ -105,25 +91,25 @@ def _stack(rng: Rng, top: Map, where: Mask, deck: float, height: float) -> None:
     top[where] = (deck + 2.6 * piles[block])[where]
 
 
-def _reef(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
+def _reef(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Rows:
     """Return bare rocks, rough at all scales, with channels between them."""
     body = _blob(rng, x, y, 0.35)
     rough = sum(weight * _noise(rng, body.shape, scale) for weight, scale in ((0.30, 3.0), (0.18, 1.2), (0.12, 0.5)))
     top = size[2] * (1.1 * np.sqrt(np.clip(body, 0, 1)) * (0.62 + rough) - 0.08)
     top[(body <= 0) | (top < -0.3)] = -np.inf
-    return _patch(top, reflectivity * (1 + 0.25 * _noise(rng, body.shape, 0.8)).clip(0.3, 2), "fixed")
+    return _patch(top, reflectivity * (1 + 0.25 * _noise(rng, body.shape, 0.8)).clip(0.3, 2))
 
 
-def _shoal(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
+def _shoal(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Rows:
     """Return a sandbank that dries at low water: smooth, with ripples, darker where it is wet."""
     body = _blob(rng, x, y, 0.25)
     ripples = 0.03 * np.sin(2 * np.pi * (x * rng.uniform(0.2, 0.5) + y * rng.uniform(-0.3, 0.3)))
     top = size[2] * np.clip(body, 0, 1) ** 0.33 * (1 + 0.10 * _noise(rng, body.shape, 6.0)) + ripples
     top[body <= 0] = -np.inf
-    return _patch(top, reflectivity * np.clip(0.45 + 0.55 * top / size[2], 0.4, 1.1), "fixed")
+    return _patch(top, reflectivity * np.clip(0.45 + 0.55 * top / size[2], 0.4, 1.1))
 
 
-def _aquaculture(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
+def _aquaculture(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Rows:
     """Return rows of round cages with rails and nets over them, or rafts of beams with a hut."""
     shape = (x.size, y.size)
     top, cover = np.full(shape, -np.inf), np.ones(shape)
@@ -132,7 +118,7 @@ def _aquaculture(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> P
     else:
         _rafts(rng, x, y, top, size)
     tint = reflectivity * (1 + 0.2 * _noise(rng, shape, 1.0)).clip(0.3, 2)
-    return _patch(top, tint, "drifts", cover=cover)
+    return _patch(top, tint, cover=cover)
 
 
 def _cages(rng: Rng, x: Map, y: Map, top: Map, cover: Map, size: Size) -> None:
@@ -157,7 +143,7 @@ def _rafts(rng: Rng, x: Map, y: Map, top: Map, size: Size) -> None:
         top[hut] = size[2]
 
 
-def _seaweed(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
+def _seaweed(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Rows:
     """Return a dense floating mat with soft humps; leaves are bright in the near infrared."""
     body = _blob(rng, x, y, 0.5)
     humps = 0.8 + 0.16 * _noise(rng, body.shape, 2.5) + 0.08 * _noise(rng, body.shape, 0.6)
@@ -166,10 +152,10 @@ def _seaweed(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch
     top[(body <= 0) | holes] = -np.inf
     cover = rng.uniform(0.8, 0.97)
     tint = reflectivity * (1 + 0.15 * _noise(rng, body.shape, 1.5)).clip(0.4, 1.6)
-    return _patch(top, tint, "drifts", cover=cover, depth=0.12)
+    return _patch(top, tint, cover=cover, depth=0.12)
 
 
-def _island(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
+def _island(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Rows:
     """Return ground with hills and a shore of rock or sand, partly covered by trees and bushes."""
     body = _blob(rng, x, y, 0.25)
     hills = 1 + 0.25 * _noise(rng, body.shape, 12.0) + 0.05 * _noise(rng, body.shape, 2.0)
@@ -182,21 +168,18 @@ def _island(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
     leaves = np.where(green, rng.uniform(0.5, 0.75), 1.0)
     tint = np.where(green, rng.uniform(0.35, 0.55), reflectivity)
     tint *= (1 + 0.15 * _noise(rng, body.shape, 1.0)).clip(0.4, 1.6)
-    return _patch(top, tint, "fixed", cover=leaves, depth=np.where(green, 0.5 * tall, 0.0), base=ground)
+    return _patch(top, tint, cover=leaves, depth=np.where(green, 0.5 * tall, 0.0), base=ground)
 
 
-def _fence(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
+def _fence(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Rows:
     """Return rows of stakes with nets between them: a leader, wings and a pen, or several rows side by side."""
     shape, (length, width, height) = (x.size, y.size), size
     top, cover = np.full(shape, -np.inf), np.ones(shape)
     spacing, sag = rng.uniform(2, 5), rng.uniform(0.55, 0.85)
     mesh = rng.uniform(0.35, 0.6)
     if rng.random() < 0.5:
-        ends = [(-length / 2, 0.0, 0.3 * length, 0.0), (0.3 * length, 0.0, 0.48 * length, 0.4 * width)]
-        ends += [
-            (0.3 * length, 0, 0.48 * length, -0.4 * width),
-            (0.48 * length, 0.4 * width, 0.48 * length, -0.4 * width),
-        ]
+        pen, end, side = 0.3 * length, 0.48 * length, 0.4 * width
+        ends = [(-length / 2, 0.0, pen, 0.0), (pen, 0.0, end, side), (pen, 0.0, end, -side), (end, side, end, -side)]
     else:
         rows = max(1, round(width / rng.uniform(7, 14)))
         ends = [(-0.48 * length, y0, 0.48 * length, y0) for y0 in np.linspace(-0.45, 0.45, rows) * width * (rows > 1)]
@@ -210,10 +193,10 @@ def _fence(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
             cover[i, j] = mesh if net else 0.9
     depth = np.where(cover < 0.9, 0.6 * height * sag, 0.2)
     tint = reflectivity * rng.uniform(0.7, 1.3, shape)
-    return _patch(top, tint, "fixed", cover=cover, depth=depth)
+    return _patch(top, tint, cover=cover, depth=depth)
 
 
-def _garbage(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch:
+def _garbage(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Rows:
     """Return loose debris of all sizes and reflectivities, close together in a drifting patch."""
     body = _blob(rng, x, y, 0.5)
     top, tint = np.full(body.shape, -np.inf), np.full(body.shape, reflectivity)
@@ -223,19 +206,23 @@ def _garbage(rng: Rng, x: Map, y: Map, size: Size, reflectivity: float) -> Patch
         brightness = np.clip(reflectivity * rng.lognormal(0, 0.7, count), 0.03, 0.9)
         here = present[block] & (body > 0)
         top[here], tint[here] = height[block][here], brightness[block][here]
-    return _patch(top, tint, "drifts")
+    return _patch(top, tint)
 
 
 @dataclass(frozen=True)
 class Kind:
-    """A class of objects: how to draw one of a size and reflectivity on axes, and the ranges of random ones."""
+    """A class of objects: how to draw one of a size and reflectivity on axes, and the ranges of random ones.
 
-    draw: Callable[[Rng, Map, Map, Size, float], Patch]
+    It is fixed to the ground, floats as one body, or drifts, following the surface everywhere.
+    """
+
+    draw: Callable[[Rng, Map, Map, Size, float], Rows]
     smallest: Size
     largest: Size
     reflectivities: tuple[float, float]
+    motion: Motion
 
-    def make(self, rng: Rng, size: Size, reflectivity: float) -> Patch:
+    def make(self, rng: Rng, size: Size, reflectivity: float) -> Rows:
         """Return a random object."""
         sides = (max(1, round(side / STEP_M)) for side in size[:2])
         x, y = (np.asarray((np.arange(cells) - (cells - 1) / 2) * STEP_M, np.float64) for cells in sides)
@@ -243,13 +230,13 @@ class Kind:
 
 
 KINDS: Mapping[str, Kind] = {
-    "ship": Kind(_ship, (12, 3.5, 4), (110, 19, 22), (0.12, 0.6)),
-    "reef": Kind(_reef, (7, 6, 1.2), (26, 18, 4.5), (0.08, 0.3)),
-    "shoal": Kind(_shoal, (22, 9, 0.9), (75, 18, 1.9), (0.22, 0.5)),
-    "aquaculture": Kind(_aquaculture, (28, 22, 1.4), (80, 55, 3.2), (0.12, 0.5)),
-    "seaweed": Kind(_seaweed, (10, 7, 0.9), (40, 16, 1.6), (0.3, 0.6)),
-    "island": Kind(_island, (35, 28, 5), (130, 90, 28), (0.15, 0.4)),
-    "fishing fence": Kind(_fence, (60, 14, 1.6), (200, 45, 4), (0.12, 0.4)),
-    "garbage patch": Kind(_garbage, (9, 7, 1.0), (32, 16, 1.9), (0.1, 0.45)),
+    "ship": Kind(_ship, (12, 3.5, 4), (110, 19, 22), (0.12, 0.6), "floats"),
+    "reef": Kind(_reef, (7, 6, 1.2), (26, 18, 4.5), (0.08, 0.3), "fixed"),
+    "shoal": Kind(_shoal, (22, 9, 0.9), (75, 18, 1.9), (0.22, 0.5), "fixed"),
+    "aquaculture": Kind(_aquaculture, (28, 22, 1.4), (80, 55, 3.2), (0.12, 0.5), "drifts"),
+    "seaweed": Kind(_seaweed, (10, 7, 0.9), (40, 16, 1.6), (0.3, 0.6), "drifts"),
+    "island": Kind(_island, (35, 28, 5), (130, 90, 28), (0.15, 0.4), "fixed"),
+    "fishing fence": Kind(_fence, (60, 14, 1.6), (200, 45, 4), (0.12, 0.4), "fixed"),
+    "garbage patch": Kind(_garbage, (9, 7, 1.0), (32, 16, 1.9), (0.1, 0.45), "drifts"),
 }
 """Classes of objects by their names in truth; to add one, add a line here and one in `OBJECT_CLASSES`."""

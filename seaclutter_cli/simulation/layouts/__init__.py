@@ -15,8 +15,8 @@ from seaclutter_cli.simulation.layouts import generators
 from seaclutter_cli.simulation.layouts.generators import APPLE, POPLAR, WILLOW, plantation
 from seaclutter_cli.simulation.layouts.plan import Plan
 from seaclutter_cli.simulation.layouts.worlds import draw_world, with_wide_physics
-from seaclutter_cli.simulation.lidar.models import LIDARS
-from seaclutter_cli.simulation.marine.motion import Pose
+from seaclutter_cli.simulation.lidar import LIDARS
+from seaclutter_cli.simulation.marine.motion import rotations
 from seaclutter_cli.simulation.marine.scene import Scene, SceneObjectParams, builtin_scenes, load_scene
 from seaclutter_cli.simulation.marine.sea import SeaParams
 from seaclutter_cli.simulation.marine.shapes import intersect_box
@@ -51,7 +51,7 @@ def horizon(scene: Scene, time_s: float = 0.0) -> Mask:
     A bearing is closed if an object at least half a metre high is within `REACH_M` and reaches above the lowest beam. A
     single open bearing between two closed ones counts as closed, so a row of boats is one facade.
     """
-    x, y, heading = scene.vessel.track.place(time_s)
+    x, y, heading = scene.vessel.track.at(time_s)
     bearings = heading + 2 * np.pi / _BEARINGS * np.arange(_BEARINGS)
     rays = np.stack((np.cos(bearings), np.sin(bearings), np.zeros(_BEARINGS)), axis=1)
     down = -np.tan(np.radians(min(LIDARS[scene.recording.lidar].elevations_deg)))
@@ -83,8 +83,8 @@ def scene_class(scene: Scene) -> str | None:
 
 def _distances(rays: Floats, origin: tuple[float, float], item: SceneObjectParams, time_s: float) -> Floats:
     """Return the distance along each horizontal ray to the footprint of an object, shape (120,); infinity for none."""
-    x, y, heading = item.track.place(time_s)
-    offset, rotation = np.array([[origin[0] - x, origin[1] - y, 0.0]]), Pose.of(np.zeros(3), yaw=heading).rotation
+    x, y, heading = item.track.at(time_s)
+    offset, rotation = np.array([[origin[0] - x, origin[1] - y, 0.0]]), rotations(heading)
     half = np.array([item.size_m[0] / 2, item.size_m[1] / 2, 1.0])
     begin, end = intersect_box(offset @ rotation, rays @ rotation, -half, half)
     return np.where(end > begin, begin, np.inf)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seaclutter_cli.simulation.layouts.plan import Extent, Line, Plan, moor, rotated, shore
-from seaclutter_cli.simulation.lidar.models import NoiseParams
+from seaclutter_cli.simulation.lidar import NoiseParams
 from seaclutter_cli.simulation.marine.scene import RecordingParams, Scene, VesselParams
 from seaclutter_cli.simulation.marine.terrain import GroundParams
 
@@ -30,9 +30,8 @@ def anchorage(plan: Plan) -> Scene:
     wind, spread = plan.uniform(-180, 180), plan.uniform(3, 25)
     kinds = _ALL if plan.bernoulli(0.6) else ("sailing_boat", "speedboat", "cruise_ship")
     for _ in range(plan.integer(10, 45)):
-        plan.add_boat(
-            kinds, plan.position_around(14, 150, even=True), wind + spread * float(plan.rng.standard_normal())
-        )
+        position = plan.position_around(14, 150, even=True)
+        plan.add_boat(kinds, position, wind + spread * float(plan.rng.standard_normal()))
     plan.scatter(_SMALL, plan.integer(0, 3), 12, 80)
     return plan.scene("An anchorage with many vessels.", speed_ms=plan.uniform(0, 3), direction_deg=wind + 180)
 
@@ -81,12 +80,9 @@ def rough_sea(plan: Plan) -> Scene:
     plan.scatter(_ALL, plan.integer(0, 4), 12, 120, moving=0.8)
     for _ in range(plan.integer(0, 3)):
         plan.add_buoy(plan.position_around(8, 60))
-    return plan.scene(
-        "A rough sea full of clutter.",
-        speed_ms=plan.uniform(0, 10),
-        sea_state=plan.uniform(3.2, 5.5),
-        reflectivity=plan.log_uniform(0.002, 0.015),
-    )
+    speed, sea_state, reflectivity = plan.uniform(0, 10), plan.uniform(3.2, 5.5), plan.log_uniform(0.002, 0.015)
+    about = "A rough sea full of clutter."
+    return plan.scene(about, speed_ms=speed, sea_state=sea_state, reflectivity=reflectivity)
 
 
 def pile_field(plan: Plan) -> Scene:

@@ -79,16 +79,10 @@ class Plan:
         path, angle = [(x, y)], np.radians(heading_deg)
         if more.get("speed_ms"):
             path.append((round(x + 1000 * float(np.cos(angle)), 3), round(y + 1000 * float(np.sin(angle)), 3)))
-        self.objects.append(
-            SceneObjectParams(
-                track_id=len(self.objects) + 1,
-                shape=shape,
-                size_m=tuple(round(float(size), 3) for size in size_m),
-                path=tuple(path),
-                heading_deg=round(float(heading_deg), 2),
-                **({"class_name": shape.replace("_", " ")} | more),
-            )
-        )
+        size, number = tuple(round(float(side), 3) for side in size_m), len(self.objects) + 1
+        more.setdefault("class_name", shape.replace("_", " "))
+        more["heading_deg"] = round(float(heading_deg), 2)
+        self.objects.append(SceneObjectParams(track_id=number, shape=shape, size_m=size, path=tuple(path), **more))
 
     def add_fixed(
         self, shape: str, position: Position, size_m: Sequence[float], heading_deg: float = 0.0, **more: Any
@@ -148,9 +142,8 @@ class Plan:
 
     def scene(self, description: str, *, heading_deg: float = 0.0, speed_ms: float = 0.0, **sea: float) -> Scene:
         """Return the objects added so far as a scene, with a random lidar on a random vessel on a random sea."""
-        recording = RecordingParams(
-            description=description, lidar=self.choice(_LIDARS), frames=FRAMES, seed=int(self.rng.integers(2**31))
-        )
+        lidar, seed = self.choice(_LIDARS), int(self.rng.integers(2**31))
+        recording = RecordingParams(description=description, lidar=lidar, frames=FRAMES, seed=seed)
         # The distribution of seas does not depend on the class of the scene.
         values: dict[str, Any] = {
             "sea_state": self.uniform(0.0, 3.0) if self.bernoulli(0.8) else self.uniform(3.0, 5.0),

@@ -9,9 +9,10 @@ import numpy as np
 from seaclutter_cli.arrays import Rng
 from seaclutter_cli.simulation.layouts.generators import CONFINED_BASES, OPEN_BASES
 from seaclutter_cli.simulation.layouts.plan import Plan, Position
-from seaclutter_cli.simulation.lidar.models import LIDARS, NoiseParams
+from seaclutter_cli.simulation.lidar import LIDARS, NoiseParams
+from seaclutter_cli.simulation.marine.motion import Places
 from seaclutter_cli.simulation.marine.physics import PhysicsParams
-from seaclutter_cli.simulation.marine.scene import Scene, SceneObjectParams, VesselParams
+from seaclutter_cli.simulation.marine.scene import RecordingParams, Scene, SceneObjectParams, VesselParams
 from seaclutter_cli.simulation.marine.sea import SeaParams
 
 SECONDS = 5.0
@@ -279,7 +280,7 @@ def clearance_m(scene: Scene, item: SceneObjectParams) -> float:
     if item.shape in ("bridge", "bird"):
         return np.inf
     times_s = np.arange(0.0, SECONDS, 0.2)
-    x, y, heading = scene.vessel.smooth_track.at(times_s)
+    x, y, heading = scene.vessel.track.smooth_at(times_s)
     keel = x + 1j * y + np.exp(1j * heading) * scene.vessel.length_m * np.linspace(-0.5, 0.5, 5)[:, None]
     x, y, heading = item.track.at(times_s)
     offset = (keel - x - 1j * y) * np.exp(-1j * heading)
@@ -295,40 +296,31 @@ def _drawn(families: Sequence[str], rng: Rng) -> dict[str, Any]:
 
 
 def _with(scene: Scene, drawn: Mapping[str, Any], families: Sequence[str], about: str, rng: Rng) -> Scene:
+    """Return a scene with the drawn parameters in all sections, and own ship on a path that turns at the drawn rate.
 
-    def section(kind: type[Any]) -> dict[str, Any]:
-        return {key.name: drawn[key.name] for key in fields(kind) if key.name in drawn}
+    The path passes where that of the scene starts.
+    """
+
+    def section(kind: type[Any], **others: Any) -> Any:
+        return kind(**others, **{key.name: drawn[key.name] for key in fields(kind) if key.name in drawn})
 
     targets = [item.track_id for item in scene.objects if not item.ignore]
     retro = rng.permutation(targets)[: int(drawn["retro_number"])].tolist() if drawn.get("blooming") else ()
-    physics = PhysicsParams(families=tuple(families), retro_tracks=tuple(retro), **section(PhysicsParams))
-    recording = replace(
-        scene.recording,
-        description=about,
-        lidar=drawn["lidar"],
-        dropout=drawn["dropout"],
-        frames=round(SECONDS * drawn["rate_hz"]),
-        seed=int(rng.integers(2**31)),
-    )
-    noise = NoiseParams(**section(NoiseParams))
-    return Scene(recording, SeaParams(**section(SeaParams)), _vessel(scene, drawn), scene.objects, noise, physics)
+    physics = section(PhysicsParams, families=tuple(families), retro_tracks=tuple(retro))
+    frames, seed = round(SECONDS * drawn["rate_hz"]), int(rng.integers(2**31))
+    recording = section(RecordingParams, description=about, frames=frames, seed=seed)
+    path, start_s = _path(scene, drawn["speed_ms"], float(np.radians(drawn["turn_deg_s"])))
+    length = drawn["length_m"]
+    sides = {"width_m": round(0.35 * length, 2), "lidar_forward_m": round(0.2 * length, 2)}
+    vessel = section(VesselParams, path=path, start_s=start_s, **sides)
+    return Scene(recording, section(SeaParams), vessel, scene.objects, section(NoiseParams), physics)
 
 
-def _vessel(scene: Scene, drawn: Mapping[str, Any]) -> VesselParams:
-    """Return own ship on a path that passes where that of the scene starts, and turns at the drawn rate."""
-    length, speed, turn = drawn["length_m"], drawn["speed_ms"], float(np.radians(drawn["turn_deg_s"]))
+def _path(scene: Scene, speed_ms: float, turn_rad_s: float) -> tuple[Places, float]:
     start = scene.vessel.track.legs[0]
-    step_s = min(SECONDS, _LEG_RAD / abs(turn)) if turn else SECONDS
+    step_s = min(SECONDS, _LEG_RAD / abs(turn_rad_s)) if turn_rad_s else SECONDS
     steps = np.arange(-2, round(SECONDS / step_s) + 3)  # a heading is that in the middle of a leg
-    ways = speed * step_s * np.exp(1j * (start.heading_rad + turn * step_s * (steps + 0.5)))
+    ways = speed_ms * step_s * np.exp(1j * (start.heading_rad + turn_rad_s * step_s * (steps + 0.5)))
     path = np.cumsum(np.append(complex(start.x_m, start.y_m) - ways[:2].sum(), ways))
-    return VesselParams(
-        path=tuple((round(float(one.real), 4), round(float(one.imag), 4)) for one in path),
-        speed_ms=speed,
-        start_s=round(-2 * step_s, 4),
-        length_m=length,
-        width_m=round(0.35 * length, 2),
-        lidar_height_m=drawn["lidar_height_m"],
-        lidar_forward_m=round(0.2 * length, 2),
-        wave_response=drawn["wave_response"],
-    )
+    places = tuple((round(float(one.real), 4), round(float(one.imag), 4)) for one in path)
+    return places, round(-2 * step_s, 4)

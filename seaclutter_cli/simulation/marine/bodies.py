@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from seaclutter_cli.arrays import Floats, Ints
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
-from seaclutter_cli.simulation.lidar.models import Lidar
+from seaclutter_cli.simulation.lidar import Echoes, Lidar, Shots
 from seaclutter_cli.simulation.marine.motion import Pose, Ride, rotations
 from seaclutter_cli.simulation.marine.scene import SceneObjectParams
 from seaclutter_cli.simulation.marine.shapes import SHAPES, Mesh, intersect_box, intersect_triangles
@@ -126,7 +125,7 @@ def bearings(shots: Shots, placed: Sequence[PlacedBody]) -> tuple[Floats, Floats
     body's box.
     """
     bounds = np.array([one.mesh.bounds for one in placed])
-    margin = shots.spread_m + _MARGIN_M
+    margin = float(np.linalg.norm(shots.origins - shots.origins[0], axis=1).max()) + _MARGIN_M
     bounds += margin * np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]])
     corners = np.stack([bounds[:, _CORNERS[:, axis], axis] for axis in range(3)], axis=2)
     rotation, positions = (np.array([getattr(one.pose, name) for one in placed]) for name in ("rotation", "position"))

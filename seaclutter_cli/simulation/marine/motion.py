@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,11 +32,10 @@ class Track:
 
     def __init__(self, path: Places, speed_ms: float, heading_deg: float, start_s: float) -> None:
         positions = np.array(path, np.float64)
-        steps = np.diff(positions, axis=0)
-        lengths = np.hypot(steps[:, 0], steps[:, 1])
-        if speed_ms > 0 and len(steps):
-            headings = np.arctan2(steps[:, 1], steps[:, 0])
-            times = start_s + np.concatenate(([0.0], np.cumsum(lengths) / speed_ms))
+        if speed_ms > 0 and len(positions) > 1:
+            steps = np.diff(positions, axis=0).T
+            headings = np.arctan2(steps[1], steps[0])
+            times = start_s + np.append(0.0, np.cumsum(np.hypot(*steps)) / speed_ms)
         else:
             headings, times = np.array([np.radians(heading_deg)]), np.array([start_s, np.inf])
         ends = (*times[1:-1].tolist(), np.inf)
@@ -45,41 +44,35 @@ class Track:
             for start, end, (x, y), heading in zip(times, ends, positions, headings, strict=False)
         ]
 
-    def at(self, times_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return x and y in metres and the heading in radians at given times, shape (T,) each."""
+    def at(self, times_s: Floats | float) -> tuple[Any, Any, Any]:
+        """Return x and y in metres and the heading in radians at a time, or at several, shape (T,)."""
         legs = np.array(self.legs)
         which = np.clip(np.searchsorted(legs[:, 0], times_s, side="right") - 1, 0, None)
         start, _, x, y, heading, speed = legs[which].T
         along = speed * (times_s - start)
         return x + along * np.cos(heading), y + along * np.sin(heading), heading
 
-    def place(self, time_s: float) -> tuple[float, float, float]:
-        """Return x and y in metres and the heading in radians at a time."""
-        x, y, heading = (float(values[0]) for values in self.at(np.array([time_s])))
+    def smooth_at(self, times_s: Floats | float) -> tuple[Any, Any, Any]:
+        """Return the same as `at`, with a heading that turns evenly from the middle of each leg to that of the next."""
+        x, y, heading = self.at(times_s)
+        middles = [(leg.start_s + leg.end_s) / 2 for leg in self.legs[:-1]]
+        if middles:
+            heading = np.interp(times_s, middles, np.unwrap([leg.heading_rad for leg in self.legs[:-1]]))
         return x, y, heading
 
 
-class SmoothTrack(Track):
-    """A path whose heading turns evenly from the middle of each leg to that of the next one, instead of at corners."""
+def rotations(yaw: Floats | float, pitch: Floats | float = 0.0, roll: Floats | float = 0.0) -> Floats:
+    """Return rotation matrices from body (x forward, y left, z up) to world, shape (T, 3, 3), of angles in radians.
 
-    def at(self, times_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return x and y in metres and the heading in radians at given times, shape (T,) each."""
-        x, y, heading = super().at(times_s)
-        middles = [(leg.start_s + leg.end_s) / 2 for leg in self.legs[:-1]]
-        if not middles:
-            return x, y, heading
-        return x, y, np.interp(times_s, middles, np.unwrap([leg.heading_rad for leg in self.legs[:-1]]))
-
-
-def rotations(yaw: Floats, pitch: Floats, roll: Floats) -> Floats:
-    """Return rotation matrices from body (x forward, y left, z up) to world, shape (T, 3, 3); angles in radians."""
+    Without arrays, there is one, shape (3, 3).
+    """
     cy, sy, cp, sp, cr, sr = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll)
     rows = (
         (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
         (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
         (-sp, cp * sr, cp * cr),
     )
-    return np.moveaxis(np.array(rows), -1, 0)
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
 @dataclass(frozen=True)
@@ -89,46 +82,37 @@ class Pose:
     position: Floats
     rotation: Floats
 
-    @classmethod
-    def of(cls, position: Floats, *, yaw: float, pitch: float = 0.0, roll: float = 0.0) -> "Pose":
-        """Return a pose from angles in radians."""
-        return cls(position, rotations(np.array([yaw]), np.array([pitch]), np.array([roll]))[0])
-
 
 Motion = Callable[[Floats, Floats, Floats], Floats]
 """Height in metres and slopes along x and y at positions and times, shape (T,) each, as shape (3, T)."""
 
 
+@dataclass(frozen=True)
 class Ride:
     """Position and attitude of the lidar over time.
 
-    The lidar is at ``mast``, shape (3,), on a vessel or vehicle that follows a track, and a share of the height and
-    slopes of the terrain, shape (3, T), that ``motion`` returns for positions and times. The vessel may add
-    pitch and roll, ``rocking`` at times, shape (T,), of its own.
+    The lidar is at ``mast``, shape (3,), on a vessel or vehicle that follows a track, by its ``places``, and a share of
+    the height and slopes of the terrain, shape (3, T), that ``motion`` returns for positions and times. The vessel may
+    add pitch and roll, ``rocking`` at times, shape (T,), of its own.
     """
 
-    def __init__(
-        self,
-        track: Track,
-        motion: Motion,
-        wave_response: float,
-        mast: Floats,
-        rocking: Callable[[Floats], tuple[Floats, Floats]] | None = None,
-    ) -> None:
-        self._track, self._motion, self._wave_response, self._mast = track, motion, wave_response, mast
-        self._rocking = rocking
+    places: Callable[[Floats], tuple[Floats, Floats, Floats]]
+    motion: Motion
+    wave_response: float
+    mast: Floats
+    rocking: Callable[[Floats], tuple[Floats, Floats]] | None = None
 
     def at(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Return position and attitude of the lidar at given times, shapes (T, 3) and (T, 3, 3)."""
-        x, y, yaw = self._track.at(times_s)
-        waves = self._wave_response * self._motion(x, y, times_s)
+        x, y, yaw = self.places(times_s)
+        waves = self.wave_response * self.motion(x, y, times_s)
         pitch = -np.arctan(waves[1] * np.cos(yaw) + waves[2] * np.sin(yaw))
         roll = np.arctan(waves[2] * np.cos(yaw) - waves[1] * np.sin(yaw))
-        if self._rocking:
-            own_pitch, own_roll = self._rocking(times_s)
+        if self.rocking:
+            own_pitch, own_roll = self.rocking(times_s)
             pitch, roll = pitch + own_pitch, roll + own_roll
         rotation = rotations(yaw, pitch, roll)
-        return np.stack((x, y, waves[0]), axis=1) + rotation @ self._mast, rotation
+        return np.stack((x, y, waves[0]), axis=1) + rotation @ self.mast, rotation
 
     def interpolate(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Return position and attitude at the many times of a frame, in ascending order, by interpolation."""
@@ -143,8 +127,3 @@ class Ride:
         """Return the pose of the lidar at a time."""
         positions, rotation = self.interpolate(np.array([time_s]))
         return Pose(positions[0], rotation[0])
-
-    def hull(self, time_s: float) -> Pose:
-        """Return the pose of the hull at a time."""
-        lidar = self.lidar(time_s)
-        return Pose(lidar.position - lidar.rotation @ self._mast, lidar.rotation)

@@ -8,8 +8,7 @@ from annotated_types import Interval
 
 from seaclutter_cli.arrays import Floats, Rng
 from seaclutter_cli.params import NotNegative, Positive, Share, key
-from seaclutter_cli.simulation.lidar.echoes import Echoes
-from seaclutter_cli.simulation.lidar.models import Lidar
+from seaclutter_cli.simulation.lidar import Echoes, Lidar
 
 DIVERGENCE_RAD = 0.003
 """Full width of a beam."""

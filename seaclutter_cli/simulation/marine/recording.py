@@ -16,10 +16,9 @@ from seaclutter_cli.errors import UsageError
 from seaclutter_cli.records import Metadata
 from seaclutter_cli.sensors.robosense.models import BLOCKS, CHANNELS, MODELS
 from seaclutter_cli.sensors.robosense.packets import DATA_PORT, INFO_PORT, Angles, Columns, write_data, write_info
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Receiver, Shots, extinction
-from seaclutter_cli.simulation.lidar.models import LIDARS, Lidar
+from seaclutter_cli.simulation.lidar import LIDARS, Echoes, Lidar, Receiver, Shots, extinction
 from seaclutter_cli.simulation.marine.bodies import Bodies, PlacedBody, add_body_echoes
-from seaclutter_cli.simulation.marine.motion import Ride
+from seaclutter_cli.simulation.marine.motion import Pose, Ride
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 from seaclutter_cli.simulation.marine.terrain import Ground, GroundParams, SeaTerrain, Terrain
@@ -63,14 +62,14 @@ class Renderer:
         hulls += [(item.track, item.size_m[0], item.size_m[1]) for item in moving]
         self._terrain = _terrain(scene, hulls)
         mast = np.array([vessel.lidar_forward_m, 0.0, vessel.lidar_height_m])
-        track, rocking = vessel.track, None
+        places, rocking = vessel.track.at, None
         noise, near_m, response = scene.noise or self.lidar.noise, self.lidar.min_range_m, (0.0, 1.0)
         loss = extinction(scene.terrain.visibility_km)
         if isinstance(self._terrain, WideSea):
-            physics, track, rocking = self._terrain.physics, vessel.smooth_track, self._terrain.rocking
+            physics, places, rocking = self._terrain.physics, vessel.track.smooth_at, self._terrain.rocking
             loss, near_m = self._terrain.weather.extinction, max(near_m, self._terrain.near_m)
             response = physics.intensity_offset, physics.intensity_exponent
-        self._ride = Ride(track, self._terrain.motion, vessel.wave_response, mast, rocking)
+        self._ride = Ride(places, self._terrain.motion, vessel.wave_response, mast, rocking)
         self._receiver = Receiver(self.lidar, noise, loss, recording.dropout, near_m, response)
 
     def frame(self, index: int) -> SimulatedFrame:
@@ -84,7 +83,8 @@ class Renderer:
 
         echoes = Echoes.empty(len(shots))
         moment.add_echoes(shots, echoes, rng)
-        hull, lidar = self._ride.hull(start_s), self._ride.lidar(start_s)
+        lidar = self._ride.lidar(start_s)
+        hull = Pose(lidar.position - lidar.rotation @ self._ride.mast, lidar.rotation)
         own = PlacedBody(self._own, _DARK_REFLECTIVITY, IGNORED, hull, lidar, -np.inf)
         own.add_echoes(shots, echoes, np.arange(len(shots)))
         add_body_echoes(shots, echoes, placed)
@@ -191,12 +191,9 @@ def _columns(lidar: Lidar, frame: SimulatedFrame) -> Columns:
     distance[frame.shots], intensity[frame.shots] = frame.distances_m, frame.points["intensity"]
     blocks = np.arange(shots // CHANNELS)
     packets = blocks[::BLOCKS] / len(blocks) + frame.index
-    return Columns(
-        np.round(36000 * blocks / len(blocks)).astype(np.int64),
-        distance.reshape(-1, CHANNELS),
-        intensity.reshape(-1, CHANNELS),
-        START_NS + np.round(packets * 10**9 / lidar.rate_hz).astype(np.int64),
-    )
+    azimuth = np.round(36000 * blocks / len(blocks)).astype(np.int64)
+    times_ns = START_NS + np.round(packets * 10**9 / lidar.rate_hz).astype(np.int64)
+    return Columns(azimuth, distance.reshape(-1, CHANNELS), intensity.reshape(-1, CHANNELS), times_ns)
 
 
 FORMATS: Mapping[str, Callable[[Scene, BinaryIO, Iterable[SimulatedFrame]], None]] = {

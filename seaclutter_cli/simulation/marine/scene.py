@@ -11,8 +11,8 @@ from annotated_types import Ge, Interval, Len
 from seaclutter_cli import validation
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.params import NotNegative, OneOf, Positive, Share, key
-from seaclutter_cli.simulation.lidar.models import LIDARS, Lidar, NoiseParams
-from seaclutter_cli.simulation.marine.motion import Places, SmoothTrack, Track
+from seaclutter_cli.simulation.lidar import LIDARS, Lidar, NoiseParams
+from seaclutter_cli.simulation.marine.motion import Places, Track
 from seaclutter_cli.simulation.marine.physics import PhysicsParams
 from seaclutter_cli.simulation.marine.sea import SeaParams
 from seaclutter_cli.simulation.marine.shapes import SHAPES
@@ -62,11 +62,6 @@ class VesselParams(MovingParams):
     wave_response: Share = key(
         0.6, "Share of the height and slope of waves or ground that the vessel follows, 0 to 1.", formerly="sway"
     )
-
-    @property
-    def smooth_track(self) -> SmoothTrack:
-        """Position and heading over time, without corners."""
-        return SmoothTrack(self.path, self.speed_ms, self.heading_deg, self.start_s)
 
 
 @dataclass(frozen=True, kw_only=True)

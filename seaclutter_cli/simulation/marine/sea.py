@@ -11,8 +11,8 @@ from scipy import fft
 
 from seaclutter_cli.arrays import Floats, Ints, Rng
 from seaclutter_cli.params import Positive, Share, key
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
-from seaclutter_cli.simulation.marine.motion import Leg, Motion, Pose, Track
+from seaclutter_cli.simulation.lidar import Echoes, Shots
+from seaclutter_cli.simulation.marine.motion import Leg, Motion, Pose, Track, rotations
 from seaclutter_cli.simulation.marine.shapes import intersect_box
 from seaclutter_cli.truth import CLUTTER
 
@@ -255,10 +255,10 @@ class Wake:
         """
         speed = next((leg.speed_ms for leg in reversed(self.track.legs) if leg.start_s <= time_s), 0.0)
         if speed >= _SPRAY_SPEED_MS:
-            x, y, heading = self.track.place(time_s)
+            x, y, heading = self.track.at(time_s)
             back = -self.length_m / 2 - 0.4 * speed
             corners = np.array([[back, -self.width_m, 0.0], [self.length_m / 2, self.width_m, 0.08 * speed + 0.2]])
-            pose = Pose.of(np.array([x, y, 0.0]), yaw=heading)
+            pose = Pose(np.array([x, y, 0.0]), rotations(heading))
             add_droplet_echoes(shots, echoes, pose, corners, (_DROPLETS_S_M2 * speed, reflectivity), rng)
 
     def churned(self, x: Floats, y: Floats, time_s: float, reach_m: float) -> Floats:

@@ -155,14 +155,6 @@ def _leaves() -> Triangles:
     return np.clip(centers[:, None] + across, (-0.5, -0.5, 0.12), (0.5, 0.5, 1.0))
 
 
-def _bridge() -> Triangles:
-    """Return the deck of a bridge, in the highest fifth of its box, on two piers."""
-    deck = _block((-0.5, 0.5), (-0.5, 0.5), 0.8, 1.0)
-    under = deck[-4:] * np.array([1.0, 1.0, 0.8])
-    piers = [_block((-0.4, 0.4), (y - 0.006, y + 0.006), -0.1, 0.8) for y in (-0.12, 0.14)]
-    return np.concatenate((deck, under, *piers))
-
-
 def _reeds() -> Triangles:
     """Return upright blades, sparse enough for many shots to pass."""
     rng = np.random.default_rng(6)
@@ -174,6 +166,7 @@ def _reeds() -> Triangles:
 
 
 _WALL = [(_block((-0.5, 0.5), (-0.5, 0.5), -0.5, 1.0), 1.0)]
+_DECK = _block((-0.5, 0.5), (-0.5, 0.5), 0.8, 1.0)
 _KAYAK = [(-0.5, 0.0), (-0.1, -0.5), (0.1, -0.5), (0.5, 0.0), (0.1, 0.5), (-0.1, 0.5)]
 
 _PARTS: Mapping[str, Sequence[tuple[Triangles, float]]] = {
@@ -241,7 +234,11 @@ _PARTS: Mapping[str, Sequence[tuple[Triangles, float]]] = {
         (_prism([(x, 0.3 * y) for x, y in _circle(0.5, 6)], 0.9, 1.0, taper=0.5), 1.0),
         (np.array([[(0.2, 0, 0.95), (-0.2, side, 0.98), (-0.2, 0, 0.95)] for side in (-0.5, 0.5)]), 0.8),  # wings
     ],
-    "bridge": [(_bridge(), 1.0)],
+    "bridge": [
+        (_DECK, 1.0),  # in the highest fifth of its box
+        (_DECK[-4:] * np.array([1.0, 1.0, 0.8]), 1.0),  # its underside
+        *((_block((-0.4, 0.4), (y - 0.006, y + 0.006), -0.1, 0.8), 1.0) for y in (-0.12, 0.14)),  # piers
+    ],
     "reeds": [(_reeds(), 1.0)],
     # Own ship has a low house behind the mast of the lidar.
     "own_vessel": [(_prism(_hull(), -0.2, 0.5), 1.0), (_block((-0.3, 0.0), (-0.3, 0.3), 0.5, 1.0), 1.0)],

@@ -8,7 +8,7 @@ import numpy as np
 
 from seaclutter_cli.arrays import Floats, Ints, Mask, Rng
 from seaclutter_cli.params import NotNegative, Positive, Share, key
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
+from seaclutter_cli.simulation.lidar import Echoes, Shots
 from seaclutter_cli.simulation.marine.motion import Motion, Pose
 from seaclutter_cli.simulation.marine.physics import DIVERGENCE_RAD, PULSE_M, whitecap_share
 from seaclutter_cli.simulation.marine.sea import Sea, SeaParams, Wake, patches
@@ -173,9 +173,8 @@ class Ground:
         steep = self._amplitude * np.cos(angle)
         return self._amplitude * np.sin(angle).sum(axis=1), steep @ self._kx, steep @ self._ky
 
-    def at(self, time_s: float) -> "Ground":
+    def at(self, _time_s: float) -> "Ground":
         """Return the ground, which does not change over time."""
-        del time_s
         return self
 
     def box(self, lidar: Pose, reach_m: float) -> tuple[Floats, Floats, float]:
@@ -192,9 +191,8 @@ class Ground:
         size = np.array([2 * reach_m, 2 * reach_m, upper - lower])
         return np.array([0.0, 0.0, (lower + upper) / 2]), size, 0.0
 
-    def add_echoes(self, shots: Shots, echoes: Echoes, rng: Rng) -> None:
+    def add_echoes(self, shots: Shots, echoes: Echoes, _rng: Rng) -> None:
         """Add the echoes of the ground: the intersection with a plane, corrected for the height there."""
-        del rng
         down = np.flatnonzero(shots.directions[:, 2] < 0)
         rays, origins = shots.directions[down], shots.origins[down]
         height = np.zeros(len(down))

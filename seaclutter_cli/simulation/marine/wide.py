@@ -7,10 +7,10 @@ import numpy as np
 from scipy.special import gammaincinv
 
 from seaclutter_cli.arrays import Floats, Mask, Rng
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots, extinction
+from seaclutter_cli.simulation.lidar import Echoes, Shots, extinction
 from seaclutter_cli.simulation.marine import physics as optics
 from seaclutter_cli.simulation.marine.bodies import PlacedBody, add_body_echoes
-from seaclutter_cli.simulation.marine.motion import Pose
+from seaclutter_cli.simulation.marine.motion import Pose, rotations
 from seaclutter_cli.simulation.marine.physics import PhysicsParams, Weather
 from seaclutter_cli.simulation.marine.scene import Scene
 from seaclutter_cli.simulation.marine.sea import GRAVITY, SeaParams, add_droplet_echoes, patches
@@ -115,7 +115,7 @@ class WideWater(MarineWater):
         x, y = (shots.origins[hits.shots] + distance[:, None] * hits.rays)[:, :2].T
         strength = np.zeros(len(x))
         if physics.wash_m:
-            own_x, own_y, heading = self._wide.own.track.place(self.time_s)
+            own_x, own_y, heading = self._wide.own.track.at(self.time_s)
             half = self._wide.own.length_m / 2
             bow = own_x + half * float(np.cos(heading)), own_y + half * float(np.sin(heading))
             strength = np.exp(-((np.hypot(x - bow[0], y - bow[1]) / physics.wash_m) ** 2))
@@ -201,7 +201,7 @@ class WideWater(MarineWater):
         """Return the pose and the corners of a sheet that was thrown up at a time."""
         wind, angle = self._physics.wind_ms, np.radians(self._physics.wind_deg)
         own = self._wide.own
-        x, y, heading = own.track.place(start_s)
+        x, y, heading = own.track.at(start_s)
         if draw.random() < 0.5:
             side = draw.choice((-1.0, 1.0))
             ahead, aside, speed = 0.5 * own.length_m, side * own.width_m * draw.uniform(0.4, 1.2), 3.5
@@ -215,4 +215,4 @@ class WideWater(MarineWater):
         half = np.array([0.5 + 0.25 * wind * age_s, 0.3 + 0.8 * age_s, 0.3 + 0.8 * age_s])
         position = np.array([x, y, height + 0.2])
         half[2] = min(half[2], position[2])
-        return Pose.of(position, yaw=float(angle)), np.stack((-half, half))
+        return Pose(position, rotations(angle)), np.stack((-half, half))

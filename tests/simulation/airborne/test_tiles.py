@@ -139,11 +139,11 @@ def test_random_objects_vary(kind):
     low, high = KINDS[kind].smallest, KINDS[kind].largest
     assert ((sizes >= low) & (sizes <= high)).all()
     patch = KINDS[kind].make(np.random.default_rng(1), objects[0].size_m, 0.3)
-    assert patch.top.shape == tuple(round(side / STEP_M) for side in objects[0].size_m[:2])
-    there = np.isfinite(patch.top)
+    assert patch.shape == tuple(round(side / STEP_M) for side in objects[0].size_m[:2])
+    there = np.isfinite(patch["top"])
     assert 0.005 < there.mean() < 0.98
-    assert ((patch.cover > 0) & (patch.cover <= 1)).all()
-    assert (patch.reflectivity[there] > 0).all()
+    assert ((patch["cover"] > 0) & (patch["cover"] <= 1)).all()
+    assert (patch["reflectivity"][there] > 0).all()
 
 
 def test_objects_keep_clear_of_each_other():

@@ -4,7 +4,7 @@ import yaml
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.layouts import find_scene
 from seaclutter_cli.simulation.layouts.worlds import FAMILIES, RANGES, clearance_m, draw_world
-from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.lidar import LIDARS
 from seaclutter_cli.simulation.marine.recording import Renderer
 from seaclutter_cli.simulation.marine.scene import load_scene, parse_scene
 

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.simulation.lidar.echoes import Echoes, add_mixed_pixels, false_returns
-from seaclutter_cli.simulation.lidar.models import NoiseParams
+from seaclutter_cli.simulation.lidar import Echoes, NoiseParams, add_mixed_pixels, false_returns
 from seaclutter_cli.simulation.marine.recording import Renderer
 from seaclutter_cli.simulation.marine.scene import load_scene, parse_scene
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.lidar import LIDARS
 
 
 @pytest.mark.parametrize("lidar", LIDARS.values(), ids=LIDARS)

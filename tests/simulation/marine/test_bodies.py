@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
+from seaclutter_cli.simulation.lidar import Echoes, Shots
 from seaclutter_cli.simulation.marine.bodies import PlacedBody, bearings
-from seaclutter_cli.simulation.marine.motion import Pose
+from seaclutter_cli.simulation.marine.motion import Pose, rotations
 from seaclutter_cli.simulation.marine.shapes import SHAPES
 
 
@@ -21,7 +21,7 @@ def test_no_shot_that_hits_a_body_is_left_out(shape):
     for _ in range(4):
         mesh = SHAPES[shape].scaled(*rng.uniform((2, 1, 1), (60, 12, 6)).tolist())
         position = np.append(rng.uniform(-40, 40, 2), 0.0)
-        pose = Pose.of(position, yaw=float(rng.uniform(-4, 4)), pitch=0.1, roll=-0.1)
+        pose = Pose(position, rotations(float(rng.uniform(-4, 4)), 0.1, -0.1))
         every, some = Echoes.empty(len(fired)), Echoes.empty(len(fired))
         body = PlacedBody(mesh, 0.5, 1, pose, pose, 0.0)
         body.add_echoes(fired, every, np.arange(len(fired)))

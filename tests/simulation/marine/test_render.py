@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from seaclutter_cli.simulation.layouts import LAYOUTS
-from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.lidar import LIDARS
 from seaclutter_cli.simulation.marine.recording import Renderer
 from seaclutter_cli.simulation.marine.scene import builtin_scenes, load_scene, parse_scene
 from seaclutter_cli.simulation.marine.sea import SeaParams

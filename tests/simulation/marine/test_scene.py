@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 from seaclutter_cli.errors import ConfigError
-from seaclutter_cli.simulation.lidar.models import LIDARS
+from seaclutter_cli.simulation.lidar import LIDARS
 from seaclutter_cli.simulation.marine.scene import (
     SceneObjectParams,
     builtin_scenes,

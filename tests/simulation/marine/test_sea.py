@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
+from seaclutter_cli.simulation.lidar import Echoes, Shots
 from seaclutter_cli.simulation.marine.motion import Track, rotations
 from seaclutter_cli.simulation.marine.physics import whitecap_share
 from seaclutter_cli.simulation.marine.sea import GRAVITY, KELVIN, Sea, SeaParams, Wake, jonswap, patches

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from seaclutter_cli.simulation.lidar.echoes import Echoes, Shots
+from seaclutter_cli.simulation.lidar import Echoes, Shots
 from seaclutter_cli.simulation.marine.recording import Renderer
 from seaclutter_cli.simulation.marine.scene import load_scene, parse_scene
 from seaclutter_cli.simulation.marine.terrain import Ground, GroundParams

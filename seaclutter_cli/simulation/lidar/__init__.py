@@ -1,1 +1,0 @@
-"""Simulated lidars: models, echoes, receiver, noise."""
