@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Bytes, Floats, Indices
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, Sea, repeated
@@ -21,10 +22,6 @@ from seaclutter_cli.neighbors import nearest, within
 from seaclutter_cli.structure.search import MIN_FRAMES
 from seaclutter_cli.water.beams import Sight
 from seaclutter_cli.water.plane import NEAREST_M
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 
 _GROWTH_RATIO = 0.01
 _SURE = 1.5
@@ -44,13 +41,13 @@ class _Undecided:
 
     frame: Frame
     time_s: float
-    zone: NDArray[np.uint8]
-    reason: NDArray[np.uint8]
+    zone: Bytes
+    reason: Bytes
     grows: NDArray[np.int32]
     objects: Sequence[DetectedObject]
     tracks: Sequence[Track]
     awaited: Sequence[tuple[Track, NDArray[np.int32]]]
-    repeats: tuple[NDArray[np.intp], NDArray[np.intp]]
+    repeats: tuple[Indices, Indices]
     water: WaterState | None
 
 
@@ -264,9 +261,7 @@ class Confirmed(Filter):
         threshold[echoes.is_near] = self._thresholds[0]
         return threshold
 
-    def _reasons(
-        self, by_zone: NDArray[np.uint8], echoes: Echoes, heights: Heights, objects: Sequence[DetectedObject]
-    ) -> NDArray[np.uint8]:
+    def _reasons(self, by_zone: Bytes, echoes: Echoes, heights: Heights, objects: Sequence[DetectedObject]) -> Bytes:
         """Return the reasons of the echoes if no object is confirmed; near ones keep the reasons of their zone."""
         low = Reason.LOW_INTENSITY if self._params.use_intensity else Reason.UNCONFIRMED
         reason = np.where(heights.low & ~heights.high, np.uint8(low), np.uint8(Reason.OUTLIER))

@@ -6,17 +6,14 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Interval, Len
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Indices, Mask
 from seaclutter_cli.filters.radius import Preset, isolated_by_range
 from seaclutter_cli.filters.statistical import outliers
 from seaclutter_cli.filters.zones import ZoneParams, Zones, ring_edges
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.params import Count, NotNegative, Positive, Share, key
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +28,7 @@ class RingIntensityParams(ZoneParams):
     )
 
     @property
-    def edges(self) -> NDArray[np.float64]:
+    def edges(self) -> Floats:
         """Edges of the range rings in metres, shape (K + 1,)."""
         return self.from_start(ring_edges(self.own_ship_m, self.end_m, self.ring_width_m))
 
@@ -131,7 +128,7 @@ class _Thresholded:
         return FilterResult(self._frame, self._reason, rings)
 
 
-def _outlying(points: Floats, params: RingIntensityOutlierParams) -> NDArray[np.bool_]:
+def _outlying(points: Floats, params: RingIntensityOutlierParams) -> Mask:
     """Return a mask of the outliers by mean distance among the points of a range ring, shape (n_k, 3)."""
     share = int(params.neighbor_fraction * len(points) + 1e-9)  # 0.29 of 100 is 29, slightly less in floats
     return outliers(points, max(1, min(params.max_neighbors, share)), params.std_ratio)

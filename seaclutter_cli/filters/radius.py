@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Interval
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Indices, Mask
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.filters.base import ROUNDING, WholeFrameFilter, valid_points
 from seaclutter_cli.frame import FilterResult, Frame
@@ -27,11 +27,11 @@ AUTO = "auto"
 
 
 def isolated(
-    points: NDArray[np.float64],
-    radius_m: float | NDArray[np.float64],
+    points: Floats,
+    radius_m: float | Floats,
     min_neighbors: int,
-    query: NDArray[np.intp] | None = None,
-) -> NDArray[np.bool_]:
+    query: Indices | None = None,
+) -> Mask:
     """Return a mask of the points, shape (N, 3), with fewer than ``min_neighbors`` others within a radius (inclusive).
 
     There is one radius for all points or one per point. With ``query``, the indices of M points, only these are tested,
@@ -56,7 +56,7 @@ class RadiusOutlierRemoval(WholeFrameFilter[RorParams]):
 
     Params: ClassVar[type[RorParams]] = RorParams
 
-    def removed(self, frame: Frame) -> NDArray[np.intp]:
+    def removed(self, frame: Frame) -> Indices:
         """Return the indices of the outliers."""
         valid, points = valid_points(frame)
         return valid[isolated(points, self.params.radius_m, self.params.min_neighbors)]
@@ -99,7 +99,7 @@ class DynamicRadiusOutlierRemoval(WholeFrameFilter[DrorParams]):
 
     Params: ClassVar[type[DrorParams]] = DrorParams
 
-    def removed(self, frame: Frame) -> NDArray[np.intp]:
+    def removed(self, frame: Frame) -> Indices:
         """Return the indices of the outliers."""
         valid, points = valid_points(frame)
         spacing = 2 * math.sin(math.radians(self.params.angle_deg)) * np.hypot(points[:, 0], points[:, 1])
@@ -136,7 +136,7 @@ class LowIntensityOutlierRemoval(WholeFrameFilter[LiorParams]):
 
     Params: ClassVar[type[LiorParams]] = LiorParams
 
-    def removed(self, frame: Frame) -> NDArray[np.intp]:
+    def removed(self, frame: Frame) -> Indices:
         """Return the indices of the isolated points among the weak, near ones."""
         valid, points = valid_points(frame)
         weak = frame.intensity[valid] <= self.params.intensity_threshold
@@ -194,7 +194,7 @@ class AdaptiveRadiusParams(SceneParams, PresetParams):
     """Parameters of the adaptive radius filter: presets, and the scene classifier for ``scene: auto``."""
 
 
-def isolated_by_range(points: NDArray[np.float64], radius_ratio: float, min_neighbors: int) -> NDArray[np.bool_]:
+def isolated_by_range(points: Floats, radius_ratio: float, min_neighbors: int) -> Mask:
     r"""Return a mask of the points with too few others within a radius proportional to range ([Bi], Eq. 5 and 6).
 
     .. math:: r_i = K d_i, \quad d_i = \sqrt{x_i^2 + y_i^2 + z_i^2}
@@ -262,7 +262,7 @@ class AdaptiveRadius(WholeFrameFilter[AdaptiveRadiusParams]):
         self._preset = self.params.presets[scene]
         return replace(super().step(frame), scene=scene)
 
-    def removed(self, frame: Frame) -> NDArray[np.intp]:
+    def removed(self, frame: Frame) -> Indices:
         """Return the indices of the outliers by the preset of the frame."""
         valid, points = valid_points(frame)
         return valid[isolated_by_range(points, self._preset.radius_ratio, self._preset.min_neighbors)]

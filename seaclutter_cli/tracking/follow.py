@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.frame import FilterResult, Frame, WaterState
 from seaclutter_cli.tracking.boxes import STRUCTURE, Shape, fit, guessed_class, seen_depth_m, smoothed, with_hull
 from seaclutter_cli.tracking.clock import Clock
@@ -15,8 +15,6 @@ from seaclutter_cli.tracking.detections import Detections, Pose
 from seaclutter_cli.tracking.tracker import Track, Tracker
 from seaclutter_cli.water import Mounting
 from seaclutter_cli.water.beams import Beams
-
-Floats = NDArray[np.float64]
 
 CONFIRMED, CANDIDATE, LOST = "confirmed", "candidate", "lost"
 _CONTEXT_S = 10.0
@@ -49,11 +47,11 @@ class FrameObjects:
     sizes: Floats
     yaws: Floats
     velocities: Floats
-    points: NDArray[np.int64]
+    points: Ints
     scores: Floats
     tops_m: Floats
-    spans_ns: NDArray[np.int64]
-    measured: NDArray[np.bool_]
+    spans_ns: Ints
+    measured: Mask
     kinds: Sequence[str]
     over_ground: bool
 
@@ -225,8 +223,8 @@ class _Lives:
     yaws: Floats
     middles_m: Floats
     tops_m: Floats
-    points: NDArray[np.int64]
-    sure: NDArray[np.bool_]
+    points: Ints
+    sure: Mask
     sizes: Floats
     kinds: list[str]
 
@@ -246,9 +244,7 @@ class _Lives:
             lives._fill(n, found, seen, sensor[seen], shapes.setdefault(track, Shape()))
         return lives
 
-    def _fill(
-        self, n: int, own: Sequence[tuple[_Waiting, int]], seen: NDArray[np.int64], sensor: Floats, shape: Shape
-    ) -> None:
+    def _fill(self, n: int, own: Sequence[tuple[_Waiting, int]], seen: Ints, sensor: Floats, shape: Shape) -> None:
         """Fill in a track, given the frames in which it was seen, and its row in each."""
         names = "hulls", "outlines", "hidden", "spans", "rises", "points", "kept"
         hulls, outlines, hidden, spans, rises, points, kept = (
@@ -313,7 +309,7 @@ def _records(frames: Sequence[_Waiting]) -> dict[Track, list[tuple[int, int]]]:
     return records
 
 
-def _are_parts(at: Floats, yaws: Floats, sizes: Floats, bodies: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _are_parts(at: Floats, yaws: Floats, sizes: Floats, bodies: Mask) -> Mask:
     """Return which of N tracks are parts of others, such as a mast: small, and almost always inside a larger box.
 
     Boxes of quays contain water, so only ``bodies``, shape (N,), have parts.

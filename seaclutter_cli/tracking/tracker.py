@@ -7,14 +7,10 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import group_sizes, group_starts
+from seaclutter_cli.arrays import Floats, Ints, group_sizes, group_starts
 from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.tracking.detections import Detections, Pose
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _GATE_M, _GATE_SIGMAS, _MAX_GATE_M = 0.8, 2.0, 8.0
 _LEAST_OVERLAP = 0.25
@@ -243,7 +239,7 @@ def _looks(found: Detections) -> Iterator[Look]:
     return (Look(*one, complex(*found.lidar)) for one in each)
 
 
-def _counted(rows: Indices, columns: Indices, shape: tuple[int, int]) -> Indices:
+def _counted(rows: Ints, columns: Ints, shape: tuple[int, int]) -> Ints:
     """Return how often each pair of a row and a column occurs."""
     return np.bincount(rows * shape[1] + columns, minlength=shape[0] * shape[1]).reshape(shape)
 

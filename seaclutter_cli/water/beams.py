@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.water.mounting import Mounting
 from seaclutter_cli.water.surface import WaterSurface
-
-Floats = NDArray[np.float64]
 
 _BIN_DEG = 0.1
 _HALF_DEG = 90.0
@@ -48,7 +46,7 @@ class Beams:
                 self._seen[found] = True
                 self._update()
 
-    def pass_between(self, low_deg: Floats, high_deg: Floats) -> NDArray[np.bool_]:
+    def pass_between(self, low_deg: Floats, high_deg: Floats) -> Mask:
         """Return whether any beam passes between two elevations, shape (K,)."""
         return np.asarray(self._count[_bins(high_deg) + 1] > self._count[_bins(low_deg)])
 
@@ -86,7 +84,7 @@ class Sight:
     water: WaterSurface | None
     min_top_m: float
 
-    def meets(self, positions: Floats, top_m: Floats) -> NDArray[np.bool_]:
+    def meets(self, positions: Floats, top_m: Floats) -> Mask:
         """Return whether any beam meets bodies at horizontal positions, shape (K, 2), of heights above the water."""
         if self.water is None:
             return np.ones(len(positions), np.bool_)
@@ -97,5 +95,5 @@ class Sight:
         return self.beams.pass_between(low, high)
 
 
-def _bins(elevation_deg: Floats) -> NDArray[np.int64]:
+def _bins(elevation_deg: Floats) -> Ints:
     return np.rint((elevation_deg + _HALF_DEG) / _BIN_DEG).astype(np.int64)

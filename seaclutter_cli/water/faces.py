@@ -5,11 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import group_sizes
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.intp]
+from seaclutter_cli.arrays import Floats, Indices, Mask, group_sizes
 
 LEAST_M = 0.25
 """Height of the lowest face that calm water does not have; in waves, their standard deviation is added."""

@@ -5,7 +5,8 @@ from typing import Self
 
 import numpy as np
 
-from seaclutter_cli.water.mounting import Floats, Mounting, angle_deg
+from seaclutter_cli.arrays import Floats
+from seaclutter_cli.water.mounting import Mounting, angle_deg
 from seaclutter_cli.water.plane import FARTHEST_M, NEAREST_M, PolarCells, fit_plane
 
 _TOLERANCE_DEG = 10.0

@@ -5,11 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import group_sizes, group_starts
-
-Floats = NDArray[np.float64]
+from seaclutter_cli.arrays import Floats, Ints, Mask, group_sizes, group_starts
 
 NEAREST_M, FARTHEST_M = 5.0, 45.0
 _BEARINGS = 36
@@ -67,9 +64,9 @@ class PolarCells:
     (C,), is z of the top of the bodies above feet, infinite for points beside bodies, and NaN for others.
     """
 
-    cell: NDArray[np.int64]
+    cell: Ints
     lowest: Floats
-    number: NDArray[np.int64]
+    number: Ints
     trust: Floats
     top: Floats
 
@@ -138,7 +135,7 @@ def _lowest_around(foot: Floats) -> Floats:
     return np.asarray(around)
 
 
-def _lowest_feet(bodies: Floats) -> tuple[NDArray[np.int64], Floats]:
+def _lowest_feet(bodies: Floats) -> tuple[Ints, Floats]:
     """Return the occupied cells, and one foot for each, in its middle.
 
     It is higher than a tenth of the feet in its cell: those are mirrored.
@@ -152,7 +149,7 @@ def _lowest_feet(bodies: Floats) -> tuple[NDArray[np.int64], Floats]:
     return cell, np.stack((distance * np.cos(bearing), distance * np.sin(bearing), cm / 100 - _DEEPEST_M))
 
 
-def _cell(xyz: Floats) -> NDArray[np.int64]:
+def _cell(xyz: Floats) -> Ints:
     """Return the number of the cell of each point."""
     x, y = xyz[:2]
     bearing = ((np.arctan2(y, x) + np.pi) * (_BEARINGS / (2 * np.pi))).astype(np.int64)
@@ -255,11 +252,11 @@ class WaterEchoes:
     """
 
     height_m: Floats
-    cell: NDArray[np.int64]
+    cell: Ints
     trust: Floats
 
     @classmethod
-    def of(cls, cells: PolarCells, height_m: Floats, weight: Floats, flat: NDArray[np.bool_]) -> "WaterEchoes":
+    def of(cls, cells: PolarCells, height_m: Floats, weight: Floats, flat: Mask) -> "WaterEchoes":
         """Return the echoes of water among N points in C occupied cells.
 
         Heights, shape (N,), are those above the plane, weights, shape (C,), those of the cells in its fit; ``flat``,

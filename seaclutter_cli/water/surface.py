@@ -6,8 +6,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Mask
 from seaclutter_cli.frame import WaterState
-from seaclutter_cli.water.plane import Floats, Plane
+from seaclutter_cli.water.plane import Plane
 
 _REACH_M = 60.0
 _CELL_M = 1.5
@@ -43,7 +44,7 @@ class GridCells:
         number[~inside] = BEYOND
         return cls(number)
 
-    def beside(self, bodies: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def beside(self, bodies: Mask) -> Mask:
         """Return which of N positions are in the cells of others, ``bodies``, or next to them, shape (N,).
 
         Beyond the grid, all are.
@@ -69,7 +70,7 @@ class Swell:
     echoes: Floats
 
     @classmethod
-    def of(cls, cells: GridCells, height: Floats, echoes: NDArray[np.bool_]) -> "Swell":
+    def of(cls, cells: GridCells, height: Floats, echoes: Mask) -> "Swell":
         """Return the swell through those of N points that are echoes of the water.
 
         It is a mean over 2.5 m, shrunk towards 0 where echoes are few.
@@ -141,9 +142,7 @@ class WaterSurface:
         deviation = self.sigma_m * np.sqrt(_ROUGHNESS**2 + unknown) + RANGE_NOISE_M
         return z - self.plane.height(x, y) - swell, deviation, echoes
 
-    def below(
-        self, x: Floats, y: Floats, height: Floats, deviation: Floats, bodies: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def below(self, x: Floats, y: Floats, height: Floats, deviation: Floats, bodies: Mask) -> tuple[Mask, Mask]:
         """Return which of N echoes are below the water, as images and noise are, and which are images, shape (N,) each.
 
         The image of a body lies under it, as deep as the body is high; ``bodies``, shape (N,), are the echoes of

@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Mask
 from seaclutter_cli.frame import Attitude
 from seaclutter_cli.water.faces import LEAST_M, Faces
 from seaclutter_cli.water.plane import (
@@ -12,7 +12,6 @@ from seaclutter_cli.water.plane import (
     LEAST_SUPPORT,
     MIN_SUPPORT,
     NEAREST_M,
-    Floats,
     Plane,
     PolarCells,
     WaterEchoes,
@@ -75,7 +74,7 @@ class WaterTracker:
         faces: Faces,
         time_s: float,
         attitude: Attitude | None = None,
-        own: NDArray[np.bool_] | None = None,
+        own: Mask | None = None,
     ) -> WaterSurface | None:
         """Return the water surface of a frame; None if no water was seen in the last seconds.
 

@@ -3,11 +3,9 @@
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints
 from seaclutter_cli.filters.confirmation.evidence import FEATURES
-
-Floats = NDArray[np.float64]
 
 _MEMORY_S, _LEAST_S = 3.0, 0.5
 _MOST = 1024
@@ -37,7 +35,7 @@ class Arrivals:
         self._count += 1
         return self._count - 1
 
-    def rates_hz(self, kinds: Floats, own: NDArray[np.int64], time_s: float, since_s: float) -> Floats:
+    def rates_hz(self, kinds: Floats, own: Ints, time_s: float, since_s: float) -> Floats:
         """Return how many objects like each of K appeared in a second, shape (K,), not counting itself.
 
         ``kinds`` are the features of their shapes and the logarithm of their range to base 2, shape (K, F + 1);

@@ -5,15 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Bytes, Floats, Indices, Mask
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.background import Background
 from seaclutter_cli.filters.zones import LEAST_M
 from seaclutter_cli.frame import Attitude, Frame, Reason
 from seaclutter_cli.water import Faces, WaterSurface, WaterTracker
 from seaclutter_cli.water.beams import Beams
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _GROWTH_SIGMAS = 1.5
 _UNSEEN_M = 100.0
@@ -34,14 +32,14 @@ class Echoes:
     zone 0 is own ship.
     """
 
-    index: NDArray[np.intp]
+    index: Indices
     xyz: Floats
     range_m: Floats
     intensity: Floats | None
-    zone: NDArray[np.uint8]
+    zone: Bytes
 
     @classmethod
-    def of(cls, frame: Frame, zone: NDArray[np.uint8], reason: NDArray[np.uint8], params: ConfirmedParams) -> "Echoes":
+    def of(cls, frame: Frame, zone: Bytes, reason: Bytes, params: ConfirmedParams) -> "Echoes":
         """Return the echoes among the points of a frame, given their zones and the reasons that follow from them."""
         in_reach = (reason == Reason.KEPT) | (reason == Reason.NEAR)
         index = np.flatnonzero(in_reach & (frame.range_m >= min(LEAST_M, params.own_ship_m)))
@@ -57,12 +55,12 @@ class Echoes:
         return len(self.index)
 
     @property
-    def is_near(self) -> NDArray[np.bool_]:
+    def is_near(self) -> Mask:
         """Whether they are own ship, shape (M,)."""
         return np.asarray(self.zone == 0)
 
 
-def repeated(frame: Frame) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def repeated(frame: Frame) -> tuple[Indices, Indices]:
     """Return which valid points repeat another one of the frame, and the first of each, both of shape (n,).
 
     A lidar that records two returns has those of most pulses twice: they are one echo.

@@ -4,11 +4,9 @@ from functools import cache
 from importlib.resources import files
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats
 from seaclutter_cli.documents import load_json
-
-Floats = NDArray[np.float64]
 
 FEATURES = (
     "height_m",

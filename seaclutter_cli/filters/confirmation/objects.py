@@ -6,16 +6,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import group_sizes, group_starts
+from seaclutter_cli.arrays import Floats, Indices, Ints, Mask, group_sizes, group_starts
 from seaclutter_cli.clustering import euclidean_clusters
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights
 from seaclutter_cli.filters.confirmation.evidence import OF_SHAPE, OF_VOLUME, log_odds
 from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.water.beams import Beams
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _CELL_M = 0.5
 _BEAMS_IN_REACH = 2.0
@@ -56,14 +53,14 @@ class Clusters:
     """
 
     points: Indices
-    start: NDArray[np.int64]
-    count: NDArray[np.int64]
+    start: Ints
+    count: Ints
 
     @classmethod
     def among(
         cls,
         echoes: Echoes,
-        among: NDArray[np.bool_],
+        among: Mask,
         beams: Beams,
         params: ConfirmedParams,
         heights: Heights | None = None,
@@ -134,7 +131,7 @@ class Clusters:
         """Return the greatest of the points' values in each cluster, shape (K,)."""
         return np.maximum.reduceat(values[self.points], self.start)
 
-    def ranked(self, values: Floats, *ranks: NDArray[np.int64]) -> list[Floats]:
+    def ranked(self, values: Floats, *ranks: Ints) -> list[Floats]:
         """Return the points' values of given ranks in each cluster, shape (K,) each; rank 0 is the lowest."""
         ordered = values[self.points]
         by_value = np.argsort(ordered)
@@ -154,7 +151,7 @@ def _lowered(echoes: Echoes, members: Indices, beams: Beams, tolerance_m: float)
 
 def find_objects(
     echoes: Echoes,
-    candidates: NDArray[np.bool_],
+    candidates: Mask,
     heights: Heights,
     beams: Beams,
     params: ConfirmedParams,

@@ -7,16 +7,14 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Indices, Ints, Mask
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.arrivals import Arrivals
 from seaclutter_cli.filters.confirmation.evidence import LEAST, track_features, with_tracks
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
 from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.water.beams import Sight
-
-Floats = NDArray[np.float64]
 
 _DECORRELATION_S = 1.0
 _MOST_MEMORY = 3.0
@@ -133,8 +131,8 @@ class Association:
     """
 
     objects: Sequence[DetectedObject]
-    votes: NDArray[np.int64]
-    covered: NDArray[np.bool_]
+    votes: Ints
+    covered: Mask
 
 
 class Tracker:
@@ -238,7 +236,7 @@ class Tracker:
         self._tracks = unseen + result
         return result
 
-    def awaited(self, xy: Floats, time_s: float) -> list[tuple[Track, NDArray[np.intp]]]:
+    def awaited(self, xy: Floats, time_s: float) -> list[tuple[Track, Indices]]:
         """Return the probable targets that the last frame does not show, and which positions, (2, N), are at each.
 
         If the filter does not look ahead, the list is empty, because only later frames can show them again.
@@ -289,7 +287,7 @@ class Tracker:
             if track.born_s == time_s > self._start_s and track.arrival < 0 and track.part_of is None:
                 track.arrival = self._arrivals.add(kind, time_s)
 
-    def _recognise(self, objects: Sequence[DetectedObject], tracks: Sequence[Track], votes: NDArray[np.int64]) -> None:
+    def _recognise(self, objects: Sequence[DetectedObject], tracks: Sequence[Track], votes: Ints) -> None:
         """Mark what appears near own ship in contact with objects from outside: it is part of the best known."""
         outside = [k for k, one in enumerate(objects) if not one.near]
         appeared = [k for k, one in enumerate(objects) if one.near and not votes[k].any()]
@@ -327,19 +325,19 @@ def _in_sight(tracks: Sequence[Track], sight: Sight, time_s: float) -> list[Trac
     return [track for track, met in zip(tracks, share >= _IN_SIGHT, strict=True) if met]
 
 
-def _expected_cells(tracks: Sequence[Track], time_s: float) -> tuple[Floats, NDArray[np.int64]]:
+def _expected_cells(tracks: Sequence[Track], time_s: float) -> tuple[Floats, Ints]:
     """Return where the cells of tracks are expected, shape (m, 2), and the number of the track of each, shape (m,)."""
     track_of = np.repeat(np.arange(len(tracks)), [len(track.cells) for track in tracks])
     moved = np.array([track.velocity * (time_s - track.seen_s) for track in tracks])
     return np.concatenate([track.cells for track in tracks]) + moved[track_of], track_of
 
 
-def _share(mask: NDArray[np.bool_], track_of: NDArray[np.int64]) -> Floats:
+def _share(mask: Mask, track_of: Ints) -> Floats:
     """Return the share of the cells of each track for which a mask is true; every track has cells."""
     return np.bincount(track_of, weights=mask) / np.bincount(track_of)
 
 
-def _by_track(votes: NDArray[np.int64], known: Floats) -> dict[int, list[int]]:
+def _by_track(votes: Ints, known: Floats) -> dict[int, list[int]]:
     """Return the objects that continue each track, by the number of the track.
 
     Of the tracks that expect at least a quarter of the cells of the first, the best known counts.
