@@ -214,9 +214,9 @@ class Confirmed(Filter):
         candidates = heights.upright | heights.high | heights.bright | heights.isolated
         # 4. Objects
         near = echoes.is_near
-        objects = find_objects(echoes, candidates & ~near, heights, self._sea.beams, self._params, near=False)
+        objects = find_objects(self._sea, echoes, candidates & ~near, heights, near=False)
         if self._tracker.approached(self._params.own_ship_m, time_s):  # all else there is own ship
-            objects += find_objects(echoes, candidates & near, heights, self._sea.beams, self._params, near=True)
+            objects += find_objects(self._sea, echoes, candidates & near, heights, near=True)
             objects.sort(key=lambda one: tuple(one.center))
         # 5. Confirmation: evidence is collected now and judged when the later frames are known.
         since_s = self._undecided[0].time_s if self._undecided else time_s

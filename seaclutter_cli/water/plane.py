@@ -121,7 +121,16 @@ class PolarCells:
         level = plane.height(*self.lowest[:2])
         rise = np.nan_to_num(self.top - level, nan=0.0, posinf=np.inf)
         below = np.count_nonzero(self.lowest[2] - level + rise < -_BELOW_M)
-        return bool(below > np.count_nonzero(weight > _ABOVE / 3 * self.trust))
+        return bool(below > np.count_nonzero(self._are_water(weight)))
+
+    def in_water(self, weight: Floats) -> Mask:
+        """Return which of the N points are in cells of water, given the weights of the cells in its fit, shape (C,)."""
+        of_water = np.zeros(_OF_BODIES + 1, np.bool_)
+        of_water[self.number[self._are_water(weight)]] = True
+        return of_water[self.cell]
+
+    def _are_water(self, weight: Floats) -> Mask:
+        return weight > _ABOVE / 3 * self.trust
 
 
 def _nearness(xyz: Floats) -> Floats:
@@ -244,41 +253,19 @@ def _least_squares(sums: Sequence[float]) -> Plane:
     return Plane((z - slope_x * x - slope_y * y) / n, slope_x, slope_y)
 
 
-@dataclass(frozen=True)
-class WaterEchoes:
-    """Echoes in cells of water: heights above the plane of the lowest points, and cells, shape (M,) each.
+def mean_level(cells: PolarCells, height_m: Floats, of_water: Mask, band_m: float) -> tuple[float, float]:
+    """Return the offset of the mean water from a plane and its standard deviation, from echoes within a band.
 
-    Echoes of objects that rise out of the water do not count.
+    Heights above the plane, and whether points are echoes ``of_water``, have the shape (N,). Each cell counts the same,
+    whatever the number of its echoes.
     """
-
-    height_m: Floats
-    cell: Ints
-    trust: Floats
-
-    @classmethod
-    def of(cls, cells: PolarCells, height_m: Floats, weight: Floats, flat: Mask) -> "WaterEchoes":
-        """Return the echoes of water among N points in C occupied cells.
-
-        Heights, shape (N,), are those above the plane, weights, shape (C,), those of the cells in its fit; ``flat``,
-        shape (N,), is false for points of objects.
-        """
-        of_water = np.zeros(_OF_BODIES + 1, np.bool_)
-        of_water[cells.number[weight > _ABOVE / 3 * cells.trust]] = True
-        trust = np.zeros(_OF_BODIES)
-        trust[cells.number] = cells.trust
-        used = np.flatnonzero(of_water[cells.cell] & flat)
-        return cls(height_m[used], cells.cell[used], trust[cells.cell[used]])
-
-    def mean_level(self, band_m: float) -> tuple[float, float]:
-        """Return the offset of the mean water from the plane and its standard deviation, from echoes within a band.
-
-        Each cell counts the same, whatever the number of its echoes.
-        """
-        used = np.flatnonzero(np.abs(self.height_m) <= band_m)
-        if not len(used):
-            return 0.0, 0.0
-        share = self.trust[used] / np.bincount(self.cell[used])[self.cell[used]]
-        order = np.argsort(self.height_m[used])
-        total, height = np.cumsum(share[order]), self.height_m[used][order]
-        low, middle = (float(height[np.searchsorted(total, total[-1] * part)]) for part in (0.16, 0.5))
-        return middle, middle - low
+    used = np.flatnonzero(of_water & (np.abs(height_m) <= band_m))
+    if not len(used):
+        return 0.0, 0.0
+    cell, height, trust = cells.cell[used], height_m[used], np.zeros(_OF_BODIES)
+    trust[cells.number] = cells.trust
+    share = trust[cell] / np.bincount(cell)[cell]
+    order = np.argsort(height)
+    total, height = np.cumsum(share[order]), height[order]
+    low, middle = (float(height[np.searchsorted(total, total[-1] * part)]) for part in (0.16, 0.5))
+    return middle, middle - low

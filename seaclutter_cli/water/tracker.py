@@ -1,6 +1,8 @@
 """The water surface from frame to frame."""
 
 import math
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -14,12 +16,14 @@ from seaclutter_cli.water.plane import (
     NEAREST_M,
     Plane,
     PolarCells,
-    WaterEchoes,
     covariance,
     fit_plane,
+    mean_level,
 )
-from seaclutter_cli.water.surface import RANGE_NOISE_M, GridCells, Swell, WaterSurface
+from seaclutter_cli.water.surface import RANGE_NOISE_M, WaterSurface, grid_cells, swell_of
 from seaclutter_cli.water.trial import Trial
+
+Level = Callable[[float], tuple[float, float]]
 
 _START_SIGMA_M = 0.1
 _START_PASSES = 5
@@ -110,27 +114,26 @@ class WaterTracker:
             if weight.any():
                 fitted = self._plane is None or weight.sum() >= LEAST_SUPPORT
                 spread = covariance(cells, lowest, weight) if fitted else self._covariance_at(time_s)
-                echoes = WaterEchoes.of(cells, height[near], weight, ~stands[near])
-                self._update(lowest, spread, echoes, time_s, attitude)
+                level = partial(mean_level, cells, height[near], cells.in_water(weight) & ~stands[near])
+                self._update(lowest, spread, level, time_s, attitude)
             lowest = self._plane
         if lowest is None:
             return None
         flat = np.flatnonzero(~stands)
-        grid, band = GridCells.of(x, y), band_m(self._sigma_m)
-        cells_of_flat, height = GridCells(grid.number[flat]), (z - lowest.height(x, y))[flat]
-        swell = Swell.of(cells_of_flat, height, np.abs(height) <= band)
-        swell = Swell.of(cells_of_flat, height, np.abs(height - swell.at(cells_of_flat)[0]) <= band)
+        grid, band = grid_cells(x[flat], y[flat]), band_m(self._sigma_m)
+        height = (z - lowest.height(x, y))[flat]
+        swell = swell_of(grid, height, np.abs(height) <= band)
+        swell = swell_of(grid, height, np.abs(height - swell[0, grid]) <= band)
         spread = self._covariance_at(time_s)
         deviation = math.hypot(math.sqrt(spread[0, 0]), _CRESTS * self._sigma_m, RANGE_NOISE_M)
-        return WaterSurface(lowest, self._sigma_m, swell, grid, deviation, spread)
+        return WaterSurface(lowest, self._sigma_m, swell, deviation, spread)
 
-    def _update(
-        self, lowest: Plane, spread: Floats, echoes: WaterEchoes, time_s: float, attitude: Attitude | None
-    ) -> None:
+    def _update(self, lowest: Plane, spread: Floats, level: Level, time_s: float, attitude: Attitude | None) -> None:
+        """Move the plane of the lowest echoes to the mean ``level`` in a band around it, unless that is overhead."""
         known = self._plane is not None
         sigma, offset = self._known_sigma_m, 0.0
         for _ in range(1 if known else _START_PASSES):
-            offset, sigma = echoes.mean_level(band_m(sigma))
+            offset, sigma = level(band_m(sigma))
         plane = lowest.shifted(offset)
         if plane.level_m >= 0:  # water is below the lidar
             return

@@ -12,6 +12,7 @@ from seaclutter_cli.filters.zones import LEAST_M
 from seaclutter_cli.frame import Attitude, Frame, Reason
 from seaclutter_cli.water import Faces, WaterSurface, WaterTracker
 from seaclutter_cli.water.beams import Beams
+from seaclutter_cli.water.surface import beside, grid_cells
 
 _GROWTH_SIGMAS = 1.5
 _UNSEEN_M = 100.0
@@ -139,7 +140,7 @@ class Sea:
     """The water and what it shows around a lidar, and its beams, frame by frame, against which echoes are measured."""
 
     def __init__(self, params: ConfirmedParams) -> None:
-        self._params = params
+        self.params = params
         self.water, self.beams, self._background = WaterTracker(), Beams(params.mounting), Background()
 
     def measure(
@@ -163,9 +164,9 @@ class Sea:
         if water is None:
             height, deviation, shown = z + _UNSEEN_M, np.zeros(echoes.size), np.zeros(echoes.size)
         else:
-            height, deviation, shown = water.above(x, y, z, water.cells)
+            height, deviation, shown = water.above(x, y, z)
         level, sigma = z - height, 0.0 if water is None else water.sigma_m
-        rise = np.maximum(self._params.min_rise_m, self._params.rise_sigmas * deviation)
+        rise = np.maximum(self.params.min_rise_m, self.params.rise_sigmas * deviation)
         high = height > rise
         linked, loose = faces.neighbors(high)
         upright = faces.stands(level, sigma)
@@ -177,8 +178,8 @@ class Sea:
         bodies = high | upright
         beside_water = np.abs(height) <= rise
         of_water = beside_water & ~upright
-        apart = None if water is None else ~water.cells.beside(upright)
-        ring = np.hypot(x, y) / self._params.cluster_tolerance_m
+        apart = None if water is None else ~beside(grid_cells(x, y), upright)
+        ring = np.hypot(x, y) / self.params.cluster_tolerance_m
         reached, brightness = _brightness(echoes, threshold, ring, of_water / faces.run)
         bright = reached & beside_water
         if apart is not None and echoes.intensity is not None:
@@ -186,7 +187,7 @@ class Sea:
         unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
         seen, in_rows = self._background.shares(echoes.xyz, faces.run, of_water, time_s)
         by_echoes, by_rows = (np.maximum(unseen, 1 - share / _COMMON) for share in (seen, in_rows))
-        grows = height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)
+        grows = height > np.maximum(self.params.growth_height_m, _GROWTH_SIGMAS * deviation)
         isolated = (by_echoes > _ALONE) & ~deep
         grows |= upright | isolated
         awash = bright & (by_echoes <= _ALONE) & ~bodies
