@@ -21,7 +21,6 @@ Search = Callable[[Points, int], tuple[NDArray[np.int64], Distances]]
 
 _BLOCK_DISTANCES = 1 << 19
 _FEW_POINTS, _FEW_DISTANCES = 4000, 5000  # below, waking other threads takes longer
-_MAX_PAIRS, _ROUNDING = 8, 1 + 1e-9
 _MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 
 
@@ -70,25 +69,6 @@ def nearest(points: Points, query: Points) -> tuple[NDArray[np.int64], Distances
         points, query = (np.column_stack((flat, np.zeros(len(flat)))) for flat in (points, query))
     index, distance = _searcher(np.ascontiguousarray(points))(np.ascontiguousarray(query), 1)
     return index.reshape(-1), distance.reshape(-1)
-
-
-def within(points: Points, query: Points, radius: Distances) -> NDArray[np.int64] | None:
-    """Return how many of some points are within a radius of each of other points, bound included.
-
-    It is faster than a tree, except for dense points: None is returned if more than eight points for each of the N + M
-    points, shapes (3, N) and (3, M), are as near along x.
-    """
-    order = np.argsort(points[0])
-    along, at, reach = points[0][order], query[0], radius * _ROUNDING
-    first = np.searchsorted(along, at - reach)
-    count = np.searchsorted(along, at + reach, side="right") - first
-    total = int(count.sum())
-    if total > _MAX_PAIRS * (points.shape[1] + query.shape[1]):
-        return None
-    other = np.repeat(np.arange(query.shape[1]), count)
-    one = order[np.arange(total) + np.repeat(first - np.cumsum(count) + count, count)]
-    x, y, z = points.take(one, axis=1) - query.take(other, axis=1)
-    return np.bincount(other[np.sqrt(x * x + y * y + z * z) <= radius[other]], minlength=query.shape[1])
 
 
 def _over_neighbors(

@@ -21,9 +21,6 @@ class WholeFrameFilter(Filter, Generic[P]):
     params: P
     reason: ClassVar[Reason] = Reason.OUTLIER
 
-    def __init__(self, params: P) -> None:
-        self.params = params
-
     def step(self, frame: Frame) -> FilterResult:
         """Return the reason of every point of a frame."""
         reason = np.where(frame.valid, Reason.KEPT, Reason.INVALID).astype(np.uint8)

@@ -94,18 +94,8 @@ class Naive(WholeFrameFilter[NaiveParams]):
         return np.flatnonzero(frame.valid & weak & (frame.range_m < self.params.max_range_m))
 
 
-@dataclass(frozen=True, kw_only=True)
-class NothingParams:
-    """Empty parameters: the method has no config keys."""
-
-
 class Nothing(Filter):
     """No filtering: every point is kept, invalid ones too."""
-
-    Params: ClassVar[type[NothingParams]] = NothingParams
-
-    def __init__(self, params: NothingParams) -> None:
-        del params
 
     def step(self, frame: Frame) -> FilterResult:
         """Return `Reason.KEPT` for every point of a frame."""

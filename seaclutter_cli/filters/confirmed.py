@@ -20,7 +20,7 @@ from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
 from seaclutter_cli.interfaces import Filter
-from seaclutter_cli.neighbors import nearest, within
+from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.structure.search import MIN_FRAMES
 from seaclutter_cli.water.plane import NEAREST_M
 
@@ -220,7 +220,7 @@ class Confirmed(Filter):
             objects.sort(key=lambda one: tuple(one.center))
         # 5. Confirmation: evidence is collected now and judged when the later frames are known.
         since_s = self._undecided[0].time_s if self._undecided else time_s
-        meets = heights.water and partial(self._sea.beams.meet, heights.water)  # without water, all is in sight
+        meets = partial(self._sea.beams.meet, heights.water) if heights.water else None  # all is in sight
         tracks = self._tracker.step(objects, time_s, since_s, meets)
         reason[echoes.index] = self._reasons(reason[echoes.index], echoes, heights, objects)
         index = echoes.index.astype(np.int32)  # less to hold
@@ -278,6 +278,6 @@ class Confirmed(Filter):
         if not len(others):
             return others
         limit = self._params.growth_m + _GROWTH_RATIO * one.frame.range_m[others]
-        near, far = (self._params.mounting.levelled(one.frame.coordinates_of(points)) for points in (kept, others))
-        counts = within(near, far, limit)
-        return np.asarray(others[counts > 0 if counts is not None else nearest(near.T, far.T)[1] <= limit])
+        near, far = (self._params.mounting.levelled(one.frame.coordinates_of(points)).T for points in (kept, others))
+        _, distance = nearest(near, far)
+        return np.asarray(others[distance <= limit])

@@ -140,7 +140,7 @@ class WaterSurface:
 
     def height(self, x: Floats, y: Floats) -> Floats:
         """Return z of the water at given positions, in metres."""
-        return self.plane.height(x, y) + self.swell[0, grid_cells(x, y)]
+        return np.asarray(self.plane.height(x, y) + self.swell[0, grid_cells(x, y)])
 
     @property
     def state(self) -> WaterState:

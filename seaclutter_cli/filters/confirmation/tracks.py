@@ -10,8 +10,7 @@ import numpy as np
 
 from seaclutter_cli.arrays import Floats, Indices, Ints, Mask
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.arrivals import Arrivals
-from seaclutter_cli.filters.confirmation.evidence import LEAST, track_features, with_tracks
+from seaclutter_cli.filters.confirmation.evidence import LEAST, Arrivals, track_features, with_tracks
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
 from seaclutter_cli.neighbors import nearest
 
