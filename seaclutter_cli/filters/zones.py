@@ -147,8 +147,7 @@ class Zones:
         if self.own_ship is not None:
             self.own_ship.add(frame, finds_water=self._finds_water)
             zone[self.own_ship.contains(frame)] = 0
-        if self._exclusion:
-            zone[self._exclusion.contains(frame)] = self.count + 2
+        zone[self._exclusion.contains(frame)] = self.count + 2
         zone[~frame.valid] = self.count + 3
         return zone, self._reason[zone]
 
@@ -194,10 +193,6 @@ class Exclusion:
             from seaclutter_cli.structure.mask import load_mask  # most configurations have none
 
             self._mask = load_mask(Path(mask))
-
-    def __bool__(self) -> bool:
-        """Return whether anything is excluded."""
-        return bool(self._boxes or self._polygons or self._mask)
 
     def contains(self, frame: Frame) -> Mask:
         """Return whether each point of a frame is own structure, shape (N,)."""

@@ -97,8 +97,6 @@ class Detections:
 
         This is the logarithm of their area and of the mean distance of cells from the nearest side.
         """
-        if not len(self):
-            return np.empty((0, YAWS))
         hull = _projected(self.hulls - self.centers[:, None])
         low, high = hull.min(axis=1), hull.max(axis=1)
         cells = _projected(self.cells - self.centers[self.owner])
@@ -139,12 +137,6 @@ class Detections:
     @classmethod
     def made(cls, xyz: Floats, cluster: Ints, kept: int, up: Floats = _UP) -> "Detections":
         """Return the detections of points, shape (3, n), sorted by cluster; the first ``kept`` clusters are kept."""
-        if not len(cluster):
-            none = np.empty((0, 2))
-            whole = np.empty(0, np.int64)
-            hulls, ends = np.empty((0, DIRECTIONS, 2)), np.empty((0, 2, 2))
-            hidden, flags = np.empty((0, 2), np.bool_), np.empty(0, np.bool_)
-            return cls(hulls, hulls, ends, hidden, none, none, none, whole, flags, none, whole)
         starts = group_starts(cluster)
         count = group_sizes(starts, len(cluster))
         if len(count) > _MAX_DETECTIONS:

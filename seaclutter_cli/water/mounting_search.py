@@ -7,7 +7,7 @@ import numpy as np
 
 from seaclutter_cli.arrays import Floats
 from seaclutter_cli.water.mounting import Mounting, angle_deg
-from seaclutter_cli.water.plane import FARTHEST_M, NEAREST_M, PolarCells, fit_plane
+from seaclutter_cli.water.plane import FARTHEST_M, PolarCells, fit_plane, in_reach
 
 _TOLERANCE_DEG = 10.0
 _MAX_TILT_DEG = 55.0
@@ -156,8 +156,7 @@ def _fit(xyz: Floats, start: Mounting) -> tuple[Floats, int] | None:
 
 
 def _within_reach(xyz: Floats) -> Floats:
-    distance = np.hypot(xyz[0], xyz[1])
-    return xyz[:, (distance >= NEAREST_M) & (distance < FARTHEST_M)]
+    return xyz[:, in_reach(*xyz[:2])]
 
 
 def _score(xyz: Floats, level_m: float) -> int:

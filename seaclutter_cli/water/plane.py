@@ -133,6 +133,12 @@ class PolarCells:
         return weight > _ABOVE / 3 * self.trust
 
 
+def in_reach(x: Floats, y: Floats) -> Mask:
+    """Return which positions are between `NEAREST_M` and `FARTHEST_M` from the lidar."""
+    distance = np.hypot(x, y)
+    return (distance >= NEAREST_M) & (distance < FARTHEST_M)
+
+
 def _nearness(xyz: Floats) -> Floats:
     return np.asarray(1 / (1 + (xyz[0] ** 2 + xyz[1] ** 2) / _SURE_M**2))
 

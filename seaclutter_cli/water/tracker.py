@@ -10,14 +10,13 @@ from seaclutter_cli.arrays import Floats, Mask
 from seaclutter_cli.frame import Attitude
 from seaclutter_cli.water.faces import LEAST_M, Faces
 from seaclutter_cli.water.plane import (
-    FARTHEST_M,
     LEAST_SUPPORT,
     MIN_SUPPORT,
-    NEAREST_M,
     Plane,
     PolarCells,
     covariance,
     fit_plane,
+    in_reach,
     mean_level,
 )
 from seaclutter_cli.water.surface import RANGE_NOISE_M, WaterSurface, grid_cells, swell_of
@@ -90,10 +89,7 @@ class WaterTracker:
             self.reset()
         known = self._plane.turned(turn) if self._plane is not None and turn is not None else self._plane
         x, y, z = xyz
-        distance = np.hypot(x, y)
-        near = (distance >= NEAREST_M) & (distance < FARTHEST_M)
-        if own is not None:
-            near &= ~own
+        near = in_reach(x, y) if own is None else in_reach(x, y) & ~own
         of_bodies = near & (faces.height_m > _BODY_M + 2 * self._known_sigma_m)
         bodies = np.stack([values[of_bodies] for values in (x, y, faces.low_m, faces.top_m)])
         near = np.flatnonzero(near & (faces.height_m <= LEAST_M + self._known_sigma_m))
