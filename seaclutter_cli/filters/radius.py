@@ -15,7 +15,7 @@ from seaclutter_cli.arrays import Floats, Indices, Mask
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.filters.base import ROUNDING, WholeFrameFilter, valid_points
 from seaclutter_cli.frame import FilterResult, Frame
-from seaclutter_cli.neighbors import nth_neighbor_distances
+from seaclutter_cli.neighbors import nth_neighbor_distance
 from seaclutter_cli.params import Count, NotNegative, Positive, key
 from seaclutter_cli.scenes import SceneParams, make_scene_tracker
 
@@ -40,7 +40,7 @@ def isolated(
     if len(points) <= min_neighbors:
         return np.ones(len(points) if query is None else len(query), np.bool_)
     # At least n points are within the radius if and only if the n-th nearest is; it is much faster to find.
-    return nth_neighbor_distances(np.ascontiguousarray(points), [min_neighbors], query)[:, 0] > radius_m
+    return nth_neighbor_distance(np.ascontiguousarray(points), min_neighbors, query) > radius_m
 
 
 @dataclass(frozen=True, kw_only=True)
