@@ -37,7 +37,6 @@ class IntensityHistogram:
         self._values = np.zeros(0)
         self._counts = np.zeros(0, np.int64)
         self._pending: list[Floats] = []
-        self._waiting = 0
         self._levels: list[Floats] = []
         self._thinned: list[int] = []
         self._added_error = 0
@@ -49,8 +48,7 @@ class IntensityHistogram:
         self.all_whole = self.all_whole and bool((values == np.floor(values)).all())
         if len(values):
             self._pending.append(values)
-            self._waiting += len(values)
-        if self._waiting >= _PENDING or len(self._pending) >= _BATCHES:
+        if sum(map(len, self._pending)) >= _PENDING or len(self._pending) >= _BATCHES:
             self._count()
 
     def __iadd__(self, other: Self) -> Self:
@@ -106,7 +104,7 @@ class IntensityHistogram:
         if not self._pending:
             return
         values, counts = np.unique(np.concatenate(self._pending), return_counts=True)
-        self._pending, self._waiting = [], 0
+        self._pending = []
         self._merge(values, counts)
 
     def _merge(self, values: Floats, counts: Ints) -> None:

@@ -75,7 +75,7 @@ class _Water(NamedTuple):
 
 @dataclass(frozen=True)
 class _Waiting:
-    """A frame whose objects are not final yet: its detections, with the track of each that has one."""
+    """A frame whose objects are not final yet: its detections, and the numbers and tracks of those that have one."""
 
     index: int
     stamp_ns: int
@@ -86,8 +86,7 @@ class _Waiting:
     found: Detections
     misfits: Floats
     clear_m: Floats
-    rows: Sequence[int]
-    tracks: Sequence[Track]
+    seen: Sequence[tuple[int, Track]]
 
 
 class Follower:
@@ -133,12 +132,10 @@ class Follower:
         clear_m = self._clear_m(result.frame, water, found)
         found = found.moved(pose)
         tracks = self._tracker.step(found, time_s) if frame.valid.any() else []  # no echo at all misses nothing
-        rows = [row for row, track in enumerate(tracks) if track is not None]
-        known = [track for track in tracks if track is not None]
+        seen = [(row, track) for row, track in enumerate(tracks) if track is not None]
         moment = frame.index, frame.stamp_ns, time_s
-        misfits = found.misfits()
-        self._frames.append(_Waiting(*moment, pose, over_ground, water, found, misfits, clear_m, rows, known))
-        self._records += len(rows)
+        self._frames.append(_Waiting(*moment, pose, over_ground, water, found, found.misfits(), clear_m, seen))
+        self._records += len(seen)
         if time_s - self._frames[self._done].time_s >= 2 * self._ahead_s or self._records > _MAX_WAITING:
             yield from self._complete(time_s - self._ahead_s)
 
@@ -201,9 +198,9 @@ class Follower:
         yield from _smoothed(frames, self._done, end, self._shapes, self._origin_ns or 0)
         self._done = end
         while self._done and self._frames[0].time_s < until_s - self._context_s:
-            self._records -= len(self._frames.popleft().rows)
+            self._records -= len(self._frames.popleft().seen)
             self._done -= 1
-        alive = {track for one in self._frames for track in one.tracks}
+        alive = {track for one in self._frames for _, track in one.seen}
         self._shapes = {track: shape for track, shape in self._shapes.items() if track in alive}
 
 
@@ -304,7 +301,7 @@ def _records(frames: Sequence[_Waiting]) -> dict[Track, list[tuple[int, int]]]:
     """Return the frames in which each track was seen, and its row in each."""
     records: dict[Track, list[tuple[int, int]]] = {}
     for f, one in enumerate(frames):
-        for row, track in zip(one.rows, one.tracks, strict=True):
+        for row, track in one.seen:
             records.setdefault(track, []).append((f, row))
     return records
 

@@ -39,10 +39,6 @@ class Plane:
         """Return z of the plane at given positions, in metres."""
         return self.level_m + self.slope_x * x + self.slope_y * y
 
-    def shifted(self, offset_m: float) -> "Plane":
-        """Return the plane moved up by an offset."""
-        return Plane(self.level_m + offset_m, self.slope_x, self.slope_y)
-
     def turned(self, rotation: Floats) -> "Plane":
         """Return the plane in axes to which a rotation, shape (3, 3), turns those of the lidar."""
         up = np.array((-self.slope_x, -self.slope_y, 1.0))

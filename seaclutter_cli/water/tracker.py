@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -92,8 +93,8 @@ class WaterTracker:
         near = in_reach(x, y) if own is None else in_reach(x, y) & ~own
         of_bodies = near & (faces.height_m > _BODY_M + 2 * self._known_sigma_m)
         bodies = np.stack([values[of_bodies] for values in (x, y, faces.low_m, faces.top_m)])
-        near = np.flatnonzero(near & (faces.height_m <= LEAST_M + self._known_sigma_m))
-        cells = PolarCells.of(xyz.take(near, axis=1), bodies)
+        used = np.flatnonzero(near & (faces.height_m <= LEAST_M + self._known_sigma_m))
+        cells = PolarCells.of(xyz.take(used, axis=1), bodies)
         lowest, weight = fit_plane(cells, known) if cells.enough else (known, None)
         if turn is not None and weight is not None and weight.sum() < MIN_SUPPORT:
             lowest, weight = known, None
@@ -110,7 +111,7 @@ class WaterTracker:
             if weight.any():
                 fitted = self._plane is None or weight.sum() >= LEAST_SUPPORT
                 spread = covariance(cells, lowest, weight) if fitted else self._covariance_at(time_s)
-                level = partial(mean_level, cells, height[near], cells.in_water(weight) & ~stands[near])
+                level = partial(mean_level, cells, height[used], cells.in_water(weight) & ~stands[used])
                 self._update(lowest, spread, level, time_s, attitude)
             lowest = self._plane
         if lowest is None:
@@ -130,7 +131,7 @@ class WaterTracker:
         sigma, offset = self._known_sigma_m, 0.0
         for _ in range(1 if known else _START_PASSES):
             offset, sigma = level(band_m(sigma))
-        plane = lowest.shifted(offset)
+        plane = replace(lowest, level_m=lowest.level_m + offset)
         if plane.level_m >= 0:  # water is below the lidar
             return
         share = np.exp((self._seen_s - time_s) / _SIGMA_TIME_S) if known else 0.0
