@@ -220,7 +220,7 @@ class Confirmed(Filter):
             objects.sort(key=lambda one: tuple(one.center))
         # 5. Confirmation: evidence is collected now and judged when the later frames are known.
         since_s = self._undecided[0].time_s if self._undecided else time_s
-        meets = partial(self._sea.beams.meet, heights.water) if heights.water else None  # all is in sight
+        meets = partial(self._sea.beams.meet, heights.water) if heights.water else None  # or everything is in sight
         tracks = self._tracker.step(objects, time_s, since_s, meets)
         reason[echoes.index] = self._reasons(reason[echoes.index], echoes, heights, objects)
         index = echoes.index.astype(np.int32)  # less to hold

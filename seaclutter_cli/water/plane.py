@@ -119,6 +119,17 @@ class PolarCells:
         below = np.count_nonzero(self.lowest[2] - level + rise < -_BELOW_M)
         return bool(below > np.count_nonzero(self._are_water(weight)))
 
+    def covariance(self, plane: Plane, weight: Floats) -> Floats:
+        """Return the covariance of level and slopes of a fitted plane, shape (3, 3), by the weights of the cells, (C,).
+
+        Since neighbouring cells see the same waves, cells count as many observations as their weights add up to.
+        """
+        x, y, z = self.lowest
+        rows = np.stack((np.ones_like(x), x, y))
+        normal = (weight * rows) @ rows.T + np.diag((0, _TILT_RIDGE, _TILT_RIDGE))
+        mean_square = weight @ np.square(z - plane.height(x, y)) / weight.sum()
+        return np.asarray(mean_square * np.linalg.inv(normal))
+
     def in_water(self, weight: Floats) -> Mask:
         """Return which of the N points are in cells of water, given the weights of the cells in its fit, shape (C,)."""
         of_water = np.zeros(_OF_BODIES + 1, np.bool_)
@@ -190,18 +201,6 @@ def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
     sure = [fit for fit in sure or fits if not cells.contradict(*fit)] or sure
     needed = _SUPPORT * max(float(weight.sum()) for _, weight in sure or fits)
     return min((fit for fit in sure or fits if fit[1].sum() >= needed), key=lambda fit: fit[0].level_m)
-
-
-def covariance(cells: PolarCells, plane: Plane, weight: Floats) -> Floats:
-    """Return the covariance of level and slopes of a fitted plane, shape (3, 3), from the weights of the cells, (C,).
-
-    Since neighbouring cells see the same waves, cells count as many observations as their weights add up to.
-    """
-    x, y, z = cells.lowest
-    rows = np.stack((np.ones_like(x), x, y))
-    normal = (weight * rows) @ rows.T + np.diag((0, _TILT_RIDGE, _TILT_RIDGE))
-    mean_square = weight @ np.square(z - plane.height(x, y)) / weight.sum()
-    return np.asarray(mean_square * np.linalg.inv(normal))
 
 
 def _reweighted(cells: PolarCells, plane: Plane) -> tuple[Plane, Floats]:

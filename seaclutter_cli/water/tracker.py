@@ -10,16 +10,7 @@ import numpy as np
 from seaclutter_cli.arrays import Floats, Mask
 from seaclutter_cli.frame import Attitude
 from seaclutter_cli.water.faces import LEAST_M, Faces
-from seaclutter_cli.water.plane import (
-    LEAST_SUPPORT,
-    MIN_SUPPORT,
-    Plane,
-    PolarCells,
-    covariance,
-    fit_plane,
-    in_reach,
-    mean_level,
-)
+from seaclutter_cli.water.plane import LEAST_SUPPORT, MIN_SUPPORT, Plane, PolarCells, fit_plane, in_reach, mean_level
 from seaclutter_cli.water.surface import RANGE_NOISE_M, WaterSurface, grid_cells, swell_of
 from seaclutter_cli.water.trial import Trial
 
@@ -110,7 +101,7 @@ class WaterTracker:
         if weight is not None:
             if weight.any():
                 fitted = self._plane is None or weight.sum() >= LEAST_SUPPORT
-                spread = covariance(cells, lowest, weight) if fitted else self._covariance_at(time_s)
+                spread = cells.covariance(lowest, weight) if fitted else self._covariance_at(time_s)
                 level = partial(mean_level, cells, height[used], cells.in_water(weight) & ~stands[used])
                 self._update(lowest, spread, level, time_s, attitude)
             lowest = self._plane
