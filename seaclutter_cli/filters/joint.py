@@ -143,6 +143,7 @@ class RingIntensity(Filter):
     Params: ClassVar[type[RingIntensityParams]] = RingIntensityParams
 
     def __init__(self, params: RingIntensityParams) -> None:
+        super().__init__(params)
         self._zones, self._initial = Zones(params), np.asarray(params.initial_thresholds, np.float64)
 
     def reset(self) -> None:
@@ -162,14 +163,10 @@ class RingIntensityOutlier(RingIntensity):
 
     Params: ClassVar[type[RingIntensityOutlierParams]] = RingIntensityOutlierParams
 
-    def __init__(self, params: RingIntensityOutlierParams) -> None:
-        super().__init__(params)
-        self._params = params
-
     def step(self, frame: Frame) -> FilterResult:
         """Return the reason of every point of a frame, and thresholds and counts of the range rings."""
         passed = _Thresholded(frame, self._zones, self._initial)
-        return passed.result(passed.outliers(self._params))
+        return passed.result(passed.outliers(self.params))
 
 
 class Joint(RingIntensityOutlier):
@@ -208,7 +205,6 @@ class Joint(RingIntensityOutlier):
 
     def __init__(self, params: JointParams) -> None:
         super().__init__(params)
-        self._weight = params.update_weight
         self.reset()
 
     def reset(self) -> None:
@@ -219,11 +215,11 @@ class Joint(RingIntensityOutlier):
     def step(self, frame: Frame) -> FilterResult:
         """Return the reason of every point of a frame, and thresholds, corrections and counts of the range rings."""
         # 1. Range rings and 2. Threshold
-        u, initial, correction = self._weight, self._initial, self._correction
+        u, initial, correction = self.params.update_weight, self._initial, self._correction
         thresholds = np.where(correction != 0, u * initial + (1 - u) * correction, initial)
         passed = _Thresholded(frame, self._zones, thresholds)
         # 3. Outliers
-        outliers = passed.outliers(self._params)
+        outliers = passed.outliers(self.params)
         result = passed.result(outliers, correction)
         # 4. Correction
         sums = [frame.intensity[points].sum() / (len(points) + 1) for points in outliers]

@@ -26,12 +26,7 @@ AUTO = "auto"
 """Value of ``scene`` that leaves the choice of the preset to the scene classifier."""
 
 
-def isolated(
-    points: Floats,
-    radius_m: float | Floats,
-    min_neighbors: int,
-    query: Indices | None = None,
-) -> Mask:
+def isolated(points: Floats, radius_m: float | Floats, min_neighbors: int, query: Indices | None = None) -> Mask:
     """Return a mask of the points, shape (N, 3), with fewer than ``min_neighbors`` others within a radius (inclusive).
 
     There is one radius for all points or one per point. With ``query``, the indices of M points, only these are tested,

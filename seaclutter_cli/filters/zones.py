@@ -162,13 +162,7 @@ class Zones:
         outside = [-np.inf]
         return np.concatenate((outside, values, outside * 3))[zone]
 
-    def rings(
-        self,
-        zone: Bytes,
-        reason: Bytes,
-        thresholds: Floats,
-        corrections: Floats | None = None,
-    ) -> Rings:
+    def rings(self, zone: Bytes, reason: Bytes, thresholds: Floats, corrections: Floats | None = None) -> Rings:
         """Return thresholds and counts of the range rings; unconfirmed and mirrored points count as outliers."""
         each = np.bincount(zone * np.intp(len(Reason)) + reason, minlength=(self.count + 4) * len(Reason))
         counts, far = np.split(each.reshape(-1, len(Reason))[1 : self.count + 2], [self.count])

@@ -265,13 +265,12 @@ def _smoothed(
 ) -> Iterator[FrameObjects]:
     """Yield the objects of frames from ``start`` to ``end``; the others are their context."""
     lives = _Lives.of(frames, shapes)
-    own = [shapes[track] for track in lives.tracks]
     at, velocity = smoothed(lives.places, lives.deviations, lives.times_s)
     velocity[:, np.isfinite(lives.places[..., 0]).sum(axis=0) < 2] = np.nan  # one place shows no motion
     bodies = np.array([kind != STRUCTURE for kind in lives.kinds], np.bool_)
     at[:, _are_parts(at[start:end], lives.yaws[start:end], lives.sizes, bodies)] = np.nan
     scores = np.array([track.score for track in lives.tracks])
-    measured = np.array([shape.oblique for shape in own], np.bool_)
+    measured = np.array([shapes[track].oblique for track in lives.tracks], np.bool_)
     stamps = np.array([[round(t * 1e9) for t in (one.first_s, one.seen_s)] for one in lives.tracks], np.int64)
     for f in range(start, end):
         one = frames[f]

@@ -64,12 +64,7 @@ class WaterTracker:
         self._attitude: Attitude | None = None
 
     def step(
-        self,
-        xyz: Floats,
-        faces: Faces,
-        time_s: float,
-        attitude: Attitude | None = None,
-        own: Mask | None = None,
+        self, xyz: Floats, faces: Faces, time_s: float, attitude: Attitude | None = None, own: Mask | None = None
     ) -> WaterSurface | None:
         """Return the water surface of a frame; None if no water was seen in the last seconds.
 
