@@ -70,17 +70,17 @@ class Recorder(confirmed.Confirmed):
         known: dict[int, tuple[Floats, bool]] = {}
         ignored = points is not None and (points == IGNORED) | truth.ignored.covers(frame.coordinates, MARGIN_M)
 
-        def noted(echoes: Any, among: Any, heights: Any, beams: Any, params: Any, *, near: bool) -> Any:
-            clusters = Clusters.among(echoes, among, beams, params, heights)
+        def noted(sea: Any, echoes: Any, among: Any, heights: Any, *, near: bool) -> Any:
+            clusters = Clusters.among(sea, echoes, among, heights)
             if points is not None and len(clusters):
                 target, unclear = (
                     clusters.mean(one[echoes.index].astype(float))
                     for one in ((points > 0) & (points != IGNORED), ignored)
                 )
-                features = features_of(echoes, clusters, heights, beams)
+                features = features_of(echoes, clusters, heights, sea.beams)
                 for k in np.flatnonzero((target > 0.5) | (unclear < 0.5)).tolist():  # no quays and land
                     known[echoes.index[clusters.members(k)].min()] = features[:, k], target[k] > 0.5
-            return find(echoes, among, heights, beams, params, near=near)
+            return find(sea, echoes, among, heights, near=near)
 
         confirmed.find_objects = noted
         try:

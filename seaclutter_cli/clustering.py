@@ -7,9 +7,6 @@ import numpy as np
 
 from seaclutter_cli.arrays import Floats, Ints, Mask, group_sizes, group_starts
 
-Indices = Ints
-Points = Floats
-
 _REACH = 2
 _FEW_CELLS = 1 << 20
 _ALL_PAIRED = 100
@@ -21,7 +18,7 @@ _STEPS = np.array([(i, j) for i in range(_REACH + 1) for j in range(-_REACH, _RE
 """Steps along x and y to columns in reach, in one direction."""
 
 
-def euclidean_clusters(xyz: Points, tolerance_m: float, min_points: int) -> Indices:
+def euclidean_clusters(xyz: Floats, tolerance_m: float, min_points: int) -> Ints:
     """Return the Euclidean cluster of each point, shape (N,), given finite coordinates in metres, shape (3, N).
 
     Clusters are the connected components with enough points, numbered from 0 in the order of their first points; points
@@ -46,7 +43,7 @@ class ClusterFinder:
     have finite coordinates.
     """
 
-    def __init__(self, xyz: Points, among: Mask, tolerance_m: float) -> None:
+    def __init__(self, xyz: Floats, among: Mask, tolerance_m: float) -> None:
         self._tolerance_m = tolerance_m
         members = np.flatnonzero(among)
         cells = cells_of(xyz if len(members) == len(among) else xyz[:, members], tolerance_m)
@@ -63,7 +60,7 @@ class ClusterFinder:
             pairs.append(np.stack((own[boxes_near], other[boxes_near])))
         self._pairs = np.concatenate(pairs, axis=1)
 
-    def clusters(self, keep: Mask, min_points: int) -> Indices:
+    def clusters(self, keep: Mask, min_points: int) -> Ints:
         """Return the cluster of each point of a subset, as `euclidean_clusters` does; -1 for all other points."""
         kept = np.flatnonzero(keep[self._order])
         labels = np.full(len(keep), -1)
@@ -76,7 +73,7 @@ class ClusterFinder:
         labels[members] = _numbered(labels[members], min_points)
         return labels
 
-    def cell_sizes(self, keep: Mask) -> Indices:
+    def cell_sizes(self, keep: Mask) -> Ints:
         """Return the number of kept points in the cell of each kept point, all connected; 0 for other points."""
         kept = np.flatnonzero(keep[self._order])
         cell = self._cell[kept]
@@ -84,7 +81,7 @@ class ClusterFinder:
         sizes[self._order[kept]] = np.bincount(cell, minlength=self._cells)[cell]
         return sizes
 
-    def _components(self, xyz: Points, count: Indices) -> Indices:
+    def _components(self, xyz: Floats, count: Ints) -> Ints:
         """Return the component of each cell, given the points, shape (3, n), in cell order and their count per cell."""
         start = np.cumsum(count) - count
         occupied, pairs = count > 0, self._pairs
@@ -106,14 +103,14 @@ class ClusterFinder:
             component = _join(component, own[near], other[near])
         return component
 
-    def _any_near(self, xyz: Points, own: tuple[Indices, Indices], other: tuple[Indices, Indices]) -> Mask:
+    def _any_near(self, xyz: Floats, own: tuple[Ints, Ints], other: tuple[Ints, Ints]) -> Mask:
         """Return which pairs of cells, given by start and count, have near points: small pairs, or one of any size."""
         if (own[1] * other[1] > _BLOCK).any():
             return np.array([self._any_near_of_many(*(xyz[:, spans(*cell)] for cell in (own, other)))])
         pair, a, b = _members(own, other)
         return np.bincount(pair, self._near(xyz[:, a] - xyz[:, b]), len(own[0])) > 0
 
-    def _any_near_of_many(self, own: Points, other: Points) -> bool:
+    def _any_near_of_many(self, own: Floats, other: Floats) -> bool:
         """Return whether any point of one set is near a point of the other, both of shape (3, n)."""
         from scipy.spatial import cKDTree  # slow to import, rarely needed
 
@@ -124,11 +121,11 @@ class ClusterFinder:
         found = np.isfinite(distance)
         return bool(self._near(own[:, found] - other[:, nearest[found]]).any())
 
-    def _in_reach(self, points: Points, others: Points) -> Points:
+    def _in_reach(self, points: Floats, others: Floats) -> Floats:
         low, high = others.min(axis=1, keepdims=True), others.max(axis=1, keepdims=True)
         return points[:, self._near(np.maximum(np.maximum(low - points, points - high), 0))]
 
-    def _near(self, difference: Points) -> Mask:
+    def _near(self, difference: Floats) -> Mask:
         """Return a mask of the vectors, shape (3, …), that are shorter than the tolerance."""
         x, y, z = difference
         with np.errstate(over="ignore"):
@@ -153,12 +150,12 @@ class DbscanFinder:
        Clusters in Large Spatial Databases with Noise". KDD-96, 226-231.
     """
 
-    def __init__(self, xyz: Points, among: Mask, eps_m: float, min_points: int) -> None:
+    def __init__(self, xyz: Floats, among: Mask, eps_m: float, min_points: int) -> None:
         self._xyz, self._eps_m, self._min_points = xyz, eps_m, min_points
         # Closer than the next float means at most this one.
         self._finder = ClusterFinder(xyz, among, float(np.nextafter(eps_m, np.inf)))
 
-    def clusters(self, keep: Mask, min_cluster_points: int) -> Indices:
+    def clusters(self, keep: Mask, min_cluster_points: int) -> Ints:
         """Return the cluster of each point of a subset, shape (N,), by first points; -1 for others, and small ones."""
         core = self._core(keep)
         labels = self._finder.clusters(core, 1)
@@ -179,7 +176,7 @@ class DbscanFinder:
             core[few] = distance[:, -1] <= self._eps_m
         return core
 
-    def _nearest(self, among: Indices, query: Indices, count: int) -> tuple[Floats, Indices]:
+    def _nearest(self, among: Ints, query: Ints, count: int) -> tuple[Floats, Ints]:
         """Return distances and indices of the nearest points, both of shape (n, count); infinite where not near."""
         from scipy.spatial import cKDTree  # slow to import, not needed by other clusters
 
@@ -189,7 +186,7 @@ class DbscanFinder:
         return distance, np.minimum(index, len(among) - 1)
 
 
-def pairs_within(xyz: Points, reach_m: float) -> Indices:
+def pairs_within(xyz: Floats, reach_m: float) -> Ints:
     """Return the pairs of finite points, shape (3, N), that are closer than a reach, each once, shape (2, n)."""
     cells = cells_of(xyz, reach_m)
     own, other = np.concatenate((np.tile(np.arange(len(cells)), (2, 1)), *cells.pairs()), axis=1)
@@ -200,14 +197,14 @@ def pairs_within(xyz: Points, reach_m: float) -> Indices:
     return np.stack((a, b)).compress(np.sqrt(x * x + y * y + z * z) < reach_m, axis=1)
 
 
-def _members(own: tuple[Indices, Indices], other: tuple[Indices, Indices]) -> tuple[Indices, Indices, Indices]:
+def _members(own: tuple[Ints, Ints], other: tuple[Ints, Ints]) -> tuple[Ints, Ints, Ints]:
     """Return the pairs of members of pairs of spans, given by start and count, with the number of their pair."""
     pair = np.repeat(np.arange(len(own[0])), own[1])
     times = other[1][pair]
     return np.repeat(pair, times), np.repeat(spans(*own), times), spans(other[0][pair], times)
 
 
-def _numbered(component: Indices, min_points: int) -> Indices:
+def _numbered(component: Ints, min_points: int) -> Ints:
     """Return the cluster number of each point from its component, by first points; -1 for small components."""
     size = np.bincount(component)
     first = np.empty(len(size), np.int64)
@@ -218,11 +215,11 @@ def _numbered(component: Indices, min_points: int) -> Indices:
     return number[component]
 
 
-def _in_different_components(component: Indices, pairs: Indices) -> Indices:
+def _in_different_components(component: Ints, pairs: Ints) -> Ints:
     return pairs.take(np.flatnonzero(component[pairs[0]] != component[pairs[1]]), axis=1)
 
 
-def _join(component: Indices, own: Indices, other: Indices) -> Indices:
+def _join(component: Ints, own: Ints, other: Ints) -> Ints:
     """Join the components of pairs of cells.
 
     Each component takes the least number among those it is paired with, until no pair differs. The number of components
@@ -253,18 +250,18 @@ class Cells:
     between the numbers of columns that are neighbours along x.
     """
 
-    order: Indices
-    start: Indices
-    count: Indices
-    column: Indices
-    height: Indices
-    columns: Indices
+    order: Ints
+    start: Ints
+    count: Ints
+    column: Ints
+    height: Ints
+    columns: Ints
     row: int
 
     def __len__(self) -> int:
         return len(self.start)
 
-    def pairs(self) -> Iterator[Indices]:
+    def pairs(self) -> Iterator[Ints]:
         """Yield arrays, shape (2, n), with the pairs of cells at most two apart on each axis, each once; all of few."""
         if len(self) <= _ALL_PAIRED:
             yield np.stack(np.tril_indices(len(self), -1))
@@ -283,14 +280,14 @@ class Cells:
             yield np.stack((np.repeat(own + start, found), spans(first, found)))
 
 
-def _ranks(ordered: Indices, largest: int) -> Callable[[Indices], Indices]:
+def _ranks(ordered: Ints, largest: int) -> Callable[[Ints], Ints]:
     """Return a function that counts the ascending numbers below each of some others, which are 0 to ``largest``."""
     if largest > _TABLE * len(ordered):
         return lambda others: np.asarray(np.searchsorted(ordered, others))
     return np.cumsum(np.bincount(ordered + 1, minlength=largest + 1)).take
 
 
-def cells_of(xyz: Points, tolerance_m: float) -> Cells:
+def cells_of(xyz: Floats, tolerance_m: float) -> Cells:
     """Return the cells of finite points, shape (3, N), in metres."""
     if not xyz.shape[1]:
         none = np.empty(0, np.int64)
@@ -315,7 +312,7 @@ def cells_of(xyz: Points, tolerance_m: float) -> Cells:
     return Cells(order, start, group_sizes(start, len(order)), rank, z[order[start]], columns[first], row)
 
 
-def blocks(sizes: Indices, limit: int) -> Iterator[slice]:
+def blocks(sizes: Ints, limit: int) -> Iterator[slice]:
     """Yield slices over items whose sizes add up to at most a limit; a larger item forms a slice of its own."""
     ends = np.cumsum(sizes)
     start = 0
@@ -326,14 +323,14 @@ def blocks(sizes: Indices, limit: int) -> Iterator[slice]:
         start = stop
 
 
-def spans(start: Indices, count: Indices) -> Indices:
+def spans(start: Ints, count: Ints) -> Ints:
     """Return the indices of all spans, one span after the other."""
     ends = np.cumsum(count)
     total = int(ends[-1]) if len(ends) else 0
     return np.arange(total) + np.repeat(start - ends + count, count)
 
 
-def _along_axis(values: Points, side: float, tolerance_m: float) -> Indices:
+def _along_axis(values: Floats, side: float, tolerance_m: float) -> Ints:
     least = values.min()
     with np.errstate(over="ignore"):
         if (values.max() - least) / side < _FEW_CELLS:
@@ -341,7 +338,7 @@ def _along_axis(values: Points, side: float, tolerance_m: float) -> Indices:
     return _with_gaps(values, side, tolerance_m)
 
 
-def _with_gaps(values: Points, side: float, tolerance_m: float) -> Indices:
+def _with_gaps(values: Floats, side: float, tolerance_m: float) -> Ints:
     """Return the cell numbers of widely spread coordinates, exactly: every gap is shortened to three cells."""
     order = np.argsort(values)
     ordered = values[order]

@@ -1,7 +1,7 @@
 """Exact distances to nearest neighbours, with duplicates, on all cores; the number of cores does not affect results."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,6 @@ Search = Callable[[Points, int], tuple[NDArray[np.int64], Distances]]
 
 _BLOCK_DISTANCES = 1 << 19
 _FEW_POINTS, _FEW_DISTANCES = 4000, 5000  # below, waking other threads takes longer
-_MAX_PAIRS, _ROUNDING = 8, 1 + 1e-9
 _MIX = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)
 
 
@@ -33,32 +32,29 @@ def mean_neighbor_distance(points: Points, neighbors: int) -> Distances:
 
     def reduce(distance: Distances, others: NDArray[np.int64] | None) -> Distances:
         if others is None:
-            return np.asarray(distance[:, 1:].sum(axis=1, keepdims=True) / neighbors)
+            return np.asarray(distance[:, 1:].sum(axis=1) / neighbors)
         before = np.cumsum(others, axis=1) - others
         used = np.clip(neighbors - before, 0, others)
-        return np.asarray(np.einsum("ij,ij->i", distance, used) / neighbors)[:, None]
+        return np.asarray(np.einsum("ij,ij->i", distance, used) / neighbors)
 
-    return _over_neighbors(points, neighbors, reduce, width=1)[:, 0]
+    return _over_neighbors(points, neighbors, reduce)
 
 
-def nth_neighbor_distances(points: Points, ranks: Sequence[int], query: NDArray[np.intp] | None = None) -> Distances:
-    """Return the distances of points, shape (N, 3), finite, to their n-th nearest other points for R ranks n, (N, R).
+def nth_neighbor_distance(points: Points, rank: int, query: NDArray[np.intp] | None = None) -> Distances:
+    """Return the distance of points, shape (N, 3), finite, to their n-th nearest other point, n < N, shape (N,).
 
-    They are infinite for ranks of N or more. Equal points are neighbours of each other at distance 0. With ``query``,
-    the indices of M points, the shape is (M, R); neighbours are always searched among all N. The distance is at most a
-    radius if and only if at least n other points lie within it, bound included.
+    Equal points are neighbours of each other at distance 0. With ``query``, the indices of M points, the shape is (M,);
+    neighbours are always searched among all N. The distance is at most a radius if and only if at least n other points
+    lie within it, bound included.
     """
-    possible = [min(n, len(points) - 1) for n in ranks]
 
     def reduce(distance: Distances, others: NDArray[np.int64] | None) -> Distances:
         if others is None:
-            return np.asarray(distance[:, possible])
-        count, row = np.cumsum(others, axis=1), np.arange(len(distance))
-        return np.stack([distance[row, np.argmax(count >= n, axis=1)] for n in possible], axis=1)
+            return distance[:, rank]
+        enough = np.cumsum(others, axis=1) >= rank
+        return np.asarray(distance[np.arange(len(distance)), np.argmax(enough, axis=1)])
 
-    distances = _over_neighbors(points, max(possible), reduce, query, width=len(possible))
-    distances[:, [n >= len(points) for n in ranks]] = np.inf
-    return distances
+    return _over_neighbors(points, rank, reduce, query)
 
 
 def nearest(points: Points, query: Points) -> tuple[NDArray[np.int64], Distances]:
@@ -72,34 +68,13 @@ def nearest(points: Points, query: Points) -> tuple[NDArray[np.int64], Distances
     return index.reshape(-1), distance.reshape(-1)
 
 
-def within(points: Points, query: Points, radius: Distances) -> NDArray[np.int64] | None:
-    """Return how many of some points are within a radius of each of other points, bound included.
-
-    It is faster than a tree, except for dense points: None is returned if more than eight points for each of the N + M
-    points, shapes (3, N) and (3, M), are as near along x.
-    """
-    order = np.argsort(points[0])
-    along, at, reach = points[0][order], query[0], radius * _ROUNDING
-    first = np.searchsorted(along, at - reach)
-    count = np.searchsorted(along, at + reach, side="right") - first
-    total = int(count.sum())
-    if total > _MAX_PAIRS * (points.shape[1] + query.shape[1]):
-        return None
-    other = np.repeat(np.arange(query.shape[1]), count)
-    one = order[np.arange(total) + np.repeat(first - np.cumsum(count) + count, count)]
-    x, y, z = points.take(one, axis=1) - query.take(other, axis=1)
-    return np.bincount(other[np.sqrt(x * x + y * y + z * z) <= radius[other]], minlength=query.shape[1])
-
-
 def _over_neighbors(
     points: Points,
     count: int,
     reduce: Callable[[Distances, NDArray[np.int64] | None], Distances],
     query: NDArray[np.intp] | None = None,
-    *,
-    width: int,
 ) -> Distances:
-    """Return the reduced neighbour distances, shape (M, width), from a search among distinct points.
+    """Return the reduced neighbour distances, shape (M,), from a search among distinct points.
 
     Equal points stall the trees. ``reduce`` also gets the number of points at each distance; None if all are distinct.
     """
@@ -108,7 +83,7 @@ def _over_neighbors(
     index_of = index_of if query is None else index_of[query]
     queried = np.flatnonzero(np.bincount(index_of, minlength=len(distinct)))
     search, k = _searcher(distinct), min(count + 1, len(distinct))
-    out = np.empty((len(distinct), width))
+    out = np.empty(len(distinct))
     size = max(1, _BLOCK_DISTANCES // k)
     for start in range(0, len(queried), size):
         block = slice(start, start + size) if len(queried) == len(distinct) else queried[start : start + size]
@@ -159,17 +134,7 @@ def _searcher(points: Points) -> Search:
             return index.view(np.int64), np.sqrt(squared)
 
         return search
-    return scipy_searcher(points)
-
-
-def scipy_searcher(points: Points) -> Search:
-    """Return a search function based on the tree of scipy, for platforms without the faster one."""
     from scipy.spatial import cKDTree
 
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
-
-    def search(query: Points, k: int) -> tuple[NDArray[np.int64], Distances]:
-        distance, index = tree.query(query, np.arange(1, k + 1), workers=threads())
-        return index, distance
-
-    return search
+    return lambda query, k: tree.query(query, np.arange(1, k + 1), workers=threads())[::-1]

@@ -111,11 +111,8 @@ def in_order(work: Callable[[int], T], count: int, *, workers: int, ahead: int) 
 
 def in_threads(function: Callable[[T], R], items: Iterable[T]) -> list[R]:
     """Return the results of short requests to a disk or network for each item, in their order; an error ends all."""
-    pool = ThreadPoolExecutor(_REQUESTS)
-    try:
+    with ThreadPoolExecutor(_REQUESTS) as pool:
         return list(pool.map(function, items))
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 @cache

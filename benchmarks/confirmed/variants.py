@@ -19,7 +19,6 @@ from seaclutter_cli.filters.joint import RingIntensityParams
 from seaclutter_cli.filters.radius import PresetParams
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.water import WaterSurface
-from seaclutter_cli.water.surface import GridCells
 
 Floats = NDArray[np.float64]
 
@@ -108,11 +107,9 @@ def _equal_objects(*arguments: Any, **options: Any) -> list[DetectedObject]:
 _above = WaterSurface.above
 
 
-def _above_plane(
-    water: WaterSurface, x: Floats, y: Floats, z: Floats, cells: GridCells | None = None
-) -> tuple[Floats, Floats, Floats]:
+def _above_plane(water: WaterSurface, x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats, Floats]:
     """Measure heights above the mean plane, with the deviation of the water around it."""
-    return z - water.plane.height(x, y), np.full(len(z), water.sigma_m), _above(water, x, y, z, cells)[2]
+    return z - water.plane.height(x, y), np.full(len(z), water.sigma_m), _above(water, x, y, z)[2]
 
 
 @contextmanager

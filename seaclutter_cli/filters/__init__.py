@@ -1,7 +1,6 @@
 """Filter methods: each assigns a `Reason` to every point of a frame."""
 
 from collections.abc import Mapping
-from typing import Any
 
 from seaclutter_cli.given import class_of
 from seaclutter_cli.interfaces import Filter
@@ -17,10 +16,6 @@ class _Methods(Registry[str, type[Filter]]):
 
     def __contains__(self, name: object) -> bool:
         return hasattr(name, "kind") or super().__contains__(name)
-
-
-def _of_plugin(name: str, given: Any) -> Mapping[str, type[Filter]]:
-    return {name: class_of(given, name)}
 
 
 _BUILT_IN: Mapping[str, type[Filter] | str] = {
@@ -43,7 +38,7 @@ _BUILT_IN: Mapping[str, type[Filter] | str] = {
 }
 """Module and class of each filter method by its name in a configuration. A new method takes one line here."""
 
-FILTERS = _Methods("filters", _BUILT_IN, _of_plugin)
+FILTERS = _Methods("filters", _BUILT_IN, lambda name, given: {name: class_of(given, name)})
 """Classes of the methods by name."""
 
 OPTIONAL: Mapping[str, str] = {"patchwork": "pypatchworkpp"}

@@ -4,8 +4,8 @@ from abc import abstractmethod
 from typing import ClassVar, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Indices
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Filter
 
@@ -21,9 +21,6 @@ class WholeFrameFilter(Filter, Generic[P]):
     params: P
     reason: ClassVar[Reason] = Reason.OUTLIER
 
-    def __init__(self, params: P) -> None:
-        self.params = params
-
     def step(self, frame: Frame) -> FilterResult:
         """Return the reason of every point of a frame."""
         reason = np.where(frame.valid, Reason.KEPT, Reason.INVALID).astype(np.uint8)
@@ -31,11 +28,11 @@ class WholeFrameFilter(Filter, Generic[P]):
         return FilterResult(frame, reason)
 
     @abstractmethod
-    def removed(self, frame: Frame) -> NDArray[np.intp]:
+    def removed(self, frame: Frame) -> Indices:
         """Return the indices of the valid points to remove."""
 
 
-def valid_points(frame: Frame) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+def valid_points(frame: Frame) -> tuple[Indices, Floats]:
     """Return the indices of a frame's valid points, shape (N,), and their coordinates, shape (N, 3)."""
     valid = np.flatnonzero(frame.valid)
     return valid, np.ascontiguousarray(frame.coordinates[:, valid].T)

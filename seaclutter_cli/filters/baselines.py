@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Indices
 from seaclutter_cli.filters.base import WholeFrameFilter
 from seaclutter_cli.filters.histogram import IntensityHistogram
 from seaclutter_cli.filters.zones import ZoneParams, Zones
@@ -88,24 +88,14 @@ class Naive(WholeFrameFilter[NaiveParams]):
     Params: ClassVar[type[NaiveParams]] = NaiveParams
     reason = Reason.LOW_INTENSITY
 
-    def removed(self, frame: Frame) -> NDArray[np.intp]:
+    def removed(self, frame: Frame) -> Indices:
         """Return the indices of the weak, near points."""
         weak = frame.intensity < self.params.intensity_threshold
         return np.flatnonzero(frame.valid & weak & (frame.range_m < self.params.max_range_m))
 
 
-@dataclass(frozen=True, kw_only=True)
-class NothingParams:
-    """Empty parameters: the method has no config keys."""
-
-
 class Nothing(Filter):
     """No filtering: every point is kept, invalid ones too."""
-
-    Params: ClassVar[type[NothingParams]] = NothingParams
-
-    def __init__(self, params: NothingParams) -> None:
-        del params
 
     def step(self, frame: Frame) -> FilterResult:
         """Return `Reason.KEPT` for every point of a frame."""

@@ -1,13 +1,16 @@
 """Confirmed objects: what rises out of the water and stays."""
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Bytes, Indices
 from seaclutter_cli.errors import FieldError
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, Sea, repeated
@@ -17,14 +20,9 @@ from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
 from seaclutter_cli.filters.zones import Zones
 from seaclutter_cli.frame import FilterResult, Frame, Reason, WaterState
 from seaclutter_cli.interfaces import Filter
-from seaclutter_cli.neighbors import nearest, within
+from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.structure.search import MIN_FRAMES
-from seaclutter_cli.water.beams import Sight
 from seaclutter_cli.water.plane import NEAREST_M
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.intp]
 
 _GROWTH_RATIO = 0.01
 _SURE = 1.5
@@ -44,13 +42,13 @@ class _Undecided:
 
     frame: Frame
     time_s: float
-    zone: NDArray[np.uint8]
-    reason: NDArray[np.uint8]
+    zone: Bytes
+    reason: Bytes
     grows: NDArray[np.int32]
     objects: Sequence[DetectedObject]
     tracks: Sequence[Track]
     awaited: Sequence[tuple[Track, NDArray[np.int32]]]
-    repeats: tuple[NDArray[np.intp], NDArray[np.intp]]
+    repeats: tuple[Indices, Indices]
     water: WaterState | None
 
 
@@ -137,31 +135,25 @@ class Confirmed(Filter):
     def process(self, frame: Frame) -> list[FilterResult]:
         """Receive the next frame and return the results that are complete."""
         _ = frame.valid  # errors come before any change
-        if self._params.use_intensity:
-            self._require_intensity(frame)
+        try:
+            _ = self._params.use_intensity and frame.intensity
+        except FieldError as error:
+            raise FieldError(f"{error}, or filter without: -s filter.use_intensity=false") from error
         self._first.append(frame)
-        return [] if self._searches_own_ship() else self._receive_first()
-
-    def _searches_own_ship(self) -> bool:
-        """Return whether the first frames, the last of which is new, wait until they show where own ship ends."""
-        own_ship = self._zones.own_ship
-        if not self._is_beginning or own_ship is None:
-            return False
-        own_ship.add(self._first[-1])
-        self._first[-1].release()
-        sizes = [one.size for one in self._first]
-        if len(sizes) == MIN_FRAMES or sum(sizes) + sizes[-1] > _MAX_WAITING:
-            self._end_beginning()
-        return self._is_beginning
-
-    def _end_beginning(self) -> None:
-        self._is_beginning = False
-        if self._first and self._zones.own_ship and not self._zones.own_ship.is_known:
-            self._zones.own_ship.reset()  # it sees these frames again
+        if self._is_beginning and self._zones.own_ship:
+            self._zones.own_ship.add(frame)
+            frame.release()
+            waiting = sum(one.size for one in self._first)
+            if len(self._first) < MIN_FRAMES and waiting + frame.size <= _MAX_WAITING:
+                return []
+        return self._receive_first()
 
     def _receive_first(self) -> list[FilterResult]:
-        """Return the results that are complete after the frames that waited for own ship."""
-        complete = []
+        """Return the results that are complete after the frames that waited until they showed where own ship ends."""
+        own_ship, complete = self._zones.own_ship, []
+        if self._is_beginning and self._first and own_ship and not own_ship.is_known:
+            own_ship.reset()  # it sees these frames again
+        self._is_beginning = False
         while self._first:
             complete += self._receive(self._first.popleft())
         return complete
@@ -170,44 +162,29 @@ class Confirmed(Filter):
         """Receive a frame and return the results that are complete."""
         if self._origin_ns is None:  # times from there on are exact to a nanosecond
             self._origin_ns = frame.stamp_ns
-        time_s = self._steady((frame.stamp_ns - self._origin_ns) / 1e9)
-        jumped = self._time_s is not None and not 0 <= time_s - self._time_s <= _MAX_GAP_S
-        complete = self._decide_all() if jumped else []
-        if jumped:
+        time_s, last_s, complete = (frame.stamp_ns - self._origin_ns) / 1e9, self._time_s, []
+        if last_s is not None and 0 < last_s - time_s <= _MAX_STEP_BACK_S:
+            time_s = last_s
+        if last_s is not None and not 0 <= time_s - last_s <= _MAX_GAP_S:
+            complete = self._decided(math.inf)
             self._tracker = Tracker(self._params)
         self._undecided.append(self._examine(frame, time_s))
         self._time_s = time_s
-        while self._undecided and (self._is_due(self._undecided[0], time_s) or self._too_many_wait()):
-            complete.append(self._decide(self._undecided.popleft()))
-        return complete
-
-    def _require_intensity(self, frame: Frame) -> None:
-        try:
-            _ = frame.intensity
-        except FieldError as error:
-            raise FieldError(f"{error}, or filter without: -s filter.use_intensity=false") from error
-
-    def _is_due(self, one: _Undecided, time_s: float) -> bool:
-        return one.time_s <= time_s - self.look_ahead_s + _SLACK_S
-
-    def _too_many_wait(self) -> bool:
-        return len(self._undecided) > 1 and sum(one.frame.size for one in self._undecided) > _MAX_WAITING
-
-    def _steady(self, time_s: float) -> float:
-        """Return the time of a frame, or that of the frame before if the clock stepped back a little."""
-        last_s = self._time_s
-        return last_s if last_s is not None and 0 < last_s - time_s <= _MAX_STEP_BACK_S else time_s
+        return complete + self._decided(time_s - self.look_ahead_s + _SLACK_S)
 
     def flush(self) -> list[FilterResult]:
         """Return the results of all frames that wait."""
-        if self._is_beginning:
-            self._end_beginning()
-        return [*self._receive_first(), *self._decide_all()]
+        return [*self._receive_first(), *self._decided(math.inf)]
 
-    def _decide_all(self) -> list[FilterResult]:
-        """Return the results of the frames whose objects wait for later frames."""
-        complete = [self._decide(one) for one in self._undecided]
-        self._undecided.clear()
+    def _decided(self, until_s: float) -> list[FilterResult]:
+        """Return the results of the frames up to a time, and of more if too many points wait for later frames."""
+        complete, waiting = [], sum(one.frame.size for one in self._undecided)
+        while self._undecided:
+            first, too_many = self._undecided[0], len(self._undecided) > 1 and waiting > _MAX_WAITING
+            if first.time_s > until_s and not too_many:
+                break
+            waiting -= first.frame.size
+            complete.append(self._decide(self._undecided.popleft()))
         return complete
 
     def step(self, frame: Frame) -> FilterResult:
@@ -228,25 +205,24 @@ class Confirmed(Filter):
         frame.release()
         # 1. Water, 2. Band
         attitude = frame.attitude and frame.attitude.of_axes(self._params.mounting.rotation)
-        heights = self._sea.measure(echoes, self._threshold(echoes), time_s, attitude, own)
+        threshold = self._zones.per_point(self._thresholds, echoes.zone)
+        threshold[echoes.is_near] = self._thresholds[0]
+        heights = self._sea.measure(echoes, threshold, time_s, attitude, own)
         if own_ship:
             own_ship.see(frame, heights.water, echoes.index[heights.upright])
         # 3. Candidates
         candidates = heights.upright | heights.high | heights.bright | heights.isolated
         # 4. Objects
         near = echoes.is_near
-        objects = find_objects(echoes, candidates & ~near, heights, self._sea.beams, self._params, near=False)
+        objects = find_objects(self._sea, echoes, candidates & ~near, heights, near=False)
         if self._tracker.approached(self._params.own_ship_m, time_s):  # all else there is own ship
-            objects += find_objects(echoes, candidates & near, heights, self._sea.beams, self._params, near=True)
+            objects += find_objects(self._sea, echoes, candidates & near, heights, near=True)
             objects.sort(key=lambda one: tuple(one.center))
         # 5. Confirmation: evidence is collected now and judged when the later frames are known.
-        self._tracker.turn(objects, time_s)
-        found = self._tracker.associate(objects, time_s)
         since_s = self._undecided[0].time_s if self._undecided else time_s
-        tracks = self._tracker.step(
-            found, time_s, since_s, Sight(self._sea.beams, heights.water, self._params.min_rise_m)
-        )
-        reason[echoes.index] = self._reasons(reason[echoes.index], echoes, heights, found.objects)
+        meets = partial(self._sea.beams.meet, heights.water) if heights.water else None  # or everything is in sight
+        tracks = self._tracker.step(objects, time_s, since_s, meets)
+        reason[echoes.index] = self._reasons(reason[echoes.index], echoes, heights, objects)
         index = echoes.index.astype(np.int32)  # less to hold
         least = self._params.min_cluster_points
         in_rows = (heights.run >= least) & (heights.height_m > -heights.rise_m)
@@ -254,19 +230,11 @@ class Confirmed(Filter):
         expected = self._tracker.awaited(echoes.xyz[:2].take(rows, axis=1), time_s)
         awaited = [(track, index[rows[points]]) for track, points in expected if len(points) >= least]
         state = heights.water.state if heights.water else None
-        objects = [replace(one, points=index[one.points]) for one in found.objects]
+        objects = [replace(one, points=index[one.points]) for one in objects]
         grows = index[heights.grows & ~near]
         return _Undecided(frame, time_s, zone, reason, grows, objects, tracks, awaited, repeats, state)
 
-    def _threshold(self, echoes: Echoes) -> Floats:
-        """Return the intensity threshold of each echo, shape (M,); near points have that of the first range ring."""
-        threshold = self._zones.per_point(self._thresholds, echoes.zone)
-        threshold[echoes.is_near] = self._thresholds[0]
-        return threshold
-
-    def _reasons(
-        self, by_zone: NDArray[np.uint8], echoes: Echoes, heights: Heights, objects: Sequence[DetectedObject]
-    ) -> NDArray[np.uint8]:
+    def _reasons(self, by_zone: Bytes, echoes: Echoes, heights: Heights, objects: Sequence[DetectedObject]) -> Bytes:
         """Return the reasons of the echoes if no object is confirmed; near ones keep the reasons of their zone."""
         low = Reason.LOW_INTENSITY if self._params.use_intensity else Reason.UNCONFIRMED
         reason = np.where(heights.low & ~heights.high, np.uint8(low), np.uint8(Reason.OUTLIER))
@@ -310,6 +278,6 @@ class Confirmed(Filter):
         if not len(others):
             return others
         limit = self._params.growth_m + _GROWTH_RATIO * one.frame.range_m[others]
-        near, far = (self._params.mounting.levelled(one.frame.coordinates_of(points)) for points in (kept, others))
-        counts = within(near, far, limit)
-        return np.asarray(others[counts > 0 if counts is not None else nearest(near.T, far.T)[1] <= limit])
+        near, far = (self._params.mounting.levelled(one.frame.coordinates_of(points)).T for points in (kept, others))
+        _, distance = nearest(near, far)
+        return np.asarray(others[distance <= limit])

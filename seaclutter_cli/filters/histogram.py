@@ -5,14 +5,15 @@ from fractions import Fraction
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
+
+from seaclutter_cli.arrays import Floats, Ints
 
 _DISTINCT = 1 << 16
 _PENDING = 1 << 16
 _BATCHES = 1 << 10
 _LEVEL = 1 << 14
 
-Distribution = tuple[NDArray[np.float64], NDArray[np.int64]]
+Distribution = tuple[Floats, Ints]
 """Values in ascending order and the count of each."""
 
 
@@ -35,21 +36,19 @@ class IntensityHistogram:
     def __init__(self) -> None:
         self._values = np.zeros(0)
         self._counts = np.zeros(0, np.int64)
-        self._pending: list[NDArray[np.float64]] = []
-        self._waiting = 0
-        self._levels: list[NDArray[np.float64]] = []
+        self._pending: list[Floats] = []
+        self._levels: list[Floats] = []
         self._thinned: list[int] = []
         self._added_error = 0
         self.all_whole = True
         """Whether every intensity so far is a whole number."""
 
-    def add(self, values: NDArray[np.float64]) -> None:
+    def add(self, values: Floats) -> None:
         """Count finite values, shape (N,)."""
         self.all_whole = self.all_whole and bool((values == np.floor(values)).all())
         if len(values):
             self._pending.append(values)
-            self._waiting += len(values)
-        if self._waiting >= _PENDING or len(self._pending) >= _BATCHES:
+        if sum(map(len, self._pending)) >= _PENDING or len(self._pending) >= _BATCHES:
             self._count()
 
     def __iadd__(self, other: Self) -> Self:
@@ -105,10 +104,10 @@ class IntensityHistogram:
         if not self._pending:
             return
         values, counts = np.unique(np.concatenate(self._pending), return_counts=True)
-        self._pending, self._waiting = [], 0
+        self._pending = []
         self._merge(values, counts)
 
-    def _merge(self, values: NDArray[np.float64], counts: NDArray[np.int64]) -> None:
+    def _merge(self, values: Floats, counts: Ints) -> None:
         """Add distinct values in ascending order and their counts."""
         index = np.searchsorted(self._values, values)
         known = np.append(self._values, np.nan)[index] == values
@@ -134,7 +133,7 @@ class IntensityHistogram:
                 self._thinned[level] += 1
             level += 1
 
-    def _put(self, level: int, values: NDArray[np.float64]) -> None:
+    def _put(self, level: int, values: Floats) -> None:
         if level == len(self._levels):
             self._levels.append(np.zeros(0))
             self._thinned.append(0)

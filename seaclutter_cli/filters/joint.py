@@ -6,17 +6,14 @@ from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Interval, Len
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Indices, Mask
 from seaclutter_cli.filters.radius import Preset, isolated_by_range
 from seaclutter_cli.filters.statistical import outliers
 from seaclutter_cli.filters.zones import ZoneParams, Zones, ring_edges
 from seaclutter_cli.frame import FilterResult, Frame, Reason
 from seaclutter_cli.interfaces import Filter
 from seaclutter_cli.params import Count, NotNegative, Positive, Share, key
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +28,7 @@ class RingIntensityParams(ZoneParams):
     )
 
     @property
-    def edges(self) -> NDArray[np.float64]:
+    def edges(self) -> Floats:
         """Edges of the range rings in metres, shape (K + 1,)."""
         return self.from_start(ring_edges(self.own_ship_m, self.end_m, self.ring_width_m))
 
@@ -131,7 +128,7 @@ class _Thresholded:
         return FilterResult(self._frame, self._reason, rings)
 
 
-def _outlying(points: Floats, params: RingIntensityOutlierParams) -> NDArray[np.bool_]:
+def _outlying(points: Floats, params: RingIntensityOutlierParams) -> Mask:
     """Return a mask of the outliers by mean distance among the points of a range ring, shape (n_k, 3)."""
     share = int(params.neighbor_fraction * len(points) + 1e-9)  # 0.29 of 100 is 29, slightly less in floats
     return outliers(points, max(1, min(params.max_neighbors, share)), params.std_ratio)
@@ -146,6 +143,7 @@ class RingIntensity(Filter):
     Params: ClassVar[type[RingIntensityParams]] = RingIntensityParams
 
     def __init__(self, params: RingIntensityParams) -> None:
+        super().__init__(params)
         self._zones, self._initial = Zones(params), np.asarray(params.initial_thresholds, np.float64)
 
     def reset(self) -> None:
@@ -165,14 +163,10 @@ class RingIntensityOutlier(RingIntensity):
 
     Params: ClassVar[type[RingIntensityOutlierParams]] = RingIntensityOutlierParams
 
-    def __init__(self, params: RingIntensityOutlierParams) -> None:
-        super().__init__(params)
-        self._params = params
-
     def step(self, frame: Frame) -> FilterResult:
         """Return the reason of every point of a frame, and thresholds and counts of the range rings."""
         passed = _Thresholded(frame, self._zones, self._initial)
-        return passed.result(passed.outliers(self._params))
+        return passed.result(passed.outliers(self.params))
 
 
 class Joint(RingIntensityOutlier):
@@ -211,7 +205,6 @@ class Joint(RingIntensityOutlier):
 
     def __init__(self, params: JointParams) -> None:
         super().__init__(params)
-        self._weight = params.update_weight
         self.reset()
 
     def reset(self) -> None:
@@ -222,11 +215,11 @@ class Joint(RingIntensityOutlier):
     def step(self, frame: Frame) -> FilterResult:
         """Return the reason of every point of a frame, and thresholds, corrections and counts of the range rings."""
         # 1. Range rings and 2. Threshold
-        u, initial, correction = self._weight, self._initial, self._correction
+        u, initial, correction = self.params.update_weight, self._initial, self._correction
         thresholds = np.where(correction != 0, u * initial + (1 - u) * correction, initial)
         passed = _Thresholded(frame, self._zones, thresholds)
         # 3. Outliers
-        outliers = passed.outliers(self._params)
+        outliers = passed.outliers(self.params)
         result = passed.result(outliers, correction)
         # 4. Correction
         sums = [frame.intensity[points].sum() / (len(points) + 1) for points in outliers]

@@ -8,8 +8,8 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Ge
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Indices
 from seaclutter_cli.errors import requiring
 from seaclutter_cli.filters.base import WholeFrameFilter, valid_points
 from seaclutter_cli.frame import Frame
@@ -79,7 +79,7 @@ class Patchwork(WholeFrameFilter[PatchworkParams]):
         with _no_output():
             self._library = library.patchworkpp(given)
 
-    def removed(self, frame: Frame) -> NDArray[np.intp]:
+    def removed(self, frame: Frame) -> Indices:
         """Return the indices of the points that are ground."""
         valid, points = valid_points(frame)
         near = np.flatnonzero(np.abs(points).max(axis=1, initial=0) <= self.params.max_range_m)

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Ge, Interval
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Indices, Mask
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.filters.base import ROUNDING, WholeFrameFilter, valid_points
 from seaclutter_cli.frame import FilterResult, Frame
-from seaclutter_cli.neighbors import nth_neighbor_distances
+from seaclutter_cli.neighbors import nth_neighbor_distance
 from seaclutter_cli.params import Count, NotNegative, Positive, key
 from seaclutter_cli.scenes import SceneParams, make_scene_tracker
 
@@ -26,12 +26,7 @@ AUTO = "auto"
 """Value of ``scene`` that leaves the choice of the preset to the scene classifier."""
 
 
-def isolated(
-    points: NDArray[np.float64],
-    radius_m: float | NDArray[np.float64],
-    min_neighbors: int,
-    query: NDArray[np.intp] | None = None,
-) -> NDArray[np.bool_]:
+def isolated(points: Floats, radius_m: float | Floats, min_neighbors: int, query: Indices | None = None) -> Mask:
     """Return a mask of the points, shape (N, 3), with fewer than ``min_neighbors`` others within a radius (inclusive).
 
     There is one radius for all points or one per point. With ``query``, the indices of M points, only these are tested,
@@ -40,7 +35,7 @@ def isolated(
     if len(points) <= min_neighbors:
         return np.ones(len(points) if query is None else len(query), np.bool_)
     # At least n points are within the radius if and only if the n-th nearest is; it is much faster to find.
-    return nth_neighbor_distances(np.ascontiguousarray(points), [min_neighbors], query)[:, 0] > radius_m
+    return nth_neighbor_distance(np.ascontiguousarray(points), min_neighbors, query) > radius_m
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +51,7 @@ class RadiusOutlierRemoval(WholeFrameFilter[RorParams]):
 
     Params: ClassVar[type[RorParams]] = RorParams
 
-    def removed(self, frame: Frame) -> NDArray[np.intp]:
+    def removed(self, frame: Frame) -> Indices:
         """Return the indices of the outliers."""
         valid, points = valid_points(frame)
         return valid[isolated(points, self.params.radius_m, self.params.min_neighbors)]
@@ -99,7 +94,7 @@ class DynamicRadiusOutlierRemoval(WholeFrameFilter[DrorParams]):
 
     Params: ClassVar[type[DrorParams]] = DrorParams
 
-    def removed(self, frame: Frame) -> NDArray[np.intp]:
+    def removed(self, frame: Frame) -> Indices:
         """Return the indices of the outliers."""
         valid, points = valid_points(frame)
         spacing = 2 * math.sin(math.radians(self.params.angle_deg)) * np.hypot(points[:, 0], points[:, 1])
@@ -136,7 +131,7 @@ class LowIntensityOutlierRemoval(WholeFrameFilter[LiorParams]):
 
     Params: ClassVar[type[LiorParams]] = LiorParams
 
-    def removed(self, frame: Frame) -> NDArray[np.intp]:
+    def removed(self, frame: Frame) -> Indices:
         """Return the indices of the isolated points among the weak, near ones."""
         valid, points = valid_points(frame)
         weak = frame.intensity[valid] <= self.params.intensity_threshold
@@ -194,7 +189,7 @@ class AdaptiveRadiusParams(SceneParams, PresetParams):
     """Parameters of the adaptive radius filter: presets, and the scene classifier for ``scene: auto``."""
 
 
-def isolated_by_range(points: NDArray[np.float64], radius_ratio: float, min_neighbors: int) -> NDArray[np.bool_]:
+def isolated_by_range(points: Floats, radius_ratio: float, min_neighbors: int) -> Mask:
     r"""Return a mask of the points with too few others within a radius proportional to range ([Bi], Eq. 5 and 6).
 
     .. math:: r_i = K d_i, \quad d_i = \sqrt{x_i^2 + y_i^2 + z_i^2}
@@ -262,7 +257,7 @@ class AdaptiveRadius(WholeFrameFilter[AdaptiveRadiusParams]):
         self._preset = self.params.presets[scene]
         return replace(super().step(frame), scene=scene)
 
-    def removed(self, frame: Frame) -> NDArray[np.intp]:
+    def removed(self, frame: Frame) -> Indices:
         """Return the indices of the outliers by the preset of the frame."""
         valid, points = valid_points(frame)
         return valid[isolated_by_range(points, self._preset.radius_ratio, self._preset.min_neighbors)]

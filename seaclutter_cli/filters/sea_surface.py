@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Indices
 from seaclutter_cli.errors import FieldError, InputError
 from seaclutter_cli.filters.base import WholeFrameFilter, valid_points
 from seaclutter_cli.frame import Frame
@@ -42,7 +42,7 @@ class SeaSurface(WholeFrameFilter[SeaSurfaceParams]):
     Params: ClassVar[type[SeaSurfaceParams]] = SeaSurfaceParams
     needs_height = True
 
-    def removed(self, frame: Frame) -> NDArray[np.intp]:
+    def removed(self, frame: Frame) -> Indices:
         """Return the indices of the sea surface points."""
         valid, points = valid_points(frame)
         if not len(valid):

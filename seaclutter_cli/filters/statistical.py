@@ -4,14 +4,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Indices, Mask
 from seaclutter_cli.filters.base import ROUNDING, WholeFrameFilter, valid_points
 from seaclutter_cli.frame import Frame
 from seaclutter_cli.neighbors import mean_neighbor_distance
 from seaclutter_cli.params import Count, NotNegative, Positive, key
-
-Floats = NDArray[np.float64]
 
 
 def distances_and_limit(points: Floats, neighbors: int, std_ratio: float) -> tuple[Floats, float]:
@@ -24,7 +22,7 @@ def distances_and_limit(points: Floats, neighbors: int, std_ratio: float) -> tup
     return distance, float(distance.mean() + std_ratio * distance.std(ddof=1))
 
 
-def outliers(points: Floats, neighbors: int, std_ratio: float) -> NDArray[np.bool_]:
+def outliers(points: Floats, neighbors: int, std_ratio: float) -> Mask:
     r"""Return a mask of the statistical outliers: points far from their neighbours ([Li2023], Eq. 6 and 7).
 
     .. math:: d_i > \lambda = \mathrm{mean}(d) + m\,\sigma(d)
@@ -52,7 +50,7 @@ class StatisticalOutlierRemoval(WholeFrameFilter[SorParams]):
 
     Params: ClassVar[type[SorParams]] = SorParams
 
-    def removed(self, frame: Frame) -> NDArray[np.intp]:
+    def removed(self, frame: Frame) -> Indices:
         """Return the indices of the outliers."""
         valid, points = valid_points(frame)
         return valid[outliers(points, self.params.neighbors, self.params.std_ratio)]
@@ -96,7 +94,7 @@ class DynamicStatisticalOutlierRemoval(WholeFrameFilter[DsorParams]):
 
     Params: ClassVar[type[DsorParams]] = DsorParams
 
-    def removed(self, frame: Frame) -> NDArray[np.intp]:
+    def removed(self, frame: Frame) -> Indices:
         """Return the indices of the outliers."""
         valid, points = valid_points(frame)
         if len(valid) < 2:
@@ -138,7 +136,7 @@ class LowIntensityDynamicStatisticalOutlierRemoval(WholeFrameFilter[LidsorParams
 
     Params: ClassVar[type[LidsorParams]] = LidsorParams
 
-    def removed(self, frame: Frame) -> NDArray[np.intp]:
+    def removed(self, frame: Frame) -> Indices:
         """Return the indices of the outliers."""
         valid, points = valid_points(frame)
         intensity, range_m = frame.intensity[valid], frame.range_m[valid]

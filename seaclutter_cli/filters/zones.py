@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 import numpy as np
 from annotated_types import Len
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Bytes, Floats, Indices, Mask
 from seaclutter_cli.frame import WATER_REASONS, Frame, Reason, Rings
 from seaclutter_cli.params import NotNegative, Positive, key
 
@@ -74,11 +74,11 @@ class ZoneParams:
         return AUTO_M if self.start_m == "auto" else self.start_m
 
     @property
-    def edges(self) -> NDArray[np.float64]:
+    def edges(self) -> Floats:
         """Edges of the range rings in metres, shape (K + 1,); here a single one from ``start_m`` to ``end_m``."""
         return self.from_start(np.array([self.own_ship_m, self.end_m], np.float64))
 
-    def from_start(self, edges: NDArray[np.float64]) -> NDArray[np.float64]:
+    def from_start(self, edges: Floats) -> Floats:
         """Return edges of range rings, the first at 0 if ``start_m`` is auto: it begins where own ship ends."""
         return np.append(0.0, edges[1:]) if self.start_m == "auto" else edges
 
@@ -94,7 +94,7 @@ class ZoneParams:
                 raise ValueError(f"exclude_boxes: box {number} has a minimum greater than its maximum")
 
 
-def ring_edges(start_m: float, end_m: float, width_m: float) -> NDArray[np.float64]:
+def ring_edges(start_m: float, end_m: float, width_m: float) -> Floats:
     """Return the edges of the range rings in metres, shape (K + 1,); the last ring ends at ``end_m`` ([Li2023], Eq. 3).
 
     Examples
@@ -138,7 +138,7 @@ class Zones:
         if self.own_ship is not None:
             self.own_ship.reset()
 
-    def divide(self, frame: Frame) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    def divide(self, frame: Frame) -> tuple[Bytes, Bytes]:
         """Return the zone of each point and the reason that follows from it, both of shape (N,)."""
         # Range ring k spans [d_s + (k - 1) d, d_s + k d), so a zone is the number of edges at or below the range.
         zone = np.zeros(frame.size, np.uint8)
@@ -147,29 +147,22 @@ class Zones:
         if self.own_ship is not None:
             self.own_ship.add(frame, finds_water=self._finds_water)
             zone[self.own_ship.contains(frame)] = 0
-        if self._exclusion:
-            zone[self._exclusion.contains(frame)] = self.count + 2
+        zone[self._exclusion.contains(frame)] = self.count + 2
         zone[~frame.valid] = self.count + 3
         return zone, self._reason[zone]
 
-    def members(self, zone: NDArray[np.uint8], keep: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
+    def members(self, zone: Bytes, keep: Mask) -> list[Indices]:
         """Return the indices of the points to keep in each range ring."""
         in_rings = np.flatnonzero(keep & (zone >= 1) & (zone <= self.count))
         ring = zone[in_rings]
         return [in_rings[ring == k] for k in range(1, self.count + 1)]
 
-    def per_point(self, values: NDArray[np.float64], zone: NDArray[np.uint8]) -> NDArray[np.float64]:
+    def per_point(self, values: Floats, zone: Bytes) -> Floats:
         """Return the value of each point's range ring, shape (N,); minus infinity outside the range rings."""
         outside = [-np.inf]
         return np.concatenate((outside, values, outside * 3))[zone]
 
-    def rings(
-        self,
-        zone: NDArray[np.uint8],
-        reason: NDArray[np.uint8],
-        thresholds: NDArray[np.float64],
-        corrections: NDArray[np.float64] | None = None,
-    ) -> Rings:
+    def rings(self, zone: Bytes, reason: Bytes, thresholds: Floats, corrections: Floats | None = None) -> Rings:
         """Return thresholds and counts of the range rings; unconfirmed and mirrored points count as outliers."""
         each = np.bincount(zone * np.intp(len(Reason)) + reason, minlength=(self.count + 4) * len(Reason))
         counts, far = np.split(each.reshape(-1, len(Reason))[1 : self.count + 2], [self.count])
@@ -195,11 +188,7 @@ class Exclusion:
 
             self._mask = load_mask(Path(mask))
 
-    def __bool__(self) -> bool:
-        """Return whether anything is excluded."""
-        return bool(self._boxes or self._polygons or self._mask)
-
-    def contains(self, frame: Frame) -> NDArray[np.bool_]:
+    def contains(self, frame: Frame) -> Mask:
         """Return whether each point of a frame is own structure, shape (N,)."""
         xyz = frame.coordinates
         inside = np.zeros(frame.size, np.bool_)
@@ -213,7 +202,7 @@ class Exclusion:
         return inside
 
 
-def _in_polygon(xyz: NDArray[np.float64], polygon: ExcludedPolygon) -> NDArray[np.bool_]:
+def _in_polygon(xyz: Floats, polygon: ExcludedPolygon) -> Mask:
     """Return whether points are inside: whether a ray from them crosses the outline an odd number of times."""
     corners = np.array(polygon.vertices, np.float64)
     low, high = corners.min(axis=0)[:, None], corners.max(axis=0)[:, None]

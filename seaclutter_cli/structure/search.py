@@ -313,21 +313,11 @@ def _numbered_beams(frame: Frame, elevation: Floats) -> Floats | None:
     rings, ring = np.unique(points[name][frame.valid], return_inverse=True)
     if not _MIN_BEAMS <= len(rings) <= _MAX_RINGS:
         return None
-    ordered, size = elevation[np.lexsort((elevation, ring))], np.bincount(ring)
-    start = np.cumsum(size) - size
-    middle = np.sort((ordered[start + (size - 1) // 2] + ordered[start + size // 2]) / 2)
+    by_ring = np.split(elevation[np.argsort(ring)], np.cumsum(np.bincount(ring))[:-1])
+    middle = np.sort([np.median(own) for own in by_ring])
     beams = middle[np.concatenate(([True], np.diff(middle) > _SAME_DEG))]
-    spread = np.median(_quantiles(ordered, start, size, 0.9) - _quantiles(ordered, start, size, 0.1))
+    spread = np.median([np.subtract(*np.quantile(own, (0.9, 0.1))) for own in by_ring])
     return beams if len(beams) >= _MIN_BEAMS and spread <= np.median(np.diff(beams)) else None
-
-
-def _quantiles(ordered: Floats, start: Ints, size: Ints, share: float) -> Floats:
-    """Return a quantile of each group of ascending values, as ``np.quantile`` does of one group."""
-    place = share * (size - 1)
-    below = place.astype(np.intp)
-    low, high = (ordered[start + np.minimum(below + step, size - 1)] for step in (0, 1))
-    part = place - below
-    return np.where(part < 0.5, low + (high - low) * part, high - (high - low) * (1 - part))
 
 
 def _parted_beams(elevation: Floats) -> Floats | None:

@@ -65,7 +65,7 @@ class BodyFinder:
         heights = self._sea.measure(echoes, np.full(len(index), -np.inf), time_s)
         among = heights.high | heights.upright
         among |= (heights.unseen >= 1) & (heights.height_m > -heights.rise_m) & ~heights.mirrored
-        clusters = _largest(Clusters.among(echoes, among, self._sea.beams, self._params))
+        clusters = _largest(Clusters.among(self._sea, echoes, among))
         flat = np.zeros(frame.size, np.bool_)
         flat[index] = np.abs(heights.height_m) <= heights.rise_m
         points = index[clusters.points]

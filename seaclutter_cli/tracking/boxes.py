@@ -3,13 +3,10 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Mask
 from seaclutter_cli.tracking.detections import YAWS
 from seaclutter_cli.tracking.tracker import ahead
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 STRUCTURE = "structure"
 _TURNING_S, _STEADY_S, _STEADY = 0.7, 5.0, 0.1

@@ -7,13 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import group_sizes, group_starts
+from seaclutter_cli.arrays import Floats, Ints, Mask, group_sizes, group_starts
 from seaclutter_cli.clustering import euclidean_clusters, pairs_within, spans
 from seaclutter_cli.frame import FilterResult, Reason
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 DIRECTIONS = 36
 _SECTORS, _BESIDE = 1440, np.array([1, -1])
@@ -81,10 +77,10 @@ class Detections:
     centers: Floats
     spans: Floats
     rises: Floats
-    points: Indices
+    points: Ints
     kept: Mask
     cells: Floats
-    owner: Indices
+    owner: Ints
     lidar: tuple[float, float] = (0.0, 0.0)
 
     def __len__(self) -> int:
@@ -101,8 +97,6 @@ class Detections:
 
         This is the logarithm of their area and of the mean distance of cells from the nearest side.
         """
-        if not len(self):
-            return np.empty((0, YAWS))
         hull = _projected(self.hulls - self.centers[:, None])
         low, high = hull.min(axis=1), hull.max(axis=1)
         cells = _projected(self.cells - self.centers[self.owner])
@@ -113,7 +107,7 @@ class Detections:
         widths = high - low + _SKIN_M
         return np.asarray(np.log(np.maximum(depth, 0) + _SKIN_M) + np.log(widths[:, :YAWS]) + np.log(widths[:, YAWS:]))
 
-    def cover(self, rows: Indices) -> NDArray[np.bool_]:
+    def cover(self, rows: Ints) -> Mask:
         """Return which detections are in the direction of the middle of n of them, shape (n, K)."""
         own = _bearings(self.hulls, self.centers)
         bearing = _bearing(self.centers)
@@ -141,14 +135,8 @@ class Detections:
         return cls.made(frame.coordinates.take(members[place], axis=1), key, kept, up)
 
     @classmethod
-    def made(cls, xyz: Floats, cluster: Indices, kept: int, up: Floats = _UP) -> "Detections":
+    def made(cls, xyz: Floats, cluster: Ints, kept: int, up: Floats = _UP) -> "Detections":
         """Return the detections of points, shape (3, n), sorted by cluster; the first ``kept`` clusters are kept."""
-        if not len(cluster):
-            none = np.empty((0, 2))
-            whole = np.empty(0, np.int64)
-            hulls, ends = np.empty((0, DIRECTIONS, 2)), np.empty((0, 2, 2))
-            hidden, flags = np.empty((0, 2), np.bool_), np.empty(0, np.bool_)
-            return cls(hulls, hulls, ends, hidden, none, none, none, whole, flags, none, whole)
         starts = group_starts(cluster)
         count = group_sizes(starts, len(cluster))
         if len(count) > _MAX_DETECTIONS:
@@ -172,7 +160,7 @@ class Detections:
         return cls(hulls, outlines, ends, hidden, centers, heights, rises, count, every < kept, cells, owner)
 
 
-def _hulls(xy: Floats, number: Indices) -> Floats:
+def _hulls(xy: Floats, number: Ints) -> Floats:
     """Return the outermost points of each cluster in 36 directions, shape (K, 36, 2)."""
     starts = group_starts(number)
     ends = [*starts.tolist(), len(number)][1:]
@@ -183,7 +171,7 @@ def _hulls(xy: Floats, number: Indices) -> Floats:
     return np.asarray(xy.T[farthest + starts[:, None]])
 
 
-def _outlines(hulls: Floats, xy: Floats, number: Indices, is_wash: Mask, centers: Floats) -> Floats:
+def _outlines(hulls: Floats, xy: Floats, number: Ints, is_wash: Mask, centers: Floats) -> Floats:
     """Return the hulls of clusters without points of wash, extended on both sides by half an angular step."""
     washed = np.bincount(number, is_wash) > 0
     body = np.flatnonzero(~is_wash & washed[number])
@@ -195,7 +183,7 @@ def _outlines(hulls: Floats, xy: Floats, number: Indices, is_wash: Mask, centers
     return np.asarray(hulls + np.sign(bearings)[:, :, None] * steps[:, None])
 
 
-def _are_of_wash(cell: Indices, owner: Indices, key: Indices) -> Mask:
+def _are_of_wash(cell: Ints, owner: Ints, key: Ints) -> Mask:
     """Return which cells are of wash or spray beside bodies, given the cell of each point, and their owners and keys.
 
     They have less than a tenth of the points that are usual in the cells of their owner, and are beside none with more.
@@ -220,7 +208,7 @@ def _bearings(hulls: Floats, centers: Floats) -> Floats:
     return np.asarray(np.arctan2(x * to_y - y * to_x, x * to_x + y * to_y))
 
 
-def _half_steps(xy: Floats, number: Indices, bearings: Floats, centers: Floats) -> Floats:
+def _half_steps(xy: Floats, number: Ints, bearings: Floats, centers: Floats) -> Floats:
     """Return half the mean angular step between echoes of each detection, as a vector to the left, (K, 2)."""
     met = np.zeros((len(centers), _AZIMUTHS), np.bool_)
     met[number, ((_bearing(xy.T) + np.pi) * (_AZIMUTHS / 2 / np.pi)).astype(np.int64) % _AZIMUTHS] = True
@@ -228,7 +216,7 @@ def _half_steps(xy: Floats, number: Indices, bearings: Floats, centers: Floats) 
     return np.asarray(half[:, None] * centers[:, ::-1] * (-1, 1))
 
 
-def _are_hidden(ends: Floats, cells: Floats, owner: Indices) -> Mask:
+def _are_hidden(ends: Floats, cells: Floats, owner: Ints) -> Mask:
     """Return beside which ends of detections, shape (K, 2, 2), another detection is nearer, shape (K, 2)."""
     distance_m = np.hypot(*cells.T)
     order = np.argsort(-distance_m)
@@ -242,7 +230,7 @@ def _are_hidden(ends: Floats, cells: Floats, owner: Indices) -> Mask:
     return np.asarray(is_other & (distance_m[found] < np.hypot(*ends.transpose(2, 0, 1)) - _CELL_M))
 
 
-def _clusters(xyz: Floats, doubtful: Mask, tolerance_m: float, min_points: int) -> Indices:
+def _clusters(xyz: Floats, doubtful: Mask, tolerance_m: float, min_points: int) -> Ints:
     """Return the cluster of each point, shape (N,), doubtful ones apart from others; -1 for small ones.
 
     What is larger than a small craft is divided at gaps of half the tolerance, a fifth across the line of sight, far
@@ -283,7 +271,7 @@ def _projected(points: Floats) -> NDArray[np.float32]:
     return np.asarray(along)
 
 
-def _along_and_across(xyz: Floats, number: Indices) -> Floats:
+def _along_and_across(xyz: Floats, number: Ints) -> Floats:
     """Return the distance, the bearing from that of the middle of its cluster, and z of each point, shape (3, N).
 
     A gap across the line of sight is open water; along it, it may be hidden by what is in front.
@@ -293,7 +281,7 @@ def _along_and_across(xyz: Floats, number: Indices) -> Floats:
     return np.stack((np.hypot(x, y), np.arctan2(to_x * y - to_y * x, to_x * x + to_y * y), z))
 
 
-def _joined(xy: Floats, part: Indices, doubtful: Mask, tolerance_m: float) -> Indices:
+def _joined(xy: Floats, part: Ints, doubtful: Mask, tolerance_m: float) -> Ints:
     """Return the number of the whole of each point: parts that are near each other, up to the size of a small craft.
 
     So boats beside each other, too wide together, or beside a quay are apart, and a boat that is seen in pieces is one.
@@ -326,7 +314,7 @@ def _joined(xy: Floats, part: Indices, doubtful: Mask, tolerance_m: float) -> In
     return np.where(size < _LEAST_SHARE * largest[whole], -1, whole)[part]
 
 
-def _widths(xy: Floats, number: Indices) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _widths(xy: Floats, number: Ints) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return the least and the greatest coordinates of each cluster of points, in 18 directions, shape (18, K)."""
     order = np.argsort(number)
     starts = group_starts(number[order])
@@ -343,13 +331,13 @@ def _across(xy: Floats) -> NDArray[np.float32]:
     return np.asarray(across)
 
 
-def _are_small(low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _are_small(low: NDArray[np.float32], high: NDArray[np.float32]) -> Mask:
     """Return which clusters are not longer or wider than a small craft."""
     widths = high - low
     return np.asarray((widths.max(axis=0) <= _CRAFT_M) & (widths.min(axis=0) <= _CRAFT_WIDE_M))
 
 
-def _cells(xy: Floats, owner: Indices) -> tuple[Floats, Indices, Indices, Indices]:
+def _cells(xy: Floats, owner: Ints) -> tuple[Floats, Ints, Ints, Ints]:
     """Return the mean positions of points in cells of 0.5 m of each owner, and the owner of each cell.
 
     The third array has the cell of each point, the fourth a key of each cell, to which `_AROUND` adds its neighbours.
@@ -361,7 +349,7 @@ def _cells(xy: Floats, owner: Indices) -> tuple[Floats, Indices, Indices, Indice
     return np.stack([np.bincount(cell, values) / count for values in xy], axis=1), owner[first], cell, keys[first]
 
 
-def _unique(keys: Indices) -> tuple[Indices, Indices]:
+def _unique(keys: Ints) -> tuple[Ints, Ints]:
     """Return where each different key is first, and the number of each key among them, faster than `numpy.unique`."""
     order = np.argsort(keys)
     starts = group_starts(keys[order])

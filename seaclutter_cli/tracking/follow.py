@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.frame import FilterResult, Frame, WaterState
 from seaclutter_cli.tracking.boxes import STRUCTURE, Shape, fit, guessed_class, seen_depth_m, smoothed, with_hull
 from seaclutter_cli.tracking.clock import Clock
@@ -15,8 +15,6 @@ from seaclutter_cli.tracking.detections import Detections, Pose
 from seaclutter_cli.tracking.tracker import Track, Tracker
 from seaclutter_cli.water import Mounting
 from seaclutter_cli.water.beams import Beams
-
-Floats = NDArray[np.float64]
 
 CONFIRMED, CANDIDATE, LOST = "confirmed", "candidate", "lost"
 _CONTEXT_S = 10.0
@@ -49,11 +47,11 @@ class FrameObjects:
     sizes: Floats
     yaws: Floats
     velocities: Floats
-    points: NDArray[np.int64]
+    points: Ints
     scores: Floats
     tops_m: Floats
-    spans_ns: NDArray[np.int64]
-    measured: NDArray[np.bool_]
+    spans_ns: Ints
+    measured: Mask
     kinds: Sequence[str]
     over_ground: bool
 
@@ -77,7 +75,7 @@ class _Water(NamedTuple):
 
 @dataclass(frozen=True)
 class _Waiting:
-    """A frame whose objects are not final yet: its detections, with the track of each that has one."""
+    """A frame whose objects are not final yet: its detections, and the numbers and tracks of those that have one."""
 
     index: int
     stamp_ns: int
@@ -88,8 +86,7 @@ class _Waiting:
     found: Detections
     misfits: Floats
     clear_m: Floats
-    rows: Sequence[int]
-    tracks: Sequence[Track]
+    seen: Sequence[tuple[int, Track]]
 
 
 class Follower:
@@ -135,12 +132,10 @@ class Follower:
         clear_m = self._clear_m(result.frame, water, found)
         found = found.moved(pose)
         tracks = self._tracker.step(found, time_s) if frame.valid.any() else []  # no echo at all misses nothing
-        rows = [row for row, track in enumerate(tracks) if track is not None]
-        known = [track for track in tracks if track is not None]
+        seen = [(row, track) for row, track in enumerate(tracks) if track is not None]
         moment = frame.index, frame.stamp_ns, time_s
-        misfits = found.misfits()
-        self._frames.append(_Waiting(*moment, pose, over_ground, water, found, misfits, clear_m, rows, known))
-        self._records += len(rows)
+        self._frames.append(_Waiting(*moment, pose, over_ground, water, found, found.misfits(), clear_m, seen))
+        self._records += len(seen)
         if time_s - self._frames[self._done].time_s >= 2 * self._ahead_s or self._records > _MAX_WAITING:
             yield from self._complete(time_s - self._ahead_s)
 
@@ -203,9 +198,9 @@ class Follower:
         yield from _smoothed(frames, self._done, end, self._shapes, self._origin_ns or 0)
         self._done = end
         while self._done and self._frames[0].time_s < until_s - self._context_s:
-            self._records -= len(self._frames.popleft().rows)
+            self._records -= len(self._frames.popleft().seen)
             self._done -= 1
-        alive = {track for one in self._frames for track in one.tracks}
+        alive = {track for one in self._frames for _, track in one.seen}
         self._shapes = {track: shape for track, shape in self._shapes.items() if track in alive}
 
 
@@ -225,8 +220,8 @@ class _Lives:
     yaws: Floats
     middles_m: Floats
     tops_m: Floats
-    points: NDArray[np.int64]
-    sure: NDArray[np.bool_]
+    points: Ints
+    sure: Mask
     sizes: Floats
     kinds: list[str]
 
@@ -246,9 +241,7 @@ class _Lives:
             lives._fill(n, found, seen, sensor[seen], shapes.setdefault(track, Shape()))
         return lives
 
-    def _fill(
-        self, n: int, own: Sequence[tuple[_Waiting, int]], seen: NDArray[np.int64], sensor: Floats, shape: Shape
-    ) -> None:
+    def _fill(self, n: int, own: Sequence[tuple[_Waiting, int]], seen: Ints, sensor: Floats, shape: Shape) -> None:
         """Fill in a track, given the frames in which it was seen, and its row in each."""
         names = "hulls", "outlines", "hidden", "spans", "rises", "points", "kept"
         hulls, outlines, hidden, spans, rises, points, kept = (
@@ -272,13 +265,12 @@ def _smoothed(
 ) -> Iterator[FrameObjects]:
     """Yield the objects of frames from ``start`` to ``end``; the others are their context."""
     lives = _Lives.of(frames, shapes)
-    own = [shapes[track] for track in lives.tracks]
     at, velocity = smoothed(lives.places, lives.deviations, lives.times_s)
     velocity[:, np.isfinite(lives.places[..., 0]).sum(axis=0) < 2] = np.nan  # one place shows no motion
     bodies = np.array([kind != STRUCTURE for kind in lives.kinds], np.bool_)
     at[:, _are_parts(at[start:end], lives.yaws[start:end], lives.sizes, bodies)] = np.nan
     scores = np.array([track.score for track in lives.tracks])
-    measured = np.array([shape.oblique for shape in own], np.bool_)
+    measured = np.array([shapes[track].oblique for track in lives.tracks], np.bool_)
     stamps = np.array([[round(t * 1e9) for t in (one.first_s, one.seen_s)] for one in lives.tracks], np.int64)
     for f in range(start, end):
         one = frames[f]
@@ -308,12 +300,12 @@ def _records(frames: Sequence[_Waiting]) -> dict[Track, list[tuple[int, int]]]:
     """Return the frames in which each track was seen, and its row in each."""
     records: dict[Track, list[tuple[int, int]]] = {}
     for f, one in enumerate(frames):
-        for row, track in zip(one.rows, one.tracks, strict=True):
+        for row, track in one.seen:
             records.setdefault(track, []).append((f, row))
     return records
 
 
-def _are_parts(at: Floats, yaws: Floats, sizes: Floats, bodies: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _are_parts(at: Floats, yaws: Floats, sizes: Floats, bodies: Mask) -> Mask:
     """Return which of N tracks are parts of others, such as a mast: small, and almost always inside a larger box.
 
     Boxes of quays contain water, so only ``bodies``, shape (N,), have parts.

@@ -7,14 +7,10 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import group_sizes, group_starts
+from seaclutter_cli.arrays import Floats, Ints, group_sizes, group_starts
 from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.tracking.detections import Detections, Pose
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _GATE_M, _GATE_SIGMAS, _MAX_GATE_M = 0.8, 2.0, 8.0
 _LEAST_OVERLAP = 0.25
@@ -158,13 +154,11 @@ class Tracker:
         looks = list(_looks(found))
         result: list[Track | None] = [None] * len(found)
         pairs = self._pairs(found, time_s, interval_s)
-        for t, d in pairs:
-            track = self._tracks[t]
-            track.update(looks[d], time_s)
-            result[d] = track
-        seen = {t for t, _ in pairs}
         for t, track in enumerate(self._tracks):
-            track.gap += t not in seen
+            track.gap += t not in pairs
+        for t, d in pairs.items():
+            result[d] = self._tracks[t]
+            self._tracks[t].update(looks[d], time_s)
         new_coast_s = _NEW_COAST_S + interval_s + _SLACK_S
         self._tracks = [one for one in self._tracks if time_s - one.seen_s <= (new_coast_s if one.is_new else _COAST_S)]
         for d in np.flatnonzero(found.kept).tolist():
@@ -180,15 +174,15 @@ class Tracker:
         )
         return self._tracks[-1]
 
-    def _pairs(self, found: Detections, time_s: float, interval_s: float) -> list[tuple[int, int]]:
-        """Return which track each detection continues.
+    def _pairs(self, found: Detections, time_s: float, interval_s: float) -> dict[int, int]:
+        """Return which detection continues each track.
 
         The pairs with the most common cells and the nearest centres are taken first, kept detections before others. A
         track that was seen for long counts more, so that a boat in two pieces for a moment keeps its own.
         """
         tracks = self._tracks
         if not tracks or not len(found):
-            return []
+            return {}
         elapsed_s = time_s - np.array([one.seen_s for one in tracks])
         moved = np.array([one.velocity for one in tracks]) * elapsed_s
         gate = _gates_m(tracks, elapsed_s, interval_s)
@@ -209,12 +203,11 @@ class Tracker:
         cost -= _SCORE_WEIGHT * np.array([one.score for one in tracks])[:, None]
         rows, columns = np.nonzero(overlap >= _LEAST_OVERLAP)
         order = np.argsort(cost[rows, columns], kind="stable")
-        taken_rows, taken_columns, pairs = set[int](), set[int](), []
+        pairs, taken = dict[int, int](), set[int]()
         for t, d in zip(rows[order].tolist(), columns[order].tolist(), strict=True):
-            if t not in taken_rows and d not in taken_columns:
-                taken_rows.add(t)
-                taken_columns.add(d)
-                pairs.append((t, d))
+            if t not in pairs and d not in taken:
+                pairs[t] = d
+                taken.add(d)
         return pairs
 
     def move(self, old: Pose, new: Pose) -> None:
@@ -243,7 +236,7 @@ def _looks(found: Detections) -> Iterator[Look]:
     return (Look(*one, complex(*found.lidar)) for one in each)
 
 
-def _counted(rows: Indices, columns: Indices, shape: tuple[int, int]) -> Indices:
+def _counted(rows: Ints, columns: Ints, shape: tuple[int, int]) -> Ints:
     """Return how often each pair of a row and a column occurs."""
     return np.bincount(rows * shape[1] + columns, minlength=shape[0] * shape[1]).reshape(shape)
 

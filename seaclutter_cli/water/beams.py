@@ -1,14 +1,10 @@
 """Elevations of a lidar's beams, learned from its points, and what they can meet in a frame."""
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.water.mounting import Mounting
 from seaclutter_cli.water.surface import WaterSurface
-
-Floats = NDArray[np.float64]
 
 _BIN_DEG = 0.1
 _HALF_DEG = 90.0
@@ -48,9 +44,16 @@ class Beams:
                 self._seen[found] = True
                 self._update()
 
-    def pass_between(self, low_deg: Floats, high_deg: Floats) -> NDArray[np.bool_]:
-        """Return whether any beam passes between two elevations, shape (K,)."""
-        return np.asarray(self._count[_bins(high_deg) + 1] > self._count[_bins(low_deg)])
+    def meet(self, water: WaterSurface, positions: Floats, tops_m: Floats) -> Mask:
+        """Return whether any beam meets bodies at horizontal positions, shape (K, 2), of heights above the water, (K,).
+
+        Low objects far away often lie between two beams, and waves lift them in and out of sight. Only where a beam
+        would have met an object does its absence show that it is gone.
+        """
+        x, y = positions.T
+        level = water.height(x, y)
+        low, high = (_bins(self.elevation_deg(np.array((x, y, z)))) for z in (level, level + tops_m))
+        return np.asarray(self._count[high + 1] > self._count[low])
 
     def gaps(self, lowest_deg: Floats, highest_deg: Floats) -> tuple[Floats, Floats]:
         """Return the angles from the lowest points of K bodies to the beams below, and from the highest to those above.
@@ -73,29 +76,5 @@ class Beams:
         self.spacing_deg = float(np.median(steps)) * _BIN_DEG if len(steps) else 0.0
 
 
-@dataclass(frozen=True)
-class Sight:
-    """The beams over the water in one frame.
-
-    Low objects far away often lie between two beams, and waves lift them in and out of sight. Only where a beam would
-    have met an object does its absence show that it is gone. Without water, everything is in sight. All objects are at
-    least ``min_top_m`` high.
-    """
-
-    beams: Beams
-    water: WaterSurface | None
-    min_top_m: float
-
-    def meets(self, positions: Floats, top_m: Floats) -> NDArray[np.bool_]:
-        """Return whether any beam meets bodies at horizontal positions, shape (K, 2), of heights above the water."""
-        if self.water is None:
-            return np.ones(len(positions), np.bool_)
-        x, y = positions.T
-        level = self.water.height(x, y)
-        tops = level + np.maximum(top_m, self.min_top_m)
-        low, high = (self.beams.elevation_deg(np.array((x, y, z))) for z in (level, tops))
-        return self.beams.pass_between(low, high)
-
-
-def _bins(elevation_deg: Floats) -> NDArray[np.int64]:
+def _bins(elevation_deg: Floats) -> Ints:
     return np.rint((elevation_deg + _HALF_DEG) / _BIN_DEG).astype(np.int64)

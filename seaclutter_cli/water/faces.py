@@ -5,11 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import group_sizes
+from seaclutter_cli.arrays import Floats, Indices, Mask, group_sizes
 
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Indices = NDArray[np.intp]
+Int32s = NDArray[np.int32]
 
 LEAST_M = 0.25
 """Height of the lowest face that calm water does not have; in waves, their standard deviation is added."""
@@ -41,9 +39,9 @@ class Faces:
 
     low_m: Floats
     top_m: Floats
-    pairs: NDArray[np.int32]
+    pairs: Int32s
     joined: Mask
-    run: NDArray[np.int32]
+    run: Int32s
 
     @classmethod
     def of(cls, xyz: Floats, elevation_deg: Floats | None = None, above_deg: Floats | None = None) -> "Faces":
@@ -64,10 +62,8 @@ class Faces:
         step = np.diff(bearing[order])
         near = _same(beam[order])
         near &= step <= _reach_deg(step[near])
-        one = _Neighbors.among(order, near, distance, np.radians(step) * distance[order][1:])
-        found = [(one.pairs, one.joined)]
-        run = np.empty(len(z), np.int32)
-        _, size = one.chains()
+        *neighbors, _, size = _neighbors(order, near, distance, np.radians(step) * distance[order][1:])
+        found, run = [neighbors], np.empty(len(z), np.int32)
         run[order] = np.repeat(size, size)
         low, top = z.copy(), z.copy()
         upwards = np.argsort(elevation_deg, kind="stable").astype(np.int32)  # less to hold
@@ -76,10 +72,9 @@ class Faces:
             order = upwards[np.argsort(column[upwards], kind="stable")]
             gap_deg = np.maximum(_LEAST_GAP_DEG, _GAP_BEAMS * above_deg[order[:-1]])
             near = _same(column[order]) & (np.diff(elevation_deg[order]) <= gap_deg)
-            one = _Neighbors.among(order, near, distance, _RAKE * np.abs(np.diff(z[order])))
-            start, size = one.chains()
-            found.append((one.pairs, one.joined))
-            del gap_deg, near, column, one  # less to hold
+            *neighbors, start, size = _neighbors(order, near, distance, _RAKE * np.abs(np.diff(z[order])))
+            found.append(neighbors)
+            del gap_deg, near, column  # less to hold
             ends = np.repeat([chain.reduceat(z[order], start) for chain in (np.minimum, np.maximum)], size, axis=1)
             higher = ends[1] - ends[0] > (top - low)[order]
             low[order[higher]], top[order[higher]] = ends[:, higher]
@@ -99,7 +94,7 @@ class Faces:
         """Return the heights of the faces above z of the water, shape (N,)."""
         return self.top_m - np.maximum(self.low_m, level)
 
-    def neighbors(self, among: Mask) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    def neighbors(self, among: Mask) -> tuple[Int32s, Int32s]:
         """Return how many neighbours of each echo among some are on one surface with it, and how many are not.
 
         Both have the shape (N,).
@@ -112,42 +107,21 @@ class Faces:
         return joined, loose
 
 
-@dataclass(frozen=True)
-class _Neighbors:
-    """Neighbours in an order of echoes: the places of the ``second`` of each pair.
+def _neighbors(order: Int32s, near: Mask, distance: Floats, slope_m: Floats) -> tuple[Int32s, Mask, Indices, Indices]:
+    """Return the neighbours among N echoes in order; ``near`` and the ranges allowed by a slope are (N - 1,).
 
-    They are ``close`` if their ranges are nearly equal, and ``joined`` if they are close or their ranges change evenly.
+    These are the numbers of each pair, shape (2, P), whether they are joined, because their ranges are nearly equal or
+    change evenly, and start and size of the chains of echoes at nearly equal ranges.
     """
-
-    order: NDArray[np.int32]
-    second: Indices
-    close: Mask
-    joined: Mask
-
-    @classmethod
-    def among(cls, order: NDArray[np.int32], near: Mask, distance: Floats, slope_m: Floats) -> "_Neighbors":
-        """Return the neighbours among N echoes in order; ``near`` and the ranges allowed by a slope are (N - 1,)."""
-        ordered = distance[order]
-        step = np.diff(ordered)
-        near = near & (np.abs(step) <= _APART_M)
-        limit = _NOISE_M + _DIVERGENCE * ordered[1:]
-        even = near[1:] & near[:-1] & (np.abs(np.diff(step)) <= limit[1:])
-        close = np.abs(step) <= limit + slope_m
-        joined = close | np.append(even, values=False) | np.insert(even, 0, values=False)
-        first = np.flatnonzero(near)
-        return cls(order, first + 1, close[first], joined[first])
-
-    @property
-    def pairs(self) -> NDArray[np.int32]:
-        """Numbers of the neighbours, shape (2, P); they take little memory."""
-        return np.stack((self.order[self.second - 1], self.order[self.second]))
-
-    def chains(self) -> tuple[Indices, Indices]:
-        """Return start and size of the chains of close echoes."""
-        first = np.ones(len(self.order), np.bool_)
-        first[self.second[self.close]] = False
-        start = np.flatnonzero(first)
-        return start, group_sizes(start, len(self.order))
+    ordered = distance[order]
+    step = np.diff(ordered)
+    near = near & (np.abs(step) <= _APART_M)
+    limit = _NOISE_M + _DIVERGENCE * ordered[1:]
+    even = near[1:] & near[:-1] & (np.abs(np.diff(step)) <= limit[1:])
+    close = np.abs(step) <= limit + slope_m
+    joined = close | np.append(even, values=False) | np.insert(even, 0, values=False)
+    start = np.flatnonzero(np.insert(~(near & close), 0, values=True)[: len(order)])
+    return np.stack((order[:-1][near], order[1:][near])), joined[near], start, group_sizes(start, len(order))
 
 
 def _reach_deg(step: Floats) -> float:

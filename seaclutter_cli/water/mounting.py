@@ -5,9 +5,8 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from seaclutter_cli.arrays import Floats
 
 _DECIMALS = 15
 

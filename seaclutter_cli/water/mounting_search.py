@@ -1,12 +1,13 @@
 """Search for water at another attitude than that in which a lidar is said to be mounted."""
 
-from dataclasses import dataclass
+import math
 from typing import Self
 
 import numpy as np
 
-from seaclutter_cli.water.mounting import Floats, Mounting, angle_deg
-from seaclutter_cli.water.plane import FARTHEST_M, NEAREST_M, PolarCells, fit_plane
+from seaclutter_cli.arrays import Floats
+from seaclutter_cli.water.mounting import Mounting, angle_deg
+from seaclutter_cli.water.plane import FARTHEST_M, PolarCells, fit_plane, in_reach
 
 _TOLERANCE_DEG = 10.0
 _MAX_TILT_DEG = 55.0
@@ -27,14 +28,6 @@ _FRAMES_WITHOUT = 8
 _MIN_SPAN_S = 3.0
 _MIN_SHARE = 0.6
 _AGREEMENT_DEG = 15.0
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """A plane below the lidar: its upward normal in the frame of the lidar, shape (3,), and how well it is water."""
-
-    up: Floats
-    score: int
 
 
 class MountingSearch:
@@ -63,8 +56,7 @@ class MountingSearch:
 
     def wants(self, time_s: float) -> bool:
         """Return whether a frame at this time should be added."""
-        due = not self._frames or not 0 <= time_s - self._frames[-1][0] < _INTERVAL_S
-        return due and not self.complete
+        return not self.complete and not (self._frames and 0 <= time_s - self._frames[-1][0] < _INTERVAL_S)
 
     @property
     def complete(self) -> bool:
@@ -109,19 +101,20 @@ class MountingSearch:
 
     def _other(self, xyz: Floats) -> Floats | None:
         """Return the upward direction of water at another attitude in a frame, shape (3,)."""
-        level, other = 0, None
+        level, best, other = 0, -math.inf, None
         for start in self._starts:
             fit = _fit(xyz, start)
             if fit is None:
                 continue
-            tilt = angle_deg(fit.up, self._given.up)
+            up, score = fit
+            tilt = angle_deg(up, self._given.up)
             if tilt <= _TOLERANCE_DEG:
-                level = max(level, fit.score)
-            elif not _MAX_TILT_DEG < tilt < 180 - _MAX_TILT_DEG and (other is None or fit.score > other.score):
-                other = fit
+                level = max(level, score)
+            elif not _MAX_TILT_DEG < tilt < 180 - _MAX_TILT_DEG and score > best:
+                best, other = score, up
             if level >= _MIN_SCORE:
                 return None
-        return other.up if other is not None and other.score >= max(_MIN_SCORE, _BETTER * level) else None
+        return other if best >= max(_MIN_SCORE, _BETTER * level) else None
 
 
 def _around(up: Floats) -> list[Mounting]:
@@ -143,8 +136,11 @@ def _thinned(xyz: Floats) -> Floats:
     return xyz[:, order[first]]
 
 
-def _fit(xyz: Floats, start: Mounting) -> _Fit | None:
-    """Return the plane that a fit finds from an attitude; None if there is none 0.5 to 20 m below it."""
+def _fit(xyz: Floats, start: Mounting) -> tuple[Floats, int] | None:
+    """Return the upward normal of the plane that a fit finds from an attitude, shape (3,), and how well it is water.
+
+    None if there is no plane 0.5 to 20 m below the lidar.
+    """
     mounting = start
     for _ in range(_FITS):  # the second is free of the first's small angles
         cells = PolarCells.of(_within_reach(mounting.levelled(xyz)))
@@ -156,12 +152,11 @@ def _fit(xyz: Floats, start: Mounting) -> _Fit | None:
         level_m = plane.level_m / float(np.linalg.norm(normal))
         if not _MIN_HEIGHT_M <= -level_m <= _MAX_HEIGHT_M:
             return None
-    return _Fit(mounting.up, _score(_within_reach(mounting.levelled(xyz)), level_m))
+    return mounting.up, _score(_within_reach(mounting.levelled(xyz)), level_m)
 
 
 def _within_reach(xyz: Floats) -> Floats:
-    distance = np.hypot(xyz[0], xyz[1])
-    return xyz[:, (distance >= NEAREST_M) & (distance < FARTHEST_M)]
+    return xyz[:, in_reach(*xyz[:2])]
 
 
 def _score(xyz: Floats, level_m: float) -> int:

@@ -5,11 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import group_sizes, group_starts
-
-Floats = NDArray[np.float64]
+from seaclutter_cli.arrays import Floats, Ints, Mask, group_sizes, group_starts
 
 NEAREST_M, FARTHEST_M = 5.0, 45.0
 _BEARINGS = 36
@@ -42,10 +39,6 @@ class Plane:
         """Return z of the plane at given positions, in metres."""
         return self.level_m + self.slope_x * x + self.slope_y * y
 
-    def shifted(self, offset_m: float) -> "Plane":
-        """Return the plane moved up by an offset."""
-        return Plane(self.level_m + offset_m, self.slope_x, self.slope_y)
-
     def turned(self, rotation: Floats) -> "Plane":
         """Return the plane in axes to which a rotation, shape (3, 3), turns those of the lidar."""
         up = np.array((-self.slope_x, -self.slope_y, 1.0))
@@ -67,9 +60,9 @@ class PolarCells:
     (C,), is z of the top of the bodies above feet, infinite for points beside bodies, and NaN for others.
     """
 
-    cell: NDArray[np.int64]
+    cell: Ints
     lowest: Floats
-    number: NDArray[np.int64]
+    number: Ints
     trust: Floats
     top: Floats
 
@@ -124,7 +117,33 @@ class PolarCells:
         level = plane.height(*self.lowest[:2])
         rise = np.nan_to_num(self.top - level, nan=0.0, posinf=np.inf)
         below = np.count_nonzero(self.lowest[2] - level + rise < -_BELOW_M)
-        return bool(below > np.count_nonzero(weight > _ABOVE / 3 * self.trust))
+        return bool(below > np.count_nonzero(self._are_water(weight)))
+
+    def covariance(self, plane: Plane, weight: Floats) -> Floats:
+        """Return the covariance of level and slopes of a fitted plane, shape (3, 3), by the weights of the cells, (C,).
+
+        Since neighbouring cells see the same waves, cells count as many observations as their weights add up to.
+        """
+        x, y, z = self.lowest
+        rows = np.stack((np.ones_like(x), x, y))
+        normal = (weight * rows) @ rows.T + np.diag((0, _TILT_RIDGE, _TILT_RIDGE))
+        mean_square = weight @ np.square(z - plane.height(x, y)) / weight.sum()
+        return np.asarray(mean_square * np.linalg.inv(normal))
+
+    def in_water(self, weight: Floats) -> Mask:
+        """Return which of the N points are in cells of water, given the weights of the cells in its fit, shape (C,)."""
+        of_water = np.zeros(_OF_BODIES + 1, np.bool_)
+        of_water[self.number[self._are_water(weight)]] = True
+        return of_water[self.cell]
+
+    def _are_water(self, weight: Floats) -> Mask:
+        return weight > _ABOVE / 3 * self.trust
+
+
+def in_reach(x: Floats, y: Floats) -> Mask:
+    """Return which positions are between `NEAREST_M` and `FARTHEST_M` from the lidar."""
+    distance = np.hypot(x, y)
+    return (distance >= NEAREST_M) & (distance < FARTHEST_M)
 
 
 def _nearness(xyz: Floats) -> Floats:
@@ -138,7 +157,7 @@ def _lowest_around(foot: Floats) -> Floats:
     return np.asarray(around)
 
 
-def _lowest_feet(bodies: Floats) -> tuple[NDArray[np.int64], Floats]:
+def _lowest_feet(bodies: Floats) -> tuple[Ints, Floats]:
     """Return the occupied cells, and one foot for each, in its middle.
 
     It is higher than a tenth of the feet in its cell: those are mirrored.
@@ -152,7 +171,7 @@ def _lowest_feet(bodies: Floats) -> tuple[NDArray[np.int64], Floats]:
     return cell, np.stack((distance * np.cos(bearing), distance * np.sin(bearing), cm / 100 - _DEEPEST_M))
 
 
-def _cell(xyz: Floats) -> NDArray[np.int64]:
+def _cell(xyz: Floats) -> Ints:
     """Return the number of the cell of each point."""
     x, y = xyz[:2]
     bearing = ((np.arctan2(y, x) + np.pi) * (_BEARINGS / (2 * np.pi))).astype(np.int64)
@@ -182,18 +201,6 @@ def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
     sure = [fit for fit in sure or fits if not cells.contradict(*fit)] or sure
     needed = _SUPPORT * max(float(weight.sum()) for _, weight in sure or fits)
     return min((fit for fit in sure or fits if fit[1].sum() >= needed), key=lambda fit: fit[0].level_m)
-
-
-def covariance(cells: PolarCells, plane: Plane, weight: Floats) -> Floats:
-    """Return the covariance of level and slopes of a fitted plane, shape (3, 3), from the weights of the cells, (C,).
-
-    Since neighbouring cells see the same waves, cells count as many observations as their weights add up to.
-    """
-    x, y, z = cells.lowest
-    rows = np.stack((np.ones_like(x), x, y))
-    normal = (weight * rows) @ rows.T + np.diag((0, _TILT_RIDGE, _TILT_RIDGE))
-    mean_square = weight @ np.square(z - plane.height(x, y)) / weight.sum()
-    return np.asarray(mean_square * np.linalg.inv(normal))
 
 
 def _reweighted(cells: PolarCells, plane: Plane) -> tuple[Plane, Floats]:
@@ -247,41 +254,19 @@ def _least_squares(sums: Sequence[float]) -> Plane:
     return Plane((z - slope_x * x - slope_y * y) / n, slope_x, slope_y)
 
 
-@dataclass(frozen=True)
-class WaterEchoes:
-    """Echoes in cells of water: heights above the plane of the lowest points, and cells, shape (M,) each.
+def mean_level(cells: PolarCells, height_m: Floats, of_water: Mask, band_m: float) -> tuple[float, float]:
+    """Return the offset of the mean water from a plane and its standard deviation, from echoes within a band.
 
-    Echoes of objects that rise out of the water do not count.
+    Heights above the plane, and whether points are echoes ``of_water``, have the shape (N,). Each cell counts the same,
+    whatever the number of its echoes.
     """
-
-    height_m: Floats
-    cell: NDArray[np.int64]
-    trust: Floats
-
-    @classmethod
-    def of(cls, cells: PolarCells, height_m: Floats, weight: Floats, flat: NDArray[np.bool_]) -> "WaterEchoes":
-        """Return the echoes of water among N points in C occupied cells.
-
-        Heights, shape (N,), are those above the plane, weights, shape (C,), those of the cells in its fit; ``flat``,
-        shape (N,), is false for points of objects.
-        """
-        of_water = np.zeros(_OF_BODIES + 1, np.bool_)
-        of_water[cells.number[weight > _ABOVE / 3 * cells.trust]] = True
-        trust = np.zeros(_OF_BODIES)
-        trust[cells.number] = cells.trust
-        used = np.flatnonzero(of_water[cells.cell] & flat)
-        return cls(height_m[used], cells.cell[used], trust[cells.cell[used]])
-
-    def mean_level(self, band_m: float) -> tuple[float, float]:
-        """Return the offset of the mean water from the plane and its standard deviation, from echoes within a band.
-
-        Each cell counts the same, whatever the number of its echoes.
-        """
-        used = np.flatnonzero(np.abs(self.height_m) <= band_m)
-        if not len(used):
-            return 0.0, 0.0
-        share = self.trust[used] / np.bincount(self.cell[used])[self.cell[used]]
-        order = np.argsort(self.height_m[used])
-        total, height = np.cumsum(share[order]), self.height_m[used][order]
-        low, middle = (float(height[np.searchsorted(total, total[-1] * part)]) for part in (0.16, 0.5))
-        return middle, middle - low
+    used = np.flatnonzero(of_water & (np.abs(height_m) <= band_m))
+    if not len(used):
+        return 0.0, 0.0
+    cell, height, trust = cells.cell[used], height_m[used], np.zeros(_OF_BODIES)
+    trust[cells.number] = cells.trust
+    share = trust[cell] / np.bincount(cell)[cell]
+    order = np.argsort(height)
+    total, height = np.cumsum(share[order]), height[order]
+    low, middle = (float(height[np.searchsorted(total, total[-1] * part)]) for part in (0.16, 0.5))
+    return middle, middle - low

@@ -6,8 +6,11 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Mask
 from seaclutter_cli.frame import WaterState
-from seaclutter_cli.water.plane import Floats, Plane
+from seaclutter_cli.water.plane import Plane
+
+Cells = NDArray[np.int32]
 
 _REACH_M = 60.0
 _CELL_M = 1.5
@@ -27,69 +30,48 @@ RANGE_NOISE_M = 0.02
 _DECIMALS = 9
 
 
-@dataclass(frozen=True)
-class GridCells:
-    """The cells of N positions on a grid of 1.5 m within 60 m, as their numbers, shape (N,); 6400 beyond the grid."""
-
-    number: NDArray[np.int32]
-
-    @classmethod
-    def of(cls, x: Floats, y: Floats) -> "GridCells":
-        """Return the cells of positions in metres."""
-        column, row = (x + _REACH_M) / _CELL_M, (y + _REACH_M) / _CELL_M
-        inside = (column >= 0) & (column < _CELLS) & (row >= 0) & (row < _CELLS)
-        with np.errstate(invalid="ignore"):  # positions far beyond the grid have no integer
-            number = column.astype(np.int32) * np.int32(_CELLS) + row.astype(np.int32)
-        number[~inside] = BEYOND
-        return cls(number)
-
-    def beside(self, bodies: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return which of N positions are in the cells of others, ``bodies``, or next to them, shape (N,).
-
-        Beyond the grid, all are.
-        """
-        body = np.zeros(BEYOND + 1, np.bool_)
-        body[self.number[bodies]] = True
-        around = np.zeros((_CELLS + 2, _CELLS + 2), np.bool_)
-        around[1:-1, 1:-1] = body[:BEYOND].reshape(_CELLS, _CELLS)
-        beside = around[:-2] | around[1:-1] | around[2:]
-        body[:BEYOND] = (beside[:, :-2] | beside[:, 1:-1] | beside[:, 2:]).reshape(-1)
-        body[BEYOND] = True
-        return body[self.number]
+def grid_cells(x: Floats, y: Floats) -> Cells:
+    """Return the cells of N positions in metres on a grid of 1.5 m within 60 m, shape (N,); 6400 beyond the grid."""
+    column, row = (x + _REACH_M) / _CELL_M, (y + _REACH_M) / _CELL_M
+    inside = (column >= 0) & (column < _CELLS) & (row >= 0) & (row < _CELLS)
+    with np.errstate(invalid="ignore"):  # positions far beyond the grid have no integer
+        cells = column.astype(np.int32) * np.int32(_CELLS) + row.astype(np.int32)
+    cells[~inside] = BEYOND
+    return cells
 
 
-@dataclass(frozen=True)
-class Swell:
-    """Height of the water above its mean plane on a grid of 1.5 m within 60 m, and how many echoes it rests on.
+def beside(cells: Cells, bodies: Mask) -> Mask:
+    """Return which of N positions are in the cells of others, ``bodies``, or next to them, shape (N,).
 
-    Both have the shape (6401,); the last cell, beyond the grid, is 0.
+    Beyond the grid, all are.
     """
+    body = np.zeros(BEYOND + 1, np.bool_)
+    body[cells[bodies]] = True
+    around = np.zeros((_CELLS + 2, _CELLS + 2), np.bool_)
+    around[1:-1, 1:-1] = body[:BEYOND].reshape(_CELLS, _CELLS)
+    rows = around[:-2] | around[1:-1] | around[2:]
+    body[:BEYOND] = (rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]).reshape(-1)
+    body[BEYOND] = True
+    return body[cells]
 
-    height_m: Floats
-    echoes: Floats
 
-    @classmethod
-    def of(cls, cells: GridCells, height: Floats, echoes: NDArray[np.bool_]) -> "Swell":
-        """Return the swell through those of N points that are echoes of the water.
+def swell_of(cells: Cells, height: Floats, echoes: Mask) -> Floats:
+    """Return the swell through those of N points that are echoes of the water, shape (2, 6401).
 
-        It is a mean over 2.5 m, shrunk towards 0 where echoes are few.
-        """
-        used = np.flatnonzero(echoes)
-        cell = cells.number[used]
-        count = np.bincount(cell, minlength=_CELLS**2 + 1)
-        total = np.bincount(cell, weights=height[used], minlength=_CELLS**2 + 1)
-        grids: Floats = np.stack((count.astype(np.float64), total))
-        many = np.flatnonzero(count > _MAX_PER_CELL)
-        grids[0, many] = _MAX_PER_CELL
-        grids[1, many] *= _MAX_PER_CELL / count[many]
-        grids[:, :-1] = _smoothed(grids[:, :-1].reshape(2, _CELLS, _CELLS)).reshape(2, -1)
-        grids[:, -1] = 0
-        weight, sums = grids
-        return cls(sums / (weight + _SHRINKAGE), weight)
-
-    def at(self, cells: GridCells) -> tuple[Floats, Floats]:
-        """Return height and number of echoes at positions; both are 0 beyond the grid."""
-        return self.height_m[cells.number], self.echoes[cells.number]
+    It is the height of the water above its mean plane in each cell, a mean over 2.5 m, shrunk towards 0 where echoes
+    are few, and how many echoes it rests on. Both are 0 beyond the grid.
+    """
+    used = np.flatnonzero(echoes)
+    count = np.bincount(cells[used], minlength=BEYOND + 1)
+    total = np.bincount(cells[used], weights=height[used], minlength=BEYOND + 1)
+    grids: Floats = np.stack((total, count.astype(np.float64)))
+    many = np.flatnonzero(count > _MAX_PER_CELL)
+    grids[0, many] *= _MAX_PER_CELL / count[many]
+    grids[1, many] = _MAX_PER_CELL
+    grids[:, :-1] = _smoothed(grids[:, :-1].reshape(2, _CELLS, _CELLS)).reshape(2, -1)
+    grids[:, -1] = 0
+    grids[0] /= grids[1] + _SHRINKAGE
+    return grids
 
 
 def _smoothed(grids: Floats) -> Floats:
@@ -115,35 +97,32 @@ def _smoothing() -> Floats:
 class WaterSurface:
     """The water around a lidar in one frame: its mean plane, the standard deviation around it, and the swell above it.
 
-    ``cells`` are the cells of the N points that the estimate received, ``level_deviation_m`` is the standard deviation
-    of the error of the plane at the lidar, ``covariance``, shape (3, 3), that of the errors of its level and slopes.
+    ``level_deviation_m`` is the standard deviation of the error of the plane at the lidar, ``covariance``, shape
+    (3, 3), that of the errors of its level and slopes.
     """
 
     plane: Plane
     sigma_m: float
-    swell: Swell
-    cells: GridCells
+    swell: Floats
     level_deviation_m: float
     covariance: Floats
 
-    def above(self, x: Floats, y: Floats, z: Floats, cells: GridCells | None = None) -> tuple[Floats, Floats, Floats]:
+    def above(self, x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the height of points above the water, its standard deviation, and how many echoes show the water.
 
-        Heights and deviations are in metres; ``cells`` are those of the points, if they are known.
+        Heights and deviations are in metres.
 
         Notes
         -----
         Where many echoes support the swell, half of the deviation remains as waves too short for the grid. Where there
         are none, only the plane is known.
         """
-        swell, echoes = self.swell.at(GridCells.of(x, y) if cells is None else cells)
+        swell, echoes = self.swell.take(grid_cells(x, y), axis=1)
         unknown = _SHRINKAGE / (echoes + _SHRINKAGE)
         deviation = self.sigma_m * np.sqrt(_ROUGHNESS**2 + unknown) + RANGE_NOISE_M
         return z - self.plane.height(x, y) - swell, deviation, echoes
 
-    def below(
-        self, x: Floats, y: Floats, height: Floats, deviation: Floats, bodies: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def below(self, x: Floats, y: Floats, height: Floats, deviation: Floats, bodies: Mask) -> tuple[Mask, Mask]:
         """Return which of N echoes are below the water, as images and noise are, and which are images, shape (N,) each.
 
         The image of a body lies under it, as deep as the body is high; ``bodies``, shape (N,), are the echoes of
@@ -156,12 +135,12 @@ class WaterSurface:
             height < -np.maximum(_MIN_DEPTH_M, _DEPTH_SIGMAS * np.sqrt(deviation**2 + factor**2 * of_plane))
             for factor in (1, _LONG_WAVES)
         )
-        mirrored = below & GridCells.of(x / _COARSE, y / _COARSE).beside(bodies & ~below)
+        mirrored = below & beside(grid_cells(x / _COARSE, y / _COARSE), bodies & ~below)
         return far_below | mirrored, mirrored
 
     def height(self, x: Floats, y: Floats) -> Floats:
         """Return z of the water at given positions, in metres."""
-        return self.plane.height(x, y) + self.swell.at(GridCells.of(x, y))[0]
+        return np.asarray(self.plane.height(x, y) + self.swell[0, grid_cells(x, y)])
 
     @property
     def state(self) -> WaterState:

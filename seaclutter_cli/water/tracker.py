@@ -1,26 +1,20 @@
 """The water surface from frame to frame."""
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Mask
 from seaclutter_cli.frame import Attitude
 from seaclutter_cli.water.faces import LEAST_M, Faces
-from seaclutter_cli.water.plane import (
-    FARTHEST_M,
-    LEAST_SUPPORT,
-    MIN_SUPPORT,
-    NEAREST_M,
-    Floats,
-    Plane,
-    PolarCells,
-    WaterEchoes,
-    covariance,
-    fit_plane,
-)
-from seaclutter_cli.water.surface import RANGE_NOISE_M, GridCells, Swell, WaterSurface
+from seaclutter_cli.water.plane import LEAST_SUPPORT, MIN_SUPPORT, Plane, PolarCells, fit_plane, in_reach, mean_level
+from seaclutter_cli.water.surface import RANGE_NOISE_M, WaterSurface, grid_cells, swell_of
 from seaclutter_cli.water.trial import Trial
+
+Level = Callable[[float], tuple[float, float]]
 
 _START_SIGMA_M = 0.1
 _START_PASSES = 5
@@ -70,12 +64,7 @@ class WaterTracker:
         self._attitude: Attitude | None = None
 
     def step(
-        self,
-        xyz: Floats,
-        faces: Faces,
-        time_s: float,
-        attitude: Attitude | None = None,
-        own: NDArray[np.bool_] | None = None,
+        self, xyz: Floats, faces: Faces, time_s: float, attitude: Attitude | None = None, own: Mask | None = None
     ) -> WaterSurface | None:
         """Return the water surface of a frame; None if no water was seen in the last seconds.
 
@@ -87,14 +76,11 @@ class WaterTracker:
             self.reset()
         known = self._plane.turned(turn) if self._plane is not None and turn is not None else self._plane
         x, y, z = xyz
-        distance = np.hypot(x, y)
-        near = (distance >= NEAREST_M) & (distance < FARTHEST_M)
-        if own is not None:
-            near &= ~own
+        near = in_reach(x, y) if own is None else in_reach(x, y) & ~own
         of_bodies = near & (faces.height_m > _BODY_M + 2 * self._known_sigma_m)
         bodies = np.stack([values[of_bodies] for values in (x, y, faces.low_m, faces.top_m)])
-        near = np.flatnonzero(near & (faces.height_m <= LEAST_M + self._known_sigma_m))
-        cells = PolarCells.of(xyz.take(near, axis=1), bodies)
+        used = np.flatnonzero(near & (faces.height_m <= LEAST_M + self._known_sigma_m))
+        cells = PolarCells.of(xyz.take(used, axis=1), bodies)
         lowest, weight = fit_plane(cells, known) if cells.enough else (known, None)
         if turn is not None and weight is not None and weight.sum() < MIN_SUPPORT:
             lowest, weight = known, None
@@ -110,29 +96,28 @@ class WaterTracker:
         if weight is not None:
             if weight.any():
                 fitted = self._plane is None or weight.sum() >= LEAST_SUPPORT
-                spread = covariance(cells, lowest, weight) if fitted else self._covariance_at(time_s)
-                echoes = WaterEchoes.of(cells, height[near], weight, ~stands[near])
-                self._update(lowest, spread, echoes, time_s, attitude)
+                spread = cells.covariance(lowest, weight) if fitted else self._covariance_at(time_s)
+                level = partial(mean_level, cells, height[used], cells.in_water(weight) & ~stands[used])
+                self._update(lowest, spread, level, time_s, attitude)
             lowest = self._plane
         if lowest is None:
             return None
         flat = np.flatnonzero(~stands)
-        grid, band = GridCells.of(x, y), band_m(self._sigma_m)
-        cells_of_flat, height = GridCells(grid.number[flat]), (z - lowest.height(x, y))[flat]
-        swell = Swell.of(cells_of_flat, height, np.abs(height) <= band)
-        swell = Swell.of(cells_of_flat, height, np.abs(height - swell.at(cells_of_flat)[0]) <= band)
+        grid, band = grid_cells(x[flat], y[flat]), band_m(self._sigma_m)
+        height = (z - lowest.height(x, y))[flat]
+        swell = swell_of(grid, height, np.abs(height) <= band)
+        swell = swell_of(grid, height, np.abs(height - swell[0, grid]) <= band)
         spread = self._covariance_at(time_s)
         deviation = math.hypot(math.sqrt(spread[0, 0]), _CRESTS * self._sigma_m, RANGE_NOISE_M)
-        return WaterSurface(lowest, self._sigma_m, swell, grid, deviation, spread)
+        return WaterSurface(lowest, self._sigma_m, swell, deviation, spread)
 
-    def _update(
-        self, lowest: Plane, spread: Floats, echoes: WaterEchoes, time_s: float, attitude: Attitude | None
-    ) -> None:
+    def _update(self, lowest: Plane, spread: Floats, level: Level, time_s: float, attitude: Attitude | None) -> None:
+        """Move the plane of the lowest echoes to the mean ``level`` in a band around it, unless that is overhead."""
         known = self._plane is not None
         sigma, offset = self._known_sigma_m, 0.0
         for _ in range(1 if known else _START_PASSES):
-            offset, sigma = echoes.mean_level(band_m(sigma))
-        plane = lowest.shifted(offset)
+            offset, sigma = level(band_m(sigma))
+        plane = replace(lowest, level_m=lowest.level_m + offset)
         if plane.level_m >= 0:  # water is below the lidar
             return
         share = np.exp((self._seen_s - time_s) / _SIGMA_TIME_S) if known else 0.0

@@ -161,9 +161,7 @@ class ConfirmedObjects:
         if self.own_ship:
             level = water and Plane(water.plane.a, water.plane.b, water.plane.c)
             upright = np.array([one.number for one in echoes if one.upright], np.intp)
-            self.own_ship.see(
-                frame, level and WaterSurface(level, water.sigma, None, None, 0.0, np.zeros((3, 3))), upright
-            )
+            self.own_ship.see(frame, level and WaterSurface(level, water.sigma, None, 0.0, np.zeros((3, 3))), upright)
         self.background.mark(echoes, time_s)
         candidates = candidates_of(echoes)
         things = self.things([one for one in candidates if not one.near], near=False)

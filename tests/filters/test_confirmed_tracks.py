@@ -13,7 +13,7 @@ POSITION = np.array([[20.0, 0.0]])
 def seen(tracker, time_s, since_s, evidence=0.6):
     """Return the track of the only object that is in a frame."""
     objects = [DetectedObject(np.arange(3), evidence, POSITION, POSITION[0])]
-    (track,) = tracker.step(tracker.associate(objects, time_s), time_s, since_s)
+    (track,) = tracker.step(objects, time_s, since_s)
     return track
 
 
@@ -55,8 +55,7 @@ def followed(rate_deg_s, *, step_s=0.1, count=30, start_s=1.0):
     for time_s in (step_s * np.arange(count)).tolist():
         places = turned_by(-rate_deg_s * max(time_s - start_s, 0), BUOYS)
         objects = [DetectedObject(np.arange(3), 0.6, place[None], place) for place in places]
-        tracker.turn(objects, time_s)
-        rows.append(tracker.step(tracker.associate(objects, time_s), time_s, 0.0))
+        rows.append(tracker.step(objects, time_s, 0.0))
     return rows
 
 
@@ -79,8 +78,7 @@ def test_one_object_that_moves_is_no_turn():
         places = BUOYS.copy()
         places[0] = turned_by(10 * time_s, BUOYS[:1])[0]
         objects = [DetectedObject(np.arange(3), 0.6, place[None], place) for place in places]
-        tracker.turn(objects, time_s)
-        tracks = tracker.step(tracker.associate(objects, time_s), time_s, 0.0)
+        tracks = tracker.step(objects, time_s, 0.0)
         for track, place in zip(tracks[1:], BUOYS[1:], strict=True):
             np.testing.assert_allclose(track.center, place, atol=1e-9)
 
@@ -93,8 +91,7 @@ def test_spray_is_no_turn():
         if number >= 35:
             places = np.concatenate((places, turned_by(5 if number == 44 else 0, splashes)))
         objects = [DetectedObject(np.arange(3), 2.0, place[None], place) for place in places]
-        tracker.turn(objects, time_s)
-        tracker.step(tracker.associate(objects, time_s), time_s, 0.0)
+        tracker.step(objects, time_s, 0.0)
         assert tracker._yaw_rate == 0
 
 
@@ -104,8 +101,7 @@ def test_a_turn_ends_though_one_buoy_of_ten_is_left_to_show_it():
         angle = 2.0 * np.clip(number - 9, 0, 10)
         places = turned_by(-angle, buoys if number < 20 else buoys[:1])
         objects = [DetectedObject(np.arange(3), 0.6, place[None], place) for place in places]
-        tracker.turn(objects, time_s)
-        tracker.step(tracker.associate(objects, time_s), time_s, 0.0)
+        tracker.step(objects, time_s, 0.0)
         assert tracker._yaw_rate == pytest.approx(-np.radians(20.0) if 10 <= number < 20 else 0.0, abs=0.06)
 
 
@@ -130,11 +126,11 @@ def test_a_fragment_does_not_take_the_track_of_a_wall():
     objects = [
         DetectedObject(np.arange(3), odds, own, own.mean(axis=0)) for odds, own in ((3.0, fragment), (0.6, rest))
     ]
-    one, other = tracker.step(tracker.associate(objects, 1.0), 1.0, 0.0)
+    one, other = tracker.step(objects, 1.0, 0.0)
     assert other is known is not one
 
 
 def seen_at(tracker, cells, time_s):
     """Return the tracks of objects of given cells."""
     objects = [DetectedObject(np.arange(3), 0.6, own, own.mean(axis=0)) for own in cells]
-    return tracker.step(tracker.associate(objects, time_s), time_s, 0.0)
+    return tracker.step(objects, time_s, 0.0)

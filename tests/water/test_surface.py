@@ -5,7 +5,7 @@ import pytest
 
 from seaclutter_cli.water import WaterSurface
 from seaclutter_cli.water.plane import Plane
-from seaclutter_cli.water.surface import BEYOND, GridCells, Swell
+from seaclutter_cli.water.surface import BEYOND
 
 SLOPE_DEVIATION = 0.01
 
@@ -14,8 +14,7 @@ def below(places, bodies):
     """Return which echoes at places, rows of x, y and height, are below the water, and which are images."""
     x, y, height = np.array(places, float).T
     covariance = np.diag((0.0, SLOPE_DEVIATION**2, SLOPE_DEVIATION**2))
-    swell = Swell(np.zeros(BEYOND + 1), np.zeros(BEYOND + 1))
-    surface = WaterSurface(Plane(-2.0, 0.0, 0.0), 0.02, swell, GridCells.of(x, y), 0.0, covariance)
+    surface = WaterSurface(Plane(-2.0, 0.0, 0.0), 0.02, np.zeros((2, BEYOND + 1)), 0.0, covariance)
     _, deviation, _ = surface.above(x, y, height - 2.0)
     deep, mirrored = surface.below(x, y, height, deviation, np.array(bodies))
     return deep.tolist(), mirrored.tolist()

@@ -5,8 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from seaclutter_cli.arrays import Floats, Mask
 
 _SECTORS, _BESIDE = 72, 2
 _NEAR_M, _PER_OCTAVE, _RINGS = 8.0, 8.0, 48

@@ -5,15 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Bytes, Floats, Indices, Mask
 from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.background import Background
 from seaclutter_cli.filters.zones import LEAST_M
 from seaclutter_cli.frame import Attitude, Frame, Reason
 from seaclutter_cli.water import Faces, WaterSurface, WaterTracker
 from seaclutter_cli.water.beams import Beams
-
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from seaclutter_cli.water.surface import beside, grid_cells
 
 _GROWTH_SIGMAS = 1.5
 _UNSEEN_M = 100.0
@@ -34,14 +33,14 @@ class Echoes:
     zone 0 is own ship.
     """
 
-    index: NDArray[np.intp]
+    index: Indices
     xyz: Floats
     range_m: Floats
     intensity: Floats | None
-    zone: NDArray[np.uint8]
+    zone: Bytes
 
     @classmethod
-    def of(cls, frame: Frame, zone: NDArray[np.uint8], reason: NDArray[np.uint8], params: ConfirmedParams) -> "Echoes":
+    def of(cls, frame: Frame, zone: Bytes, reason: Bytes, params: ConfirmedParams) -> "Echoes":
         """Return the echoes among the points of a frame, given their zones and the reasons that follow from them."""
         in_reach = (reason == Reason.KEPT) | (reason == Reason.NEAR)
         index = np.flatnonzero(in_reach & (frame.range_m >= min(LEAST_M, params.own_ship_m)))
@@ -57,12 +56,12 @@ class Echoes:
         return len(self.index)
 
     @property
-    def is_near(self) -> NDArray[np.bool_]:
+    def is_near(self) -> Mask:
         """Whether they are own ship, shape (M,)."""
         return np.asarray(self.zone == 0)
 
 
-def repeated(frame: Frame) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def repeated(frame: Frame) -> tuple[Indices, Indices]:
     """Return which valid points repeat another one of the frame, and the first of each, both of shape (n,).
 
     A lidar that records two returns has those of most pulses twice: they are one echo.
@@ -141,7 +140,7 @@ class Sea:
     """The water and what it shows around a lidar, and its beams, frame by frame, against which echoes are measured."""
 
     def __init__(self, params: ConfirmedParams) -> None:
-        self._params = params
+        self.params = params
         self.water, self.beams, self._background = WaterTracker(), Beams(params.mounting), Background()
 
     def measure(
@@ -165,9 +164,9 @@ class Sea:
         if water is None:
             height, deviation, shown = z + _UNSEEN_M, np.zeros(echoes.size), np.zeros(echoes.size)
         else:
-            height, deviation, shown = water.above(x, y, z, water.cells)
+            height, deviation, shown = water.above(x, y, z)
         level, sigma = z - height, 0.0 if water is None else water.sigma_m
-        rise = np.maximum(self._params.min_rise_m, self._params.rise_sigmas * deviation)
+        rise = np.maximum(self.params.min_rise_m, self.params.rise_sigmas * deviation)
         high = height > rise
         linked, loose = faces.neighbors(high)
         upright = faces.stands(level, sigma)
@@ -179,8 +178,8 @@ class Sea:
         bodies = high | upright
         beside_water = np.abs(height) <= rise
         of_water = beside_water & ~upright
-        apart = None if water is None else ~water.cells.beside(upright)
-        ring = np.hypot(x, y) / self._params.cluster_tolerance_m
+        apart = None if water is None else ~beside(grid_cells(x, y), upright)
+        ring = np.hypot(x, y) / self.params.cluster_tolerance_m
         reached, brightness = _brightness(echoes, threshold, ring, of_water / faces.run)
         bright = reached & beside_water
         if apart is not None and echoes.intensity is not None:
@@ -188,7 +187,7 @@ class Sea:
         unseen = np.clip((_SHOWN - shown) / (_SHOWN - _OWN), 0, 1)
         seen, in_rows = self._background.shares(echoes.xyz, faces.run, of_water, time_s)
         by_echoes, by_rows = (np.maximum(unseen, 1 - share / _COMMON) for share in (seen, in_rows))
-        grows = height > np.maximum(self._params.growth_height_m, _GROWTH_SIGMAS * deviation)
+        grows = height > np.maximum(self.params.growth_height_m, _GROWTH_SIGMAS * deviation)
         isolated = (by_echoes > _ALONE) & ~deep
         grows |= upright | isolated
         awash = bright & (by_echoes <= _ALONE) & ~bodies

@@ -6,16 +6,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import group_sizes, group_starts
+from seaclutter_cli.arrays import Floats, Indices, Ints, Mask, group_sizes, group_starts
 from seaclutter_cli.clustering import euclidean_clusters
-from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights
+from seaclutter_cli.filters.confirmation.echoes import Echoes, Heights, Sea
 from seaclutter_cli.filters.confirmation.evidence import OF_SHAPE, OF_VOLUME, log_odds
 from seaclutter_cli.neighbors import nearest
 from seaclutter_cli.water.beams import Beams
-
-Floats = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 _CELL_M = 0.5
 _BEAMS_IN_REACH = 2.0
@@ -56,34 +52,28 @@ class Clusters:
     """
 
     points: Indices
-    start: NDArray[np.int64]
-    count: NDArray[np.int64]
+    start: Ints
+    count: Ints
 
     @classmethod
-    def among(
-        cls,
-        echoes: Echoes,
-        among: NDArray[np.bool_],
-        beams: Beams,
-        params: ConfirmedParams,
-        heights: Heights | None = None,
-    ) -> "Clusters":
+    def among(cls, sea: Sea, echoes: Echoes, among: Mask, heights: Heights | None = None) -> "Clusters":
         """Return the Euclidean clusters of some echoes.
 
         Where the beams are more than half of the tolerance apart, vertical distances are shortened to that, so that the
         echoes of several beams from one body stay together. Echoes that are ``apart`` do not join others. Those that
         are ``awash`` join others that they are near, but not through each other.
         """
-        members = np.flatnonzero(among)
-        tolerance_m = params.cluster_tolerance_m
-        positions = _lowered(echoes, members, beams, tolerance_m)
+        members, tolerance_m = np.flatnonzero(among), sea.params.cluster_tolerance_m
+        positions, reach = echoes.xyz.take(members, axis=1), tolerance_m / _BEAMS_IN_REACH
+        apart = np.tan(np.radians(sea.beams.spacing_deg)) * echoes.range_m[members]
+        positions[2] *= reach / np.maximum(apart, reach)
         if heights is not None and heights.apart is not None:
             positions[2, heights.apart[members]] += _APART_M
             awash = heights.awash[members]
             if awash.any() and not awash.all():
                 _, distance = nearest(positions[:, ~awash].T, positions[:, awash].T)
                 positions[2, np.flatnonzero(awash)[distance >= tolerance_m]] -= 2 * _APART_M  # below all others
-        labels = euclidean_clusters(positions, tolerance_m, params.min_cluster_points)
+        labels = euclidean_clusters(positions, tolerance_m, sea.params.min_cluster_points)
         clustered = np.flatnonzero(labels >= 0)
         order = clustered[np.argsort(labels[clustered], kind="stable")]
         count = np.bincount(labels[clustered])
@@ -100,8 +90,6 @@ class Clusters:
         self, echoes: Echoes, heights: Heights, evidence: Floats, features: Floats, *, near: bool
     ) -> list[DetectedObject]:
         """Return the objects that the clusters are, sorted by their centres."""
-        if not len(self):
-            return []
         xy = echoes.xyz[:2].take(self.points, axis=1)
         column, row = np.clip(np.floor(xy / _CELL_M), -_MAX_CELL, _MAX_CELL - 1).astype(np.int64) + _MAX_CELL
         cluster = np.repeat(np.arange(len(self)), self.count)
@@ -134,7 +122,7 @@ class Clusters:
         """Return the greatest of the points' values in each cluster, shape (K,)."""
         return np.maximum.reduceat(values[self.points], self.start)
 
-    def ranked(self, values: Floats, *ranks: NDArray[np.int64]) -> list[Floats]:
+    def ranked(self, values: Floats, *ranks: Ints) -> list[Floats]:
         """Return the points' values of given ranks in each cluster, shape (K,) each; rank 0 is the lowest."""
         ordered = values[self.points]
         by_value = np.argsort(ordered)
@@ -143,29 +131,12 @@ class Clusters:
         return [np.asarray(ordered[self.start + rank]) for rank in ranks]
 
 
-def _lowered(echoes: Echoes, members: Indices, beams: Beams, tolerance_m: float) -> Floats:
-    """Return the positions of some echoes, shape (3, n), with shortened heights where beams are far apart."""
-    positions = echoes.xyz.take(members, axis=1)
-    apart = np.tan(np.radians(beams.spacing_deg)) * echoes.range_m[members]
-    reach = tolerance_m / _BEAMS_IN_REACH
-    positions[2] *= reach / np.maximum(apart, reach)
-    return positions
-
-
-def find_objects(
-    echoes: Echoes,
-    candidates: NDArray[np.bool_],
-    heights: Heights,
-    beams: Beams,
-    params: ConfirmedParams,
-    *,
-    near: bool,
-) -> list[DetectedObject]:
+def find_objects(sea: Sea, echoes: Echoes, candidates: Mask, heights: Heights, *, near: bool) -> list[DetectedObject]:
     """Return the objects that candidate points form, with the evidence of their shapes."""
-    clusters = Clusters.among(echoes, candidates, beams, params, heights)
+    clusters = Clusters.among(sea, echoes, candidates, heights)
     if not len(clusters):
         return []
-    features = features_of(echoes, clusters, heights, beams)
+    features = features_of(echoes, clusters, heights, sea.beams)
     evidence = log_odds(features)
     evidence[clusters.sum(heights.loose) > _VOLUME * clusters.sum(heights.linked) + 1] = OF_VOLUME
     return clusters.objects(echoes, heights, evidence, features, near=near)

@@ -2,21 +2,17 @@
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from seaclutter_cli.arrays import Floats, Indices, Ints, Mask
 from seaclutter_cli.filters.confirmation import ConfirmedParams
-from seaclutter_cli.filters.confirmation.arrivals import Arrivals
-from seaclutter_cli.filters.confirmation.evidence import LEAST, track_features, with_tracks
+from seaclutter_cli.filters.confirmation.evidence import LEAST, Arrivals, track_features, with_tracks
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
 from seaclutter_cli.neighbors import nearest
-from seaclutter_cli.water.beams import Sight
-
-Floats = NDArray[np.float64]
 
 _DECORRELATION_S = 1.0
 _MOST_MEMORY = 3.0
@@ -39,6 +35,9 @@ _CONTINUED_SHARE = 0.25
 _MAX_CELLS, _SAME_RANGE_M = 256, 1.0
 _TURN_BIN_RAD, _TURN_BINS, _TURN_GAIN = math.radians(0.25), 24, 0.2
 _MET_M = 0.5
+
+Meets = Callable[[Floats, Floats], Mask]
+"""Whether any beam meets bodies at horizontal positions, shape (K, 2), of heights above the water, shape (K,)."""
 
 
 class Evidence(NamedTuple):
@@ -67,13 +66,13 @@ class Track:
     center: Floats
     born_s: float
     seen_s: float
+    top_m: float
+    echoes: int
+    seen_outside: bool
     velocity: Floats = field(default_factory=lambda: np.zeros(2))
-    top_m: float = 0.0
-    echoes: int = 1
     error_m: float = math.nan
     arrival: int = -1
     rate_hz: float = 0.0
-    seen_outside: bool = False
     from_outside: bool = False
     part_of: "Track | None" = None
     memory: float = 0.0
@@ -97,12 +96,8 @@ class Track:
         coast_s = _NEW_COAST_S + interval_s + _SLACK_S if self.is_new else _COAST_S
         return time_s - self.seen_s <= coast_s
 
-    def expected(self, time_s: float) -> Floats:
-        """Return where its parts are expected at a time, shape (m, 2)."""
-        return self.cells + self.velocity * (time_s - self.seen_s)
-
     def gate_m(self, time_s: float, interval_s: float) -> float:
-        """Return the distance from there within which they may be; ``interval_s`` is the time between frames."""
+        """Return how far its parts may be from where they are expected; ``interval_s`` is the time between frames."""
         unseen_s = time_s - self.seen_s
         if self.is_new:
             return _NEW_GATE_M + _MAX_SPEED_MS * unseen_s
@@ -122,19 +117,6 @@ class Track:
         self.cells, self.center, self.seen_s = found.cells, found.center, time_s
         self.top_m, self.echoes = found.top_m, len(found.points)
         self.seen_outside |= not found.near
-
-
-@dataclass(frozen=True)
-class Association:
-    """The K objects of a frame and the T tracks that expect them.
-
-    ``votes``, shape (K, T), are the cells of each object that each track expects; a track is ``covered``, shape (T,),
-    if most of the cells that it expects are in any objects.
-    """
-
-    objects: Sequence[DetectedObject]
-    votes: NDArray[np.int64]
-    covered: NDArray[np.bool_]
 
 
 class Tracker:
@@ -159,12 +141,11 @@ class Tracker:
         cells, _ = _expected_cells(coming, time_s)
         return bool(np.hypot(*cells.T).min() < start_m + _CONTACT_M)
 
-    def turn(self, objects: Sequence[DetectedObject], time_s: float) -> None:
+    def _turn(self, objects: Sequence[DetectedObject], time_s: float, elapsed_s: float) -> None:
         """Turn the tracks with the lidar: own ship's yaw is what most objects have in common.
 
         Without objects, own ship turns on as before.
         """
-        elapsed_s = self._interval_s(time_s)
         known = [track for track in self._tracks if track.memory > 0]
         if not known or elapsed_s <= 0:
             return
@@ -176,33 +157,34 @@ class Tracker:
             self._yaw_rate = angle / elapsed_s
         turned = _rotation(angle)
         for track in self._tracks:
-            track.cells, track.center, track.velocity = (
-                track.cells @ turned,
-                track.center @ turned,
-                track.velocity @ turned,
-            )
+            track.cells, track.center = track.cells @ turned, track.center @ turned
+            track.velocity = track.velocity @ turned
 
-    def associate(self, objects: Sequence[DetectedObject], time_s: float) -> Association:
-        """Return how the objects of a frame fit the tracks."""
+    def _associate(self, objects: Sequence[DetectedObject], time_s: float, interval_s: float) -> tuple[Ints, Mask]:
+        """Return how many cells of each of K objects each of T tracks expects, shape (K, T), and which are covered.
+
+        A track is covered, shape (T,), if most of the cells that it expects are in any objects.
+        """
         votes = np.zeros((len(objects), len(self._tracks)), np.int64)
         if not votes.size:
-            return Association(objects, votes, np.zeros(len(self._tracks), np.bool_))
+            return votes, np.zeros(len(self._tracks), np.bool_)
         expected, track_of = _expected_cells(self._tracks, time_s)
         cells = np.concatenate([one.cells for one in objects])
         object_of = np.repeat(np.arange(len(objects)), [len(one.cells) for one in objects])
-        interval = self._interval_s(time_s)
-        gate = np.array([track.gate_m(time_s, interval) for track in self._tracks])
+        gate = np.array([track.gate_m(time_s, interval_s) for track in self._tracks])
         index, distance = nearest(expected, cells)
         reached = np.flatnonzero(distance <= gate[track_of[index]])
         np.add.at(votes, (object_of[reached], track_of[index[reached]]), 1)
         _, back = nearest(cells, expected)
-        return Association(objects, votes, _share(back <= gate[track_of], track_of) >= _COVERED)
+        return votes, _share(back <= gate[track_of], track_of) >= _COVERED
 
-    def step(self, found: Association, time_s: float, since_s: float, sight: Sight | None = None) -> list[Track]:
+    def step(
+        self, objects: Sequence[DetectedObject], time_s: float, since_s: float, meets: Meets | None = None
+    ) -> list[Track]:
         """Return the track of each object of a frame; a new one where an object continues none.
 
         ``since_s`` is the time of the first frame for which `score` will still be asked. Everything is in sight if
-        ``sight`` is None.
+        ``meets`` is None.
 
         Notes
         -----
@@ -214,10 +196,10 @@ class Tracker:
         That an object was not there before is evidence against it, as if it had been missed: -1 for each second since
         the first frame, until that is the least memory.
         """
-        objects, votes, covered = found.objects, found.votes, found.covered
-        interval = self._interval_s(time_s)
-        self._since_s, self._time_s = since_s, time_s
-        self._start_s = min(self._start_s, time_s)
+        interval_s = 0.0 if self._time_s is None else time_s - self._time_s
+        self._since_s, self._time_s, self._start_s = since_s, time_s, min(self._start_s, time_s)
+        self._turn(objects, time_s, interval_s)
+        votes, covered = self._associate(objects, time_s, interval_s)
         tracks: list[Track | None] = [None] * len(objects)
         known = np.array([1 + max(track.memory, 0.0) for track in self._tracks])
         for t, candidates in _by_track(votes, known).items():
@@ -232,13 +214,13 @@ class Tracker:
         self._recognise(objects, result, votes)
         seen = {id(track) for track in result}
         missing = [one for one, hidden in zip(self._tracks, covered, strict=True) if id(one) not in seen and not hidden]
-        for track in missing if sight is None else _in_sight(missing, sight, time_s):
+        for track in missing if meets is None else self._in_sight(missing, meets, time_s):
             self._collect(track, time_s, track.missed)
-        unseen = [one for one in self._tracks if id(one) not in seen and one.coasts(time_s, interval)]
+        unseen = [one for one in self._tracks if id(one) not in seen and one.coasts(time_s, interval_s)]
         self._tracks = unseen + result
         return result
 
-    def awaited(self, xy: Floats, time_s: float) -> list[tuple[Track, NDArray[np.intp]]]:
+    def awaited(self, xy: Floats, time_s: float) -> list[tuple[Track, Indices]]:
         """Return the probable targets that the last frame does not show, and which positions, (2, N), are at each.
 
         If the filter does not look ahead, the list is empty, because only later frames can show them again.
@@ -260,12 +242,8 @@ class Tracker:
                 after = self._remembered(after, one.evidence, one.step_s)
         return now.before + _LOOK * (now.evidence - _DOUBT) + after
 
-    def _interval_s(self, time_s: float) -> float:
-        return 0.0 if self._time_s is None else time_s - self._time_s
-
     def _begun(self, found: DetectedObject, time_s: float, parent: Track | None = None) -> Track:
-        track = Track(found.cells, found.center, time_s, time_s)
-        track.top_m, track.echoes, track.seen_outside = found.top_m, len(found.points), not found.near
+        track = Track(found.cells, found.center, time_s, time_s, found.top_m, len(found.points), not found.near)
         if parent is not None:
             track.velocity = parent.velocity
             track.seen_outside |= parent.seen_outside
@@ -285,11 +263,20 @@ class Tracker:
         evidence = with_tracks(shapes, of_tracks, intensities=self._params.use_intensity)
         for track, kind, rate_hz, odds in zip(tracks, kinds, rates_hz.tolist(), evidence.tolist(), strict=True):
             track.rate_hz = rate_hz
-            self._collect(track, time_s, odds)
-            if track.born_s == time_s > self._start_s and track.arrival < 0 and track.part_of is None:
+            if not track.history and time_s > self._start_s and track.part_of is None:
                 track.arrival = self._arrivals.add(kind, time_s)
+            self._collect(track, time_s, odds)
 
-    def _recognise(self, objects: Sequence[DetectedObject], tracks: Sequence[Track], votes: NDArray[np.int64]) -> None:
+    def _in_sight(self, tracks: Sequence[Track], meets: Meets, time_s: float) -> list[Track]:
+        """Return the tracks of which beams would meet at least half of the cells."""
+        if not tracks:
+            return []
+        cells, track_of = _expected_cells(tracks, time_s)
+        tops_m = np.array([max(track.top_m, self._params.min_rise_m) for track in tracks])
+        share = _share(meets(cells, tops_m[track_of]), track_of)
+        return [track for track, met in zip(tracks, share >= _IN_SIGHT, strict=True) if met]
+
+    def _recognise(self, objects: Sequence[DetectedObject], tracks: Sequence[Track], votes: Ints) -> None:
         """Mark what appears near own ship in contact with objects from outside: it is part of the best known."""
         outside = [k for k, one in enumerate(objects) if not one.near]
         appeared = [k for k, one in enumerate(objects) if one.near and not votes[k].any()]
@@ -318,28 +305,19 @@ class Tracker:
         return min(max(remembered + evidence * step_s / _DECORRELATION_S, self._least), _MOST_MEMORY)
 
 
-def _in_sight(tracks: Sequence[Track], sight: Sight, time_s: float) -> list[Track]:
-    """Return the tracks of which beams would meet at least half of the cells."""
-    if not tracks:
-        return []
-    cells, track_of = _expected_cells(tracks, time_s)
-    share = _share(sight.meets(cells, np.array([track.top_m for track in tracks])[track_of]), track_of)
-    return [track for track, met in zip(tracks, share >= _IN_SIGHT, strict=True) if met]
-
-
-def _expected_cells(tracks: Sequence[Track], time_s: float) -> tuple[Floats, NDArray[np.int64]]:
+def _expected_cells(tracks: Sequence[Track], time_s: float) -> tuple[Floats, Ints]:
     """Return where the cells of tracks are expected, shape (m, 2), and the number of the track of each, shape (m,)."""
     track_of = np.repeat(np.arange(len(tracks)), [len(track.cells) for track in tracks])
     moved = np.array([track.velocity * (time_s - track.seen_s) for track in tracks])
     return np.concatenate([track.cells for track in tracks]) + moved[track_of], track_of
 
 
-def _share(mask: NDArray[np.bool_], track_of: NDArray[np.int64]) -> Floats:
+def _share(mask: Mask, track_of: Ints) -> Floats:
     """Return the share of the cells of each track for which a mask is true; every track has cells."""
     return np.bincount(track_of, weights=mask) / np.bincount(track_of)
 
 
-def _by_track(votes: NDArray[np.int64], known: Floats) -> dict[int, list[int]]:
+def _by_track(votes: Ints, known: Floats) -> dict[int, list[int]]:
     """Return the objects that continue each track, by the number of the track.
 
     Of the tracks that expect at least a quarter of the cells of the first, the best known counts.
