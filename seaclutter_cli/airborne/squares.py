@@ -11,7 +11,7 @@ from seaclutter_cli.airborne.surface import GROUND, WATER
 from seaclutter_cli.airborne.waves import WindowWaves
 from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.grids.cells import joined
-from seaclutter_cli.grids.elevation import BLOCK, NOWHERE, Cells, ElevationGrid, GriddedPoints
+from seaclutter_cli.grids.elevation import BLOCK, Cells, ElevationGrid, GriddedPoints
 
 Column = Callable[[str], NDArray[Any] | None]
 """Returns an attribute of all points by its LAS name, shape (N,); None if the tile does not have it."""
@@ -159,12 +159,11 @@ class SquareEchoes:
         high = np.full(size, np.inf)
         high[squares.index] = squares.level_m + _TALL_M
         for own, z, cell in points:
-            used = np.flatnonzero(cell != NOWHERE)
-            square = square_of(cell[used])
+            square = square_of(cell)
             every += np.bincount(square, minlength=size)
-            tall += np.bincount(square, z[used] > high[square], size)
-            low = z[used] <= top.reshape(-1)[cell[used]]
-            used, square = used[low] + own.start, square[low]
+            tall += np.bincount(square, z > high[square], size)
+            low = z <= top.reshape(-1)[cell]
+            used, square = own[low], square[low]
             surface += np.bincount(square, minlength=size)
             if classes is not None:
                 water += np.bincount(square, (classes[used] == WATER) & (WATER in trusted), size)

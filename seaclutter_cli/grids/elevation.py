@@ -10,7 +10,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Floats, Ints, Mask
+from seaclutter_cli.arrays import Floats, Indices, Ints, Mask
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.text import count
@@ -163,7 +163,7 @@ class GriddedPoints:
         grid = ElevationGrid(cell_m)
         cells = []
         for xyz in parts:
-            used = _located(xyz)
+            used = (np.abs(xyz) < _FARTHEST_M).all(axis=0)  # squares of far greater ones overflow
             cell = np.full(xyz.shape[1], NOWHERE, np.int32)
             cell[used] = grid.add(xyz[:, used])
             cells.append(cell)
@@ -174,10 +174,11 @@ class GriddedPoints:
         """Number of points."""
         return sum(map(len, self.cells))
 
-    def __iter__(self) -> Iterator[tuple[slice, Floats, NDArray[np.int32]]]:
-        """Yield which points are in each part, their elevations and their cells."""
+    def __iter__(self) -> Iterator[tuple[Indices, Floats, NDArray[np.int32]]]:
+        """Yield the indices of the points of each part that have a cell, their elevations and their cells."""
         for (part, xyz), cell in zip(sliced(self.parts), self.cells, strict=True):
-            yield part, xyz[2], cell
+            located = np.flatnonzero(cell != NOWHERE)
+            yield part.start + located, xyz[2, located], cell[located]
 
     def chosen(self, own: Mask) -> "GriddedPoints":
         """Return the points of a mask, shape (N,), with a grid of their own."""
@@ -191,8 +192,8 @@ class GriddedPoints:
     def lowest_of(self, own: Mask) -> Cells:
         """Return the lowest elevations of the points of a mask, shape (S, 256, 256)."""
         lowest = np.full(self.grid.lowest.shape, np.inf)
-        for part, z, cell in self:
-            used = own[part] & (cell != NOWHERE)
+        for index, z, cell in self:
+            used = own[index]
             np.minimum.at(lowest.reshape(-1), cell[used], z[used])
         return lowest
 
@@ -214,13 +215,6 @@ def sliced(parts: Iterable[Floats]) -> Iterator[tuple[slice, Floats]]:
     start = 0
     for xyz in parts:
         yield slice(start, start := start + xyz.shape[1]), xyz
-
-
-def _located(xyz: Floats) -> Mask | slice:
-    """Return which points have usable coordinates, in most files all: squares of far greater ones overflow."""
-    if xyz.min(initial=0) > -_FARTHEST_M and xyz.max(initial=0) < _FARTHEST_M:  # false if any is NaN
-        return slice(None)
-    return np.asarray((np.abs(xyz) < _FARTHEST_M).all(axis=0))
 
 
 @dataclass(frozen=True)
