@@ -123,16 +123,15 @@ def load_model(path: Path) -> ObjectModel:
     try:
         _check_size(data)
         foreign = sorted(set(skops.get_untrusted_types(data=data)) - set(_TRUSTED))
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            content = None if foreign else skops.loads(data, trusted=_TRUSTED)
-        model = None if foreign else _checked(content, _explain(caught))
+        if not foreign:
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                content = skops.loads(data, trusted=_TRUSTED)
+            return _checked(content, _explain(caught))
     except Exception as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{path}: not a seaclutter model ({text[:200]})") from error
-    if model is None:
-        raise InputError(f"{path}: refused; it contains types that are not part of a model: {', '.join(foreign)}")
-    return model
+    raise InputError(f"{path}: refused; it contains types that are not part of a model: {', '.join(foreign)}")
 
 
 def _explain(caught: Sequence[warnings.WarningMessage]) -> tuple[str, ...]:

@@ -8,15 +8,15 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.rough_water import CellDetails, follow_waves, height_limits
+from seaclutter_cli.airborne.rough_water import follow_waves, height_limits
 from seaclutter_cli.airborne.shores import Shores, commonest_level, island_cells, shores_of, water_model
 from seaclutter_cli.airborne.squares import Column, SquareEchoes, Squares, square_table
 from seaclutter_cli.airborne.strips import looks_of, strip_levels, strips_of
 from seaclutter_cli.airborne.surface import CALM_M, NEVER, OTHER, SeparationParams, Surface
 from seaclutter_cli.airborne.waves import Waves, WindowWaves, estimate_waves, window_waves
-from seaclutter_cli.arrays import Bytes, Floats, Indices, Mask
+from seaclutter_cli.arrays import Bytes, Floats, Indices, Ints, Mask
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.grids.elevation import NOWHERE, Cells, GriddedPoints, LandCells
+from seaclutter_cli.grids.elevation import Cells, GriddedPoints, LandCells
 from seaclutter_cli.grids.opening import SurfaceParams, open_grid, without_pits
 
 _SAMPLE = 20_000
@@ -227,8 +227,7 @@ class LeveledTile:
             if not points.grid.blocks:
                 classification[own], height[own] = NEVER, np.nan
                 continue
-            details = _details(points, None if intensity is None else intensity[own])
-            surface, alone_m = self._followed(points, shores, waves, details)
+            surface, alone_m = self._followed(points, shores, waves, None if intensity is None else intensity[own])
             classification[own], height[own] = surface.classes(points)
             looks.append((points, surface.land, alone_m))
         alone_m = max(looks, key=lambda look: _cells(look[0]))[2]
@@ -236,19 +235,20 @@ class LeveledTile:
         return Separation(classification, height, _cells(self.points), _state("followed", waves, alone_m), land)
 
     def _followed(
-        self, points: GriddedPoints, shores: Shores, waves: Waves, details: CellDetails
+        self, points: GriddedPoints, shores: Shores, waves: Waves, intensity: NDArray[Any] | None
     ) -> tuple[Surface, float]:
         """Return the surface of the rough water of one look, and the height that a single cell needs to stand out."""
         grid, params = points.grid, self.params
+        highest, echoes, brightness = _details(points, intensity)
         lowest, opened = _surfaces(points, params)
         slots = [self.points.grid.blocks[block] for block in grid.blocks]
         own, level, top = shores.land[slots], shores.level_m[slots], self._top[slots]
         above, high = _LAND_DEVIATIONS * waves.deviation_m, _ISLAND_DEVIATIONS * waves.deviation_m
         land = own | island_cells(grid, opened, level, above, max(params.island_m or np.inf, high), own)
         step = level - waves.level_m
-        followed = follow_waves(grid, lowest - step, land, waves, lowest - opened, details)
+        followed = follow_waves(grid, lowest - step, land, waves, lowest - opened, brightness)
         followed = replace(followed, surface=followed.surface + step)
-        limit, alone_m = height_limits(grid, lowest, land, followed, details)
+        limit, alone_m = height_limits(grid, lowest, land, followed, highest, echoes)
         ground_top = top if params.land == "class2" else None
         return Surface(followed.surface, limit, land, ground_top), alone_m
 
@@ -274,8 +274,7 @@ def _water_heights(points: GriddedPoints, surface: Surface) -> tuple[float, floa
     step = points.size // _SAMPLE + 1
     sample = []
     for own, z, cell in points:
-        every = np.arange(-own.start % step, len(cell), step)
-        used = every[cell[every] != NOWHERE]
+        used = own % step == 0
         above, limit = surface.heights(z[used], cell[used])
         sample.append(above[limit > 0])  # no land
     above = np.concatenate(sample)
@@ -293,16 +292,15 @@ def _land_cells(cell_m: float, looks: Iterable[tuple[GriddedPoints, Mask]]) -> L
     return LandCells(cell_m, blocks)
 
 
-def _details(points: GriddedPoints, intensity: NDArray[Any] | None) -> CellDetails:
-    """Return the highest elevation, the brightness and the number of echoes of each cell."""
+def _details(points: GriddedPoints, intensity: NDArray[Any] | None) -> tuple[Cells, Ints, Cells | None]:
+    """Return the highest elevation, the number of echoes and the logarithm of the highest intensity of each cell."""
     shape = points.grid.lowest.shape
     highest, echoes = np.full(shape, -np.inf), np.zeros(shape, np.int64)
     brightest = None if intensity is None else np.full(shape, -np.inf)
     for own, z, cell in points:
-        located = cell != NOWHERE
-        np.maximum.at(highest.reshape(-1), cell[located], z[located])
-        np.add.at(echoes.reshape(-1), cell[located], 1)
+        np.maximum.at(highest.reshape(-1), cell, z)
+        np.add.at(echoes.reshape(-1), cell, 1)
         if intensity is not None and brightest is not None:
-            value = np.nan_to_num(intensity[own][located]).astype(np.float64)
-            np.fmax.at(brightest.reshape(-1), cell[located], np.log1p(np.maximum(value, 0)))
-    return CellDetails(highest, brightest, echoes)
+            value = np.nan_to_num(intensity[own]).astype(np.float64)
+            np.fmax.at(brightest.reshape(-1), cell, np.log1p(np.maximum(value, 0)))
+    return highest, echoes, brightest
