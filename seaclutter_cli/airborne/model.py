@@ -210,11 +210,13 @@ def _reproducible(data: bytes) -> bytes:
     with ZipFile(io.BytesIO(data)) as source, ZipFile(packed, "w") as target:
         schema = _ADDRESS.sub(by_number, source.read(_SCHEMA).decode())
         for name in source.namelist():
-            if name == _SCHEMA:
-                _write(target, name, schema.encode())
-            else:
-                stem, _, suffix = name.partition(".")
-                _write(target, f"{numbers[stem]}.{suffix}", _without_spare_bytes(source.read(name)))
+            stem, _, suffix = name.partition(".")
+            is_schema = name == _SCHEMA
+            member = ZipInfo(name if is_schema else f"{numbers[stem]}.{suffix}")  # of the year 1980
+            member.create_system = 3  # Unix, also on Windows
+            member.external_attr = 0o600 << 16
+            content = schema.encode() if is_schema else _without_spare_bytes(source.read(name))
+            target.writestr(member, content, ZIP_DEFLATED, 6)
     return packed.getvalue()
 
 
@@ -228,10 +230,3 @@ def _without_spare_bytes(array_file: bytes) -> bytes:
     written = io.BytesIO()
     np.save(written, clean, allow_pickle=False)
     return written.getvalue()
-
-
-def _write(archive: ZipFile, name: str, data: bytes) -> None:
-    member = ZipInfo(name)  # of the year 1980
-    member.create_system = 3  # Unix, also on Windows
-    member.external_attr = 0o600 << 16
-    archive.writestr(member, data, ZIP_DEFLATED, 6)

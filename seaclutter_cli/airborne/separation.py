@@ -3,17 +3,17 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.rough_water import follow_waves, height_limits
-from seaclutter_cli.airborne.shores import Shores, commonest_level, island_cells, shores_of, water_model
+from seaclutter_cli.airborne.shores import Shores, WaterModel, commonest_level, island_cells, shores_of
 from seaclutter_cli.airborne.squares import Column, SquareEchoes, Squares, square_table
 from seaclutter_cli.airborne.strips import looks_of, strip_levels, strips_of
 from seaclutter_cli.airborne.surface import CALM_M, NEVER, OTHER, SeparationParams, Surface
-from seaclutter_cli.airborne.waves import Waves, WindowWaves, estimate_waves, window_waves
+from seaclutter_cli.airborne.waves import Waves, WindowWaves, estimate_waves
 from seaclutter_cli.arrays import Bytes, Floats, Indices, Ints, Mask
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.grids.elevation import Cells, GriddedPoints, LandCells
@@ -84,11 +84,11 @@ def separate(parts: Iterable[Floats], params: SurfaceParams, column: Column = la
 
     Raise `InputError` if no point has finite coordinates, or the points are too scattered for a grid in memory.
     """
-    points = GriddedPoints.of(parts, params.cell_m)
+    points = GriddedPoints(parts, params.cell_m)
     if not points.grid.blocks:
         raise InputError("no points with finite coordinates: the sea surface cannot be computed")
     if isinstance(params, SeparationParams):
-        found = LeveledTile.of(points, params, column).separation()
+        found = LeveledTile(points, params, column).separation()
         given = column("classification") if params.trust_classes else None
         if given is not None:
             kept = np.isin(given, params.trust_classes) & (found.classification != NEVER)
@@ -104,34 +104,26 @@ def _cells(points: GriddedPoints) -> int:
     return int(np.isfinite(points.grid.lowest).sum())
 
 
-@dataclass(frozen=True)
 class LeveledTile:
     """A tile with the level of all strips made the same.
 
     ``points``: the N points; ``params``: parameters of the separation; ``column``: returns an attribute of all points;
     ``look``, shape (N,): what shows each point at one moment, a strip or one direction of a scanner on a cone; None if
     it is one; ``change_m``: by how much the level of each square of all blocks differs between two strips; ``lowest``,
-    ``opened``, shape (S, 256, 256): lowest elevations without echoes from below the surface, and their opening.
+    ``opened``, shape (S, 256, 256): lowest elevations without echoes from below the surface, and their opening;
+    ``squares``: squares of the tile.
     """
 
-    points: GriddedPoints
-    params: SeparationParams
-    column: Column
-    look: Bytes | None
-    change_m: Floats | None
-    lowest: Cells
-    opened: Cells
-
-    @classmethod
-    def of(cls, points: GriddedPoints, params: SeparationParams, column: Column) -> Self:
-        """Return a tile."""
+    def __init__(self, points: GriddedPoints, params: SeparationParams, column: Column) -> None:
         strip = strips_of(column) if params.follows_waves else None
         levels = None if strip is None else strip_levels(points, strip)
         if strip is not None and levels is not None and levels.tide_m.any():
             points = points.lowered(levels.tide_m[strip])
-        change = None if levels is None else levels.changes_m()
-        look = looks_of(strip, points.parts, column) if params.follows_waves else None
-        return cls(points, params, column, look, change, *_surfaces(points, params))
+        self.points, self.params, self.column = points, params, column
+        self.change_m = None if levels is None else levels.changes_m()
+        self.look = looks_of(strip, points.parts, column) if params.follows_waves else None
+        self.lowest, self.opened = _surfaces(points, params)
+        self.squares = Squares(points.grid, self.lowest, self.lowest <= self._top)
 
     def separation(self) -> Separation:
         """Return the separation of the tile."""
@@ -163,24 +155,19 @@ class LeveledTile:
         return square_table(self.squares, self._echoes, self._windows, change)
 
     @cached_property
-    def squares(self) -> Squares:
-        """Squares of the tile."""
-        return Squares.of(self.points.grid, self.lowest, self.lowest <= self._top)
-
-    @cached_property
     def _echoes(self) -> SquareEchoes:
-        return SquareEchoes.of(self.squares, self.points, self._top, self.column, self.params.trust_classes)
+        return SquareEchoes(self.squares, self.points, self._top, self.column, self.params.trust_classes)
 
     @cached_property
     def _windows(self) -> WindowWaves:
-        return window_waves(self._looks(), self.params.cell_m, self.squares.index)
+        return WindowWaves(self._looks(), self.params.cell_m, self.squares.index)
 
     def _shores(self) -> tuple[Floats, Shores]:
         """Return the log odds of water of the squares, and the land and water of the tile."""
         odds = np.zeros(len(self.squares.index))
         if len(odds) >= _LEAST_SQUARES:
             name = "water" if np.isfinite(self._echoes.variation).any() else "water_by_shape"
-            odds = water_model(name).log_odds(self.squares, *self.table(), self._echoes.trusted)
+            odds = WaterModel(name).log_odds(self.squares, *self.table(), self._echoes.trusted)
             shores = shores_of(self.points.grid, self.lowest, self.squares, odds, self._windows)
             if shores.water.any() or np.clip(odds, -_MOST_ODDS, _MOST_ODDS).mean() < -_SURE_ODDS:
                 return odds, shores
@@ -219,13 +206,13 @@ class LeveledTile:
     def _rough(self, shores: Shores, waves: Waves) -> Separation:
         """Return the separation of rough water, look by look: where strips overlap, they show it at two moments."""
         intensity = self.column("intensity")
-        classification, height = np.empty(self.points.size, np.uint8), np.empty(self.points.size, np.float32)
+        classification = np.full(self.points.size, NEVER, np.uint8)
+        height = np.full(self.points.size, np.nan, np.float32)
         looks = []
         for number in [None] if self.look is None else np.unique(self.look).tolist():
             own = np.ones(self.points.size, np.bool_) if number is None else self.look == number
             points = self.points.chosen(own)
             if not points.grid.blocks:
-                classification[own], height[own] = NEVER, np.nan
                 continue
             surface, alone_m = self._followed(points, shores, waves, None if intensity is None else intensity[own])
             classification[own], height[own] = surface.classes(points)
