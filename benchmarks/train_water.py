@@ -65,8 +65,8 @@ def write_table(path: Path, tile: Tile, *, is_real: bool) -> None:
     """Write features and truth of the squares of a tile; what is unclassified is an object, but not in real tiles."""
     truth = tile["classification"]
     params = SeparationParams()
-    points = GriddedPoints.of([tile["xyz"]], params.cell_m)
-    leveled = LeveledTile.of(points, params, lambda name: tile.get(name) if name in ATTRIBUTES else None)
+    points = GriddedPoints([tile["xyz"]], params.cell_m)
+    leveled = LeveledTile(points, params, lambda name: tile.get(name) if name in ATTRIBUTES else None)
     names, table = leveled.table()
     cell = np.concatenate(points.cells)
     used = cell != NOWHERE

@@ -171,10 +171,8 @@ def check_packets(family: PacketFamily, payloads: NDArray[np.uint8], *, step_ns:
     for size in (0, 1, 100, payloads.shape[1]):
         assert not family.recognises(random.integers(0, 256, size, np.uint8)), "noise is recognised"
     packets = Packets(1_700_000_000_000_000_000 + step_ns * np.arange(len(payloads)), payloads)
-    whole, parts = (
-        _decoded(family, [packets]),
-        _decoded(family, [packets[row : row + 1] for row in range(len(packets))]),
-    )
+    whole = _decoded(family, [packets])
+    parts = _decoded(family, [packets[row : row + 1] for row in range(len(packets))])
     assert whole, "no frame"
     assert [frame.stamp_ns for frame in whole] == sorted(frame.stamp_ns for frame in whole), "stamps are not in order"
     assert _bytes_of(whole) == _bytes_of(parts), "frames depend on how packets are passed"

@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
-_SIGNALS = [
-    signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in signal.Signals.__members__
-]  # Windows has no SIGHUP
+_SIGNALS = [one for one in signal.Signals if one.name in ("SIGINT", "SIGTERM", "SIGHUP")]  # Windows has no SIGHUP
 _REPEAT_S = 0.05
 _WAIT_FOR = ("importlib", "pydantic", "seaclutter_cli.sinks.atomic")
 """Packages and modules that drop or replace an interrupt that comes within them, or that complete and remove files; all

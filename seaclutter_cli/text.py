@@ -6,6 +6,8 @@ import re
 import textwrap
 from collections.abc import Collection, Mapping, Sequence
 from difflib import get_close_matches
+from functools import partial
+from itertools import dropwhile
 from typing import Any
 
 SCHEMA_VERSION = 1
@@ -80,11 +82,8 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]], notes: Sequence
 def legend(meanings: Mapping[str, str]) -> str:
     """Return terms with their meanings, wrapped at 80 characters."""
     width = max(map(len, meanings)) + 2
-    lines = []
-    for term, meaning in meanings.items():
-        first = term.ljust(width)
-        lines.append(textwrap.fill(meaning, _LINE_CHARACTERS, initial_indent=first, subsequent_indent=" " * width))
-    return "\n".join(lines)
+    wrap = partial(textwrap.fill, width=_LINE_CHARACTERS, subsequent_indent=" " * width)
+    return "\n".join(wrap(meaning, initial_indent=term.ljust(width)) for term, meaning in meanings.items())
 
 
 def count(number: int, noun: str) -> str:
@@ -104,10 +103,9 @@ def duration(seconds: float) -> str:
     if seconds < 10:
         return f"{seconds:.1f} s"
     whole = round(seconds)
-    units = {"d": whole // 86400, "h": whole // 3600 % 24, "min": whole // 60 % 60, "s": whole % 60}
-    names = list(units)
-    first = next(number for number, name in enumerate(names) if units[name])
-    return " ".join(f"{units[name]} {name}" for name in names[first : first + 2] if units[name])
+    units = (whole // 86400, "d"), (whole // 3600 % 24, "h"), (whole // 60 % 60, "min"), (whole % 60, "s")
+    largest = list(dropwhile(lambda unit: not unit[0], units))[:2]
+    return " ".join(f"{number} {name}" for number, name in largest if number)
 
 
 def data_size(size: float) -> str:

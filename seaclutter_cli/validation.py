@@ -249,11 +249,6 @@ _LIMITS: Mapping[str, tuple[Callable[[Any, Any], bool], str]] = {
 }
 
 
-def allowed_values(kind: type[Any]) -> dict[str, str]:
-    """Return the values that each parameter of a class allows, in words."""
-    return {name: _in_words(hint) for name, hint in _hints(kind).items()}
-
-
 def name_choices(kind: type[Any]) -> dict[str, OneOf]:
     """Return the parameters of a class that are one of several names."""
     return {name: choice for name, hint in _hints(kind).items() if (choice := _declared(hint)[3])}

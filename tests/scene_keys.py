@@ -1,6 +1,7 @@
 """Make ``docs/scene-keys.md``, the reference of scene keys: ``python -m tests.scene_keys``."""
 
 from dataclasses import MISSING, fields
+from typing import get_type_hints
 
 from seaclutter_cli.simulation.airborne.scene import (
     LANDS,
@@ -14,7 +15,7 @@ from seaclutter_cli.simulation.lidar import NoiseParams
 from seaclutter_cli.simulation.marine.physics import PhysicsParams
 from seaclutter_cli.simulation.marine.scene import RecordingParams, SceneObjectParams, VesselParams
 from seaclutter_cli.simulation.marine.terrain import TERRAINS
-from seaclutter_cli.validation import allowed_values, descriptions, plain, summary, yaml_value
+from seaclutter_cli.validation import _in_words, descriptions, plain, summary, yaml_value
 from tests.paths import ROOT
 
 PAGE = ROOT / "docs" / "scene-keys.md"
@@ -70,11 +71,11 @@ def page():
 
 
 def section(name, kind):
-    described, allowed = descriptions(kind), allowed_values(kind)
+    described, hints = descriptions(kind), get_type_hints(kind, include_extras=True)
     rows = ["| key | default | values | meaning |", "|---|---|---|---|"]
     for field in fields(kind):
         default = "required" if field.default is MISSING else f"`{yaml_value(plain(field.default))}`"
-        rows.append(f"| `{field.name}` | {default} | {allowed[field.name]} | {described[field.name]} |")
+        rows.append(f"| `{field.name}` | {default} | {_in_words(hints[field.name])} | {described[field.name]} |")
     text = " ".join(filter(None, (f"{summary(kind)}.", NOTES.get(name))))
     return "\n".join((f"### {name}\n", text, "", *rows, ""))
 

@@ -26,22 +26,17 @@ _BINS = 1 << 19
 _BLOCK_PAIRS, _BLOCK_POINTS = 1 << 20, 1 << 13
 
 
-@dataclass(frozen=True)
 class PointBlock:
     """A block of B points and their neighbours, P pairs.
 
     ``points``, shape (B,): indices of the points; ``own``, shape (P,): index of the point of each pair in ``points``,
     ascending; ``neighbor``, shape (P,): index of the neighbour among all points. Each point is its own neighbour, too.
+    ``count``, shape (B,): number of neighbours of each point.
     """
 
-    points: Ints
-    own: Ints
-    neighbor: Ints
-
-    @property
-    def count(self) -> Ints:
-        """Number of neighbours of each point, shape (B,), itself included."""
-        return np.asarray(np.bincount(self.own, minlength=len(self.points)), np.int64)
+    def __init__(self, points: Ints, own: Ints, neighbor: Ints) -> None:
+        self.points, self.own, self.neighbor = points, own, neighbor
+        self.count = np.bincount(own, minlength=len(points))
 
     def total(self, values: Floats) -> Floats:
         """Return sums over the neighbours of each point, shape (B,), of a value for each pair, shape (P,)."""

@@ -64,7 +64,9 @@ def map_of(parts: Iterable[Floats], found: Separation, cell_m: float) -> TileMap
     ``parts``, shape (3, n): coordinates of the points in metres; iterated over twice; ``found``: their separation;
     ``cell_m``: width of a cell; more if there would be too many cells.
     """
-    low, high = _extent(parts, found)
+    located = (xyz[:2, found.classification[part] != NEVER] for part, xyz in sliced(parts))
+    ends = [(xy.min(axis=1), xy.max(axis=1)) for xy in located if xy.size]
+    low, high = np.min([first for first, _ in ends], axis=0), np.max([last for _, last in ends], axis=0)
     while np.prod((high - low) // cell_m + 1) > _MAX_CELLS:
         cell_m *= 2
     first = np.floor(low / cell_m).astype(np.int64)
@@ -88,16 +90,6 @@ def map_of(parts: Iterable[Floats], found: Separation, cell_m: float) -> TileMap
     kind[(other > 0) & (other > land)] = IS_OBJECT
     level = np.divide(elevation, sea, out=np.full(total, np.nan), where=sea > 0)
     return TileMap(cell_m, (int(first[0]), int(first[1])), kind.reshape(shape), level.astype(np.float32).reshape(shape))
-
-
-def _extent(parts: Iterable[Floats], found: Separation) -> tuple[Floats, Floats]:
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
-    for part, xyz in sliced(parts):
-        used = found.classification[part] != NEVER
-        if used.any():
-            low = np.minimum(low, xyz[:2, used].min(axis=1))
-            high = np.maximum(high, xyz[:2, used].max(axis=1))
-    return low, high
 
 
 def shoreline_of(tile: TileMap) -> list[Floats]:

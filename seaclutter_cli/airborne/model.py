@@ -123,16 +123,15 @@ def load_model(path: Path) -> ObjectModel:
     try:
         _check_size(data)
         foreign = sorted(set(skops.get_untrusted_types(data=data)) - set(_TRUSTED))
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            content = None if foreign else skops.loads(data, trusted=_TRUSTED)
-        model = None if foreign else _checked(content, _explain(caught))
+        if not foreign:
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                content = skops.loads(data, trusted=_TRUSTED)
+            return _checked(content, _explain(caught))
     except Exception as error:
         text = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{path}: not a seaclutter model ({text[:200]})") from error
-    if model is None:
-        raise InputError(f"{path}: refused; it contains types that are not part of a model: {', '.join(foreign)}")
-    return model
+    raise InputError(f"{path}: refused; it contains types that are not part of a model: {', '.join(foreign)}")
 
 
 def _explain(caught: Sequence[warnings.WarningMessage]) -> tuple[str, ...]:
@@ -211,11 +210,13 @@ def _reproducible(data: bytes) -> bytes:
     with ZipFile(io.BytesIO(data)) as source, ZipFile(packed, "w") as target:
         schema = _ADDRESS.sub(by_number, source.read(_SCHEMA).decode())
         for name in source.namelist():
-            if name == _SCHEMA:
-                _write(target, name, schema.encode())
-            else:
-                stem, _, suffix = name.partition(".")
-                _write(target, f"{numbers[stem]}.{suffix}", _without_spare_bytes(source.read(name)))
+            stem, _, suffix = name.partition(".")
+            is_schema = name == _SCHEMA
+            member = ZipInfo(name if is_schema else f"{numbers[stem]}.{suffix}")  # of the year 1980
+            member.create_system = 3  # Unix, also on Windows
+            member.external_attr = 0o600 << 16
+            content = schema.encode() if is_schema else _without_spare_bytes(source.read(name))
+            target.writestr(member, content, ZIP_DEFLATED, 6)
     return packed.getvalue()
 
 
@@ -229,10 +230,3 @@ def _without_spare_bytes(array_file: bytes) -> bytes:
     written = io.BytesIO()
     np.save(written, clean, allow_pickle=False)
     return written.getvalue()
-
-
-def _write(archive: ZipFile, name: str, data: bytes) -> None:
-    member = ZipInfo(name)  # of the year 1980
-    member.create_system = 3  # Unix, also on Windows
-    member.external_attr = 0o600 << 16
-    archive.writestr(member, data, ZIP_DEFLATED, 6)

@@ -23,7 +23,7 @@ _MAX_SPREAD_M = 4.0
 _MIN_SEA = 0.05
 _MAX_OBJECT_M = 1.0
 _MANY, _EXACT, _SAMPLE = 100, 0.5, 10_000
-_LARGEST_M = {"ship": (460.0, 130.0, 80.0)}  # length, width, height of the largest ships ever built, and a margin
+_LARGEST_SHIP_M = (460.0, 130.0, 80.0)  # length, width, height of the largest ever built, and a margin
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -257,16 +257,11 @@ def doubts_about_sea(parts: Iterable[Floats], found: Separation) -> list[str]:
 
 
 def doubts_about_objects(objects: Sequence[FoundObject]) -> list[str]:
-    """Return a line for each class with objects that are larger than any of its kind."""
-    doubts = []
-    for name, limits in _LARGEST_M.items():
-        own = [one for one in objects if one.name == name]
-        sizes = [(*one.size, one.height_m) for one in own]
-        beyond = [size for size in sizes if any(value > limit for value, limit in zip(size, limits, strict=True))]
-        if beyond:
-            largest = " by ".join(f"{value:.0f}" for value in max(beyond))
-            doubts.append(
-                f"{count(len(beyond), name)} of implausible size, up to {largest} m; check that the tile is of the sea "
-                "and that its unit is right"
-            )
-    return doubts
+    """Return a line about ships that are larger than any, if there are some."""
+    sizes = [(*one.size, one.height_m) for one in objects if one.name == "ship"]
+    beyond = [size for size in sizes if np.greater(size, _LARGEST_SHIP_M).any()]
+    if not beyond:
+        return []
+    largest = " by ".join(f"{value:.0f}" for value in max(beyond))
+    problem = f"{count(len(beyond), 'ship')} of implausible size, up to {largest} m"
+    return [f"{problem}; check that the tile is of the sea and that its unit is right"]

@@ -32,19 +32,6 @@ _ON_CREST, _FOAM_ALONE = 0.5, 0.1
 
 
 @dataclass(frozen=True)
-class CellDetails:
-    """What rough water needs to know about each cell beside its lowest elevation, each of shape (S, 256, 256).
-
-    The highest elevation and the logarithm of the highest intensity, not finite in empty cells; the latter is None
-    without intensities. The number of echoes.
-    """
-
-    highest: Cells
-    brightness: Cells | None
-    echoes: Ints
-
-
-@dataclass(frozen=True)
 class FollowedSurface:
     """Surface of rough water, and the standard deviation of the water from it, each of shape (S, 256, 256).
 
@@ -61,14 +48,14 @@ class FollowedSurface:
 
 
 def follow_waves(
-    grid: ElevationGrid, lowest: Cells, land: Mask, waves: Waves, above: Cells, details: CellDetails
+    grid: ElevationGrid, lowest: Cells, land: Mask, waves: Waves, above: Cells, brightness: Cells | None
 ) -> FollowedSurface:
     r"""Return the surface of rough water.
 
     ``grid``: grid of the points of one strip; ``lowest``, shape (S, 256, 256): lowest elevations without pits; plus
     infinity in empty cells; ``land``, shape (S, 256, 256): land cells; ``waves``: waves of the tile; ``above``, shape
-    (S, 256, 256): height of the lowest elevations above the opened surface; ``details``: highest elevations,
-    intensities, and numbers of echoes.
+    (S, 256, 256): height of the lowest elevations above the opened surface; ``brightness``, shape (S, 256, 256):
+    logarithm of the highest intensities, not finite in empty cells; None without intensities.
 
     The surface is a sum, from coarse to fine: the level of the water, plus the mean of what remains around each cell,
     weighted over a sixth of the wave length, plus the mean of what still remains over half that width, and so on down
@@ -82,9 +69,9 @@ def follow_waves(
     known = np.isfinite(lowest)
     usable = known & ~land
     water = usable & (above <= waves.crest_m)
-    brightness = contrast = np.zeros(lowest.shape)
-    if details.brightness is not None:
-        brightness, contrast = _contrast(grid, details.brightness, water)
+    own = contrast = np.zeros(lowest.shape)
+    if brightness is not None:
+        own, contrast = _contrast(grid, brightness, water)
     excluded = _patches(grid, contrast > _BRIGHT, known) & ~land
     usable &= ~excluded
     water &= usable
@@ -107,7 +94,7 @@ def follow_waves(
         surface, variance = _finer(grid, lowest, water, width, (surface, variance))
     surface[land] = waves.level_m
     crests = surface - waves.level_m > _CREST * waves.deviation_m
-    return FollowedSurface(surface, np.sqrt(variance), brightness, contrast, crests)
+    return FollowedSurface(surface, np.sqrt(variance), own, contrast, crests)
 
 
 def _finer(
@@ -157,13 +144,13 @@ def _patches(grid: ElevationGrid, mask: Mask, known: Mask) -> Mask:
 
 
 def height_limits(
-    grid: ElevationGrid, lowest: Cells, land: Mask, sea: FollowedSurface, details: CellDetails
+    grid: ElevationGrid, lowest: Cells, land: Mask, sea: FollowedSurface, highest: Cells, echoes: Ints
 ) -> tuple[Cells, float]:
     r"""Return the heights above the surface of rough water that make an object, by cell, and that of a single cell.
 
     ``grid``: grid of the points of one strip; ``lowest``, shape (S, 256, 256): lowest elevations without pits; plus
     infinity in empty cells; ``land``, shape (S, 256, 256): land cells; ``sea``: surface, deviation of the water from
-    it, and brightness; ``details``: highest elevations, and numbers of echoes.
+    it, and brightness; ``highest``, ``echoes``, shape (S, 256, 256): highest elevations, and numbers of echoes.
 
     Heights and brightness are in standard deviations of the water. Cells that are risen (3) or bright (2) are joined. A
     group is an object if
@@ -186,8 +173,8 @@ def height_limits(
     """
     known = np.isfinite(lowest)
     used = known & ~land
-    ranges = _ranges(details, lowest, used)
-    low_m, high_m = (np.where(known, values, -np.inf) - sea.surface for values in (lowest, details.highest - ranges))
+    ranges = _ranges(highest - lowest, echoes, used)
+    low_m, high_m = (np.where(known, values, -np.inf) - sea.surface for values in (lowest, highest - ranges))
     low, high = low_m / sea.deviation, high_m / sea.deviation
     bright = sea.contrast > _BRIGHT
     both = np.hypot(np.maximum(high, 0), np.clip(sea.contrast, 0, _BRIGHTEST))
@@ -202,19 +189,18 @@ def height_limits(
     common, range_m = (float(np.median(values[used])) if used.any() else 0.0 for values in (alone, ranges))
     covered = inside & ~land & bright
     limit[covered] = np.minimum(limit[covered], common)
-    echoes = covered & (sea.brightness > _BRIGHT_ECHO)
-    limit[echoes] = (np.where(sea.contrast > _BRIGHTEST, _OF_BRIGHTEST, _OF_BRIGHT) * sea.deviation)[echoes]
+    shining = covered & (sea.brightness > _BRIGHT_ECHO)
+    limit[shining] = (np.where(sea.contrast > _BRIGHTEST, _OF_BRIGHTEST, _OF_BRIGHT) * sea.deviation)[shining]
     return limit + range_m, common + range_m
 
 
-def _ranges(details: CellDetails, lowest: Cells, water: Mask) -> Cells:
+def _ranges(range_m: Cells, echoes: Ints, water: Mask) -> Cells:
     """Return the median height of the highest above the lowest echo of water, of cells with as many echoes as each."""
-    number = np.minimum(details.echoes, _MANY_ECHOES)
-    own, range_m = number[water], details.highest[water] - lowest[water]
-    found = np.zeros(_MANY_ECHOES + 1)
-    for echoes in range(2, len(found)):
-        alike = range_m[own == echoes]
-        found[echoes] = np.median(alike) if len(alike) >= _LEAST_CELLS else found[echoes - 1]
+    number = np.minimum(echoes, _MANY_ECHOES)
+    own, range_m, found = number[water], range_m[water], np.zeros(_MANY_ECHOES + 1)
+    for many in range(2, len(found)):
+        alike = range_m[own == many]
+        found[many] = np.median(alike) if len(alike) >= _LEAST_CELLS else found[many - 1]
     return found[number]
 
 

@@ -3,20 +3,20 @@
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.airborne.rough_water import CellDetails, follow_waves, height_limits
-from seaclutter_cli.airborne.shores import Shores, commonest_level, island_cells, shores_of, water_model
+from seaclutter_cli.airborne.rough_water import follow_waves, height_limits
+from seaclutter_cli.airborne.shores import Shores, WaterModel, commonest_level, island_cells, shores_of
 from seaclutter_cli.airborne.squares import Column, SquareEchoes, Squares, square_table
 from seaclutter_cli.airborne.strips import looks_of, strip_levels, strips_of
 from seaclutter_cli.airborne.surface import CALM_M, NEVER, OTHER, SeparationParams, Surface
-from seaclutter_cli.airborne.waves import Waves, WindowWaves, estimate_waves, window_waves
-from seaclutter_cli.arrays import Bytes, Floats, Indices, Mask
+from seaclutter_cli.airborne.waves import Waves, WindowWaves, estimate_waves
+from seaclutter_cli.arrays import Bytes, Floats, Indices, Ints, Mask
 from seaclutter_cli.errors import InputError
-from seaclutter_cli.grids.elevation import NOWHERE, Cells, GriddedPoints, LandCells
+from seaclutter_cli.grids.elevation import Cells, GriddedPoints, LandCells
 from seaclutter_cli.grids.opening import SurfaceParams, open_grid, without_pits
 
 _SAMPLE = 20_000
@@ -84,11 +84,11 @@ def separate(parts: Iterable[Floats], params: SurfaceParams, column: Column = la
 
     Raise `InputError` if no point has finite coordinates, or the points are too scattered for a grid in memory.
     """
-    points = GriddedPoints.of(parts, params.cell_m)
+    points = GriddedPoints(parts, params.cell_m)
     if not points.grid.blocks:
         raise InputError("no points with finite coordinates: the sea surface cannot be computed")
     if isinstance(params, SeparationParams):
-        found = LeveledTile.of(points, params, column).separation()
+        found = LeveledTile(points, params, column).separation()
         given = column("classification") if params.trust_classes else None
         if given is not None:
             kept = np.isin(given, params.trust_classes) & (found.classification != NEVER)
@@ -104,34 +104,26 @@ def _cells(points: GriddedPoints) -> int:
     return int(np.isfinite(points.grid.lowest).sum())
 
 
-@dataclass(frozen=True)
 class LeveledTile:
     """A tile with the level of all strips made the same.
 
     ``points``: the N points; ``params``: parameters of the separation; ``column``: returns an attribute of all points;
     ``look``, shape (N,): what shows each point at one moment, a strip or one direction of a scanner on a cone; None if
     it is one; ``change_m``: by how much the level of each square of all blocks differs between two strips; ``lowest``,
-    ``opened``, shape (S, 256, 256): lowest elevations without echoes from below the surface, and their opening.
+    ``opened``, shape (S, 256, 256): lowest elevations without echoes from below the surface, and their opening;
+    ``squares``: squares of the tile.
     """
 
-    points: GriddedPoints
-    params: SeparationParams
-    column: Column
-    look: Bytes | None
-    change_m: Floats | None
-    lowest: Cells
-    opened: Cells
-
-    @classmethod
-    def of(cls, points: GriddedPoints, params: SeparationParams, column: Column) -> Self:
-        """Return a tile."""
+    def __init__(self, points: GriddedPoints, params: SeparationParams, column: Column) -> None:
         strip = strips_of(column) if params.follows_waves else None
         levels = None if strip is None else strip_levels(points, strip)
         if strip is not None and levels is not None and levels.tide_m.any():
             points = points.lowered(levels.tide_m[strip])
-        change = None if levels is None else levels.changes_m()
-        look = looks_of(strip, points.parts, column) if params.follows_waves else None
-        return cls(points, params, column, look, change, *_surfaces(points, params))
+        self.points, self.params, self.column = points, params, column
+        self.change_m = None if levels is None else levels.changes_m()
+        self.look = looks_of(strip, points.parts, column) if params.follows_waves else None
+        self.lowest, self.opened = _surfaces(points, params)
+        self.squares = Squares(points.grid, self.lowest, self.lowest <= self._top)
 
     def separation(self) -> Separation:
         """Return the separation of the tile."""
@@ -163,24 +155,19 @@ class LeveledTile:
         return square_table(self.squares, self._echoes, self._windows, change)
 
     @cached_property
-    def squares(self) -> Squares:
-        """Squares of the tile."""
-        return Squares.of(self.points.grid, self.lowest, self.lowest <= self._top)
-
-    @cached_property
     def _echoes(self) -> SquareEchoes:
-        return SquareEchoes.of(self.squares, self.points, self._top, self.column, self.params.trust_classes)
+        return SquareEchoes(self.squares, self.points, self._top, self.column, self.params.trust_classes)
 
     @cached_property
     def _windows(self) -> WindowWaves:
-        return window_waves(self._looks(), self.params.cell_m, self.squares.index)
+        return WindowWaves(self._looks(), self.params.cell_m, self.squares.index)
 
     def _shores(self) -> tuple[Floats, Shores]:
         """Return the log odds of water of the squares, and the land and water of the tile."""
         odds = np.zeros(len(self.squares.index))
         if len(odds) >= _LEAST_SQUARES:
             name = "water" if np.isfinite(self._echoes.variation).any() else "water_by_shape"
-            odds = water_model(name).log_odds(self.squares, *self.table(), self._echoes.trusted)
+            odds = WaterModel(name).log_odds(self.squares, *self.table(), self._echoes.trusted)
             shores = shores_of(self.points.grid, self.lowest, self.squares, odds, self._windows)
             if shores.water.any() or np.clip(odds, -_MOST_ODDS, _MOST_ODDS).mean() < -_SURE_ODDS:
                 return odds, shores
@@ -219,16 +206,15 @@ class LeveledTile:
     def _rough(self, shores: Shores, waves: Waves) -> Separation:
         """Return the separation of rough water, look by look: where strips overlap, they show it at two moments."""
         intensity = self.column("intensity")
-        classification, height = np.empty(self.points.size, np.uint8), np.empty(self.points.size, np.float32)
+        classification = np.full(self.points.size, NEVER, np.uint8)
+        height = np.full(self.points.size, np.nan, np.float32)
         looks = []
         for number in [None] if self.look is None else np.unique(self.look).tolist():
             own = np.ones(self.points.size, np.bool_) if number is None else self.look == number
             points = self.points.chosen(own)
             if not points.grid.blocks:
-                classification[own], height[own] = NEVER, np.nan
                 continue
-            details = _details(points, None if intensity is None else intensity[own])
-            surface, alone_m = self._followed(points, shores, waves, details)
+            surface, alone_m = self._followed(points, shores, waves, None if intensity is None else intensity[own])
             classification[own], height[own] = surface.classes(points)
             looks.append((points, surface.land, alone_m))
         alone_m = max(looks, key=lambda look: _cells(look[0]))[2]
@@ -236,19 +222,20 @@ class LeveledTile:
         return Separation(classification, height, _cells(self.points), _state("followed", waves, alone_m), land)
 
     def _followed(
-        self, points: GriddedPoints, shores: Shores, waves: Waves, details: CellDetails
+        self, points: GriddedPoints, shores: Shores, waves: Waves, intensity: NDArray[Any] | None
     ) -> tuple[Surface, float]:
         """Return the surface of the rough water of one look, and the height that a single cell needs to stand out."""
         grid, params = points.grid, self.params
+        highest, echoes, brightness = _details(points, intensity)
         lowest, opened = _surfaces(points, params)
         slots = [self.points.grid.blocks[block] for block in grid.blocks]
         own, level, top = shores.land[slots], shores.level_m[slots], self._top[slots]
         above, high = _LAND_DEVIATIONS * waves.deviation_m, _ISLAND_DEVIATIONS * waves.deviation_m
         land = own | island_cells(grid, opened, level, above, max(params.island_m or np.inf, high), own)
         step = level - waves.level_m
-        followed = follow_waves(grid, lowest - step, land, waves, lowest - opened, details)
+        followed = follow_waves(grid, lowest - step, land, waves, lowest - opened, brightness)
         followed = replace(followed, surface=followed.surface + step)
-        limit, alone_m = height_limits(grid, lowest, land, followed, details)
+        limit, alone_m = height_limits(grid, lowest, land, followed, highest, echoes)
         ground_top = top if params.land == "class2" else None
         return Surface(followed.surface, limit, land, ground_top), alone_m
 
@@ -274,8 +261,7 @@ def _water_heights(points: GriddedPoints, surface: Surface) -> tuple[float, floa
     step = points.size // _SAMPLE + 1
     sample = []
     for own, z, cell in points:
-        every = np.arange(-own.start % step, len(cell), step)
-        used = every[cell[every] != NOWHERE]
+        used = own % step == 0
         above, limit = surface.heights(z[used], cell[used])
         sample.append(above[limit > 0])  # no land
     above = np.concatenate(sample)
@@ -293,16 +279,15 @@ def _land_cells(cell_m: float, looks: Iterable[tuple[GriddedPoints, Mask]]) -> L
     return LandCells(cell_m, blocks)
 
 
-def _details(points: GriddedPoints, intensity: NDArray[Any] | None) -> CellDetails:
-    """Return the highest elevation, the brightness and the number of echoes of each cell."""
+def _details(points: GriddedPoints, intensity: NDArray[Any] | None) -> tuple[Cells, Ints, Cells | None]:
+    """Return the highest elevation, the number of echoes and the logarithm of the highest intensity of each cell."""
     shape = points.grid.lowest.shape
     highest, echoes = np.full(shape, -np.inf), np.zeros(shape, np.int64)
     brightest = None if intensity is None else np.full(shape, -np.inf)
     for own, z, cell in points:
-        located = cell != NOWHERE
-        np.maximum.at(highest.reshape(-1), cell[located], z[located])
-        np.add.at(echoes.reshape(-1), cell[located], 1)
+        np.maximum.at(highest.reshape(-1), cell, z)
+        np.add.at(echoes.reshape(-1), cell, 1)
         if intensity is not None and brightest is not None:
-            value = np.nan_to_num(intensity[own][located]).astype(np.float64)
-            np.fmax.at(brightest.reshape(-1), cell[located], np.log1p(np.maximum(value, 0)))
-    return CellDetails(highest, brightest, echoes)
+            value = np.nan_to_num(intensity[own]).astype(np.float64)
+            np.fmax.at(brightest.reshape(-1), cell, np.log1p(np.maximum(value, 0)))
+    return highest, echoes, brightest

@@ -1,7 +1,6 @@
 """Land and water of a tile by cell, and the model that tells them apart: boosted trees over the features of squares."""
 
 from dataclasses import dataclass
-from functools import cache
 from importlib.resources import files
 from typing import Any
 
@@ -209,13 +208,17 @@ class Trees:
         return np.asarray(total * UNIT, np.float64)
 
 
-@dataclass(frozen=True)
 class WaterModel:
-    """Trees over the table of features, and others that also know what the first make of the squares around."""
+    """Trees over the table of features, and others that also know what the first make of the squares around.
 
-    features: tuple[str, ...]
-    first: Trees
-    second: Trees
+    The models of the package are ``water``, and ``water_by_shape``, trained with most intensities left out.
+    """
+
+    def __init__(self, name: str) -> None:
+        with (files("seaclutter_cli.airborne") / f"{name}.npz").open("rb") as file, np.load(file) as stored:
+            trees = [Trees(*(stored[f"{step}_{one}"] for one in Trees.__dataclass_fields__)) for step in (1, 2)]
+            self.features = tuple(stored["features"].tolist())
+        self.first, self.second = trees
 
     def log_odds(self, squares: Squares, names: tuple[str, ...], table: NDArray[np.float32], given: Floats) -> Floats:
         """Return the log odds of water of N squares; ``given``, shape (N,): log odds by trusted classes."""
@@ -242,11 +245,3 @@ def around(squares: Squares, likely: Floats) -> NDArray[np.float32]:
         ),
         axis=1,
     ).astype(np.float32)
-
-
-@cache
-def water_model(name: str) -> WaterModel:
-    """Return a model of the package: ``water``, or ``water_by_shape``, trained with most intensities left out."""
-    with (files("seaclutter_cli.airborne") / f"{name}.npz").open("rb") as file, np.load(file) as stored:
-        trees = [Trees(*(stored[f"{step}_{name}"] for name in Trees.__dataclass_fields__)) for step in (1, 2)]
-        return WaterModel(tuple(stored["features"].tolist()), *trees)

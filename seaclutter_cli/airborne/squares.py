@@ -1,7 +1,6 @@
 """The table of features that distinguishes water from land: one row for each square of eight by eight cells."""
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from seaclutter_cli.airborne.surface import GROUND, WATER
 from seaclutter_cli.airborne.waves import WindowWaves
 from seaclutter_cli.arrays import Floats, Ints, Mask
 from seaclutter_cli.grids.cells import joined
-from seaclutter_cli.grids.elevation import BLOCK, NOWHERE, Cells, ElevationGrid, GriddedPoints
+from seaclutter_cli.grids.elevation import BLOCK, Cells, ElevationGrid, GriddedPoints
 
 Column = Callable[[str], NDArray[Any] | None]
 """Returns an attribute of all points by its LAS name, shape (N,); None if the tile does not have it."""
@@ -28,9 +27,10 @@ _MISSED_ODDS = 6.0
 _SHARES = (0.1587, 0.5, 0.8413)
 
 
-@dataclass(frozen=True)
 class Squares:
-    """The N squares of a tile in which enough cells have points.
+    """The N squares of a grid in which enough cells have points.
+
+    They are made from the lowest elevations of cells, and whether these are on the opened surface.
 
     ``index``, shape (N,): index of each square among those of all blocks; ``xy``, shape (2, N): column and row;
     ``level_m``, ``spread_m``, shape (N,): median of the lowest elevations of cells, and half the distance between their
@@ -41,34 +41,23 @@ class Squares:
     none.
     """
 
-    index: Ints
-    xy: Ints
-    level_m: Floats
-    spread_m: Floats
-    top_m: Floats
-    texture_m: Floats
-    open_share: Floats
-    filled: Floats
-    neighbor: Ints
-
-    @classmethod
-    def of(cls, grid: ElevationGrid, lowest: Cells, on_surface: Mask) -> "Squares":
-        """Return the squares of a grid from the lowest elevations of cells, and whether these are on the surface."""
+    def __init__(self, grid: ElevationGrid, lowest: Cells, on_surface: Mask) -> None:
         split = (values.reshape(-1, _PER_BLOCK, SIDE, _PER_BLOCK, SIDE) for values in (on_surface, lowest))
         known, low = (part.transpose(0, 1, 3, 2, 4).reshape(-1, SIDE * SIDE) for part in split)
         cells = np.isfinite(low).sum(axis=1)
-        index = np.flatnonzero(cells >= _LEAST_CELLS)
-        known, low, cells = known[index], low[index], cells[index]
+        self.index = np.flatnonzero(cells >= _LEAST_CELLS)
+        known, low, cells = known[self.index], low[self.index], cells[self.index]
         enough = known.sum(axis=1) >= _LEAST_CELLS
         used = np.where(enough[:, None], known, np.isfinite(low))
         ordered = np.sort(np.where(used, low, np.inf), axis=1)
-        last, row = used.sum(axis=1) - 1, np.arange(len(index))
-        lower, level, upper = (ordered[row, np.rint(part * last).astype(np.int64)] for part in _SHARES)
-        top = np.where(np.isfinite(low), low, -np.inf).max(axis=1, initial=-np.inf)
-        xy = positions(grid, index)
-        share = known.sum(axis=1) / np.maximum(cells, 1)
-        texture, filled = _texture(np.where(used, low, np.nan)), cells / SIDE**2
-        return cls(index, xy, level, (upper - lower) / 2, top, texture, share, filled, _neighbors(xy))
+        last, row = used.sum(axis=1) - 1, np.arange(len(low))
+        lower, self.level_m, upper = (ordered[row, np.rint(part * last).astype(np.int64)] for part in _SHARES)
+        self.spread_m = (upper - lower) / 2
+        self.top_m = np.where(np.isfinite(low), low, -np.inf).max(axis=1, initial=-np.inf)
+        self.texture_m = _texture(np.where(used, low, np.nan))
+        self.open_share, self.filled = known.sum(axis=1) / np.maximum(cells, 1), cells / SIDE**2
+        self.xy = positions(grid, self.index)
+        self.neighbor = _neighbors(self.xy)
 
     def around(self, values: Floats, times: int) -> Floats:
         """Return the mean of the known values around each square, shape (N,): of three by three, so many times."""
@@ -129,9 +118,8 @@ def _texture(low: Cells) -> Floats:
     return np.asarray(np.sqrt(np.divide(total, 2 * number, out=np.full(len(low), np.nan), where=number > 0)))
 
 
-@dataclass(frozen=True)
 class SquareEchoes:
-    """Echoes of each of N squares; NaN if unknown.
+    """Echoes of each of N squares, on the surface if they are no higher than ``top``, by cell; NaN if unknown.
 
     ``number``, shape (N,): number of echoes; ``several``, ``tall``, shape (N,): share of those on the surface that are
     of pulses with several echoes, and of all that are two metres above it; ``brightness``, ``variation``, shape (N,):
@@ -140,18 +128,9 @@ class SquareEchoes:
     and 0 if none is trusted.
     """
 
-    number: Floats
-    several: Floats
-    tall: Floats
-    brightness: Floats
-    variation: Floats
-    trusted: Floats
-
-    @classmethod
-    def of(
-        cls, squares: Squares, points: GriddedPoints, top: Cells, column: Column, trusted: Collection[int] = ()
-    ) -> "SquareEchoes":
-        """Return the echoes of squares; those no higher than ``top``, by cell, are on the surface."""
+    def __init__(
+        self, squares: Squares, points: GriddedPoints, top: Cells, column: Column, trusted: Collection[int]
+    ) -> None:
         intensity, returns = column("intensity"), column("number_of_returns")
         classes = column("classification") if trusted else None
         size = squares_in(points.grid)
@@ -159,12 +138,11 @@ class SquareEchoes:
         high = np.full(size, np.inf)
         high[squares.index] = squares.level_m + _TALL_M
         for own, z, cell in points:
-            used = np.flatnonzero(cell != NOWHERE)
-            square = square_of(cell[used])
+            square = square_of(cell)
             every += np.bincount(square, minlength=size)
-            tall += np.bincount(square, z[used] > high[square], size)
-            low = z[used] <= top.reshape(-1)[cell[used]]
-            used, square = used[low] + own.start, square[low]
+            tall += np.bincount(square, z > high[square], size)
+            low = z <= top.reshape(-1)[cell]
+            used, square = own[low], square[low]
             surface += np.bincount(square, minlength=size)
             if classes is not None:
                 water += np.bincount(square, (classes[used] == WATER) & (WATER in trusted), size)
@@ -183,9 +161,10 @@ class SquareEchoes:
         mean = np.divide(one, single, out=unknown.copy(), where=known)
         spread = np.sqrt(np.maximum(np.divide(two, single, out=unknown.copy(), where=known) - mean**2, 0))
         some = (surface >= _LEAST_ECHOES) & (returns is not None)
-        several = np.divide(surface - single, surface, out=unknown.copy(), where=some)
-        given = _trusted(surface, water) - _trusted(surface, ground)
-        return cls(every, several, tall / np.maximum(every, 1), np.log(mean), spread / mean, given)
+        self.number, self.tall = every, tall / np.maximum(every, 1)
+        self.several = np.divide(surface - single, surface, out=unknown.copy(), where=some)
+        self.brightness, self.variation = np.log(mean), spread / mean
+        self.trusted = _trusted(surface, water) - _trusted(surface, ground)
 
 
 def _trusted(surface: Floats, own: Floats) -> Floats:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from seaclutter_cli.airborne.squares import Column, square_of, squares_in
 from seaclutter_cli.arrays import Bytes, Floats, Indices, Mask
-from seaclutter_cli.grids.elevation import NOWHERE, GriddedPoints, sliced
+from seaclutter_cli.grids.elevation import GriddedPoints, sliced
 
 _TURN_S = 30.0
 _LEAST_SHARE = 0.01
@@ -169,10 +169,9 @@ def strip_levels(points: GriddedPoints, strip: Bytes) -> StripLevels | None:
         return None
     middle = np.median(points.grid.lowest[np.isfinite(points.grid.lowest)])  # keeps the sums of squares precise
     count, mean, power = np.zeros((3, strips * squares))
-    for part, z, cell in points:
-        located = np.flatnonzero(cell != NOWHERE)
-        own = strip[part][located].astype(np.int64) * squares + square_of(cell[located])
-        above = z[located] - middle
+    for index, z, cell in points:
+        own = strip[index].astype(np.int64) * squares + square_of(cell)
+        above = z - middle
         count += np.bincount(own, minlength=len(count))
         mean += np.bincount(own, above, len(mean))
         power += np.bincount(own, above**2, len(power))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from seaclutter_cli.arrays import Bytes, Floats, Mask
-from seaclutter_cli.grids.elevation import NOWHERE, Cells, GriddedPoints
+from seaclutter_cli.grids.elevation import Cells, GriddedPoints
 from seaclutter_cli.grids.opening import SurfaceParams
 from seaclutter_cli.params import Positive, key
 
@@ -80,13 +80,12 @@ class Surface:
 
     def classes(self, points: GriddedPoints) -> tuple[Bytes, NDArray[np.float32]]:
         """Return class and height of the points of the grid, both of shape (N,)."""
-        classification, height = np.empty(points.size, np.uint8), np.empty(points.size, np.float32)
+        classification, height = np.full(points.size, NEVER, np.uint8), np.full(points.size, np.nan, np.float32)
         for own, z, cell in points:
             above, limit = self.heights(z, cell)
-            located = cell != NOWHERE
-            height[own] = np.where(located, above, np.nan)
+            height[own] = above
             code = np.where(above > limit, np.uint8(OTHER), np.uint8(WATER))
             if self.ground_top is not None:
                 code[self.land.reshape(-1)[cell] & (z <= self.ground_top.reshape(-1)[cell])] = GROUND
-            classification[own] = np.where(located, code, np.uint8(NEVER))
+            classification[own] = code
         return classification, height

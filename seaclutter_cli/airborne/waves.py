@@ -1,7 +1,7 @@
 """Waves in windows of a tile, and of its water: height, length and oscillation of the lowest echo of each cell."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,9 +26,10 @@ _LAGS = np.r_[_REACH, -_REACH[:0:-1]]
 _SPARSE, _CERTAIN = 0.5, 5.0
 
 
-@dataclass(frozen=True)
 class WindowWaves:
     """Waves in the window around each of N squares; NaN if unknown.
+
+    They are made from looks, as in `windows_of`, and the indices of the squares among those of all blocks.
 
     ``level_m``, ``deviation_m``, shape (N,): median and standard deviation of the elevation, from the median downwards:
     objects stand above the water; ``depth``, ``length_m``, shape (N,): depth of the minimum of the autocovariance
@@ -37,27 +38,17 @@ class WindowWaves:
     distance by deviation: of waves 1 and 0.67.
     """
 
-    level_m: Floats
-    deviation_m: Floats
-    depth: Floats
-    length_m: Floats
-    tilt: Floats
-    skew: Floats
-    tail: Floats
+    def __init__(self, looks: Iterable[Cells], cell_m: float, index: Ints) -> None:
+        slot, inside = np.divmod(index, SQUARES**2)
+        row, column = (place // (SQUARES // 2) for place in np.divmod(inside, SQUARES))
+        found = windows_of(looks, cell_m)[0][:, 4 * slot + 2 * row + column]
+        self.level_m, self.deviation_m, self.depth, self.length_m, self.tilt, self.skew, self.tail = found
 
     def features(self, level_m: Floats) -> dict[str, Floats]:
         """Return the features of squares with these levels."""
-        above = np.abs(level_m - self.level_m) / (self.deviation_m + 0.02)
-        named = {one.name.removesuffix("_m"): getattr(self, one.name) for one in fields(self)[1:]}
-        return {f"waves: {name}": values for name, values in {**named, "above": above}.items()}
-
-
-def window_waves(looks: Iterable[Cells], cell_m: float, index: Ints) -> WindowWaves:
-    """Return the waves around squares with these indices among those of all blocks, of looks as in `windows_of`."""
-    found, _ = windows_of(looks, cell_m)
-    slot, inside = np.divmod(index, SQUARES**2)
-    row, column = (place // (SQUARES // 2) for place in np.divmod(inside, SQUARES))
-    return WindowWaves(*found[:, 4 * slot + 2 * row + column])
+        named = {**vars(self), "above": np.abs(level_m - self.level_m) / (self.deviation_m + 0.02)}
+        del named["level_m"]
+        return {f"waves: {name.removesuffix('_m')}": values for name, values in named.items()}
 
 
 def windows_of(looks: Iterable[Cells], cell_m: float) -> tuple[Floats, Ints]:
@@ -183,8 +174,7 @@ def _products(values: NDArray[Any]) -> NDArray[np.floating[Any]]:
     shape = [side + _REACH_CELLS for side in values.shape]
     spectrum = np.fft.rfft2(values.astype(np.float32), shape)
     power = spectrum.real**2 + spectrum.imag**2
-    rows = np.fft.ifft(power, axis=0)[_REACH]  # the other half is the same, mirrored
-    return np.fft.irfft(rows, shape[1], axis=1)[:, _LAGS]
+    return np.fft.irfft2(power, shape)[_REACH][:, _LAGS]  # the other half is the same, mirrored
 
 
 def tilt(lowest: Cells) -> float:

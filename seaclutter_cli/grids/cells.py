@@ -10,7 +10,6 @@ from seaclutter_cli.grids.elevation import BLOCK, Cells, ElevationGrid, near_kno
 
 _WIDTHS, _BOXES = 3, 2.0
 _FEW_PAIRS = 1 << 20
-_STEP = 1 << 10
 _LEAST_WEIGHT = 1e-3
 
 
@@ -104,8 +103,5 @@ def nearest(positions: NDArray[Any], queries: NDArray[Any]) -> NDArray[np.intp]:
         from scipy.spatial import cKDTree  # slow to import
 
         return np.asarray(cKDTree(positions.T).query(queries.T)[1], np.intp)
-    found = np.empty(queries.shape[1], np.intp)
-    for start in range(0, len(found), _STEP):
-        offset = queries[:, start : start + _STEP, None] - positions[:, None]
-        found[start : start + _STEP] = np.argmin((offset**2).sum(axis=0), axis=1)
-    return found
+    offset = queries[:, :, None] - positions[:, None]
+    return np.asarray(np.argmin((offset**2).sum(axis=0), axis=1), np.intp)

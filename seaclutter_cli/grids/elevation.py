@@ -3,14 +3,14 @@
 import bz2
 import json
 from base64 import b64decode, b64encode
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.arrays import Floats, Ints, Mask
+from seaclutter_cli.arrays import Floats, Indices, Ints, Mask
 from seaclutter_cli.documents import load_json
 from seaclutter_cli.errors import InputError
 from seaclutter_cli.text import count
@@ -144,69 +144,57 @@ def _distinct(column: Ints, row: Ints) -> tuple[list[tuple[int, int]], Ints]:
     return [(k // span + low[0], k % span + low[1]) for k in found.tolist()], which.reshape(-1)
 
 
-@dataclass(frozen=True)
 class GriddedPoints:
     """The N points of a tile or strip, in their order, and their grid.
 
     ``parts``, shape (3, n): coordinates in metres; can be iterated over repeatedly; ``grid``: grid of the points;
     ``cells``, shape (n,): cell of each point by part, as an index into ``grid.lowest.ravel()``; `NOWHERE` for points
-    without usable coordinates.
+    without usable coordinates; ``size``: number of points. Raise `InputError` if they are too scattered for a grid in
+    memory.
     """
 
-    parts: Iterable[Floats]
-    grid: ElevationGrid
-    cells: Sequence[NDArray[np.int32]]
-
-    @classmethod
-    def of(cls, parts: Iterable[Floats], cell_m: float) -> Self:
-        """Return points with their grid; raise `InputError` if they are too scattered for a grid in memory."""
-        grid = ElevationGrid(cell_m)
-        cells = []
+    def __init__(self, parts: Iterable[Floats], cell_m: float) -> None:
+        self.parts, self.grid = parts, ElevationGrid(cell_m)
+        self.cells: list[NDArray[np.int32]] = []
         for xyz in parts:
             used = _located(xyz)
             cell = np.full(xyz.shape[1], NOWHERE, np.int32)
-            cell[used] = grid.add(xyz[:, used])
-            cells.append(cell)
-        return cls(parts, grid, cells)
+            cell[used] = self.grid.add(xyz[:, used])
+            self.cells.append(cell)
+        self.size = sum(map(len, self.cells))
 
-    @property
-    def size(self) -> int:
-        """Number of points."""
-        return sum(map(len, self.cells))
-
-    def __iter__(self) -> Iterator[tuple[slice, Floats, NDArray[np.int32]]]:
-        """Yield which points are in each part, their elevations and their cells."""
+    def __iter__(self) -> Iterator[tuple[Indices, Floats, NDArray[np.int32]]]:
+        """Yield the indices of the points of each part that have a cell, their elevations and their cells."""
         for (part, xyz), cell in zip(sliced(self.parts), self.cells, strict=True):
-            yield part, xyz[2], cell
+            located = np.flatnonzero(cell != NOWHERE)
+            yield part.start + located, xyz[2, located], cell[located]
 
     def chosen(self, own: Mask) -> "GriddedPoints":
         """Return the points of a mask, shape (N,), with a grid of their own."""
-        return GriddedPoints.of(_Changed(lambda xyz, own: xyz[:, own], self.parts, own), self.grid.cell_m)
+        return GriddedPoints(_Parts(lambda: (xyz[:, own[part]] for part, xyz in sliced(self.parts))), self.grid.cell_m)
 
     def lowered(self, by_m: Floats) -> "GriddedPoints":
         """Return the points, each lower by as much as ``by_m``, shape (N,), says."""
-        changed = _Changed(lambda xyz, by_m: np.stack((xyz[0], xyz[1], xyz[2] - by_m)), self.parts, by_m)
-        return GriddedPoints.of(changed, self.grid.cell_m)
+        parts = _Parts(lambda: (np.stack((*xyz[:2], xyz[2] - by_m[part])) for part, xyz in sliced(self.parts)))
+        return GriddedPoints(parts, self.grid.cell_m)
 
     def lowest_of(self, own: Mask) -> Cells:
         """Return the lowest elevations of the points of a mask, shape (S, 256, 256)."""
         lowest = np.full(self.grid.lowest.shape, np.inf)
-        for part, z, cell in self:
-            used = own[part] & (cell != NOWHERE)
+        for index, z, cell in self:
+            used = own[index]
             np.minimum.at(lowest.reshape(-1), cell[used], z[used])
         return lowest
 
 
 @dataclass(frozen=True)
-class _Changed:
-    """What a function makes of each part, with the values of its points."""
+class _Parts:
+    """Parts that a function makes anew for each iteration."""
 
-    change: Callable[[Floats, NDArray[Any]], Floats]
-    parts: Iterable[Floats]
-    values: NDArray[Any]
+    make: Callable[[], Iterator[Floats]]
 
     def __iter__(self) -> Iterator[Floats]:
-        return (self.change(xyz, self.values[part]) for part, xyz in sliced(self.parts))
+        return self.make()
 
 
 def sliced(parts: Iterable[Floats]) -> Iterator[tuple[slice, Floats]]:

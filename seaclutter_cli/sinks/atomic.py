@@ -6,14 +6,14 @@ import os
 import re
 import shutil
 import weakref
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, cast
 
 from seaclutter_cli.buckets import copies_removed, fetch, look, mirror_of
 from seaclutter_cli.documents import DocumentError, load_yaml, read_document
-from seaclutter_cli.errors import InputError, OutputError
+from seaclutter_cli.errors import InputError, OutputError, opening
 from seaclutter_cli.messages.metadata import RUN, SIDECAR, from_custom_data, from_text
 from seaclutter_cli.parts import exchange, part_path, release
 from seaclutter_cli.records import Metadata
@@ -40,10 +40,11 @@ class PartFile(io.FileIO):
     def write(self, data: Any, /) -> int:
         """Write data, or raise `OutputError`."""
         try:
-            return super().write(data)
-        except OSError as error:
-            self.failure = OutputError(_explain(self._target, error))
-            raise self.failure from error
+            with _writing(self._target):
+                return super().write(data)
+        except OutputError as error:
+            self.failure = error
+            raise
 
 
 class AtomicFile(AbstractContextManager["AtomicFile"]):
@@ -61,16 +62,15 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         self._opened: list[BinaryIO] = []  # to be closed before the removal
         self._remover = weakref.finalize(self, _remove, self.part, self._opened)
         self._pending: Pending | None = None
-        self._group, self._is_alone = group or OutputGroup(), group is None
+        self._group = group
         # An interrupt may come before the context is entered; then the file is removed with this object, or at exit.
         self._latest: PartFile | None = None
         try:
-            self._target.parent.mkdir(parents=mirror_of(path) is not None, exist_ok=True)
-            self._create()
-        except BaseException as error:
+            with opening(path, OutputError, "cannot be written"):
+                self._target.parent.mkdir(parents=mirror_of(path) is not None, exist_ok=True)
+                self._create()
+        except BaseException:
             self.discard()
-            if isinstance(error, OSError):
-                raise OutputError(f"{self.path}: cannot be written ({error.strerror})") from error
             raise
 
     def prepare(self, *, replace: bool = True) -> None:
@@ -79,10 +79,8 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
         if mirror := mirror_of(self._target):
             self._pending = mirror.send(self.part, self._target, self._last)
         else:
-            try:
+            with _writing(self.path):
                 _flush(self.part)
-            except OSError as error:
-                raise OutputError(_explain(self.path, error)) from error
         if (self._target.is_dir() and not is_folder) or not os.access(self._target.parent, os.W_OK):
             kind = "folder" if is_folder else "file"
             raise OutputError(f"{self.path}: can no longer be written; the incomplete {kind} was removed")
@@ -101,14 +99,13 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
             self._pending = None
             self.discard()
             return
-        try:
-            _rename(self.part, self._target, replace=replace)
-            with suppress(OSError):  # not every system flushes the names in a folder
-                _sync(self._target.parent, os.O_RDONLY)
-        except FileExistsError as error:
-            raise OutputError(_appeared(self.path)) from error
-        except OSError as error:
-            raise OutputError(_explain(self.path, error)) from error
+        with _writing(self.path):
+            try:
+                _rename(self.part, self._target, replace=replace)
+            except FileExistsError as error:
+                raise OutputError(_appeared(self.path)) from error
+        with suppress(OSError):  # not every system flushes the names in a folder
+            _sync(self._target.parent, os.O_RDONLY)
         self._remover()  # of a folder that was replaced
 
     def discard(self) -> None:
@@ -138,14 +135,13 @@ class AtomicFile(AbstractContextManager["AtomicFile"]):
             _note_removal(error, self.path)
             return
         try:
-            for stream in self._opened:
-                stream.close()
-            with self._group if self._is_alone else nullcontext(self._group) as group:
-                group.add(self)
-        except BaseException as failure:
+            with _writing(self.path):
+                for stream in self._opened:
+                    stream.close()
+                with nullcontext(self._group) if self._group else OutputGroup() as group:
+                    group.files.append(self)
+        except BaseException:
             self.discard()
-            if isinstance(failure, OSError):
-                raise OutputError(_explain(self.path, failure)) from failure
             raise
 
 
@@ -159,10 +155,8 @@ class AtomicFolder(AtomicFile):
 
     def open(self, name: str) -> BinaryIO:
         """Create a file in the folder; who opens it closes it."""
-        try:
+        with _writing(self.path):
             return self._new(self.part / name)
-        except OSError as error:
-            raise OutputError(_explain(self.path, error)) from error
 
 
 class OutputGroup(AbstractContextManager["OutputGroup"]):
@@ -175,50 +169,42 @@ class OutputGroup(AbstractContextManager["OutputGroup"]):
     """
 
     def __init__(self, group: "OutputGroup | None" = None, *, replace: bool = True) -> None:
-        self._outer = group
-        self._replace = replace
-        self._files: list[AtomicFile] = []
-        self._replaced: list[Path] = []
-
-    def add(self, file: AtomicFile) -> None:
-        """Add a complete file."""
-        self._files.append(file)
-
-    def replaces(self, path: Path) -> None:
-        """Remove a file of an earlier run with another name before the files appear, if files may be replaced."""
-        self._replaced.append(path)
+        self._outer, self._replace = group, replace
+        self.files: list[AtomicFile] = []
+        """Files that are complete."""
+        self.replaced: list[Path] = []
+        """Files of an earlier run with other names, which are removed before these appear, if files may be replaced."""
 
     def discard(self) -> None:
         """Remove the files added so far."""
-        self._replaced.clear()
-        while self._files:
-            self._files.pop().discard()
+        self.replaced.clear()
+        while self.files:
+            self.files.pop().discard()
 
     def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
         try:
             if error is None:
                 self._complete()
-            elif self._files:
-                _note_removal(error, self._files[-1].path)
+            elif self.files:
+                _note_removal(error, self.files[-1].path)
         finally:
             self.discard()
 
     def _complete(self) -> None:
         if self._outer is not None:
-            for path in self._replaced:
-                self._outer.replaces(path)
-            while self._files:
-                self._outer.add(self._files.pop(0))
+            self._outer.replaced += self.replaced
+            self._outer.files += self.files
+            self.files.clear()
             return
-        for file in self._files:
+        for file in self.files:
             file.prepare(replace=self._replace)
-        for path in self._replaced if self._replace else ():
+        for path in self.replaced if self._replace else ():
             if mirror := mirror_of(path):
                 mirror.delete(path)
             path.unlink(missing_ok=True)
-        while self._files:
-            self._files[0].publish(replace=self._replace)
-            del self._files[0]
+        while self.files:
+            self.files[0].publish(replace=self._replace)
+            del self.files[0]
 
 
 def _remove(part: Path, opened: list[BinaryIO]) -> None:
@@ -249,11 +235,8 @@ def _rename(part: Path, target: Path, *, replace: bool) -> None:
     else:
         try:
             os.link(part, target)
-        except FileExistsError:
-            raise
-        except OSError:  # file systems without hard links
-            with target.open("xb"):
-                pass
+        except OSError:  # the target exists, or the file system has no hard links
+            target.touch(exist_ok=False)
             part.replace(target)
         else:
             part.unlink()
@@ -286,11 +269,16 @@ def _appeared(path: Path) -> str:
     return f"{path}: appeared while this run was writing it; use --force to replace it; this run's file was removed"
 
 
-def _explain(path: Path, error: OSError) -> str:
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        where = "scratch folder" if mirror_of(path) else "disk"
-        return f"{path}: the {where} is full; the incomplete file was removed"
-    return f"{path}: writing failed ({error.strerror or error}); the incomplete file was removed"
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Raise `OutputError` that names the target if the system cannot do what the context does."""
+    try:
+        yield
+    except OSError as error:
+        problem = f"writing failed ({error.strerror or error})"
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            problem = f"the {'scratch folder' if mirror_of(path) else 'disk'} is full"
+        raise OutputError(f"{path}: {problem}; the incomplete file was removed") from error
 
 
 def why_kept(folder: Path, marker: str) -> str:

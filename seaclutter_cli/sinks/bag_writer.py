@@ -5,8 +5,6 @@ of ROS 1 refuse. The output bytes do not depend on the number of threads.
 """
 
 import struct
-from collections.abc import Callable, Mapping
-from functools import partial
 from typing import BinaryIO
 
 import lz4.frame
@@ -24,14 +22,8 @@ _MESSAGE, _BAG_HEADER, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = range(2, 8)
 _U32, _PAIR = struct.Struct("<I"), struct.Struct("<II")
 _NANO = 10**9
 _STRING_MD5 = "992ce8a1687cec8c8bd883ec73ca41d1"
-
 _LZ4 = {"block_linked": False, "content_checksum": True, "store_size": False}
 """Options that ROS 1 requires."""
-_COMPRESSIONS: Mapping[str, tuple[str, Callable[[bytearray], bytes | bytearray]]] = {
-    "lz4": ("lz4", partial(lz4.frame.compress, **_LZ4)),
-    "": ("none", lambda data: data),
-}
-"""Name in a bag, and function, of each compression."""
 
 
 class BagOutput(LogFiles):
@@ -55,7 +47,7 @@ class BagWriter(ChunkedWriter):
 
     def __init__(self, stream: BinaryIO, *, compression: str) -> None:
         super().__init__(stream)
-        self._name, self._compress = _COMPRESSIONS[compression]
+        self._compression = compression
         self._connections: dict[int, bytes] = {}
         self._numbers: dict[int, int] = {}
         self._undeclared: set[int] = set()
@@ -118,7 +110,7 @@ class BagWriter(ChunkedWriter):
 
     def compress(self, chunk: Chunk) -> Buffer | bytearray:
         """Return the compressed data of a chunk."""
-        return self._compress(chunk.data)
+        return lz4.frame.compress(chunk.data, **_LZ4) if self._compression else chunk.data
 
     def write_chunk(self, chunk: Chunk, data: Buffer | bytearray) -> None:
         """Write a chunk and its index, and keep the record about it for the end."""
@@ -133,7 +125,8 @@ class BagWriter(ChunkedWriter):
         )
         self._infos += _sized(b"".join(_PAIR.pack(*pair) for pair in counts.items()))
         self._chunks += 1
-        head = _fields(op=bytes((_CHUNK,)), compression=self._name.encode(), size=_U32.pack(len(chunk.data)))
+        name = self._compression or "none"
+        head = _fields(op=bytes((_CHUNK,)), compression=name.encode(), size=_U32.pack(len(chunk.data)))
         self.write_bytes(head, _U32.pack(len(data)), data)
         for conn, entries in chunk.index.items():
             ids = {"conn": _U32.pack(conn), "count": _U32.pack(counts[conn])}

@@ -43,7 +43,6 @@ class FrameSink(ExitStack, Sink):
         self.push(self._output)
         self._metadata: list[Metadata] = []
         self._stamps_ns: list[int] = []
-        self._first_frame = 0
         self._others: set[str] = set()
         self._attachments, self._lost = 0, Counter[str]()
         self._has_log_times = self._has_poses = False
@@ -101,7 +100,7 @@ class FrameSink(ExitStack, Sink):
         message, self._has_poses = message_of(frame), self._has_poses or cloud.is_moved
         self._has_log_times |= frame.stamp_ns != message.log_time_ns
         if not self._stamps_ns:
-            self._first_frame = frame.index
+            self._known = replace(self._known, first_frame=frame.index)
         elif not isinstance(self._output, AtomicFolder):
             raise UsageError(
                 f"{self._path}: has room for one frame only; name a folder, as in"
@@ -116,7 +115,7 @@ class FrameSink(ExitStack, Sink):
         """Write times and metadata records."""
         if not isinstance(self._output, AtomicFolder):
             return
-        self._metadata.append(to_metadata({TOPIC: replace(self._known, first_frame=self._first_frame)}))
+        self._metadata.append(to_metadata({TOPIC: self._known}))
         if self._options.record is not None:
             self._metadata.append(self._options.record())
         with self._output.open(TIMES) as file:

@@ -49,7 +49,6 @@ class LogSink(ExitStack, Sink):
         self.push(self._output)
         self.push(self._abort)
         self._options = options
-        self._layout = WATER if options.water else PLAIN
         self._parts = Parts(options.split)
         self._writers: list[LogWriter] = []  # of the first part, which is completed last, and of the current one
         self._channels: dict[Channel, int] = {}
@@ -142,7 +141,7 @@ class LogSink(ExitStack, Sink):
 
     def _begin_part(self) -> None:
         writer = self._output.part(self._source, self._options.compression)
-        self._writers = [*self._writers[:1], writer]
+        self._writers, self._writer = [*self._writers[:1], writer], writer
         self._first_frames = dict(self._next_frames)
         if not self._options.as_is:
             writer.add_metadata(Metadata("seaclutter", {"version": __version__, "config": self._options.config}))
@@ -158,10 +157,6 @@ class LogSink(ExitStack, Sink):
         self._lost |= dict.fromkeys(self._writer.lost)
         self.messages += self._writer.messages
 
-    @property
-    def _writer(self) -> LogWriter:
-        return self._writers[-1]
-
     def _counted(self, frame: Frame) -> Message:
         """Return the message of a frame, for which there is room in the current part."""
         message = message_of(frame)
@@ -171,7 +166,7 @@ class LogSink(ExitStack, Sink):
         return message
 
     def _add_outputs(self, channel: Channel, taken: set[str], known: RecordedTopic) -> list[_Output]:
-        codec, options, layout = find_codec(channel), self._options, self._layout
+        codec, options = find_codec(channel), self._options
         if codec is None:
             raise UsageError(f"topic {channel.topic} contains no point clouds")
         text = self._output.encoding or channel.message_encoding
@@ -185,6 +180,7 @@ class LogSink(ExitStack, Sink):
             removed = self._add(points, "/removed", taken, replace(known, content=metadata.REMOVED))
             outputs.append((removed, partial(_removed_message, find_codec(points) or codec)))
         if options.diagnostics:
+            layout = WATER if options.water else PLAIN
             name = DIAGNOSTICS_TOPIC + channel.topic * (len(self._selected) > 1)
             encoding, schema, serialise = diagnostics_format(text, layout)
             number, name = self._shared_channel(Channel(_NEW, name, encoding, schema), taken)

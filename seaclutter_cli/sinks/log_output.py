@@ -200,5 +200,5 @@ class LogFiles(ExitStack, LogOutput):
 
     def _replace_leftovers(self, _: object, error: BaseException | None, __: object) -> None:
         """Let the files, if all are complete, replace further parts of an earlier run."""
-        for leftover in parts_after(self._path, self._parts - 1) if self._split and error is None else ():
-            self._group.replaces(leftover)
+        if self._split and error is None:
+            self._group.replaced += parts_after(self._path, self._parts - 1)

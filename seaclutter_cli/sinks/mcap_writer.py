@@ -70,7 +70,7 @@ class McapWriter(ChunkedWriter):
         self._summary = {opcode: bytearray() for opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS)}
         self._kept: Counter[Opcode] = Counter()
         self.write_bytes(_MAGIC)
-        self._write_record(mcap_records.Header(profile=profile, library=f"seaclutter {__version__}"))
+        self.write_bytes(_serialise(mcap_records.Header(profile=profile, library=f"seaclutter {__version__}")))
 
     def add_channel(self, channel: Channel) -> None:
         """Declare a channel under its own id, before its first message."""
@@ -104,8 +104,7 @@ class McapWriter(ChunkedWriter):
         """Write an attachment without copying its data."""
         self.drain()
         head = struct.pack("<QQ", attachment.log_time_ns, attachment.create_time_ns)
-        for text in (attachment.name, attachment.media_type):
-            head += _prefixed(text)
+        head += _prefixed(attachment.name) + _prefixed(attachment.media_type)
         head += struct.pack("<Q", len(attachment.data))
         crc = zlib.crc32(head)
         offset, size = self._offset, len(head) + len(attachment.data) + 4
@@ -130,14 +129,14 @@ class McapWriter(ChunkedWriter):
         super().add_metadata(metadata)
         self.drain()
         offset = self._offset
-        self._write_record(mcap_records.Metadata(name=metadata.name, metadata=metadata.entries))
+        self.write_bytes(_serialise(mcap_records.Metadata(name=metadata.name, metadata=metadata.entries)))
         entry = mcap_records.MetadataIndex(offset=offset, length=self._offset - offset, name=metadata.name)
         self._keep(Opcode.METADATA_INDEX, entry)
 
     def finish(self) -> None:
         """Write pending chunks, the summary and the footer."""
         self.finish_chunks()
-        self._write_record(mcap_records.DataEnd(data_section_crc=0))
+        self.write_bytes(_serialise(mcap_records.DataEnd(data_section_crc=0)))
         self._write_summary()
         self.write_bytes(_MAGIC)
 
@@ -205,9 +204,6 @@ class McapWriter(ChunkedWriter):
             metadata_count=self._kept[Opcode.METADATA_INDEX],
             schema_count=len(self._schemas),
         )
-
-    def _write_record(self, record: mcap_records.McapRecord) -> None:
-        self.write_bytes(_serialise(record))
 
 
 def _serialise(*records: mcap_records.McapRecord) -> bytes:

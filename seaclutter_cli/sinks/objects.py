@@ -7,7 +7,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -44,8 +44,9 @@ COLUMNS = {
     "stamp_ns": int,
     "track_id": int,
     "state": str,
-    **dict.fromkeys(("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad"), float),
-    **dict.fromkeys(("speed_ms", "course_rad"), float),
+    **dict.fromkeys(
+        ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad", "speed_ms", "course_rad"), float
+    ),
     "velocity": str,
     "points": int,
     "score": float,
@@ -328,11 +329,6 @@ def rows_as_mappings(lines: Iterable[bytes]) -> Iterator[dict[str, Any]]:
     return (dict(zip(COLUMNS, values, strict=True)) for values in parsed(lines))
 
 
-def _write_csv(stream: BinaryIO, lines: Iterable[bytes]) -> None:
-    stream.write(csv_line(COLUMNS))
-    stream.writelines(lines)
-
-
 def _pyarrow() -> Any:
     with requiring("Parquet", "parquet"):
         import pyarrow.parquet  # takes 0.3 s, rarely needed
@@ -343,15 +339,11 @@ def _write_parquet(stream: BinaryIO, lines: Iterable[bytes]) -> None:
     arrow = _pyarrow()
     types = {str: arrow.string(), int: arrow.int64(), float: arrow.float64()}
     schema = arrow.schema([(name, types[kind]) for name, kind in COLUMNS.items()])
-    rows = parsed(lines)
+    # Text in Parquet is UTF-8.
+    rows = rows_as_mappings(line.decode(errors="surrogateescape").encode(errors="replace") for line in lines)
     with arrow.parquet.ParquetWriter(stream, schema) as writer:
         while block := list(islice(rows, _ROWS_AT_ONCE)):
-            columns = [
-                [value.encode(errors="replace").decode() for value in column] if kind is str else list(column)
-                for kind, column in zip(COLUMNS.values(), zip(*block, strict=True), strict=True)
-            ]
-            arrays = [arrow.array(column, field.type) for column, field in zip(columns, schema, strict=True)]
-            writer.write_table(arrow.Table.from_arrays(arrays, schema=schema))
+            writer.write_table(arrow.Table.from_pylist(block, schema))
 
 
 def _write_geojson(stream: BinaryIO, lines: Iterable[bytes]) -> None:
@@ -385,7 +377,7 @@ def _feature(places: Sequence[Any], properties: Mapping[str, Any]) -> dict[str, 
 
 
 OBJECT_FILES: Mapping[str, Callable[[BinaryIO, Iterable[bytes]], None]] = {
-    ".csv": _write_csv,
+    ".csv": lambda stream, lines: stream.writelines(chain([csv_line(COLUMNS)], lines)),
     ".parquet": _write_parquet,
     ".geojson": _write_geojson,
 }

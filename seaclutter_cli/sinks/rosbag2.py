@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import yaml
 
@@ -78,13 +78,11 @@ class McapFolderOutput(Db3Output):
     storage, suffix = "mcap", ".mcap"
 
     def _start(self, name: str, source: Source, compression: str | None) -> LogWriter:
-        return _McapFileWriter(self._folder.open(name), mcap_compression(source, compression))
+        stream = self._folder.open(name)
+        return _McapFileWriter(stream, profile="ros2", compression=mcap_compression(source, compression))
 
 
 class _McapFileWriter(McapWriter):
-    def __init__(self, stream: BinaryIO, compression: str) -> None:
-        super().__init__(stream, profile="ros2", compression=compression)
-
     def add_channel(self, channel: Channel) -> None:
         super().add_channel(_with_numbers(channel))
 

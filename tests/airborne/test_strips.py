@@ -75,7 +75,7 @@ def overlapping(tides, rng, echoes=40_000):
 @pytest.mark.parametrize("tides", [(0.0, 0.0, 0.0), (0.0, 0.3, 0.6), (0.0, -0.7, 0.4)])
 def test_tide_of_each_strip(tides):
     xyz, strip, _ = overlapping(tides, np.random.default_rng(3))
-    found = strip_levels(GriddedPoints.of([xyz], 1.0), strip).tide_m
+    found = strip_levels(GriddedPoints([xyz], 1.0), strip).tide_m
     np.testing.assert_allclose(found - found[0], tides, atol=0.02)
 
 
@@ -83,7 +83,7 @@ def test_waves_are_no_tide():
     rng = np.random.default_rng(4)
     xyz, strip, _ = overlapping((0.0, 0.0), rng)
     xyz[2] = 0.3 * np.sin(xyz[0] / 9 + 2 * strip) + 0.3 * np.sin(xyz[1] / 11 + 3 * strip)
-    assert not strip_levels(GriddedPoints.of([xyz], 1.0), strip).tide_m.any()
+    assert not strip_levels(GriddedPoints([xyz], 1.0), strip).tide_m.any()
 
 
 @pytest.mark.parametrize("tides", [(0.0, 0.3, 0.6), (0.0, -0.7, 0.4)])
@@ -123,7 +123,7 @@ def test_what_two_strips_show_alike_is_no_wave():
 
 def test_changes_are_those_between_the_first_and_the_last_strip():
     xyz, strip, land = overlapping((0.0, 0.3, 0.6), np.random.default_rng(3))
-    points = GriddedPoints.of([xyz], 1.0)
+    points = GriddedPoints([xyz], 1.0)
     levels = strip_levels(points, strip)
     change = levels.changes_m()
     seen = np.isfinite(change)
