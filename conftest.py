@@ -6,7 +6,7 @@ from pathlib import Path
 from time import perf_counter
 
 import pytest
-from _pytest.doctest import DoctestItem
+from _pytest.doctest import DoctestModule
 
 QUICK_S = 0.1
 QUICK_TOTAL_S = 20
@@ -45,9 +45,22 @@ def pytest_collection_modifyitems(config, items):
     config.hook.pytest_deselected(items=others)
 
 
-def pytest_collection_finish():
-    """Let no garbage collection go through the modules and the thousands of tests again, which takes half a second."""
-    gc.freeze()
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file(file_path):
+    """Search for doctests only in files that have some."""
+    found = yield
+    return [one for one in found if not isinstance(one, DoctestModule) or ">>>" in file_path.read_text("utf-8")]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Let no garbage collection go through the modules and the thousands of tests, now or later: they stay."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_runtest_setup(item):
@@ -89,9 +102,8 @@ class _Clock:
             self._config.cache.set(SECONDS, self._config.cache.get(SECONDS, {}) | self._seconds)
 
 
-@pytest.fixture(autouse=True)
-def _doctest_environment(request):
-    if isinstance(request.node, DoctestItem):
-        namespace, patch, paths = map(request.getfixturevalue, ("doctest_namespace", "monkeypatch", "tmp_path_factory"))
-        patch.chdir(Path(__file__).parent)
-        namespace["folder"] = paths.mktemp("example")
+@pytest.fixture
+def doctest_namespace(monkeypatch, tmp_path_factory):
+    """Run a doctest in the checkout, with a folder for its files."""
+    monkeypatch.chdir(Path(__file__).parent)
+    return {"folder": tmp_path_factory.mktemp("example")}

@@ -14,6 +14,7 @@ from tests.logs import PERIOD_NS, POINT, START_NS, Entry, cloud_message, cloud_t
 from tests.paths import ROOT
 
 SEA = ROOT / "samples" / "sea.mcap"
+FRAMES = 30
 
 
 def run(*arguments):
@@ -31,13 +32,13 @@ def raw(tmp_path_factory):
     """Return the suspects of the sample, with its table and pictures."""
     folder = tmp_path_factory.mktemp("suspects")
     files = "-o", folder / "s.csv", "--pictures", folder / "pictures"
-    (found,) = suspects(SEA, "-m", "joint", *files, "--show", 1, "-j", 1)
+    (found,) = suspects(SEA, "-m", "joint", "-n", FRAMES, *files, "--show", 1, "-j", 1)
     return found, folder
 
 
 def test_the_buoy_that_joint_loses(raw):
     found, folder = raw
-    assert (found["method"], found["topic"], found["frames"]) == ("joint", "/points", 60)
+    assert (found["method"], found["topic"], found["frames"]) == ("joint", "/points", FRAMES)
     first = found["suspects"]["removed"][0]
     assert first["range_m"] == pytest.approx(44, abs=2)
     assert first["reasons"]
@@ -50,9 +51,9 @@ def test_the_buoy_that_joint_loses(raw):
 
 def test_a_filtered_log_has_the_same_suspects(raw, tmp_path):
     for name, options in (("a.mcap", ()), ("b.mcap", ("--keep-raw", "--no-diagnostics"))):
-        assert run("filter", SEA, "-o", tmp_path / name, "--with-removed", *options).exit_code == 0
+        assert run("filter", SEA, "-n", FRAMES, "-o", tmp_path / name, "--with-removed", *options).exit_code == 0
         (found,) = suspects(tmp_path / name)
-        assert (found["method"], found["frames"]) == ("joint", 60)
+        assert (found["method"], found["frames"]) == ("joint", FRAMES)
         removed, expected = (one["suspects"]["removed"] for one in (found, raw[0]))
         assert [(one["frame"], one["points"], one["reasons"]) for one in removed] == [
             (one["frame"], one["points"], one["reasons"]) for one in expected

@@ -2,10 +2,11 @@
 
 import math
 from contextlib import closing
+from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, note, settings
 from hypothesis import strategies as st
 
 from seaclutter_cli import neighbors
@@ -154,14 +155,19 @@ INTENSITIES = st.one_of(st.integers(0, 40), st.sampled_from([4.0, 7.0, 16.0, 30.
 POINTS = st.lists(st.tuples(COORDINATES, COORDINATES, COORDINATES, INTENSITIES), max_size=40)
 
 
-@pytest.mark.parametrize(("name", "params"), CASES)
+@pytest.mark.parametrize("name", FILTERS)
 @settings(max_examples=25, deadline=None)
 @given(recording=st.lists(POINTS, min_size=1, max_size=4))
-def test_any_points(name, params, recording):
+def test_any_points(name, recording):
+    """All parameters of a method share the recordings, which take longer to make than to filter."""
     arrays = [np.array(points, float).reshape(-1, 4) for points in recording]
-    assert_same(name, params, [make_frame(a[:, :3], a[:, 3], index=i) for i, a in enumerate(arrays)])
+    frames = [make_frame(a[:, :3], a[:, 3], index=i) for i, a in enumerate(arrays)]
+    for params in PARAMS.get(name, [{}]):
+        note(f"parameters: {params}")
+        assert_same(name, params, frames)
 
 
+@cache
 def sample_frames(step):
     """Return the frames of the sample log, reduced to every ``step``-th point."""
     if not SAMPLE.exists():

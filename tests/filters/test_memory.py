@@ -8,7 +8,7 @@ import pytest
 from seaclutter_cli.filters import FILTERS
 from seaclutter_cli.frame import Frame
 
-POINTS, FEW, FRAMES = 300_000, 1000, 3
+POINTS, FEW, FRAMES = 150_000, 1000, 3
 MAX_BYTES_PER_POINT = 320
 
 

@@ -166,8 +166,13 @@ def test_the_order_of_the_points_has_no_influence():
     assert searched(frames, (21.3, 0)) == searched(shuffled, (21.3, 0))
 
 
+@pytest.fixture(scope="module")
+def found_at_once():
+    return searched(scene_frames("rough"), (30, 0))
+
+
 @pytest.mark.parametrize("split", [1, 3, 6])
-def test_the_frames_of_recordings_add_up(split):
+def test_the_frames_of_recordings_add_up(found_at_once, split):
     frames, mounting = scene_frames("rough"), Mounting(30, 0)
     total = MountingSearch(Mounting(0, 0))
     for part in (range(split), range(split, len(frames))):
@@ -175,7 +180,7 @@ def test_the_frames_of_recordings_add_up(split):
         for index in part:
             search.add(mounting.unlevelled(frames[index]), index * STEP_S)
         total += search
-    assert total.found() == searched(frames, (30, 0)) is not None
+    assert total.found() == found_at_once is not None
 
 
 def test_further_recordings_do_not_matter_once_there_are_enough_frames():

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
-import yaml
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.airborne.scene import builtin_tiles
 from seaclutter_cli.simulation.layouts import LAYOUTS, find_scene, scene_class
 from seaclutter_cli.simulation.marine.scene import builtin_scenes, load_scene, parse_scene
+from tests.simulation.yaml_text import through_yaml
 
 SEEDS = range(2)
 
@@ -24,7 +24,7 @@ class TestEveryLayout:
     def test_makes_valid_scenes_of_its_class(self, name):
         for seed in SEEDS:
             scene = made(name, seed)
-            assert parse_scene(yaml.safe_load(yaml.safe_dump(scene.as_dict())), "again") == scene
+            assert parse_scene(through_yaml(scene.as_dict()), "again") == scene
             assert scene_class(scene) == LAYOUTS[name].scene_class
 
     def test_makes_a_different_scene_for_each_seed(self, name):

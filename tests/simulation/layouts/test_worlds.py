@@ -1,5 +1,4 @@
 import pytest
-import yaml
 
 from seaclutter_cli.errors import ConfigError
 from seaclutter_cli.simulation.layouts import find_scene
@@ -7,12 +6,13 @@ from seaclutter_cli.simulation.layouts.worlds import FAMILIES, RANGES, clearance
 from seaclutter_cli.simulation.lidar import LIDARS
 from seaclutter_cli.simulation.marine.recording import Renderer
 from seaclutter_cli.simulation.marine.scene import load_scene, parse_scene
+from tests.simulation.yaml_text import through_yaml
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_world_of_every_family_is_valid_and_says_what_it_is(family):
     world = draw_world(3, family)
-    assert parse_scene(yaml.safe_load(yaml.safe_dump(world.as_dict())), "again") == world
+    assert parse_scene(through_yaml(world.as_dict()), "again") == world
     assert draw_world(3, family) == world
     assert draw_world(4, family) != world
     assert world.physics.families[0] == family
@@ -20,8 +20,12 @@ def test_a_world_of_every_family_is_valid_and_says_what_it_is(family):
     assert world.lidar.rate_hz in (5, 10, 20)
 
 
-def test_worlds_span_all_lidars_rates_and_heights():
-    worlds = [draw_world(seed) for seed in range(150)]
+@pytest.fixture(scope="module")
+def worlds():
+    return [draw_world(seed) for seed in range(150)]
+
+
+def test_worlds_span_all_lidars_rates_and_heights(worlds):
     assert {len(world.lidar.rings) for world in worlds} == {16, 32, 64, 128}
     assert {world.lidar.rate_hz for world in worlds} == {5, 10, 20}
     assert {world.lidar.wavelength_nm for world in worlds} == {865, 905, 1550}
@@ -31,9 +35,8 @@ def test_worlds_span_all_lidars_rates_and_heights():
     assert {world.physics.families[0] for world in worlds} == set(FAMILIES)
 
 
-def test_own_ship_meets_nothing():
-    for seed in range(60):
-        world = draw_world(seed)
+def test_own_ship_meets_nothing(worlds):
+    for world in worlds[:60]:
         assert world.objects
         assert all(clearance_m(world, item) > 0 for item in world.objects)
 

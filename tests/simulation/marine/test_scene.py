@@ -14,6 +14,7 @@ from seaclutter_cli.simulation.marine.scene import (
     save_scene,
 )
 from seaclutter_cli.validation import plain
+from tests.simulation.yaml_text import through_yaml
 
 BUOY = {"track_id": 1, "shape": "buoy", "size_m": [1, 1, 1]}
 
@@ -22,7 +23,7 @@ BUOY = {"track_id": 1, "shape": "buoy", "size_m": [1, 1, 1]}
 def test_every_built_in_scene_loads_and_has_a_description(name):
     scene = load_scene(name)
     assert len(scene.recording.description) > 20
-    assert parse_scene(yaml.safe_load(yaml.safe_dump(scene.as_dict())), "again") == scene
+    assert parse_scene(through_yaml(scene.as_dict()), "again") == scene
 
 
 def test_the_documented_scenes_exist():
