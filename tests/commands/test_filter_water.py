@@ -153,7 +153,7 @@ def test_another_processor_gives_the_same_bytes(tmp_path):
     outputs = []
     for processor in ("Nehalem", "Haswell"):
         outputs.append(tmp_path / f"{processor}.mcap")
-        command = [sys.executable, "-m", "seaclutter_cli", "filter", SAMPLE, "-m", "confirmed", "-n", "2", "-q"]
+        command = [sys.executable, "-m", "seaclutter_cli", "filter", SAMPLE, "-m", "confirmed", "-n", "20", "-q"]
         command += ["-o", outputs[-1]]
         subprocess.run(command, check=True, env=os.environ | {"OPENBLAS_CORETYPE": processor})
     assert outputs[0].read_bytes() == outputs[1].read_bytes()
