@@ -4,6 +4,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from threading import Thread
@@ -94,19 +95,28 @@ class _Inline(Executor):
         return future
 
 
+@contextmanager
+def abandoned(pool: Executor) -> Iterator[Executor]:
+    """Let threads work for a generator; when it ends, what is left is cancelled, and what runs is not waited for.
+
+    Garbage collection may end a generator in any thread, also in one that starts, which cannot wait for another.
+    """
+    try:
+        yield pool
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
 def in_order(work: Callable[[int], T], count: int, *, workers: int, ahead: int) -> Iterator[T]:
     """Yield the results of ``work`` for the numbers from 0, of which threads compute at most ``ahead`` in advance."""
     pending: deque[Future[T]] = deque()
-    with executor(workers, "work") as pool:
-        try:
-            for number in range(count):
-                pending.append(pool.submit(work, number))
-                if len(pending) >= ahead:
-                    yield pending.popleft().result()
-            while pending:
+    with abandoned(executor(workers, "work")) as pool:
+        for number in range(count):
+            pending.append(pool.submit(work, number))
+            if len(pending) >= ahead:
                 yield pending.popleft().result()
-        finally:
-            pool.shutdown(cancel_futures=True)
+        while pending:
+            yield pending.popleft().result()
 
 
 def in_threads(function: Callable[[T], R], items: Iterable[T]) -> list[R]:

@@ -8,7 +8,7 @@ import pytest
 
 from seaclutter_cli import threads as module
 from seaclutter_cli.errors import UsageError
-from seaclutter_cli.threads import cores, executor, keep_freed_memory, threads
+from seaclutter_cli.threads import abandoned, cores, executor, in_order, keep_freed_memory, threads
 
 
 def test_all_cores_by_default(monkeypatch):
@@ -58,6 +58,37 @@ def test_one_thread_does_all_in_turn(count, is_beside, monkeypatch):
         failed = pool.submit(int, "x")
     with pytest.raises(ValueError, match="x"):
         failed.result()
+
+
+@pytest.mark.timeout(60)
+def test_the_end_of_a_generator_waits_for_no_work(monkeypatch):
+    """Garbage collection may end it in a thread that starts, which other threads wait for."""
+    monkeypatch.setenv("SEACLUTTER_THREADS", "2")
+    begun, may_end, done = threading.Event(), threading.Event(), []
+
+    def work(number):
+        if number:
+            begun.set()
+            may_end.wait()
+        done.append(number)
+        return number
+
+    results = in_order(work, 4, workers=1, ahead=3)
+    assert next(results) == 0
+    begun.wait()
+    results.close()
+    assert done == [0]
+    may_end.set()
+
+
+def test_work_that_was_abandoned_is_cancelled(monkeypatch):
+    monkeypatch.setenv("SEACLUTTER_THREADS", "2")
+    may_end = threading.Event()
+    with abandoned(executor(1, "work")) as pool:
+        running, waiting = pool.submit(may_end.wait), pool.submit(int)
+    assert waiting.cancelled()
+    may_end.set()
+    assert running.result()
 
 
 @pytest.mark.parametrize("error", [None, MemoryError])

@@ -18,7 +18,7 @@ from seaclutter_cli.limits import above_in_file, limits
 from seaclutter_cli.records import Message, Record
 from seaclutter_cli.sources.shared.log_file import LogFile, LostDataError
 from seaclutter_cli.sources.shared.unpacking import unpacked_file
-from seaclutter_cli.threads import executor, threads
+from seaclutter_cli.threads import abandoned, executor, threads
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -105,17 +105,14 @@ def _ahead(
     chunks: Iterable[C], unpack: Callable[[C], P], load: Callable[[C, Callable[[], P]], list[Message]]
 ) -> Iterator[tuple[C, list[Message]]]:
     ahead = _UNPACKERS if threads() > 1 else 0
-    with executor(_UNPACKERS, "unpack") as pool:
-        pending: deque[tuple[C, Future[P]]] = deque()
-        try:
-            for chunk in (*chunks, None):
-                while pending and (chunk is None or len(pending) > ahead or _memory(chunk, pending) > MAX_AHEAD_BYTES):
-                    first, content = pending.popleft()
-                    yield first, load(first, content.result)
-                if chunk is not None:
-                    pending.append((chunk, pool.submit(unpack, chunk)))
-        finally:
-            pool.shutdown(cancel_futures=True)
+    pending: deque[tuple[C, Future[P]]] = deque()
+    with abandoned(executor(_UNPACKERS, "unpack")) as pool:
+        for chunk in (*chunks, None):
+            while pending and (chunk is None or len(pending) > ahead or _memory(chunk, pending) > MAX_AHEAD_BYTES):
+                first, content = pending.popleft()
+                yield first, load(first, content.result)
+            if chunk is not None:
+                pending.append((chunk, pool.submit(unpack, chunk)))
 
 
 def _memory(chunk: Chunk, pending: Iterable[tuple[Chunk, object]]) -> int:
