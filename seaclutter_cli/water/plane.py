@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 
 import numpy as np
 
@@ -56,8 +57,9 @@ class PolarCells:
 
     ``cell`` is the number of each of N points' cells, shape (N,); `_OF_BODIES` for points that belong to bodies.
     ``lowest``, shape (3, C), and ``number``, shape (C,), are the lowest point and the number of each occupied cell, and
-    the feet of the bodies in it; ``trust``, shape (C,), is 1 where three echoes are near the lowest. ``top``, shape
-    (C,), is z of the top of the bodies above feet, infinite for points beside bodies, and NaN for others.
+    the feet of the bodies in it; ``trust``, shape (C,), is 1 where three echoes are near the lowest, and a third for
+    one: calm water returns few, at one height in all directions. ``top``, shape (C,), is z of the top of the bodies
+    above feet, infinite for points beside bodies, and NaN for others.
     """
 
     cell: Ints
@@ -93,7 +95,7 @@ class PolarCells:
         number = np.flatnonzero(low < np.inf)
         flat = np.bincount(cell[z <= low[cell] + _FLAT_M], minlength=len(low))[number]
         lows = xyz.take(lowest[number], axis=1)
-        trust = _nearness(lows) * (np.minimum(flat, _ENOUGH) / _ENOUGH) ** 2
+        trust = _nearness(lows) * np.minimum(flat, _ENOUGH) / _ENOUGH
         if bodies is None:
             return cls(cell, lows, number, trust, np.full(len(number), np.nan))
         beside = np.isfinite(foot.reshape(-1)[number])
@@ -186,28 +188,31 @@ def fit_plane(cells: PolarCells, start: Plane | None) -> tuple[Plane, Floats]:
     The fit is iteratively reweighted least squares with Tukey's weights, at finer and finer scales. Of the finest, that
     counts at which the cells are most likely: calm water is at one height, whatever is above and below it, and rough
     water is not. Cells are weighed with one and a half of that scale, so that crests count. Points above the plane
-    count 40 %, since what rises out of the water is above it. Without a start, it starts from several levels and
-    returns the lowest plane with at least 40 % of the weight of the best one: decks and quays can have more cells than
-    the water. Planes below the lidar come first, unless they hold less than one cell that is fully trusted, and of
-    those, planes that no more cells contradict than support.
+    count 40 %, since what rises out of the water is above it. From a start, it is the likelier of two fits, with and
+    without coarse scales: those follow a jump of own ship, but amid images and decks they leave calm water for these.
+    Without a start, it starts from several levels and returns the lowest plane with at least 40 % of the weight of the
+    best one: decks and quays can have more cells than the water. Planes below the lidar come first, unless they hold
+    less than one cell that is fully trusted, and of those, planes that no more cells contradict than support.
     """
     if start is not None:
-        return _reweighted(cells, start)
+        plane, weight, _ = max((_reweighted(cells, start, coarse) for coarse in (_COARSE_M, ())), key=itemgetter(2))
+        return plane, weight
     order = np.argsort(cells.lowest[2], kind="stable")
     total = np.cumsum(cells.trust[order])
     starts = cells.lowest[2, order[np.searchsorted(total, np.array(_START_SHARES) * total[-1])]]
-    fits = [_reweighted(cells, Plane(level, 0.0, 0.0)) for level in starts.tolist()]
+    fits = [_reweighted(cells, Plane(level, 0.0, 0.0))[:2] for level in starts.tolist()]
     sure = [fit for fit in fits if fit[0].level_m < 0 and fit[1].sum() >= LEAST_SUPPORT]  # water is below the lidar
     sure = [fit for fit in sure or fits if not cells.contradict(*fit)] or sure
     needed = _SUPPORT * max(float(weight.sum()) for _, weight in sure or fits)
     return min((fit for fit in sure or fits if fit[1].sum() >= needed), key=lambda fit: fit[0].level_m)
 
 
-def _reweighted(cells: PolarCells, plane: Plane) -> tuple[Plane, Floats]:
+def _reweighted(cells: PolarCells, plane: Plane, coarse: Sequence[float] = _COARSE_M) -> tuple[Plane, Floats, float]:
+    """Return the plane of a fit, the weights of the cells, and the logarithm of its likelihood."""
     x, y, z = cells.lowest
     products = np.stack((np.ones_like(x), x, y, z, x * x, x * y, y * y, x * z, y * z))
     fits, residual = [], z - plane.height(x, y)
-    for scale in (*_COARSE_M, *_SCALES_M):
+    for scale in (*coarse, *_SCALES_M):
         weight = _weight(residual, scale) * cells.trust
         sums = (products @ weight).tolist()
         if sums[0] < LEAST_SUPPORT:
@@ -216,10 +221,11 @@ def _reweighted(cells: PolarCells, plane: Plane) -> tuple[Plane, Floats]:
         residual = z - plane.height(x, y)
         fits.append((scale, plane, residual))
     if not fits:
-        return plane, weight
-    scales, planes, residuals = zip(*(fits[len(_COARSE_M) :] or fits[-1:]), strict=True)
-    best = int(_log_likelihoods(np.array(residuals), np.array(scales)[:, None], cells.trust).argmax())
-    return planes[best], _weight(residuals[best], _WIDER * scales[best]) * cells.trust
+        return plane, weight, -math.inf
+    scales, planes, residuals = zip(*(fits[len(coarse) :] or fits[-1:]), strict=True)
+    likelihoods = _log_likelihoods(np.array(residuals), np.array(scales)[:, None], cells.trust)
+    best = int(likelihoods.argmax())
+    return planes[best], _weight(residuals[best], _WIDER * scales[best]) * cells.trust, float(likelihoods[best])
 
 
 def _weight(residual: Floats, scale: float) -> Floats:

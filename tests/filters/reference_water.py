@@ -133,10 +133,11 @@ class Water:
     def fit(self, cells: "Cells") -> tuple[Plane, dict["Key", float]]:
         """Return the plane through the lowest points, and the weight of each cell."""
         if self.plane is not None:
-            return reweighted(cells, self.plane)
+            fits = [reweighted(cells, self.plane, coarse) for coarse in (plane._COARSE_M, ())]
+            return max(fits, key=lambda fit: fit[2])[:2]
         weighted = sorted((cell.lowest[2], cell.trust) for cell in cells.values())
         levels = [weighted_quantile(weighted, part) for part in plane._START_SHARES]
-        fits = [reweighted(cells, Plane(level, 0, 0)) for level in levels]
+        fits = [reweighted(cells, Plane(level, 0, 0), plane._COARSE_M)[:2] for level in levels]
         below = [one for one in fits if one[0].a < 0 and sum(one[1].values()) >= plane.LEAST_SUPPORT]
         below = [one for one in below or fits if not contradict(cells, *one)] or below
         enough = plane._SUPPORT * max(sum(weights.values()) for _, weights in below or fits)
@@ -215,7 +216,7 @@ def cells_of(points: Sequence[XYZ], used: Sequence[int], feet: Mapping[tuple[int
     for key, own in members.items():
         cell = Cell(min(own, key=lambda point: point[2]), 0.0)
         count = sum(z <= cell.lowest[2] + plane._FLAT_M for _, _, z in own)
-        cell.trust = (count / len(own) * min(count, plane._ENOUGH) / plane._ENOUGH) ** 2
+        cell.trust = (count / len(own)) ** 2 * min(count, plane._ENOUGH) / plane._ENOUGH
         cell.trust /= 1 + cell.distance_squared / plane._SURE_M**2
         if foot_around(key, feet) < math.inf:
             cell.trust *= plane._BESIDE
@@ -257,20 +258,21 @@ def band(sigma: float) -> float:
     return max(tracker._MIN_BAND_M, tracker._BAND_SIGMAS * sigma)
 
 
-def reweighted(cells: Cells, start: Plane) -> tuple[Plane, dict[Key, float]]:
-    """Return the result of iteratively reweighted least squares with Tukey's weights, at the likeliest scale."""
+def reweighted(cells: Cells, start: Plane, coarse: Sequence[float]) -> tuple[Plane, dict[Key, float], float]:
+    """Return the result of iteratively reweighted least squares, at the likeliest scale, and its log-likelihood."""
     fitted, fits = start, []
-    for scale in (*plane._COARSE_M, *plane._SCALES_M):
+    for scale in (*coarse, *plane._SCALES_M):
         weights = weights_of(cells, fitted, scale)
         if sum(weights.values()) < plane.LEAST_SUPPORT:
             break
         fitted = least_squares(cells, weights)
         fits.append((scale, fitted))
     if not fits:
-        return fitted, weights
+        return fitted, weights, -math.inf
     fine = [fit for fit in fits if fit[0] in plane._SCALES_M] or fits[-1:]
-    scale, fitted = max(fine, key=lambda fit: log_likelihood(cells, fit[1], fit[0]))
-    return fitted, weights_of(cells, fitted, plane._WIDER * scale)
+    likely = [(log_likelihood(cells, fitted, scale), scale, fitted) for scale, fitted in fine]
+    likelihood, scale, fitted = max(likely, key=lambda one: one[0])
+    return fitted, weights_of(cells, fitted, plane._WIDER * scale), likelihood
 
 
 def weights_of(cells: Cells, fitted: Plane, scale: float) -> dict[Key, float]:
