@@ -1,22 +1,30 @@
-"""What the simulators of labelled logs at sea share: their command line, and messages of ROS 2."""
+"""What the simulators of labelled logs at sea share: their command line, messages of ROS 2, and labels."""
 
 import argparse
-from collections.abc import Callable, Iterable, Sequence
+import csv
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.writer import Writer
+from ideal import unseen
+from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
+from seaclutter_cli.cloud import from_array
+from seaclutter_cli.labels.csv import COLUMNS
+from seaclutter_cli.messages import CODECS
+from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.runs.options.logs import parse_seeds
+from seaclutter_cli.truth import Boxes
 
 CLOUD, IMU = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/Imu"
 FIELD_TYPES = {"f4": 7, "f8": 8, "u2": 4, "u1": 2}
 STORE = get_typestore(Stores.ROS2_HUMBLE)
+POINT = np.dtype([*((name, "f4") for name in ("x", "y", "z", "intensity", "t")), ("ring", "u2"), ("label", "u2")])
 
 Array = NDArray[Any]
 
@@ -37,6 +45,39 @@ def record_all(record: Callable[..., None], logs: Iterable[tuple[Any, ...]], fol
     folder.mkdir(parents=True, exist_ok=True)
     with ProcessPoolExecutor(jobs) as pool:
         list(pool.map(partial(record, folder=folder), *zip(*logs, strict=True)))
+
+
+def write_labelled(
+    log: Path, frames: Iterable[tuple[Array, Boxes]], world: dict[str, str], start_ns: int, period_s: float
+) -> None:
+    """Write clouds of labelled points, their boxes and the metadata of their world, unless the log is there."""
+    part, labels = log.with_suffix(".part"), log.with_suffix(".labels.csv")
+    if log.exists():
+        return
+    codec, schema = CODECS[CLOUD, "cdr"], ros2_schema(CLOUD)
+    with part.open("wb") as stream, labels.open("w", newline="") as table:
+        writer, lines = Writer(stream, compression=CompressionType.ZSTD), csv.writer(table, lineterminator="\n")
+        lines.writerow(COLUMNS)
+        writer.start(profile="ros2")
+        kind = writer.register_schema(schema.name, schema.encoding, schema.data)
+        topic = writer.register_channel("/points", "cdr", kind)
+        for number, (points, boxes) in enumerate(frames):
+            stamp = start_ns + round(number * period_s * 1e9)
+            writer.add_message(topic, stamp, codec.encode(from_array(points, stamp_ns=stamp)), stamp, number)
+            lines.writerows(_label_rows(number, points, boxes))
+        writer.add_metadata("world", world)
+        writer.finish()
+    part.rename(log)
+
+
+def _label_rows(number: int, points: Array, boxes: Boxes) -> Iterator[list[Any]]:
+    """Yield the labels of a frame; targets that a filter without faults would miss are ignored."""
+    faint = unseen(points, boxes)
+    for row, (track, kind) in enumerate(zip(boxes.tracks, boxes.classes, strict=True)):
+        values = *boxes.centers[row], *boxes.sizes[row], boxes.yaws[row]
+        yield [number, track, "ignore" if track in faint else kind, *(f"{value:.3f}" for value in values)]
+    if not boxes.tracks:
+        yield [number, "", "none", *[""] * 7]
 
 
 def channel(writer: Writer, topic: str, kind: str) -> int:

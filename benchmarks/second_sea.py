@@ -14,15 +14,12 @@ would miss are ignored in that frame.
 .. [4] Rasshofer, Spies, Spies (2011). "Influences of weather phenomena on automotive laser radar systems". ARS 9.
 """
 
-import csv
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from ideal import unseen
-from mcap.writer import CompressionType, Writer
-from sea_logs import parser_of, record_all
+from sea_logs import POINT, parser_of, record_all, write_labelled
 from second_bodies import (
     FIXED,
     GRAVITY,
@@ -43,14 +40,9 @@ from second_bodies import (
     wrapped,
 )
 
-from seaclutter_cli.cloud import from_array
-from seaclutter_cli.labels.csv import COLUMNS
-from seaclutter_cli.messages import CODECS
-from seaclutter_cli.messages.definitions import ros2_schema
 from seaclutter_cli.truth import CLUTTER, IGNORED, Boxes
 
 START_NS = 1_700_000_000_000_000_000
-POINT = np.dtype([*((name, "f4") for name in ("x", "y", "z", "intensity", "t")), ("ring", "u2"), ("label", "u2")])
 
 ANY: World = {  # a pair is a range, a list a choice
     "beams": [16, 32, 64, 128], "uneven": [False, False, True], "top_deg": (3.0, 20.0), "bottom_deg": (-25.0, -13.0),
@@ -495,40 +487,13 @@ class Recorder:
 
 
 def record(name: str, seed: int, families: Sequence[str], folder: Path) -> None:
-    """Write a log and its labels, unless they are there."""
-    log = folder / f"{name}_{seed}.mcap"
-    part, labels = log.with_suffix(".part"), log.with_suffix(".labels.csv")
-    if log.exists():
-        return
     key = [seed, *name.encode()]
     rng = np.random.default_rng(key)
     families = families or rng.choice(list(FAMILIES), rng.integers(1, 4), replace=False).tolist()
     recorder = Recorder(draw(rng, families), rng, key)
-    codec, schema = CODECS["sensor_msgs/msg/PointCloud2", "cdr"], ros2_schema("sensor_msgs/msg/PointCloud2")
-    with part.open("wb") as stream, labels.open("w", newline="") as table:
-        writer, lines = Writer(stream, compression=CompressionType.ZSTD), csv.writer(table, lineterminator="\n")
-        lines.writerow(COLUMNS)
-        writer.start(profile="ros2")
-        channel = writer.register_channel(
-            "/points", "cdr", writer.register_schema(schema.name, schema.encoding, schema.data)
-        )
-        for number in range(recorder.world["frames"]):
-            points, boxes = recorder.frame(number)
-            stamp = START_NS + round(number * recorder.period * 1e9)
-            writer.add_message(channel, stamp, codec.encode(from_array(points, stamp_ns=stamp)), stamp, number)
-            lines.writerows(label_rows(number, points, boxes))
-        writer.add_metadata("world", {"families": ", ".join(families)} | {k: str(v) for k, v in recorder.world.items()})
-        writer.finish()
-    part.rename(log)
-
-
-def label_rows(number: int, points: Array, boxes: Boxes) -> Iterator[list[Any]]:
-    faint = unseen(points, boxes)
-    for row, (track, kind) in enumerate(zip(boxes.tracks, boxes.classes, strict=True)):
-        values = *boxes.centers[row], *boxes.sizes[row], boxes.yaws[row]
-        yield [number, track, "ignore" if track in faint else kind, *(f"{value:.3f}" for value in values)]
-    if not boxes.tracks:
-        yield [number, "", "none", *[""] * 7]
+    frames = (recorder.frame(number) for number in range(recorder.world["frames"]))
+    world = {"families": ", ".join(families)} | {name: str(value) for name, value in recorder.world.items()}
+    write_labelled(folder / f"{name}_{seed}.mcap", frames, world, START_NS, recorder.period)
 
 
 def main() -> None:
