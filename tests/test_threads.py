@@ -60,7 +60,6 @@ def test_one_thread_does_all_in_turn(count, is_beside, monkeypatch):
         failed.result()
 
 
-@pytest.mark.timeout(60)
 def test_the_end_of_a_generator_waits_for_no_work(monkeypatch):
     """Garbage collection may end it in a thread that starts, which other threads wait for."""
     monkeypatch.setenv("SEACLUTTER_THREADS", "2")
@@ -69,7 +68,7 @@ def test_the_end_of_a_generator_waits_for_no_work(monkeypatch):
     def work(number):
         if number:
             begun.set()
-            may_end.wait()
+            may_end.wait(5)
         done.append(number)
         return number
 
@@ -85,8 +84,9 @@ def test_work_that_was_abandoned_is_cancelled(monkeypatch):
     monkeypatch.setenv("SEACLUTTER_THREADS", "2")
     may_end = threading.Event()
     with abandoned(executor(1, "work")) as pool:
-        running, waiting = pool.submit(may_end.wait), pool.submit(int)
+        running, waiting = pool.submit(may_end.wait, 5), pool.submit(int)
     assert waiting.cancelled()
+    assert not running.done()
     may_end.set()
     assert running.result()
 

@@ -150,3 +150,19 @@ def test_rough_water_is_at_many_heights():
     cells = PolarCells.of(np.stack((x, y, rng.normal(-2, 0.3, 400))))
     _, weight = fit_plane(cells, None)
     assert (weight > 0).mean() > 0.9
+
+
+def basin(seed):
+    """Return single echoes of calm water 1.4 m below the lidar, and rows of three on hulls, quays and their images."""
+    rng = np.random.default_rng(seed)
+    water, rows = np.radians(36 * np.arange(10) + 2), np.radians(30 * np.arange(12) + 17)
+    bearing = np.concatenate((water, np.add.outer(rows, [0, 0.01, 0.02]).ravel()))
+    distance = np.concatenate((rng.uniform(7, 12, 10), np.repeat(rng.uniform(14, 32, 12), 3)))
+    z = np.concatenate((rng.normal(-1.4, 0.01, 10), np.repeat(rng.uniform(-2.6, -0.2, 12), 3)))
+    return np.stack((distance * np.cos(bearing), distance * np.sin(bearing), z))
+
+
+def test_calm_water_amid_hulls_and_images_keeps_its_plane():
+    known = Plane(-1.4, 0.0, 0.0)
+    levels = [fit_plane(PolarCells.of(basin(seed)), known)[0].level_m for seed in range(20)]
+    assert np.median(np.abs(np.subtract(levels, -1.4))) < 0.1
