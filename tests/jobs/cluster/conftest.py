@@ -1,9 +1,11 @@
 """A scheduler and three workers with TLS, as processes of their own."""
 
 import sys
+from contextlib import contextmanager
 
 import pytest
 
+from tests.folders import in_folder
 from tests.jobs.cluster.clusters import Certificates, Cluster, wait_for
 
 NAMES = ("one", "two", "three")
@@ -22,9 +24,8 @@ def _require_system():
         pytest.skip("no SIGKILL")
 
 
-@pytest.fixture(scope="package")
-def cluster(tmp_path_factory):
-    _require_system()
+@contextmanager
+def _started(tmp_path_factory):
     folder = tmp_path_factory.mktemp("cluster")
     started = Cluster(folder / "run", Certificates(folder / "certificates"))
     try:
@@ -35,6 +36,13 @@ def cluster(tmp_path_factory):
         yield started
     finally:
         started.end()
+
+
+@pytest.fixture
+def cluster(request, tmp_path_factory):
+    """Return the cluster of the tests of this folder in this process."""
+    _require_system()
+    return in_folder(request, __file__, _started, tmp_path_factory)
 
 
 @pytest.fixture
