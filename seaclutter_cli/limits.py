@@ -6,6 +6,7 @@ A part of a log that exceeds a limit is damage: it is left out and reported. Rea
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import Literal, Self
 
 from seaclutter_cli.errors import UsageError
@@ -103,4 +104,12 @@ def above_in_file(amount: str, part: Part, file: int) -> str:
 
 def limits() -> Limits:
     """Return the limits that the environment of this process sets."""
-    return Limits.read(os.environ)
+    return _limits_of(tuple(map(os.environ.get, _VARIABLES)))
+
+
+_VARIABLES = tuple(variable(field.name) for field in fields(Limits))
+
+
+@lru_cache(maxsize=8)
+def _limits_of(texts: tuple[str | None, ...]) -> Limits:
+    return Limits.read({name: text for name, text in zip(_VARIABLES, texts, strict=True) if text is not None})
