@@ -13,6 +13,8 @@ BZ2, LZ4 = Writer.CompressionFormat.BZ2, Writer.CompressionFormat.LZ4
 COMPRESSIONS = [None, BZ2, LZ4]
 START = 1_600_000_000 * 10**9
 CLOUD, IMU = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/Imu"
+LOW_BITS = bytes(value % 8 for value in range(256))
+"""Translation of random bytes to bytes that can be compressed."""
 
 
 def write_bag(path, compression=None, *, messages=60, size=300, chunk=2000, times=None):
@@ -30,7 +32,7 @@ def write_bag(path, compression=None, *, messages=60, size=300, chunk=2000, time
         ]
         for number in range(messages):
             time_ns = START + (times[number] if times else number * 1000)
-            data = struct.pack("<I", number) + bytes(noise.choices(range(8), k=size + number % 7))
+            data = struct.pack("<I", number) + noise.randbytes(size + number % 7).translate(LOW_BITS)
             writer.write(connections[number % 2], time_ns, data)
     return path
 
