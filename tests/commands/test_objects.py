@@ -21,7 +21,7 @@ from tests.running import execute
 
 FIX = "sensor_msgs/msg/NavSatFix"
 SEA = ROOT / "samples" / "sea.mcap"
-FRAMES = 30
+FRAMES = 20
 
 run = partial(execute, code=0)
 
@@ -57,12 +57,12 @@ def test_a_filtered_log_is_named(tmp_path):
     assert "already filtered by joint" in run("objects", tmp_path / "f.mcap").stderr
 
 
-def stamped(path, offset_ns):
-    """Write the first 40 frames of the sample with other stamps, of number n later by ``offset_ns(n)``."""
+def stamped(path, offset_ns, frames=40):
+    """Write the first frames of the sample with other stamps, of number n later by ``offset_ns(n)``."""
     with SEA.open("rb") as file, path.open("wb") as output:
         writer = Writer(output)
         writer.start()
-        found = islice(make_reader(file).iter_messages(topics="/points"), 40)
+        found = islice(make_reader(file).iter_messages(topics="/points"), frames)
         for number, (schema, channel, message) in enumerate(found):
             if not number:
                 schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
@@ -78,8 +78,8 @@ def stamped(path, offset_ns):
 @pytest.mark.parametrize(
     ("offset_ns", "arguments", "expected"),
     [
-        (lambda n: n % 2 * 10**10, ("-n", 20), "the stamps of 19 of 20 frames step back or by more than 5 s"),
-        (lambda n: -(n % 2) * 3 * 10**8, ("-n", 20), "the stamps of 10 of 20 frames step back or by more than 5 s"),
+        (lambda n: n % 2 * 10**10, ("-n", 12), "the stamps of 11 of 12 frames step back or by more than 5 s"),
+        (lambda n: -(n % 2) * 3 * 10**8, ("-n", 12), "the stamps of 6 of 12 frames step back or by more than 5 s"),
         (lambda _: 0, ("-n", 3), "the frames span only 0.2 s"),
     ],
 )
@@ -118,10 +118,10 @@ def test_the_method_is_that_of_the_options():
 def test_a_configuration_that_names_no_method_is_one_of_confirmed(tmp_path, text, method):
     (tmp_path / "own.yaml").write_text(f"filter: {text}\n")
     found, expected = (
-        json.loads(run("objects", SEA, *given, "-n", 20, "--json").stdout)["recordings"][0]["tracks"]
+        json.loads(run("objects", SEA, *given, "-n", 10, "--json").stdout)["recordings"][0]["tracks"]
         for given in (("-c", tmp_path / "own.yaml"), ("-m", method))
     )
-    assert found == expected
+    assert found == expected != []
 
 
 def test_filter_writes_the_same_table(tmp_path, table):
@@ -151,7 +151,7 @@ def test_tracks_on_earth_need_a_position(tmp_path):
 
 def test_places_that_are_missing_although_there_are_fixes_are_named(tmp_path):
     store = get_typestore(Stores.ROS2_HUMBLE)
-    log, types = stamped(tmp_path / "clouds.mcap", lambda _: 0), store.types
+    log, types = stamped(tmp_path / "clouds.mcap", lambda _: 0, 10), store.types
     with log.open("rb") as file, (tmp_path / "log.mcap").open("wb") as output:
         writer = Writer(output)
         writer.start()
@@ -171,7 +171,7 @@ def test_places_that_are_missing_although_there_are_fixes_are_named(tmp_path):
     filtered = "filter", "-m", "confirmed", "-o", tmp_path / "f.mcap", "--objects", tmp_path / "o.csv"
     for name, *options in (("objects",), filtered):
         shown = " ".join(run(name, tmp_path / "log.mcap", *options).stderr.split())
-        assert "no place on earth is known for 40 of 40 frames: no heading" in shown
+        assert "no place on earth is known for 10 of 10 frames: no heading" in shown
 
 
 def test_other_suffixes_are_refused(tmp_path):

@@ -56,11 +56,14 @@ def _placeless(content, folder):
     [
         ("filter {0}/sea.mcap -n 5 -c {0}/config.yaml -o {1}/f.mcap --csv {1}/f.csv", {"f.mcap", "f.csv"}),
         ("filter {0}/sea.mcap -n 2 --with-scene --labels {0}/sea.labels.csv -o {1}/f/", {"f/sea.mcap"}),
-        ("evaluate {0} --labels {0}/ -o {1}/e.csv --summary {1}/e.json", {"e.csv", "e.json"}),
-        ("calibrate {0}/*.mcap --labels {0}/sea.labels.csv -o {1}/c.yaml --plot {1}/c.svg", {"c.yaml", "c.svg"}),
+        ("evaluate {0} --labels {0}/ -n 6 -o {1}/e.csv --summary {1}/e.json", {"e.csv", "e.json"}),
         (
-            "tune {0}/sea.mcap --labels {0} --sweep update_weight=0.2,1 -o {1}/t.yaml --csv {1}/t.csv --plot {1}/t.svg",
-            {"t.yaml", "t.csv", "t.svg"},
+            "calibrate {0}/*.mcap --labels {0}/sea.labels.csv -n 6 -o {1}/c.yaml --plot {1}/c.svg",
+            {"c.yaml", "c.svg"},
+        ),
+        (
+            "tune {0}/sea.mcap --labels {0} -n 6 --sweep update_weight=0.2,1 -o {1}/t --csv {1}/t.csv --plot {1}/t.svg",
+            {"t", "t.csv", "t.svg"},
         ),
         ("report {0}/sea.mcap -n 3 -o {1}/r.html --figures {1}/f", {"r.html", *FIGURES}),
     ],
