@@ -14,15 +14,18 @@ from tests.paths import shared
 WADS = "wads-36"
 
 
-@pytest.mark.parametrize("where", ["", "labels"])
-def test_wads(where):
+def test_wads():
+    """Labels are the same from the folder of the data set and from its folder of labels."""
     folder = shared(WADS)
-    labels = open_labels(folder / where)
+    labels, same = open_labels(folder), open_labels(folder / "labels")
     files = sorted((folder / "velodyne").iterdir())
     assert len(FolderSource(folder).counts) == 1
     for index, file in enumerate(files):
         labelled = frame(index, read_bin(file).points)
         truth = labels.truth(labelled)
+        other = same.truth(labelled)
+        assert other.targets is None
+        np.testing.assert_array_equal(other.points, truth.points)
         raw = np.fromfile(folder / "labels" / f"{file.stem}.label", "<u4") & 0xFFFF
         assert truth.targets is None
         np.testing.assert_array_equal(truth.points == 0, raw == 110)
@@ -30,6 +33,7 @@ def test_wads(where):
         assert 5_000 < (truth.points == 0).sum() < 20_000
         assert (truth.points > 65535).sum() == len(raw) - np.isin(raw, (0, 99, 110)).sum()
     labels.finish()
+    same.finish()
 
 
 def test_wads_of_another_frame():
