@@ -16,6 +16,12 @@ from seaclutter_cli.jobs.cluster.connection import FILES
 
 ROOT = Path(__file__).parents[3]
 _FILES = ("ca.pem", "cert.pem", "key.pem")
+_IDLE = {
+    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",
+    "DASK_DISTRIBUTED__WORKER__MEMORY__MONITOR_INTERVAL": "2s",
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
+}
+"""Settings of Dask with which seven processes that wait take 3 % of a core, not 17 %."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +81,7 @@ class Cluster:
             self.processes[name] = subprocess.Popen(
                 line,
                 cwd=self.folder,
-                env={**os.environ, "PYTHONPATH": path, **environment},
+                env={**os.environ, **_IDLE, "PYTHONPATH": path, **environment},
                 stdout=log,
                 stderr=log,
                 start_new_session=True,
