@@ -51,6 +51,8 @@ class Surface:
     def is_below(self, x: float, y: float, z: float, factor: float = 1.0) -> bool:
         """Return whether a point is below the water, also if the plane is wrong, by a factor more than it says."""
         height, deviation, _ = self.above(x, y, z)
+        if height >= -surface._MIN_DEPTH_M:  # most points are
+            return False
         row = (1.0, x, y)
         variance = sum(row[i] * self.covariance[i][j] * row[j] for i in range(3) for j in range(3))
         error = math.sqrt(deviation**2 + factor**2 * variance)
@@ -290,6 +292,8 @@ def least_squares(cells: Cells, weights: Mapping[Key, float]) -> Plane:
     matrix = [[0.0] * 3 for _ in range(3)]
     right = [0.0] * 3
     for key, cell in cells.items():
+        if not weights[key]:
+            continue
         x, y, z = cell.lowest
         row = (1.0, x, y)
         for i in range(3):
@@ -303,7 +307,8 @@ def least_squares(cells: Cells, weights: Mapping[Key, float]) -> Plane:
 
 def log_likelihood(cells: Cells, fitted: Plane, scale: float) -> float:
     """Return the log-likelihood of a mixture of water of a deviation and others, with the share that it has."""
-    seen = [(cell.trust, NormalDist(0, scale).pdf(fitted.height_of(*cell.lowest))) for cell in cells.values()]
+    water = NormalDist(0, scale)
+    seen = [(cell.trust, water.pdf(fitted.height_of(*cell.lowest))) for cell in cells.values()]
     other, total, share = 1 / plane._OTHERS_M, sum(trust for trust, _ in seen), 0.5
     for _ in range(plane._PASSES):
         share = sum(trust * share * pdf / (share * pdf + (1 - share) * other) for trust, pdf in seen) / total

@@ -42,6 +42,7 @@ from tests.fuzz.mutate import BYTES, MOST_BYTES
 
 STATUS = Path("/proc/self/status")
 CLEAR = Path("/proc/self/clear_refs")
+LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _JOINT = ("calibrate", "classify train")
 """Commands with results, and errors, of all inputs together."""
 
@@ -275,7 +276,7 @@ def _unreadable(path):
         elif path.suffix in (".json", ".geojson"):
             json.loads(path.read_text(encoding="utf-8"))
         elif path.suffix == ".yaml":
-            yaml.safe_load(path.read_text(encoding="utf-8"))
+            yaml.load(path.read_text(encoding="utf-8"), Loader=LOADER)
         elif path.suffix == ".csv":
             with path.open(encoding="utf-8", newline="") as stream:
                 list(csv.reader(stream))
