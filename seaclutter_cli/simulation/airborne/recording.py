@@ -233,9 +233,9 @@ def _cells_below(item: TileObject, patch: Rows, x: Floats, y: Floats) -> tuple[I
 def _echoes(pulses: Pulses, hits: Rows, lidar: AirborneParams, rng: Rng) -> Rows:
     starts = range(0, len(hits), _BLOCK)
     blocks = [_groups(hits, np.arange(start, min(start + _BLOCK, len(hits))), lidar) for start in starts]
-    found = []
+    found: list[Rows] = []
     for echo in range(lidar.max_returns):
-        possible = np.concatenate([block[echo] for block in blocks])
+        possible: Rows = np.concatenate([block[echo] for block in blocks])
         weakest = _WEAKEST * rng.exponential(3.0, len(hits))
         found.append(possible[possible["power"] > weakest[possible["pulse"]]])
     echoes = np.concatenate(found)
