@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from contextlib import chdir
 from pathlib import Path
 
 import pytest
@@ -30,17 +31,23 @@ def test_output_of_the_first_example(tmp_path, monkeypatch):
     assert printed[1:-1] == expected[1:-1]  # the first line has the file name, the last line the time
 
 
-def test_output_of_the_second_example(monkeypatch):
-    monkeypatch.chdir(ROOT)
+@pytest.fixture(scope="module")
+def second(tmp_path_factory):
+    """Return the documented output of the second example, what it prints, and its summary."""
     arguments, expected = example(".venv/bin/seaclutter evaluate ")
-    printed = execute("evaluate", *arguments).stdout.splitlines()
+    summary = tmp_path_factory.mktemp("second") / "summary.json"
+    with chdir(ROOT):
+        printed = execute("evaluate", *arguments, "--summary", summary).stdout
+    return expected, printed.splitlines(), json.loads(summary.read_text(encoding="utf-8"))
+
+
+def test_output_of_the_second_example(second):
+    expected, printed, _ = second
     assert printed[: len(expected)] == expected
 
 
-def test_shares_of_points_in_the_second_example(monkeypatch):
-    monkeypatch.chdir(ROOT)
-    arguments, _ = example(".venv/bin/seaclutter evaluate ")
-    found = json.loads(execute("evaluate", *arguments, "--json").stdout)["methods"]
+def test_shares_of_points_in_the_second_example(second):
+    found = second[2]["methods"]
     text = " ".join(README.split())
     for method, sentence in (
         ("joint", "removes {} of the clutter points and {} of the target points"),

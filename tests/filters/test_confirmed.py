@@ -243,10 +243,10 @@ class TestRates:
         assert outcomes[0] == outcomes[1] == outcomes[2] == [True, True, True, False, False, True]
 
     def test_step_is_the_last_frame_of_a_log(self):
-        log = sea_log(3, random_bodies(3), times(18))
+        log = sea_log(3, random_bodies(3), times(14))
         method = make()
         found = reasons([method.step(frame) for frame in log])
-        assert found == [reasons(run(log[:end]))[-1] for end in range(1, 19)]
+        assert found == [reasons(run(log[:end]))[-1] for end in range(1, 15)]
 
     @pytest.mark.parametrize("params", [{"causal": True}, {"look_ahead_s": 0.0}])
     def test_step_without_look_ahead(self, params):

@@ -3,6 +3,7 @@
 import calendar
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -108,10 +109,12 @@ KINDS = {
 }
 
 
+@cache
 def sine(hundredths):
     return F(math.sin(angle(hundredths)))
 
 
+@cache
 def cosine(hundredths):
     return F(math.cos(angle(hundredths)))
 
@@ -136,6 +139,8 @@ class Reference:
     def __init__(self, name, vertical, horizontal, *, dual=False, rps=10, fov=(0, 36000), reverse=False):
         self.kind, self.dual, self.name, self.reversed = KINDS[name], dual, name, reverse
         self.vertical, self.horizontal = list(vertical), list(horizontal)
+        lasers = self.vertical[: self.kind.lasers]
+        self.rings = [sum(other < own for other in lasers) for own in lasers]
         self.az_step = round(36000 * rps * self.kind.block_us * 1e-6)
         seen = fov[1] - fov[0] if fov[0] < fov[1] else fov[1] + 36000 - fov[0]
         self.gap_us = (36000 - seen) / (36000 * rps) * 1e6
@@ -228,7 +233,6 @@ class Reference:
             y = -r * cosine(v) * sine(azimuth + h) - F(kind.rx) * sine(azimuth)
             z = r * sine(v) + F(kind.rz)
             y = -y if self.reversed else y
-            ring = sum(other < v for other in self.vertical[: kind.lasers])
             half = self.repeats if kind.blocks == 3 else number % 2
             returned = 1 + (half if kind.lasers > 16 else second)
-            self.points.append((x, y, z, F(intensity[c]), ring, time, returned))
+            self.points.append((x, y, z, F(intensity[c]), self.rings[laser], time, returned))
