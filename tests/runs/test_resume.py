@@ -123,7 +123,7 @@ def test_a_folder_of_frames_of_which_one_changed_is_filtered_again(tmp_path, fra
 
 
 def test_a_change_in_the_middle_of_a_file_is_noticed_by_its_time(trial):
-    path = cloud_log(trial / "logs" / "b.mcap", LAYOUTS["none"], frames=400, points=300)
+    path = cloud_log(trial / "logs" / "b.mcap", LAYOUTS["none"], frames=40, points=5000)
     assert path.stat().st_size > 3 * 2**20
     run(trial)
     with path.open("r+b") as file:
