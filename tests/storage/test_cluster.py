@@ -21,7 +21,7 @@ def test_workers_read_from_a_bucket_and_write_to_it(bucket, scratch, own_cluster
         cloud_log(log, frames=5 + number, points=400)
         put(bucket / "in" / log.name, log.read_bytes())
     for name in ("one", "two"):
-        own_cluster.add(name)
+        own_cluster.add(name, "--no-nanny")
     here, table = tmp_path / "here", tmp_path / "runs.json"
     run("filter", tmp_path / "logs", "-o", f"{here}/", "-j", 1)
     line = ["filter", f"{bucket}/in/", "-o", f"{bucket}/out/", "--cluster", own_cluster.address, "--manifest", table]

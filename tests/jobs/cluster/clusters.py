@@ -66,7 +66,10 @@ class Cluster:
         self.address = json.loads(file.read_text())["address"]
 
     def add(self, name, *options, certificates=None, **environment):
-        """Start a worker; options and variables of its environment may be added."""
+        """Start a worker; options and variables of its environment may be added.
+
+        With ``--no-nanny`` it is one process, which nothing starts again.
+        """
         words = [self.address, f"--name={name}", "--nthreads=1", "--memory-limit=2GB", "--no-dashboard", *options]
         words.append(f"--local-directory={self.folder}")
         self.start("worker", *words, name=name, certificates=certificates, **environment)

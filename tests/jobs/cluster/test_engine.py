@@ -189,8 +189,8 @@ def test_a_worker_without_the_files_is_refused(certified):
 def test_workers_that_come_later_are_used(own_cluster, tmp_path):
     one, other = tmp_path / "one", tmp_path / "other"
     tasks = [Meet(own=one, other=other), Meet(own=other, other=one)]
-    own_cluster.add("first")
-    with doing(lambda: (wait_for(lambda: one.exists() or other.exists()), own_cluster.add("second"))):
+    own_cluster.add("first", "--no-nanny")
+    with doing(lambda: (wait_for(lambda: one.exists() or other.exists()), own_cluster.add("second", "--no-nanny"))):
         assert run(engine(own_cluster), tasks) == {0: True, 1: True}
 
 
@@ -199,11 +199,11 @@ def test_workers_that_come_later_with_other_versions_are_left_out(own_cluster, o
 
     def add_and_wait():
         wait_for(begun.exists)
-        own_cluster.add("old", PYTHONPATH=other_version("scipy", "0.0.1"))
+        own_cluster.add("old", "--no-nanny", PYTHONPATH=other_version("scipy", "0.0.1"))
         wait_for(lambda: warnings)
         warned.touch()
 
-    own_cluster.add("first")
+    own_cluster.add("first", "--no-nanny")
     with doing(add_and_wait):
         assert run(engine(own_cluster, warnings), [Meet(own=begun, other=warned), Square(3)]) == {0: True, 1: 9}
     assert len(warnings) == 1

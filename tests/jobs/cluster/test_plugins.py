@@ -25,12 +25,12 @@ def run(folder, site, *options):
 def test_workers_use_plugins_and_files(own_cluster, tmp_path):
     site, mine = install(tmp_path / "site"), tmp_path / "mine.py"
     mine.write_text(MINE)
-    own_cluster.add("without")
+    own_cluster.add("without", "--no-nanny")
     done, _ = run(tmp_path, site, "-m", "above_water", "--cluster", own_cluster.address)
     assert "has no seaclutter-example, here 1.0" in done.stderr
     own_cluster.processes["without"].kill()
     own_cluster.processes["without"].wait()
-    own_cluster.add("with", PYTHONPATH=str(site))
+    own_cluster.add("with", "--no-nanny", PYTHONPATH=str(site))
     for method in ("above_water", f"{mine}:Low"):
         here = run(tmp_path, site, "-m", method, "-j", "1")
         there = run(tmp_path, site, "-m", method, "--cluster", own_cluster.address)

@@ -200,7 +200,7 @@ def test_certificates_that_cannot_be_read(trial, tmp_path, monkeypatch):
 
 
 def test_a_worker_with_other_versions_is_refused(own_cluster, other_version, trial, tmp_path):
-    own_cluster.add("old", PYTHONPATH=other_version("seaclutter", "0.0.1"))
+    own_cluster.add("old", "--no-nanny", PYTHONPATH=other_version("seaclutter", "0.0.1"))
     result = run(trial / "logs", tmp_path, "--cluster", own_cluster.address)
     assert result.exit_code == 1
     (line,) = result.stderr.splitlines()
