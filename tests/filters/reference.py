@@ -5,6 +5,7 @@ They share no code with the program except the codes of `Reason` and the config 
 """
 
 import math
+from bisect import bisect_right
 from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
@@ -198,8 +199,7 @@ class RadiusOutliers(WholeFrame):
     def removed(self, points: list[Point]) -> list[int]:
         found = []
         for index, distances in enumerate(distances_to_others(points)):
-            within = [distance for distance in distances if distance <= self.params.radius_m]
-            if len(within) < self.params.min_neighbors:
+            if bisect_right(distances, self.params.radius_m) < self.params.min_neighbors:
                 found.append(index)
         return found
 
@@ -212,8 +212,7 @@ class DynamicRadiusOutliers(WholeFrame):
         for index, distances in enumerate(distances_to_others(points)):
             spacing = math.hypot(points[index].x, points[index].y) * math.sin(math.radians(params.angle_deg))
             radius = max(params.min_radius_m, params.radius_multiplier * 2 * spacing) * TIE
-            within = [0.0, *(distance for distance in distances if distance <= radius)]
-            if len(within) < params.min_points:
+            if 1 + bisect_right(distances, radius) < params.min_points:
                 found.append(index)
         return found
 

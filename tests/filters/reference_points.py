@@ -1,6 +1,7 @@
 """Points and their neighbourhoods as plain loops, and the answers of methods, for `reference`."""
 
 import math
+from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -82,9 +83,9 @@ def distances_to_others(points: list[Point], most: int | None = None) -> Iterato
         for index, here in enumerate(points):
             yield sorted(math.dist(here.xyz, there.xyz) for i, there in enumerate(points) if i != index)[:most]
     else:
-        xyz = np.array([point.xyz for point in points])
-        for index, here in enumerate(xyz):
-            distances = np.sqrt(((xyz - here) ** 2).sum(axis=1))
+        x, y, z = np.array([point.xyz for point in points]).T.copy()
+        for index, here in enumerate(points):
+            distances = np.sqrt((x - here.x) ** 2 + (y - here.y) ** 2 + (z - here.z) ** 2)
             yield np.sort(np.delete(distances, index))[:most].tolist()
 
 
@@ -114,7 +115,7 @@ def isolated_by_count(points: list[Point], radius_ratio: float, min_neighbors: i
     found = []
     for index, distances in enumerate(distances_to_others(points)):
         radius = radius_ratio * points[index].range_m * TIE
-        if sum(distance <= radius for distance in distances) < min_neighbors:
+        if bisect_right(distances, radius) < min_neighbors:
             found.append(index)
     return found
 
