@@ -1,26 +1,25 @@
-"""The confirmation stage of the method ``confirmed`` on real detections from a vessel, the Autoferry data set.
+"""Tracks of the method ``confirmed`` and of ``objects`` on real detections from a vessel, the Autoferry data set.
 
 Run as ``python benchmarks/autoferry.py FOLDER``; it takes seconds. FOLDER contains the folders ``scenario*`` of
 ``Autoferry/sensor_fusion_dataset`` (CC0). A detection of its lidar (2 Hz) is the centre of a cluster; the clouds are
-not published. So every detection has the same evidence, and only persistence can tell vessels from the rest.
+not published, so nothing is known of shapes, on which the score rests.
 """
 
 import argparse
 import json
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain, pairwise
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from seaclutter_cli.filters.confirmation import ConfirmedParams
 from seaclutter_cli.filters.confirmation.objects import DetectedObject
-from seaclutter_cli.filters.confirmation.tracks import Track, Tracker
-from seaclutter_cli.tracking import tracker as tracking
+from seaclutter_cli.filters.confirmation.tracks import Track
 from seaclutter_cli.tracking.detections import Detections
+from seaclutter_cli.tracking.tracker import Tracker
 
 Floats = NDArray[np.float64]
 
@@ -29,9 +28,7 @@ GATE_M, BESIDE_M = 10.0, 25.0
 """Distance from a target's position within which detections belong to it, and within which they move with it."""
 OTHER, BESIDE = -1, -2
 PAUSE_S = 5.0
-MIDDLE = 0.5
-EVIDENCE = (0.3, MIDDLE, 1.0)
-"""Evidence of every detection; 1 is an upright object."""
+LEAST_SCORE = 0.5
 SETTINGS = {"own ship": False, "world": True}
 
 
@@ -62,16 +59,6 @@ class Scan:
         return int(distance.argmin()) if np.isfinite(distance).any() else None
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """A detection after the confirmation: time, target as in `Scan`, number of its track, and whether it is kept."""
-
-    time_s: float
-    target: int
-    track: int
-    confirmed: bool
-
-
 def load(folder: Path) -> list[Scan]:
     """Return the lidar scans of a scenario; positions of targets are those of the ground truth with the same index."""
     detections = json.loads(next(folder.glob("*_detections.json")).read_text())
@@ -92,77 +79,8 @@ def load(folder: Path) -> list[Scan]:
     return scans
 
 
-def follow(scans: Sequence[Scan], evidence: float, *, world: bool) -> list[Verdict]:
-    """Return the verdict on every detection, in world coordinates (with odometry) or relative to own ship."""
-    params = ConfirmedParams()
-    tracker = Tracker(params)
-    followed: list[tuple[Scan, Tracker, list[Track]]] = []
-    for scan in scans:
-        if followed and scan.time_s - followed[-1][0].time_s > PAUSE_S:
-            tracker = Tracker(params)
-        positions = scan.detections if world else scan.detections - scan.own
-        objects = [_detected(k, position, evidence) for k, position in enumerate(positions)]
-        tracks = tracker.step(tracker.associate(objects, scan.time_s), scan.time_s, -np.inf)
-        followed.append((scan, tracker, tracks))
-    numbers: dict[int, int] = {}  # the tracks live as long as the list, so that their ids are unique
-    return [
-        Verdict(
-            scan.time_s,
-            int(target),
-            numbers.setdefault(id(track), len(numbers)),
-            tracker.score(track, scan.time_s) > params.score_threshold,
-        )
-        for scan, tracker, tracks in followed
-        for target, track in zip(scan.target, tracks, strict=True)
-    ]
-
-
-def _detected(number: int, position: Floats, evidence: float) -> DetectedObject:
-    return DetectedObject(np.array([number]), evidence, position[None], position)
-
-
-def purity(verdicts: Sequence[Verdict]) -> tuple[int, int]:
-    """Return how many detections belong to what most detections of their track belong to, and how many there are."""
-    counts: dict[int, dict[int, int]] = defaultdict(lambda: defaultdict(int))
-    for one in verdicts:
-        counts[one.track][one.target] += 1
-    return sum(max(parts.values()) for parts in counts.values()), len(verdicts)
-
-
-def appearances(verdicts: Sequence[Verdict]) -> Iterator[list[Verdict]]:
-    """Yield the detections of each target from its appearance to a pause of more than five seconds."""
-    for target in sorted({one.target for one in verdicts if one.target >= 0}):
-        run: list[Verdict] = []
-        for one in verdicts:
-            if one.target != target:
-                continue
-            if run and one.time_s - run[-1].time_s > PAUSE_S:
-                yield run
-                run = []
-            run.append(one)
-        yield run
-
-
-def delays(verdicts: Sequence[Verdict]) -> list[float]:
-    """Return the time from each appearance of a target to its first confirmed detection; infinite without one."""
-    return [
-        next((one.time_s - run[0].time_s for one in run if one.confirmed), np.inf)
-        for run in appearances(verdicts)
-        if len(run) > 1
-    ]
-
-
-def continuity(verdicts: Sequence[Verdict]) -> tuple[int, int]:
-    """Return how many detections of targets continue a track of the target's last scan, and how many could."""
-    kept = possible = 0
-    for run in appearances(verdicts):
-        tracks: dict[float, set[int]] = defaultdict(set)
-        for one in run:
-            tracks[one.time_s].add(one.track)
-        scans = list(tracks.values())
-        possible += len(scans) - 1
-        kept += sum(bool(first & second) for first, second in pairwise(scans))
-    return kept, possible
+def _detected(number: int, position: Floats) -> DetectedObject:
+    return DetectedObject(np.array([number]), 0.0, position[None], position)
 
 
 def innovations(scans: Sequence[Scan], *, world: bool) -> tuple[Floats, Floats]:
@@ -176,11 +94,13 @@ def innovations(scans: Sequence[Scan], *, world: bool) -> tuple[Floats, Floats]:
         for before, scan in pairwise(scans):
             if (k := scan.nearest(target)) is None:
                 continue
-            found = _detected(k, scan.detections[k] - (0 if world else scan.own), 1.0)
+            found = _detected(k, scan.detections[k] - (0 if world else scan.own))
             if track is None or scan.time_s - track.seen_s > PAUSE_S:
-                track = Track(found.cells, found.center, scan.time_s, scan.time_s)
+                track = Track(found.cells, found.center, scan.time_s, scan.time_s, 0.0, 1, seen_outside=True)
                 continue
-            distance.append(float(np.hypot(*(found.center - track.expected(scan.time_s)[0]))))
+            distance.append(
+                float(np.hypot(*(found.center - track.center - track.velocity * (scan.time_s - track.seen_s))))
+            )
             gate.append(track.gate_m(scan.time_s, scan.time_s - before.time_s))
             track.move(found, scan.time_s)
     return np.array(distance), np.array(gate)
@@ -192,38 +112,6 @@ def percent(part: float, whole: float) -> str:
 
 def row(*cells: object) -> None:
     print("| " + " | ".join(map(str, cells)) + " |")
-
-
-COLUMNS = ("targets %", "beside %", "others %", "pure %", "continued %", "delay s")
-
-
-def confirmed_cells(group: Sequence[Sequence[Verdict]]) -> Iterator[str]:
-    """Yield the cells of a table row for some scenarios."""
-    of_kind: dict[int, list[bool]] = {kind: [] for kind in (0, BESIDE, OTHER)}
-    for one in chain.from_iterable(group):
-        of_kind[min(one.target, 0)].append(one.confirmed)
-    for part in of_kind.values():
-        yield f"{percent(sum(part), len(part))} of {len(part)}"
-    for count in (purity, continuity):
-        yield percent(*map(sum, zip(*map(count, group), strict=True)))
-    delay = [value for verdicts in group for value in delays(verdicts)]
-    yield f"{np.median(delay):.1f}, at most {max(delay):.1f}"
-
-
-def confirmation_tables(scenarios: Mapping[str, Sequence[Scan]]) -> None:
-    """Print what is confirmed with different evidence, and in each scenario."""
-    print("\nAll scenarios:\n")
-    row("evidence", "coordinates", *COLUMNS)
-    row("---:", "---", *["---:"] * len(COLUMNS))
-    for evidence in EVIDENCE:
-        for setting, world in SETTINGS.items():
-            group = [follow(scans, evidence, world=world) for scans in scenarios.values()]
-            row(f"{evidence:g}", setting, *confirmed_cells(group))
-    print(f"\nEach scenario, evidence {MIDDLE:g}, world coordinates:\n")
-    row("scenario", *COLUMNS)
-    row("---", *["---:"] * len(COLUMNS))
-    for name, scans in scenarios.items():
-        row(name, *confirmed_cells([follow(scans, MIDDLE, world=True)]))
 
 
 def innovation_table(scenarios: Mapping[str, Sequence[Scan]]) -> None:
@@ -241,7 +129,7 @@ def innovation_table(scenarios: Mapping[str, Sequence[Scan]]) -> None:
 
 def ids_of_objects(scans: Sequence[Scan]) -> list[int]:
     """Return how many ids of confirmed objects the detections nearest to each target have, relative to own ship."""
-    tracker, before_s, ids = tracking.Tracker(), -np.inf, defaultdict(set)
+    tracker, before_s, ids = Tracker(), -np.inf, defaultdict(set)
     for scan in scans:
         if scan.time_s - before_s > PAUSE_S:
             tracker.forget()
@@ -254,7 +142,7 @@ def ids_of_objects(scans: Sequence[Scan]) -> list[int]:
             track = None if k is None else tracks[k]
             if track is not None:
                 ids[target].add(track)
-    return [sum(track.score >= MIDDLE for track in own) for own in ids.values()]
+    return [sum(track.score >= LEAST_SCORE for track in own) for own in ids.values()]
 
 
 def main() -> None:
@@ -262,7 +150,6 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="folder of the folders scenario*")
     folders = sorted(parser.parse_args().folder.glob("scenario*"), key=lambda path: int(path.name[8:]))
     scenarios = {path.name[8:]: load(path) for path in folders}
-    confirmation_tables(scenarios)
     innovation_table(scenarios)
     ids = [count for scans in scenarios.values() for count in ids_of_objects(scans)]
     print(f"\nIds of objects for each target: {np.mean(ids):.1f} in the mean, at most {max(ids)}.")
