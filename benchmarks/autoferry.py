@@ -24,9 +24,9 @@ from seaclutter_cli.tracking.tracker import Tracker
 Floats = NDArray[np.float64]
 
 LIDAR = 1
-GATE_M, BESIDE_M = 10.0, 25.0
-"""Distance from a target's position within which detections belong to it, and within which they move with it."""
-OTHER, BESIDE = -1, -2
+GATE_M = 10.0
+"""Distance from a target's position within which detections belong to it."""
+OTHER = -1
 PAUSE_S = 5.0
 LEAST_SCORE = 0.5
 SETTINGS = {"own ship": False, "world": True}
@@ -43,7 +43,7 @@ class Scan:
     own, detections, targets : ndarray, shape (2,), (M, 2) and (2, 2), float64
         Positions of own ship, of the detections and of the two target vessels, north and east in metres.
     target : ndarray, shape (M,), int64
-        Target to which each detection belongs, or `BESIDE` a target, or `OTHER`.
+        Target to which each detection belongs, or `OTHER`.
     """
 
     time_s: float
@@ -72,9 +72,7 @@ def load(folder: Path) -> list[Scan]:
         by_id = sorted(truth, key=lambda one: one["targetID"])
         targets = np.array([one["position"][:2] for one in by_id], np.float64)
         distance = np.hypot(*(found[:, None] - targets).transpose(2, 0, 1))
-        target = np.select(
-            [distance.min(axis=1) < GATE_M, distance.min(axis=1) < BESIDE_M], [distance.argmin(axis=1), BESIDE], OTHER
-        )
+        target = np.where(distance.min(axis=1) < GATE_M, distance.argmin(axis=1), OTHER)
         scans.append(Scan(float(record["time"]), own, found, targets, target))
     return scans
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from seaclutter_cli.airborne import map as airborne_map
 from seaclutter_cli.airborne.map import IS_LAND, IS_OBJECT, IS_WATER, UNKNOWN, TileMap, map_of, shoreline_of
 from seaclutter_cli.airborne.separation import separate
 from seaclutter_cli.airborne.surface import SeparationParams
@@ -74,7 +75,8 @@ def test_coarser_maps_keep_objects(island):
 
 
 def test_outlying_points_do_not_make_large_maps(island, monkeypatch):
-    monkeypatch.setattr("seaclutter_cli.airborne.map._MAX_CELLS", 2**16)
+    assert airborne_map._MAX_CELLS <= 2**24
+    monkeypatch.setattr(airborne_map, "_MAX_CELLS", 2**16)
     xyz, _ = island
     far = np.concatenate([xyz, [[60_000.0], [60_000.0], [0.5]]], axis=1)
     tile = map_of([far], separate([far], SeparationParams()), 1.0)

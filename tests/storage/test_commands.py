@@ -62,8 +62,11 @@ def _placeless(content, folder):
             {"c.yaml", "c.svg"},
         ),
         (
-            "tune {0}/sea.mcap --labels {0} -n 6 --sweep update_weight=0.2,1 -o {1}/t --csv {1}/t.csv --plot {1}/t.svg",
-            {"t", "t.csv", "t.svg"},
+            (
+                "tune {0}/sea.mcap --labels {0} -n 6 --sweep update_weight=0.2,1"
+                " -o {1}/t.yaml --csv {1}/t.csv --plot {1}/t.svg"
+            ),
+            {"t.yaml", "t.csv", "t.svg"},
         ),
         ("report {0}/sea.mcap -n 3 -o {1}/r.html --figures {1}/f", {"r.html", *FIGURES}),
     ],

@@ -17,9 +17,9 @@ from tests.pairs import turns
 from tests.sources.rosbag1.bags import BZ2, COMPRESSIONS, LZ4, chunk_spans, read, reference, write_bag
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def _one_thread(monkeypatch):
-    """Read the chunks of bags that are damaged a thousand times without further threads, which is faster."""
+    """Read the chunks of a bag that is damaged hundreds of times without further threads, which is faster."""
     monkeypatch.setenv("SEACLUTTER_THREADS", "1")
 
 
@@ -113,6 +113,7 @@ def check_cut(path, whole, cut, messages, chunks):
 
 
 @turns(9)
+@pytest.mark.usefixtures("_one_thread")
 @pytest.mark.parametrize("compression", COMPRESSIONS)
 def test_cut_at_every_byte_of_the_end(tmp_path, compression, turn):
     """A ninth of the bytes, another one for each compression."""
@@ -146,6 +147,7 @@ def intact(tmp_path, compression):
     return reference(path), chunk_spans(path), path.read_bytes()
 
 
+@pytest.mark.usefixtures("_one_thread")
 @pytest.mark.parametrize("compression", COMPRESSIONS)
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(where=st.floats(0, 1, exclude_max=True), bits=st.integers(1, 255))

@@ -161,7 +161,7 @@ def peak_of_reading(path):
 def test_memory_does_not_grow_with_the_bag(tmp_path):
     few, many = (
         peak_of_reading(write_bag(tmp_path / f"{count}.bag", LZ4, messages=count, size=5000, chunk=100_000))
-        for count in (200, 1600)
+        for count in (400, 3200)
     )
     assert many < few * 2
 
